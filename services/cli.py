@@ -1,0 +1,265 @@
+"""The ``netboard`` command: what can be asked, and nothing of how it is done.
+
+A service is imported when it is asked for, so that ``netboard --help`` is quick and a machine needs only the libraries
+of the services it runs. Exit codes: 0 clean, 1 fault, 2 wrong configuration or usage. What goes wrong on purpose
+(`NetboardError`) is one line on stderr; ``--debug`` shows where it came from.
+"""
+
+import ipaddress
+import platform
+from importlib.metadata import version
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import typer
+from typer.core import TyperGroup
+
+from netboard.config import Config, Side
+from netboard.errors import ConfigError, NetboardError
+from netboard.services import configuration
+
+OK, FAULT, WRONG = 0, 1, 2
+
+
+class Guarded(TyperGroup):
+    """A group of commands that turns netboard's own errors into one line and an exit code."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the command that was asked for."""
+        try:
+            return super().invoke(ctx)
+        except NetboardError as error:
+            if ctx.params["debug"]:
+                raise
+            typer.secho(f"netboard: {error}", err=True, fg=typer.colors.RED)
+            raise typer.Exit(WRONG if isinstance(error, ConfigError) else FAULT) from None
+
+
+def examples(*lines: str) -> str:
+    """Write the epilog of a help text."""
+    return "\n\n".join(("Examples:", *(f"  {line}" for line in lines)))
+
+
+app = typer.Typer(
+    cls=Guarded,
+    name="netboard",
+    help="Two people, a curtain between them, balance a virtual ball on a board: a networked dyadic haptic experiment.",
+    epilog=examples(
+        "netboard demo", "netboard config init", "netboard server -c rig.toml", "netboard agent --side left -c rig.toml"
+    ),
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="rich",
+    context_settings={"help_option_names": ["--help", "-h"]},
+)
+config_app = typer.Typer(help="Check, show or write the configuration file.", no_args_is_help=True)
+app.add_typer(config_app, name="config")
+
+ConfigFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--config", "-c", metavar="FILE", help="The TOML file; else ./netboard.toml if it is there, else the defaults."
+    ),
+]
+Overrides = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="TABLE.KEY=VALUE", help="Override one setting; may be given again."),
+]
+RecordingFile = Annotated[Path, typer.Argument(metavar="RECORDING", help="The recording, an .mcap file.")]
+Screenshot = Annotated[
+    Path | None, typer.Option(metavar="FILE", help="Save the first picture shown as a PNG file and stop.")
+]
+
+
+def _print_version(wanted: bool) -> None:
+    """Print the version and stop, if asked."""
+    if wanted:
+        typer.echo(f"netboard {version('netboard')} (Python {platform.python_version()}, {platform.platform()})")
+        raise typer.Exit(OK)
+
+
+@app.callback()
+def root(
+    debug: Annotated[bool, typer.Option("--debug", help="Show the full traceback of an error.")] = False,
+    show_version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Show the version and stop.")
+    ] = False,
+) -> None:
+    """Take the options that go before the command; `Guarded` reads ``debug``."""
+
+
+@app.command(epilog=examples("netboard server", "netboard server -c rig.toml --no-autostart"))
+def server(
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    autostart: Annotated[bool, typer.Option(help="Start the block when all peers are there.")] = True,
+    insecure: Annotated[
+        bool, typer.Option("--insecure", help="Listen beyond this machine although nothing is encrypted.")
+    ] = False,
+) -> None:
+    """Run the physics server: one per dyad; it computes the board and decides the trials."""
+    settings = configuration.load(config, overrides or ())
+    if not insecure:
+        refuse_open_network(settings)
+    from netboard.services import server as service
+
+    raise typer.Exit(service.main(settings, autostart=autostart))
+
+
+def refuse_open_network(config: Config) -> None:
+    """Refuse an address that other machines can reach.
+
+    Raises
+    ------
+    ConfigError
+        If the server would listen beyond this machine.
+    """
+    address = config.network.bind
+    try:
+        local = ipaddress.ip_address(address).is_loopback
+    except ValueError:
+        local = address == "localhost"
+    if not local:
+        raise ConfigError(
+            f'[network] bind: found "{address}", which other machines can reach, and netboard\'s traffic is not '
+            "encrypted yet; on a network of your own, start the server with --insecure"
+        )
+
+
+@app.command(epilog=examples("netboard agent --side left", "netboard agent --side right -c rig.toml"))
+def agent(
+    side: Annotated[Side, typer.Option(help="The hand this device is for.")],
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+) -> None:
+    """Run a haptic agent: one per device; it reads the stylus, renders the force and keeps it safe."""
+    settings = configuration.load(config, overrides or ())
+    from netboard.services import agent as service
+
+    raise typer.Exit(service.main(settings, side=side))
+
+
+@app.command(
+    epilog=examples(
+        "netboard display --station left", "netboard display --station right --offscreen --screenshot r.png"
+    )
+)
+def display(
+    station: Annotated[Side, typer.Option(help="The seat whose view this is.")],
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    screenshot: Screenshot = None,
+    offscreen: Annotated[bool, typer.Option("--offscreen", help="Draw without a screen.")] = False,
+) -> None:
+    """Run a participant's display: board, ball, target and one's own stylus."""
+    settings = configuration.load(config, overrides or ())
+    from netboard.services import display as service
+
+    raise typer.Exit(service.main(settings, station=station, screenshot=screenshot, offscreen=offscreen))
+
+
+@app.command(epilog=examples("netboard logger", "netboard logger --set recording.directory=/data --once"))
+def logger(
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    once: Annotated[bool, typer.Option("--once", help="Stop after one session.")] = False,
+) -> None:
+    """Run the logger: it writes every tick and event to a recording."""
+    settings = configuration.load(config, overrides or ())
+    from netboard.services import logger as service
+
+    raise typer.Exit(service.main(settings, once=once))
+
+
+@app.command(epilog=examples("netboard replay S01.mcap", "netboard replay S01.mcap --verify"))
+def replay(
+    recording: RecordingFile,
+    verify: Annotated[
+        bool, typer.Option("--verify", help="Compute every tick again and compare it to the bit; show nothing.")
+    ] = False,
+    headless: Annotated[bool, typer.Option("--headless", help="Play without a window.")] = False,
+    station: Annotated[Side, typer.Option(help="The seat whose view is shown.")] = "left",
+    speed: Annotated[float, typer.Option(min=0.1, max=16.0, help="Times real time.")] = 1.0,
+    screenshot: Screenshot = None,
+) -> None:
+    """Show a recording in the participants' display, or verify it."""
+    from netboard.services import replay as service
+
+    raise typer.Exit(
+        service.main(recording, verify=verify, headless=headless, station=station, speed=speed, screenshot=screenshot)
+    )
+
+
+@app.command(epilog=examples("netboard demo", "netboard demo --trials 2 --haptics off --bimanual"))
+def demo(
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    trials: Annotated[int, typer.Option(min=1, help="Successful trials.")] = 6,
+    haptics: Annotated[Literal["on", "off"], typer.Option(help="Whether the hands feel the board.")] = "on",
+    bimanual: Annotated[bool, typer.Option("--bimanual", help="One simulated person with both hands.")] = False,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of everything random.")] = 1,
+    directory: Annotated[Path, typer.Option(metavar="FOLDER", help="Where the recording goes.")] = Path("recordings"),
+    displays: Annotated[bool, typer.Option("--displays/--no-displays", help="Run the two displays.")] = True,
+) -> None:
+    """Run a whole session on this machine, with simulated people."""
+    wanted = [
+        f"block.trials={trials}",
+        f"block.haptics={'true' if haptics == 'on' else 'false'}",
+        f"block.configuration={'bimanual' if bimanual else 'dyadic'}",
+        f"block.seed={seed}",
+        f"recording.directory={directory}",
+    ]
+    settings = configuration.load(config, [*wanted, *(overrides or ())])
+    from netboard.services import demo as service
+
+    raise typer.Exit(service.main(settings, displays=displays))
+
+
+@app.command(epilog=examples("netboard info recordings/S01.mcap"))
+def info(recording: RecordingFile) -> None:
+    """Say what is in a recording: trials, completion times, losses, latencies."""
+    from netboard.services import info as service
+
+    raise typer.Exit(service.main(recording))
+
+
+@app.command(epilog=examples("netboard recover recordings/S01.mcap.part"))
+def recover(
+    recording: Annotated[
+        Path, typer.Argument(metavar="RECORDING", help="What a killed logger left, an .mcap.part file.")
+    ],
+    output: Annotated[Path | None, typer.Option("--output", "-o", metavar="FILE", help="The new file.")] = None,
+) -> None:
+    """Make a whole recording of an unfinished or damaged one, which is left as it is."""
+    from netboard.services import recover as service
+
+    raise typer.Exit(service.main(recording, output))
+
+
+@config_app.command(epilog=examples("netboard config check -c rig.toml"))
+def check(config: ConfigFile = None, overrides: Overrides = None) -> None:
+    """Check the configuration and list everything that is wrong with it."""
+    typer.echo(configuration.check(config, overrides or ()))
+
+
+@config_app.command(epilog=examples("netboard config show", "netboard config show --set block.trials=6"))
+def show(config: ConfigFile = None, overrides: Overrides = None) -> None:
+    """Show the configuration in full, as it goes into a recording."""
+    typer.echo(configuration.show(config, overrides or ()), nl=False)
+
+
+@config_app.command(epilog=examples("netboard config init", "netboard config init rig.toml"))
+def init(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="The file to write.")] = configuration.DEFAULT_FILE,
+) -> None:
+    """Write a commented file with every setting, its default, unit and limits."""
+    typer.echo(configuration.init(file))
+
+
+def main() -> None:
+    """Run the command."""
+    app()
+
+
+if __name__ == "__main__":
+    main()

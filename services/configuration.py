@@ -1,0 +1,94 @@
+"""Finding, checking and writing the configuration file: the one place where a file becomes a `Config`."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from netboard.config import Config, digest, parse, resolve, template
+from netboard.errors import ConfigError
+
+DEFAULT_FILE = Path("netboard.toml")
+
+
+def load(file: Path | None, overrides: Sequence[str] = ()) -> Config:
+    """Read the configuration.
+
+    Parameters
+    ----------
+    file : Path or None
+        The file asked for; None takes ``netboard.toml`` of the working directory if it is there, else the defaults.
+    overrides : sequence of str
+        Settings as ``table.key=value`` that go before those of the file.
+
+    Returns
+    -------
+    Config
+        The configuration.
+
+    Raises
+    ------
+    ConfigError
+        If the file cannot be read, or what is in it is wrong.
+    """
+    if file is None:
+        if not DEFAULT_FILE.exists():
+            return parse("", "defaults", overrides)
+        file = DEFAULT_FILE
+    try:
+        text = file.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise ConfigError(f"{file}: no such file; make one with: netboard config init {file}") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{file}: cannot be read: {error}") from error
+    return parse(text, str(file), overrides)
+
+
+def check(file: Path | None, overrides: Sequence[str]) -> str:
+    """Check the configuration.
+
+    Returns
+    -------
+    str
+        One line for people.
+
+    Raises
+    ------
+    ConfigError
+        If anything is wrong with it.
+    """
+    config = load(file, overrides)
+    source = file or (DEFAULT_FILE if DEFAULT_FILE.exists() else "defaults")
+    return f"{source}: in order ({config.block.configuration}, {config.block.trials} trials, {digest(config)[:12]})"
+
+
+def show(file: Path | None, overrides: Sequence[str]) -> str:
+    """Write out the configuration in full, as it goes into a recording.
+
+    Returns
+    -------
+    str
+        TOML text.
+    """
+    return resolve(load(file, overrides))
+
+
+def init(file: Path) -> str:
+    """Write the commented file with every key and its default; never over another file.
+
+    Returns
+    -------
+    str
+        One line for people.
+
+    Raises
+    ------
+    ConfigError
+        If the file is there already or cannot be written.
+    """
+    try:
+        with file.open("x", encoding="utf-8", newline="\n") as new:
+            new.write(template())
+    except FileExistsError:
+        raise ConfigError(f"{file}: is there already and is left as it is; name another file") from None
+    except OSError as error:
+        raise ConfigError(f"{file}: cannot be written: {error}") from error
+    return f"{file}: written; check it after editing with: netboard config check -c {file}"

@@ -1,0 +1,5 @@
+"""netboard: a networked service for dyadic haptic experiments.
+
+Two people at two stations, a curtain between them, balance a virtual ball on a board by lifting its two ends.
+Import from the module that defines a thing; this package re-exports nothing.
+"""

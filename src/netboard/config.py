@@ -1,0 +1,416 @@
+"""The configuration: one TOML text for rig and experiment, checked and turned into frozen dataclasses.
+
+Every default is the paper's. Every quantity is in SI units and says so in its metadata, from which error messages, the
+commented template of ``netboard config init`` and the documentation are made. An unknown key, a wrong type or a value
+out of range is a `ConfigError` that names source, table and key and says what was expected.
+
+This module parses text; it opens no file (the services do), so the pure part may import the dataclasses.
+"""
+
+import hashlib
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Annotated, Literal
+
+from pydantic import StrictBool, TypeAdapter
+
+from netboard.errors import ConfigError
+from netboard.settings import NO_EXTRAS, about, read, write, write_template
+
+Side = Literal["left", "right"]
+SIDES: tuple[Side, Side] = ("left", "right")
+
+PORTS = 6
+"""TCP ports in use, counted up from ``network.port``."""
+
+TEMPLATE_HEAD = """\
+# netboard: one rig and one experiment.
+# Every key is here with its default, which is the paper's. A key left out takes its default;
+# an unknown one is an error.
+# Check this file with: netboard config check
+
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Session:
+    """Who takes part, and how the session is labelled."""
+
+    __pydantic_config__ = NO_EXTRAS
+    name: Annotated[str, about("label of the session, part of the recording's name", pattern=r"^[A-Za-z0-9_-]+$")] = (
+        "S01"
+    )
+    dyad: Annotated[str, about("pseudonymous id of the dyad", pattern=r"^[A-Za-z0-9_-]+$")] = "D01"
+    pilot: Annotated[StrictBool, about("true: a pilot run, marked as such in the data")] = False
+
+
+@dataclass(frozen=True, slots=True)
+class Physics:
+    """The virtual board and ball, in the paper's symbols (its Table I)."""
+
+    __pydantic_config__ = NO_EXTRAS
+    M: Annotated[float, about("mass of the board", "kg", gt=0, le=10)] = 0.01
+    m: Annotated[float, about("mass of the ball", "kg", gt=0, le=10)] = 0.05
+    g: Annotated[float, about("gravitational acceleration", "m/s2", ge=0, le=30)] = 9.81
+    k_h: Annotated[float, about("stiffness of the coupling between stylus and board", "N/m", ge=0, le=10_000)] = 200.0
+    c_h: Annotated[float, about("damping of the coupling between stylus and board", "N s/m", ge=0, le=100)] = 2.0
+    k_s: Annotated[float, about("stiffness of the spring from board centre to origin", "N/m", ge=0, le=10_000)] = 140.0
+    l: Annotated[float, about("control point to board centre", "m", gt=0, le=2)] = 0.25  # noqa: E741
+    I: Annotated[float, about("moment of inertia of the board", "kg m2", gt=0, le=10)] = 0.0004  # noqa: E741
+    ball_sign: Annotated[
+        Literal["downhill", "printed"],
+        about("sign of the ball's equation: downhill (-g sin theta) or as printed in the paper (+)"),
+    ] = "downhill"
+    fixed_ball: Annotated[
+        Literal["loads_board", "carried"],
+        about("a fixed ball's weight loads the board, or is carried by the fixture (a force step at release)"),
+    ] = "loads_board"
+    ball: Annotated[StrictBool, about("false: a board without a ball")] = True
+
+
+@dataclass(frozen=True, slots=True)
+class Geometry:
+    """Sizes that are drawn and that end a trial."""
+
+    __pydantic_config__ = NO_EXTRAS
+    board_length: Annotated[float, about("length of the board", "m", gt=0, le=5)] = 0.700
+    board_thickness: Annotated[float, about("height of the board as drawn", "m", gt=0, le=1)] = 0.050
+    ball_radius: Annotated[float, about("radius of the ball as drawn", "m", gt=0, le=1)] = 0.025
+    target_distance: Annotated[float, about("target centre to board centre", "m", gt=0, le=2)] = 0.150
+    target_width: Annotated[float, about("width of the target", "m", gt=0, le=1)] = 0.070
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """The rules of a trial (readings B1-B7 of the paper are the defaults)."""
+
+    __pydantic_config__ = NO_EXTRAS
+    hold_time: Annotated[float, about("time the ball must stay in the target", "s", gt=0, le=60)] = 1.5
+    level_angle_deg: Annotated[float, about("tilt below which the board counts as level", "deg", gt=0, le=45)] = 1.0
+    level_rate_deg_s: Annotated[
+        float, about("rotation below which the board counts as level", "deg/s", gt=0, le=360)
+    ] = 1.0
+    level_height: Annotated[
+        float, about("height of the board centre within which it counts as level", "m", gt=0, le=1)
+    ] = 0.010
+    level_time: Annotated[
+        float, about("time the board must be level before the ball is released", "s", ge=0, le=60)
+    ] = 0.5
+    fall_distance: Annotated[float, about("ball centre beyond which it has fallen off", "m", gt=0, le=5)] = 0.350
+    time_limit: Annotated[float, about("a trial running longer has failed; 0 for no limit", "s", ge=0, le=3600)] = 0.0
+    stylus_range: Annotated[float, about("stylus heights are clipped to +- this", "m", gt=0, le=1)] = 0.075
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """One block: so many successful trials under one condition."""
+
+    __pydantic_config__ = NO_EXTRAS
+    configuration: Annotated[
+        Literal["dyadic", "bimanual"], about("two people with one hand each, or one person with both hands")
+    ] = "dyadic"
+    haptics: Annotated[StrictBool, about("true: the hands feel the board")] = True
+    trials: Annotated[int, about("successful trials in the block", "1", ge=1, le=10_000)] = 60
+    first_target: Annotated[Literal["left", "right", "random"], about("side of the first target")] = "random"
+    seed: Annotated[int, about("seed of everything random in the session", "1", ge=0, lt=2**31)] = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Network:
+    """Where the server listens, and how peers are watched."""
+
+    __pydantic_config__ = NO_EXTRAS
+    host: Annotated[str, about("address of the physics server as the peers see it", min_length=1)] = "127.0.0.1"
+    bind: Annotated[str, about("address the server binds to", min_length=1)] = "127.0.0.1"
+    port: Annotated[int, about("first of the six TCP ports in use", "1", ge=1024, le=65_000)] = 5550
+    sample_timeout_ms: Annotated[
+        float, about("a stylus sample older than this pauses the trial", "ms", gt=0, le=10_000)
+    ] = 50.0
+    view_rate_hz: Annotated[float, about("highest rate of views sent to a display", "Hz", gt=0, le=1000)] = 120.0
+    log_ring_s: Annotated[float, about("seconds of records the server keeps for a late logger", "s", ge=1, le=3600)] = (
+        120.0
+    )
+    require_logger: Annotated[StrictBool, about("true: a block starts only while a logger records")] = True
+
+
+@dataclass(frozen=True, slots=True)
+class Safety:
+    """Limits the agent enforces next to the motor, whatever it is told."""
+
+    __pydantic_config__ = NO_EXTRAS
+    max_force: Annotated[float, about("largest force at the stylus (norm)", "N", gt=0, le=40)] = 3.0
+    max_slew: Annotated[float, about("largest change of force", "N/s", gt=0, le=10_000)] = 500.0
+    max_speed: Annotated[float, about("stylus speed above which the force is cut", "m/s", gt=0, le=10)] = 1.0
+    stale_after_ms: Annotated[float, about("age of the last force at which it begins to fade", "ms", gt=0, le=1000)] = (
+        10.0
+    )
+    fade_ms: Annotated[float, about("time a stale force takes to fade to zero", "ms", gt=0, le=1000)] = 50.0
+    disarm_after_ms: Annotated[
+        float, about("age of the last force at which the device is disarmed", "ms", gt=0, le=10_000)
+    ] = 100.0
+    hold_damping: Annotated[float, about("damping while a stale force fades", "N s/m", ge=0, le=5)] = 1.0
+    arm_time: Annotated[float, about("ramp from no force to full force after arming", "s", gt=0, le=10)] = 1.0
+    arm_gate: Annotated[float, about("arming waits until the wanted force is below this", "N", gt=0, le=5)] = 0.2
+
+
+@dataclass(frozen=True, slots=True)
+class Fixture:
+    """The lateral constraint: the stylus is held in the vertical line x = y = 0 by the agent itself (reading B9)."""
+
+    __pydantic_config__ = NO_EXTRAS
+    stiffness: Annotated[float, about("stiffness towards x = y = 0", "N/m", ge=0, le=2000)] = 400.0
+    damping: Annotated[float, about("damping of x and y", "N s/m", ge=0, le=20)] = 4.0
+
+
+@dataclass(frozen=True, slots=True)
+class Agent:
+    """One device and the agent that owns it."""
+
+    __pydantic_config__ = NO_EXTRAS
+    device: Annotated[str, about("device backend: virtual, or one installed as a plug-in", min_length=1)] = "virtual"
+    zero: Annotated[float, about("height of the device's own origin that is the scene's z = 0", "m", ge=-1, le=1)] = 0.0
+    options: Annotated[dict[str, str | int | float | bool], about("options handed to the device backend")] = field(
+        default_factory=dict
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Agents:
+    """The two agents."""
+
+    __pydantic_config__ = NO_EXTRAS
+    left: Agent = field(default_factory=Agent)
+    right: Agent = field(default_factory=Agent)
+
+
+@dataclass(frozen=True, slots=True)
+class VirtualDevice:
+    """The simulated Touch-like device of the ``virtual`` backend."""
+
+    __pydantic_config__ = NO_EXTRAS
+    mass: Annotated[float, about("apparent mass at the stylus", "kg", gt=0, le=5)] = 0.045
+    friction: Annotated[float, about("Coulomb friction of the mechanism", "N", ge=0, le=5)] = 0.26
+    damping: Annotated[float, about("viscous damping of the mechanism", "N s/m", ge=0, le=20)] = 0.1
+    resolution: Annotated[float, about("size of one encoder step at the stylus", "m", ge=0, le=0.01)] = 0.055e-3
+    max_force: Annotated[float, about("largest force the motors give", "N", gt=0, le=40)] = 3.3
+    workspace: Annotated[float, about("radius of the workspace", "m", gt=0, le=1)] = 0.075
+
+
+@dataclass(frozen=True, slots=True)
+class Participant:
+    """The simulated person: arm, senses and controller."""
+
+    __pydantic_config__ = NO_EXTRAS
+    arm_mass: Annotated[float, about("effective mass of hand and arm", "kg", gt=0, le=10)] = 0.5
+    arm_damping: Annotated[float, about("damping of the arm", "N s/m", ge=0, le=100)] = 8.0
+    arm_stiffness: Annotated[
+        float, about("stiffness of the arm towards its equilibrium point", "N/m", gt=0, le=2000)
+    ] = 150.0
+    muscle_lag: Annotated[float, about("each of the two muscle lags", "s", gt=0, le=1)] = 0.040
+    force_noise: Annotated[float, about("standard deviation of the arm's force noise", "N", ge=0, le=1)] = 0.02
+    kp: Annotated[float, about("wanted ball acceleration per distance to the target", "1/s2", ge=0, le=100)] = 2.17
+    kd: Annotated[float, about("wanted ball acceleration per ball velocity", "1/s", ge=0, le=100)] = 2.50
+    max_tilt_deg: Annotated[float, about("largest tilt asked for", "deg", gt=0, le=45)] = 2.97
+    lookahead: Annotated[float, about("prediction, in units of the visual delay", "1", ge=0, le=10)] = 2.1
+    threshold_deg: Annotated[float, about("tilt error that triggers a submovement", "deg", ge=0, le=45)] = 0.93
+    threshold_cv: Annotated[float, about("variability of that threshold", "1", ge=0, le=2)] = 0.44
+    refractory: Annotated[float, about("shortest time between submovements", "s", ge=0, le=5)] = 0.296
+    movement_time: Annotated[float, about("duration of a submovement", "s", gt=0, le=5)] = 0.313
+    movement_cv: Annotated[float, about("variability of that duration", "1", ge=0, le=2)] = 0.15
+    amplitude_cv: Annotated[float, about("variability of a submovement's amplitude", "1", ge=0, le=2)] = 0.08
+    visual_delay: Annotated[float, about("delay of what is seen", "s", ge=0, le=2)] = 0.175
+    haptic_delay: Annotated[float, about("delay of what is felt", "s", ge=0, le=2)] = 0.070
+    reaction_time: Annotated[float, about("delay of the first movement of a trial", "s", ge=0, le=5)] = 0.32
+    position_noise: Annotated[float, about("standard deviation of the seen ball position", "m", ge=0, le=1)] = 0.003
+    velocity_noise: Annotated[float, about("standard deviation of the seen ball velocity", "m/s", ge=0, le=1)] = 0.010
+    tilt_noise_deg: Annotated[float, about("standard deviation of the seen tilt", "deg", ge=0, le=45)] = 0.25
+    partner_noise: Annotated[float, about("uncertainty about the partner's movement", "1", ge=0, le=5)] = 0.5
+    centring: Annotated[float, about("pull of the hand's height towards the neutral height", "1", ge=0, le=2)] = 0.46
+    haptic_gain: Annotated[
+        float, about("weight of the partner's height inferred from one's own force", "1", ge=0, le=1)
+    ] = 0.45
+    haptic_noise: Annotated[float, about("standard deviation of that inferred height", "m", ge=0, le=1)] = 0.002
+    bimanual_async: Annotated[
+        float, about("standard deviation of the onset difference between one person's hands", "s", ge=0, le=1)
+    ] = 0.045
+    bimanual_amplitude_cv: Annotated[
+        float, about("variability of the amplitude between one person's hands", "1", ge=0, le=2)
+    ] = 0.2
+
+
+@dataclass(frozen=True, slots=True)
+class Display:
+    """The participants' windows."""
+
+    __pydantic_config__ = NO_EXTRAS
+    width: Annotated[int, about("window width in pixels", "1", ge=200, le=20_000)] = 1200
+    height: Annotated[int, about("window height in pixels", "1", ge=150, le=20_000)] = 700
+    fullscreen: Annotated[StrictBool, about("true: the whole screen, no frame")] = False
+    link_timeout_ms: Annotated[
+        float, about("without a view for this long the window blanks", "ms", gt=0, le=60_000)
+    ] = 500.0
+
+
+@dataclass(frozen=True, slots=True)
+class Recording:
+    """Where and how the logger writes."""
+
+    __pydantic_config__ = NO_EXTRAS
+    directory: Annotated[str, about("folder of the recordings", min_length=1)] = "recordings"
+    flush_ms: Annotated[float, about("a chunk is written and synced at least this often", "ms", gt=0, le=5000)] = 200.0
+    chunk_bytes: Annotated[
+        int, about("a chunk is written when it grows to this size, in bytes", "1", ge=1024, le=2**24)
+    ] = 65_536
+
+
+@dataclass(frozen=True, slots=True)
+class Config:
+    """Everything: one rig and one experiment."""
+
+    __pydantic_config__ = NO_EXTRAS
+    session: Session = field(default_factory=Session)
+    block: Block = field(default_factory=Block)
+    task: Task = field(default_factory=Task)
+    physics: Physics = field(default_factory=Physics)
+    geometry: Geometry = field(default_factory=Geometry)
+    network: Network = field(default_factory=Network)
+    safety: Safety = field(default_factory=Safety)
+    fixture: Fixture = field(default_factory=Fixture)
+    agents: Agents = field(default_factory=Agents)
+    virtual: VirtualDevice = field(default_factory=VirtualDevice)
+    participant: Participant = field(default_factory=Participant)
+    display: Display = field(default_factory=Display)
+    recording: Recording = field(default_factory=Recording)
+
+
+ADAPTER: TypeAdapter[Config] = TypeAdapter(Config)
+
+
+def parse(text: str, source: str = "netboard.toml", overrides: Sequence[str] = ()) -> Config:
+    """Check a TOML text and turn it into a `Config`.
+
+    Parameters
+    ----------
+    text : str
+        The TOML text; missing tables and keys take their defaults.
+    source : str
+        Name of the file, for error messages.
+    overrides : sequence of str
+        Settings as ``table.key=value`` that go before those of the text.
+
+    Returns
+    -------
+    Config
+        The configuration.
+
+    Raises
+    ------
+    ConfigError
+        If the text is not TOML, a key is unknown, of the wrong type or out of range, or two keys contradict each
+        other. The message has a line for every problem.
+    """
+    config = read(ADAPTER, Config, text, source, overrides)
+    origin = f"{source} with --set" if overrides else source
+    problems = [f"{origin}: {problem}" for problem in contradictions(config)]
+    if problems:
+        raise ConfigError("\n".join(problems))
+    return config
+
+
+def resolve(config: Config) -> str:
+    """Write a configuration in full.
+
+    Parameters
+    ----------
+    config : Config
+        The configuration.
+
+    Returns
+    -------
+    str
+        TOML text with every key; `parse` makes of it an equal configuration, to the last bit.
+    """
+    return write(config)
+
+
+def template() -> str:
+    """Write the defaults with a comment at every key, as a file to start from.
+
+    Returns
+    -------
+    str
+        TOML text.
+    """
+    return TEMPLATE_HEAD + write_template(Config)
+
+
+def digest(config: Config) -> str:
+    """Fingerprint of a configuration: equal configurations have equal fingerprints.
+
+    Parameters
+    ----------
+    config : Config
+        The configuration.
+
+    Returns
+    -------
+    str
+        SHA-256 of the resolved text, in hexadecimal.
+    """
+    return hashlib.sha256(resolve(config).encode()).hexdigest()
+
+
+def contradictions(config: Config) -> Iterator[str]:
+    """Find keys that are right each by itself and wrong together.
+
+    Parameters
+    ----------
+    config : Config
+        The configuration.
+
+    Yields
+    ------
+    str
+        One sentence for each, with table, key, value and what is expected.
+    """
+    geometry, task, physics, safety = config.geometry, config.task, config.physics, config.safety
+    edge, half = geometry.board_length / 2, geometry.target_width / 2
+    outer = geometry.target_distance + half
+    if outer > edge:
+        yield (
+            f"[geometry] target_distance, target_width: the target ends {outer:g} m from the board's centre, "
+            f"expected within the board, which ends at {edge:g} m"
+        )
+    if 2 * geometry.target_distance <= half:
+        yield (
+            f"[geometry] target_distance: found {geometry.target_distance:g}, expected more than {half / 2:g} m, "
+            "so that the ball does not start inside the target"
+        )
+    if physics.l > edge:
+        yield f"[physics] l: found {physics.l:g}, expected a control point on the board, at most {edge:g} m"
+    if task.fall_distance < outer:
+        yield (
+            f"[task] fall_distance: found {task.fall_distance:g}, expected at least {outer:g} m, the target's far edge"
+        )
+    if task.fall_distance > edge + geometry.ball_radius:
+        yield (
+            f"[task] fall_distance: found {task.fall_distance:g}, expected at most {edge + geometry.ball_radius:g} m, "
+            "where the ball has left the board"
+        )
+    if task.stylus_range >= physics.l:
+        yield (
+            f"[task] stylus_range: found {task.stylus_range:g}, expected less than {physics.l:g} m ([physics] l), "
+            "or the board could stand upright"
+        )
+    if task.level_height > task.stylus_range:
+        yield (
+            f"[task] level_height: found {task.level_height:g}, expected at most {task.stylus_range:g} m "
+            "([task] stylus_range)"
+        )
+    if safety.disarm_after_ms < safety.stale_after_ms + safety.fade_ms:
+        yield (
+            f"[safety] disarm_after_ms: found {safety.disarm_after_ms:g}, expected at least "
+            f"{safety.stale_after_ms + safety.fade_ms:g} ms, the time a stale force takes to begin and end its fade"
+        )
+    if safety.arm_gate > safety.max_force:
+        yield f"[safety] arm_gate: found {safety.arm_gate:g}, expected at most {safety.max_force:g} N (max_force)"

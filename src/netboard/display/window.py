@@ -1,0 +1,74 @@
+"""A participant's window: the board and nothing else. Esc or Q closes it, F11 switches to the whole screen and back."""
+
+import sys
+from typing import cast
+
+from PySide6.QtCore import Qt, Signal
+from PySide6.QtGui import QCloseEvent, QKeyEvent
+from PySide6.QtWidgets import QApplication, QVBoxLayout, QWidget
+
+from netboard.config import Display
+from netboard.display.widget import BoardView
+
+
+def application() -> QApplication:
+    """The one Qt application of this process, made when it is first asked for."""
+    existing = QApplication.instance()
+    if existing is not None:
+        return cast("QApplication", existing)
+    app = QApplication(sys.argv[:1])
+    app.setApplicationName("netboard")
+    app.setStyle("Fusion")
+    return app
+
+
+class BoardWindow(QWidget):
+    """A window that shows a `BoardView`.
+
+    Signals
+    -------
+    closed
+        When the window has been closed.
+    """
+
+    closed = Signal()
+
+    def __init__(self, title: str) -> None:
+        super().__init__()
+        self.setWindowTitle(title)
+        self.board = BoardView(self)
+        self.rows = QVBoxLayout(self)
+        self.rows.setContentsMargins(0, 0, 0, 0)
+        self.rows.setSpacing(0)
+        self.rows.addWidget(self.board, 1)
+
+    def present(self, display: Display) -> None:
+        """Open the window in the size the configuration asks for."""
+        self.resize(display.width, display.height)
+        if display.fullscreen:
+            self.fill_screen(True)
+        else:
+            self.show()
+
+    def fill_screen(self, full: bool) -> None:
+        """Take the whole screen, without frame and mouse pointer, or give it back."""
+        if full:
+            self.setCursor(Qt.CursorShape.BlankCursor)
+            self.showFullScreen()
+        else:
+            self.unsetCursor()
+            self.showNormal()
+
+    def keyPressEvent(self, event: QKeyEvent) -> None:  # noqa: N802  (Qt's name)
+        """Close or fill the screen."""
+        if event.key() in (Qt.Key.Key_Escape, Qt.Key.Key_Q):
+            self.close()
+        elif event.key() == Qt.Key.Key_F11:
+            self.fill_screen(not self.isFullScreen())
+        else:
+            super().keyPressEvent(event)
+
+    def closeEvent(self, event: QCloseEvent) -> None:  # noqa: N802  (Qt's name)
+        """Say that the window is closed."""
+        super().closeEvent(event)
+        self.closed.emit()

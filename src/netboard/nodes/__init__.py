@@ -1,0 +1,1 @@
+"""The loops: one module per process, wired up by the services."""

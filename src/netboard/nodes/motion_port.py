@@ -1,0 +1,205 @@
+"""The server's end of the motion channel: two seats, one for each side's agent.
+
+A seat holds the newest sample of its agent, in server time, and what is known of the link: gaps, age, clock. Whoever
+says hello for a side takes the seat (a restarted agent takes over from itself; a second agent is refused while the
+first one is alive). Nothing here waits.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from netboard import sockets
+from netboard.config import SIDES, Side
+from netboard.errors import WireError
+from netboard.wire.codec import decode, encode
+from netboard.wire.messages import (
+    PROTOCOL_VERSION,
+    Beat,
+    ClockRecord,
+    Force,
+    Goodbye,
+    Hello,
+    Message,
+    Refusal,
+    Stylus,
+    Welcome,
+)
+from netboard.wire.session import ClockEstimator, SequenceGuard
+
+BEAT_TICKS = 10
+"""Without forces every so many ticks a beat is sent [1]."""
+
+
+class Seat:
+    """One side's agent as the server sees it."""
+
+    def __init__(self, side: Side) -> None:
+        self.side = side
+        self.hello: Hello | None = None
+        self.agent = b""
+        self.sample: Stylus | None = None
+        self.stamp_ns = 0
+        self.heard_ns = 0
+        self.safeguards = 0
+        self.guard = SequenceGuard()
+        self.clock = ClockEstimator()
+        self.probe: tuple[int, int, int, int] | None = None
+
+    def sit(self, agent: bytes, hello: Hello, now_ns: int) -> None:
+        """Take the seat: nothing of an agent before is kept."""
+        self.hello, self.agent, self.heard_ns = hello, agent, now_ns
+        self.sample, self.safeguards, self.probe = None, 0, None
+        self.guard, self.clock = SequenceGuard(), ClockEstimator()
+
+    def leave(self) -> None:
+        """Nobody sits here any more."""
+        self.hello, self.agent, self.sample = None, b"", None
+
+    def take(self, stylus: Stylus, received_ns: int) -> None:
+        """Take a sample: the newest wins, the link is measured."""
+        self.heard_ns = received_ns
+        self.safeguards |= stylus.safeguards
+        if not self.guard.fresh(stylus.seq):
+            return
+        if stylus.force_tick >= 0:
+            self.probe = (stylus.force_sent_ns, stylus.force_received_ns, stylus.sent_ns, received_ns)
+            self.clock.add(*self.probe)
+        self.sample = stylus
+        self.stamp_ns = self.clock.to_server(stylus.stamp_ns) if self.clock.known else received_ns
+
+    def live(self, now_ns: int, timeout_ns: int) -> bool:
+        """Whether there is a finite sample that is not too old."""
+        sample = self.sample
+        return (
+            sample is not None
+            and now_ns - self.stamp_ns < timeout_ns
+            and bool(np.isfinite(sample.z + sample.vz))
+        )
+
+    def fill(self, row: Any, live: bool) -> None:
+        """Write the sample to a row of `netboard.stage.TICK`."""
+        side, sample = self.side, self.sample
+        row[f"{side}_live"] = live
+        if sample is None:
+            row[f"{side}_seq"] = -1
+            return
+        row[f"{side}_seq"] = sample.seq
+        row[f"{side}_stamp_ns"] = self.stamp_ns
+        row[f"{side}_sent_z"] = sample.z
+        row[f"{side}_sent_vz"] = sample.vz
+        row[f"{side}_x"] = sample.x
+        row[f"{side}_y"] = sample.y
+        row[f"{side}_rendered"] = sample.rendered
+        row[f"{side}_safeguards"] = self.safeguards
+        row[f"{side}_buttons"] = sample.buttons
+        row[f"{side}_loop_ns"] = sample.loop_ns
+        self.safeguards = 0
+
+
+class MotionPort:
+    """Both seats and the socket.
+
+    Parameters
+    ----------
+    socket : zmq.Socket
+        ROUTER of the motion channel.
+    welcome : Welcome
+        What an agent is told first.
+    timeout_ns : int
+        Age at which a sample no longer counts [ns].
+    """
+
+    def __init__(self, socket: sockets.Socket[bytes], welcome: Welcome, timeout_ns: int) -> None:
+        self.seats: dict[Side, Seat] = {side: Seat(side) for side in SIDES}
+        self.news: list[tuple[str, dict[str, str]]] = []
+        self._socket = socket
+        self._welcome = encode(welcome)
+        self._timeout_ns = timeout_ns
+        self._by_agent: dict[bytes, Seat] = {}
+
+    def drain(self, now_ns: int) -> None:
+        """Take everything that has arrived."""
+        while (received := sockets.receive_from(self._socket)) is not None:
+            agent, frame = received
+            try:
+                message = decode(frame)
+            except WireError as error:
+                self._refuse(agent, str(error))
+                continue
+            seat = self._by_agent.get(agent)
+            if isinstance(message, Stylus) and seat is not None:
+                seat.take(message, now_ns)
+            else:
+                self._other(agent, seat, message, now_ns)
+
+    def fill(self, row: Any, now_ns: int) -> None:
+        """Write both seats' samples to a row of `netboard.stage.TICK`."""
+        for seat in self.seats.values():
+            seat.fill(row, seat.live(now_ns, self._timeout_ns))
+
+    def answer(self, row: Any, felt: bool, now_ns: int) -> None:
+        """Send each agent its force, or now and then a beat where nothing is felt."""
+        tick = int(row["tick"])
+        if not felt and tick % BEAT_TICKS:
+            return
+        for side, seat in self.seats.items():
+            if seat.hello is None:
+                continue
+            seq = seat.guard.newest
+            message = Force(tick, now_ns, seq, float(row[f"{side}_force"])) if felt else Beat(tick, now_ns, seq)
+            sockets.send_to(self._socket, seat.agent, encode(message))
+
+    def clock_records(self, seq: int) -> list[ClockRecord]:
+        """The newest raw probe of each agent with the estimate so far, numbered from `seq`."""
+        records = []
+        for side, seat in self.seats.items():
+            if seat.probe is not None:
+                clock = seat.clock
+                records.append(
+                    ClockRecord(seq + len(records), f"agent.{side}", *seat.probe, clock.offset_ns, clock.bound_ns)
+                )
+        return records
+
+    def goodbye(self, reason: str) -> None:
+        """Tell both agents that the session is over."""
+        for seat in self.seats.values():
+            if seat.hello is not None:
+                sockets.send_to(self._socket, seat.agent, encode(Goodbye(reason)))
+
+    def _other(self, agent: bytes, seat: Seat | None, message: Message, now_ns: int) -> None:
+        match message:
+            case Hello():
+                self._greet(agent, message, now_ns)
+            case Goodbye(reason=reason) if seat is not None:
+                self.news.append(("agent_left", {"side": seat.side, "reason": reason}))
+                seat.leave()
+                del self._by_agent[agent]
+            case _ if seat is None:
+                self._refuse(agent, "say hello first")
+            case _:
+                self._refuse(agent, f"an agent does not send {type(message).__name__}")
+
+    def _greet(self, agent: bytes, hello: Hello, now_ns: int) -> None:
+        if hello.role != "agent":
+            self._refuse(agent, f"this is the motion channel, not one for a {hello.role}")
+            return
+        if hello.protocol != PROTOCOL_VERSION:
+            self._refuse(agent, f"the server speaks protocol {PROTOCOL_VERSION}, the agent {hello.protocol}")
+            return
+        seat = next(seat for seat in self.seats.values() if seat.side == hello.side)
+        taken = seat.hello is not None and now_ns - seat.heard_ns < self._timeout_ns
+        if taken and seat.hello != hello:
+            self._refuse(agent, f"the {seat.side} side already has an agent: {seat.hello.name if seat.hello else ''}")
+            return
+        if not sockets.send_to(self._socket, agent, self._welcome):
+            return
+        if not taken:
+            self.news.append(("agent_joined", {"side": seat.side, "name": hello.name, **hello.details}))
+        self._by_agent.pop(seat.agent, None)
+        seat.sit(agent, hello, now_ns)
+        self._by_agent[agent] = seat
+
+    def _refuse(self, agent: bytes, reason: str) -> None:
+        self.news.append(("refused", {"peer": agent.decode(errors="replace"), "reason": reason}))
+        sockets.send_to(self._socket, agent, encode(Refusal(reason)))

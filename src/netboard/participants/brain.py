@@ -1,0 +1,251 @@
+"""The controller of a simulated person: an intermittent, predictive, delayed PD controller of the ball.
+
+Ten times in 100 ms the brain looks one visual delay into the past, extrapolates the ball, and asks which tilt would
+bring it to rest in the target. It acts only where the tilt it expects anyway is off by more than a threshold and a
+refractory time has passed, and then by one ballistic submovement. A brain with one hand expects its partner to do the
+mirror image of what it does itself, unless the force on its hand says otherwise; a brain with both hands moves both.
+
+Rule 1: the brain sees `Glimpse`, feels its own force, and knows the scene's constants; nothing else.
+Rule 2: time is an argument and randomness comes from the generator handed in, so a brain can be repeated.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from netboard.config import Participant, Physics, Side, Task
+from netboard.participants.partner import SIGN, partner_height, partner_seen
+from netboard.participants.senses import BALL_FREE, Glimpse, Percept, Senses, Wander
+from netboard.participants.submovement import Submovement
+
+THINK_EVERY = 0.010
+"""Time between two decisions [s]."""
+
+FELT_AHEAD = 0.100
+"""The partner's height is extrapolated over this time from what was felt [s]."""
+
+FELT_SPAN = 0.030
+"""The partner's velocity is judged over this time [s]."""
+
+PARTNER_TIME = 0.5
+"""Correlation time of what the partner does differently from what is expected of him [s]."""
+
+REACTION_CV = 0.2
+"""Variability of the reaction time [1]."""
+
+LEVEL_MARGIN = 0.5
+"""When levelling, a person corrects what is off by more than this share of the limit [1]."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Issued:
+    """A submovement of an own hand that is not yet seen, or was meant to be exact where it was executed with noise."""
+
+    move: Submovement
+
+
+class Brain:
+    """One person's controller.
+
+    Parameters
+    ----------
+    person : Participant
+        The person's parameters.
+    physics : Physics
+        The scene, as the person has got to know it.
+    task : Task
+        The rules, as the person has been told them.
+    sides : tuple of {"left", "right"}
+        The hands of this person: one in a dyad, both in a bimanual block.
+    rng : numpy.random.Generator
+        Source of the person's variability.
+    """
+
+    def __init__(
+        self,
+        person: Participant,
+        physics: Physics,
+        task: Task,
+        sides: tuple[Side, ...],
+        rng: np.random.Generator,
+    ) -> None:
+        if not sides or len(set(sides)) != len(sides):
+            raise ValueError(f"a brain moves one hand or two different ones, not {sides}")
+        self._person = person
+        self._physics = physics
+        self._task = task
+        self._sides = sides
+        self._rng = rng
+        self._senses = Senses(person, rng)
+        self._partner = Wander(person.partner_noise, PARTNER_TIME, rng)
+        self._touch = Wander(person.haptic_noise, PARTNER_TIME, rng)
+        self._moves: list[Submovement] = []
+        self._thought = -np.inf
+        self._ready = -np.inf
+        self._threshold = self._draw_threshold()
+        self._phase = ""
+
+    def step(self, now: float, glimpse: Glimpse | None, felt: float | None) -> tuple[Submovement, ...]:
+        """Look, feel, and perhaps decide; may be called as often as one likes.
+
+        Parameters
+        ----------
+        now : float
+            The time [s].
+        glimpse : Glimpse or None
+            The newest glimpse of the own display, None before the first.
+        felt : float or None
+            Vertical force on the own hand, + = up; None where no force is rendered, and with two hands [N].
+
+        Returns
+        -------
+        tuple of Submovement
+            What to do, empty most of the time.
+        """
+        if now - self._thought < THINK_EVERY:
+            return ()
+        dt = min(now - self._thought, 1.0)
+        self._thought = now
+        self._senses.take(now, glimpse, felt)
+        self._partner.step(dt)
+        self._touch.step(dt)
+        seen = self._senses.look(now, dt)
+        if seen is None:
+            return ()
+        self._notice(seen)
+        self._moves = [m for m in self._moves if m.progress(seen.glimpse.time - self._lag) < 1.0]
+        if now < self._ready:
+            return ()
+        match seen.glimpse.phase:
+            case "levelling":
+                return self._level(now, seen)
+            case "running" | "holding":
+                return self._play(now, seen)
+            case _:
+                return ()
+
+    @property
+    def _lag(self) -> float:
+        """Time by which a hand follows what is asked of it: both muscle lags and the arm's own [s]."""
+        p = self._person
+        return 2.0 * p.muscle_lag + p.arm_damping / p.arm_stiffness
+
+    def _notice(self, seen: Percept) -> None:
+        """Take a reaction time when the ball is seen to be released."""
+        phase = seen.glimpse.phase
+        if phase in BALL_FREE and self._phase not in BALL_FREE:
+            p = self._person
+            reaction = p.reaction_time * max(0.0, 1.0 + REACTION_CV * float(self._rng.standard_normal()))
+            self._ready = seen.glimpse.time + reaction
+        self._phase = phase
+
+    def _draw_threshold(self) -> float:
+        """Tilt error that triggers the next submovement; log-normal [rad]."""
+        p = self._person
+        spread = float(np.sqrt(np.log1p(p.threshold_cv**2)))
+        return float(np.radians(p.threshold_deg)) * float(np.exp(spread * self._rng.standard_normal()))
+
+    def _play(self, now: float, seen: Percept) -> tuple[Submovement, ...]:
+        """Steer the ball."""
+        error = self._wanted_tilt(seen) - self._expected_tilt(now, seen)
+        if abs(error) <= self._threshold:
+            return ()
+        lift = -self._person.centring * self._height(seen)
+        return self._act(now, error, lift)
+
+    def _wanted_tilt(self, seen: Percept) -> float:
+        """Tilt that takes the predicted ball to the target [rad]."""
+        p, g = self._person, self._physics.g
+        ahead = p.lookahead * p.visual_delay
+        ball = seen.p + seen.v * ahead
+        most = float(np.radians(p.max_tilt_deg))
+        pull = p.kp * (ball - seen.glimpse.target) + p.kd * seen.v
+        return float(np.clip(pull / g, -most, most)) if g > 0.0 else 0.0
+
+    def _expected_tilt(self, now: float, seen: Percept) -> float:
+        """Tilt the board will have when all that is under way is done [rad]."""
+        lever = 2.0 * self._physics.l
+        own = {side: self._under_way(side, seen) for side in self._sides}
+        tilt = seen.theta + sum(SIGN[side] * rise for side, rise in own.items()) / lever
+        if len(self._sides) == 2:
+            return tilt
+        (side,) = self._sides
+        mirrored = -own[side] * (1.0 + self._partner.value)
+        other = self._other_rise(now, seen, side, mirrored)
+        return tilt - SIGN[side] * other / lever
+
+    def _under_way(self, side: Side, seen: Percept) -> float:
+        """How far an own hand will still move from where it was seen [m]."""
+        when = seen.glimpse.time - self._lag
+        return sum(m.displacement * (1.0 - m.progress(when)) for m in self._moves if m.side == side)
+
+    def _other_rise(self, now: float, seen: Percept, side: Side, guess: float) -> float:
+        """How far the partner's hand will have moved from where it was seen: a guess, corrected by what is felt [m]."""
+        p, physics = self._person, self._physics
+        then = now - p.haptic_delay
+        late, early = self._senses.force(then), self._senses.force(then - FELT_SPAN)
+        if late is None or early is None or p.haptic_gain == 0.0 or physics.k_s == 0.0:
+            return guess
+        shown = self._own_height(seen, side)
+        if shown is None:
+            return guess
+        heights = []
+        for when, force in ((then - FELT_SPAN, early), (then, late)):
+            own = shown + self._moved(side, seen, when)
+            ball = seen.p + seen.v * (when - seen.glimpse.time)
+            heights.append(partner_height(force, own, ball, side, physics))
+        rate = (heights[1] - heights[0]) / FELT_SPAN
+        felt = heights[1] + rate * FELT_AHEAD + self._touch.value
+        rise = felt - partner_seen(shown, seen.theta, side, physics)
+        return (1.0 - p.haptic_gain) * guess + p.haptic_gain * rise
+
+    def _moved(self, side: Side, seen: Percept, when: float) -> float:
+        """How far an own hand has moved from where it was seen to where it was at a later time [m]."""
+        shown = seen.glimpse.time - self._lag
+        moves = [m for m in self._moves if m.side == side]
+        return sum(m.displacement * (m.progress(when - self._lag) - m.progress(shown)) for m in moves)
+
+    @staticmethod
+    def _own_height(seen: Percept, side: Side) -> float | None:
+        """Height of an own hand as seen [m]."""
+        return seen.glimpse.left if side == "left" else seen.glimpse.right
+
+    def _height(self, seen: Percept) -> float:
+        """Height at which the own hands hold the board, apart from its tilt, when all own movement is done [m]."""
+        heights = []
+        for side in self._sides:
+            shown = self._own_height(seen, side)
+            if shown is not None:
+                heights.append(shown - SIGN[side] * self._physics.l * seen.theta)
+        return sum(heights) / len(heights) if heights else seen.glimpse.z
+
+    def _level(self, now: float, seen: Percept) -> tuple[Submovement, ...]:
+        """Make the board horizontal, at the height asked for."""
+        task = self._task
+        error = -self._expected_tilt(now, seen)
+        height = self._height(seen)
+        tilted = abs(error) > LEVEL_MARGIN * float(np.radians(task.level_angle_deg))
+        off = abs(height) > LEVEL_MARGIN * task.level_height
+        if not tilted and not off:
+            return ()
+        return self._act(now, error, -height if off else 0.0)
+
+    def _act(self, now: float, turn: float, lift: float) -> tuple[Submovement, ...]:
+        """Turn and lift the board by one submovement of each own hand."""
+        p = self._person
+        self._threshold = self._draw_threshold()
+        duration = p.movement_time * float(np.exp(p.movement_cv * self._rng.standard_normal()))
+        scale = 1.0 + p.amplitude_cv * float(self._rng.standard_normal())
+        both = len(self._sides) == 2
+        late = self._rng.choice(self._sides) if both else ""
+        wait = abs(p.bimanual_async * float(self._rng.standard_normal())) if both else 0.0
+        planned, moves = [], []
+        for side in self._sides:
+            rise = SIGN[side] * self._physics.l * turn + lift
+            jitter = p.bimanual_amplitude_cv * float(self._rng.standard_normal()) if both else 0.0
+            start = now + (wait if side == late else 0.0)
+            planned.append(Submovement(side, start, duration, rise))
+            moves.append(Submovement(side, start, duration, rise * scale * (1.0 + jitter)))
+        self._moves.extend(planned)
+        self._ready = now + max(p.refractory, duration if p.refractory == 0.0 else 0.0)
+        return tuple(moves)

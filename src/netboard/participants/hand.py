@@ -1,0 +1,240 @@
+"""A simulated hand holding a stylus: arm and device mechanics, integrated in steps of 0.25 ms.
+
+The arm is a mass on a spring-damper to an equilibrium point. The equilibrium point is the sum of the submovements
+asked for, low-passed by two muscle lags. The device adds its mass, its viscous damping and its Coulomb friction, and
+its motors push. Tremor is coloured force noise, handed in as white numbers so that the kernel stays deterministic.
+
+Rule 1: time is what was asked for: `Hand.advance` covers whole steps and knows no clock.
+Rule 2: friction is solved implicitly, so a hand that friction can hold is at rest exactly, not creeping.
+Rule 3: what is felt and seen is not known here; that is the brain's business.
+"""
+
+from collections.abc import Iterable
+from typing import Any
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.config import Participant, VirtualDevice
+from netboard.participants.submovement import Submovement, minimum_jerk
+
+STEP_NS = 250_000
+"""Length of an integration step [ns]."""
+
+STEP = STEP_NS * 1e-9
+"""Length of an integration step [s]."""
+
+CAPACITY = 32
+"""Submovements a hand can have under way at once [1]."""
+
+TREMOR_TIME = 0.1
+"""Correlation time of the arm's force noise [s]."""
+
+FOREARM = 0.30
+"""Elbow to stylus: a hand that is swung up or down by z comes nearer by about z^2 / (2 FOREARM) [m]."""
+
+ARM = np.dtype(
+    [
+        ("mass", "<f8"),  # arm and device [kg]
+        ("stiffness", "<f8"),  # towards the equilibrium point [N/m]
+        ("damping", "<f8"),  # arm and device [N s/m]
+        ("friction", "<f8"),  # Coulomb friction on each axis [N]
+        ("lag", "<f8"),  # decay of a muscle stage in one step [1]
+        ("calm", "<f8"),  # decay of the tremor in one step [1]
+        ("tremor", "<f8"),  # what a standard normal number adds to it [N]
+        ("stop", "<f8"),  # mechanical stop on each axis [m]
+    ]
+)
+"""The constants of a hand as the kernel reads them."""
+
+HAND = np.dtype(
+    [
+        ("x", "<f8"),  # position [m]
+        ("y", "<f8"),
+        ("z", "<f8"),
+        ("vx", "<f8"),  # velocity [m/s]
+        ("vy", "<f8"),
+        ("vz", "<f8"),
+        ("tremor_x", "<f8"),  # force noise [N]
+        ("tremor_y", "<f8"),
+        ("tremor_z", "<f8"),
+        ("aim", "<f8"),  # equilibrium height after all submovements that are over [m]
+        ("muscle", "<f8"),  # first lag's output [m]
+        ("equilibrium", "<f8"),  # second lag's output: the equilibrium height now [m]
+        ("moves", "<i8"),  # submovements under way or planned
+    ]
+)
+"""The state of a hand."""
+
+
+def pack_arm(participant: Participant, device: VirtualDevice, held: bool = True) -> NDArray[Any]:
+    """Constants of a hand, for the kernel.
+
+    Parameters
+    ----------
+    participant : Participant
+        The simulated person.
+    device : VirtualDevice
+        The device held.
+    held : bool
+        False for a stylus that nobody holds: the device alone.
+
+    Returns
+    -------
+    ndarray of ARM, shape (1,)
+        The packed record, SI units.
+    """
+    arm = np.zeros(1, ARM)
+    arm["mass"] = device.mass
+    arm["damping"] = device.damping
+    arm["friction"] = device.friction
+    arm["stop"] = device.workspace
+    arm["lag"] = np.exp(-STEP / participant.muscle_lag)
+    arm["calm"] = np.exp(-STEP / TREMOR_TIME)
+    if held:
+        arm["mass"] += participant.arm_mass
+        arm["damping"] += participant.arm_damping
+        arm["stiffness"] = participant.arm_stiffness
+        arm["tremor"] = participant.force_noise * np.sqrt(1.0 - arm["calm"] ** 2)
+    return arm
+
+
+@numba.njit(cache=True)
+def _push(x: float, v: float, force: float, arm: Any) -> tuple[float, float]:
+    """Move one axis by one step; damping and friction implicitly (Moreau's time stepping), then the stop."""
+    grip = STEP * arm["friction"] / arm["mass"]
+    v += STEP * force / arm["mass"]
+    v = max(v - grip, 0.0) if v > 0.0 else min(v + grip, 0.0)
+    v /= 1.0 + STEP * arm["damping"] / arm["mass"]
+    x += STEP * v
+    if x > arm["stop"]:
+        return arm["stop"], 0.0
+    if x < -arm["stop"]:
+        return -arm["stop"], 0.0
+    return x, v
+
+
+@numba.njit(cache=True)
+def _aim(s: Any, plan: NDArray[np.float64], when: float) -> float:
+    """Height asked for at a time; a submovement that is over becomes part of the settled aim."""
+    asked = s["aim"]
+    kept = 0
+    for i in range(s["moves"]):
+        share = minimum_jerk((when - plan[i, 0]) / plan[i, 1])
+        asked += share * plan[i, 2]
+        if share >= 1.0:
+            s["aim"] += plan[i, 2]
+        else:
+            plan[kept] = plan[i]
+            kept += 1
+    s["moves"] = kept
+    return float(asked)
+
+
+@numba.njit(cache=True)
+def swing(
+    s: Any,
+    arm: Any,
+    plan: NDArray[np.float64],
+    origin: float,
+    fx: float,
+    fy: float,
+    fz: float,
+    white: NDArray[np.float64],
+) -> None:
+    """Advance a hand under a constant force of the motors, one step for each row of `white`.
+
+    Parameters
+    ----------
+    s : HAND record
+        The state, changed in place.
+    arm : ARM record
+        The constants.
+    plan : ndarray, shape (CAPACITY, 3)
+        Start [s], duration [s] and displacement [m] of the submovements, changed in place.
+    origin : float
+        Time of the state handed in, on the clock of the submovements [s].
+    fx, fy, fz : float
+        Force of the motors on the stylus [N].
+    white : ndarray, shape (steps, 3)
+        Standard normal numbers that drive the tremor [1].
+    """
+    stiffness = arm["stiffness"]
+    for k in range(white.shape[0]):
+        asked = _aim(s, plan, origin + (k + 1) * STEP)
+        s["muscle"] = asked + (s["muscle"] - asked) * arm["lag"]
+        s["equilibrium"] = s["muscle"] + (s["equilibrium"] - s["muscle"]) * arm["lag"]
+        s["tremor_x"] = s["tremor_x"] * arm["calm"] + white[k, 0] * arm["tremor"]
+        s["tremor_y"] = s["tremor_y"] * arm["calm"] + white[k, 1] * arm["tremor"]
+        s["tremor_z"] = s["tremor_z"] * arm["calm"] + white[k, 2] * arm["tremor"]
+        nearer = s["equilibrium"] * s["equilibrium"] / (2.0 * FOREARM)
+        s["x"], s["vx"] = _push(s["x"], s["vx"], stiffness * (nearer - s["x"]) + s["tremor_x"] + fx, arm)
+        s["y"], s["vy"] = _push(s["y"], s["vy"], -stiffness * s["y"] + s["tremor_y"] + fy, arm)
+        s["z"], s["vz"] = _push(s["z"], s["vz"], stiffness * (s["equilibrium"] - s["z"]) + s["tremor_z"] + fz, arm)
+
+
+class Hand:
+    """One hand on one stylus.
+
+    Parameters
+    ----------
+    arm : ndarray of ARM, shape (1,)
+        Constants, from `pack_arm`.
+    rng : numpy.random.Generator
+        Source of the tremor.
+    """
+
+    def __init__(self, arm: NDArray[Any], rng: np.random.Generator) -> None:
+        self.state = np.zeros(1, HAND)
+        self._record = self.state[0]
+        self._arm = arm[0]
+        self._plan = np.zeros((CAPACITY, 3))
+        self._rng = rng
+
+    def plan(self, moves: Iterable[Submovement]) -> None:
+        """Add submovements to those under way.
+
+        Parameters
+        ----------
+        moves : iterable of Submovement
+            What to do; a start in the past counts from then.
+
+        Raises
+        ------
+        ValueError
+            If more than `CAPACITY` submovements would be under way.
+        """
+        for move in moves:
+            count = int(self._record["moves"])
+            if count >= CAPACITY:
+                raise ValueError(f"a hand can have at most {CAPACITY} submovements under way")
+            self._plan[count] = move.start, move.duration, move.displacement
+            self._record["moves"] = count + 1
+
+    def advance(self, steps: int, origin: float, force: tuple[float, float, float]) -> None:
+        """Let time pass under a constant force.
+
+        Parameters
+        ----------
+        steps : int
+            How many steps of `STEP` [1].
+        origin : float
+            Time now, before the steps, on the clock of the submovements [s].
+        force : tuple of float
+            Force of the motors on the stylus, x, y, z [N].
+        """
+        white = self._rng.standard_normal((steps, 3))
+        swing(self._record, self._arm, self._plan, origin, force[0], force[1], force[2], white)
+
+    @property
+    def position(self) -> tuple[float, float, float]:
+        """Position x, y, z [m]."""
+        s = self._record
+        return float(s["x"]), float(s["y"]), float(s["z"])
+
+    @property
+    def velocity(self) -> tuple[float, float, float]:
+        """Velocity x, y, z [m/s]."""
+        s = self._record
+        return float(s["vx"]), float(s["vy"]), float(s["vz"])

@@ -1,0 +1,1 @@
+"""What happens in one millisecond: the board, the ball and the couplings to the two hands (pure)."""

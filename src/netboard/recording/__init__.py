@@ -1,0 +1,1 @@
+"""Writing, reading, recovering and verifying recordings (MCAP)."""

@@ -1,0 +1,212 @@
+"""A recording while it is written: ``NAME.mcap.part``, which becomes ``NAME.mcap`` when it is whole.
+
+Rules that hold here: no file is ever overwritten; a chunk holds at most so many bytes and goes to the operating system
+the moment it is closed, so that a killed process loses one chunk at most; `sync` makes everything written survive a
+power cut; only `finish` gives the final name. This module knows MCAP and disks, and nothing of ticks or sessions.
+"""
+
+import os
+import shutil
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+
+from mcap.writer import CompressionType, Writer
+
+from netboard.errors import RecordingError
+from netboard.recording.channels import CHANNELS, Stamped
+
+PROFILE = "netboard"
+"""Profile in the MCAP header of a recording."""
+
+_MESSAGE_HEAD = 31
+"""Bytes of an MCAP message beside its data."""
+
+
+def part_path(path: Path) -> Path:
+    """Name of a recording that is not finished yet."""
+    return path.with_name(path.name + ".part")
+
+
+@contextmanager
+def _disk(path: Path) -> Iterator[None]:
+    """Turn what the disk refuses into a `RecordingError` that names the file."""
+    try:
+        yield
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be written: {error.strerror or error}") from error
+
+
+def _sync_directory(directory: Path) -> None:
+    """Make a new name in a directory survive a power cut, where the system offers it."""
+    if not hasattr(os, "O_DIRECTORY"):
+        return
+    handle = os.open(directory, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def _publish(part: Path, path: Path) -> None:
+    """Give a finished file its name, never over an existing one."""
+    try:
+        os.link(part, path)
+    except FileExistsError:
+        raise RecordingError(f"{path}: exists already; the finished recording stays in {part.name}") from None
+    except OSError:
+        # A file system without hard links. Renaming is atomic too, but on POSIX replaces silently: look first.
+        if path.exists():
+            raise RecordingError(f"{path}: exists already; the finished recording stays in {part.name}") from None
+        part.rename(path)
+    else:
+        part.unlink()
+    _sync_directory(path.parent)
+
+
+class PartFile:
+    """An MCAP file with netboard's channels, growing.
+
+    Parameters
+    ----------
+    path : Path
+        Final name, ending in ``.mcap``.
+    library : str
+        What writes it, for the header.
+    chunk_bytes : int
+        Largest size of a chunk before compression, in bytes [1]. A longer message has a chunk of its own.
+
+    Raises
+    ------
+    RecordingError
+        If the file or its part exists, or cannot be made.
+    """
+
+    def __init__(self, path: Path, library: str, chunk_bytes: int) -> None:
+        if path.suffix != ".mcap":
+            raise ValueError(f"a recording's name ends in .mcap: {path}")
+        self.path = path
+        self.part = part_path(path)
+        self._chunk_bytes = chunk_bytes
+        self._pending = 0
+        if path.exists():
+            raise RecordingError(f"{path}: exists already, and a recording is never overwritten")
+        try:
+            with _disk(self.part):
+                self._file = self.part.open("xb")
+        except RecordingError as error:
+            if isinstance(error.__cause__, FileExistsError):
+                raise RecordingError(
+                    f"{self.part}: an unfinished recording of this name exists; see `netboard recover`"
+                ) from None
+            raise
+        # Chunks are closed by this class alone: the writer's own limit would let a chunk grow past its size.
+        self._mcap = Writer(
+            self._file, chunk_size=2**62, compression=CompressionType.ZSTD, enable_crcs=True, enable_data_crcs=True
+        )
+        with self._writing():
+            self._mcap.start(profile=PROFILE, library=library)
+            for channel in CHANNELS:
+                schema_id = self._mcap.register_schema(channel.schema_name, "jsonschema", channel.schema())
+                self._mcap.register_channel(channel.topic, "msgpack", schema_id)
+            _sync_directory(path.parent)
+
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
+        """Stop for good at the first refusal of the disk: what was written before stays as it is."""
+        try:
+            with _disk(self.part):
+                yield
+        except RecordingError:
+            self.abandon()
+            raise
+
+    @property
+    def has_pending(self) -> bool:
+        """Whether the chunk in memory holds messages."""
+        return self._pending > 0
+
+    @property
+    def is_open(self) -> bool:
+        """Whether more can be written."""
+        return not self._file.closed
+
+    def free_bytes(self) -> int:
+        """Free space where the file is, in bytes."""
+        with _disk(self.path.parent):
+            return shutil.disk_usage(self.path.parent).free
+
+    def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
+        """Write a metadata record, at once and outside any chunk."""
+        with self._writing():
+            self._mcap.add_metadata(name, dict(values))
+
+    def add_attachment(self, name: str, media_type: str, data: bytes, log_time_ns: int) -> None:
+        """Write an attachment, at once and outside any chunk."""
+        with self._writing():
+            self._mcap.add_attachment(log_time_ns, log_time_ns, name, media_type, data)
+
+    def add(self, channel_id: int, message: Stamped, log_time_ns: int) -> None:
+        """Put a message into the chunk in memory; when it is full, the chunk before is closed.
+
+        Parameters
+        ----------
+        channel_id : int
+            Id of the message's channel [1].
+        message : Stamped
+            The message.
+        log_time_ns : int
+            Log time [ns].
+        """
+        size = _MESSAGE_HEAD + len(message.data)
+        with self._writing():
+            if self._pending and self._pending + size > self._chunk_bytes:
+                self._close_chunk()
+            self._mcap.add_message(
+                channel_id,
+                log_time_ns,
+                message.data,
+                # MCAP's stamps are unsigned and its sequence has 32 bits; the message itself has the full values.
+                max(message.publish_time_ns, 0),
+                message.sequence & 0xFFFF_FFFF,
+            )
+        self._pending += size
+
+    def _close_chunk(self) -> None:
+        self._mcap.flush()
+        self._pending = 0
+
+    def sync(self) -> None:
+        """Close the chunk in memory and make everything written so far survive a power cut.
+
+        Raises
+        ------
+        RecordingError
+            If the disk is full or gone, or the file was deleted.
+        """
+        with self._writing():
+            self._close_chunk()
+            os.fsync(self._file.fileno())
+            if os.fstat(self._file.fileno()).st_nlink == 0:
+                raise RecordingError(f"{self.part}: was deleted while it was being written")
+
+    def finish(self) -> None:
+        """Write the index and give the file its name.
+
+        Raises
+        ------
+        RecordingError
+            If the disk refuses, or a file of the final name has appeared meanwhile.
+        """
+        self.sync()
+        with self._writing():
+            self._mcap.finish()
+            self._file.flush()
+            os.fsync(self._file.fileno())
+            self._file.close()
+            _publish(self.part, self.path)
+
+    def abandon(self) -> None:
+        """Close the part as it is; it can be recovered up to the last whole chunk."""
+        # The buffer may hold what the disk has just refused; closing the raw file drops it instead of trying again.
+        self._file.raw.close()

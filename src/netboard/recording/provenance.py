@@ -1,0 +1,114 @@
+"""Where a recording comes from: its name, and what its metadata say about session, software and machine.
+
+Everything is text, as MCAP's metadata are. The participants appear under the dyad's pseudonym only, and the machine
+under its platform, not its name.
+"""
+
+import hashlib
+import platform
+import re
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+
+import mcap
+
+from netboard.config import Config
+from netboard.recording.channels import FORMAT_VERSION
+from netboard.wire.messages import PROTOCOL_VERSION, Welcome
+
+CONFIG_NAME = "netboard.toml"
+"""Name of the attachment that holds the resolved configuration."""
+
+METADATA = "netboard"
+"""Metadata record written when the file is opened."""
+
+METADATA_FIRST = "netboard.first"
+"""Metadata record written before the first record from the server."""
+
+METADATA_END = "netboard.end"
+"""Metadata record written when the file is finished."""
+
+METADATA_RECOVERY = "netboard.recovery"
+"""Metadata record of a recovered file."""
+
+LIBRARY = f"netboard {version('netboard')} (mcap {mcap.__version__})"
+"""What writes recordings, for their header."""
+
+_PACKAGES = ("numpy", "numba", "llvmlite", "pyzmq", "msgpack", "mcap", "zstandard")
+
+
+def config_sha256(text: str) -> str:
+    """SHA-256 of a resolved configuration, in hexadecimal."""
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def provenance(welcome: Welcome, config: Config, part: int, utc_ns: int, monotonic_ns: int) -> dict[str, str]:
+    """Metadata of a new recording.
+
+    Parameters
+    ----------
+    welcome : Welcome
+        The server's answer to the logger.
+    config : Config
+        The configuration in it, parsed.
+    part : int
+        Number of the file within its session, from 1 [1].
+    utc_ns : int
+        Wall-clock time of opening the file, which is the log time then [ns].
+    monotonic_ns : int
+        The logger's monotonic clock at the same moment [ns].
+    """
+    return {
+        "format": FORMAT_VERSION,
+        "session": welcome.session,
+        "part": str(part),
+        "name": config.session.name,
+        "dyad": config.session.dyad,
+        "pilot": str(config.session.pilot).lower(),
+        "config_sha256": config_sha256(welcome.config),
+        "opened_utc": datetime.fromtimestamp(utc_ns // 1_000_000_000, UTC).isoformat(),
+        "opened_log_ns": str(utc_ns),
+        "opened_monotonic_ns": str(monotonic_ns),
+        "welcome_server_ns": str(welcome.server_ns),
+        "protocol": str(PROTOCOL_VERSION),
+        "netboard": version("netboard"),
+        "python": f"{platform.python_implementation()} {platform.python_version()}",
+        "platform": platform.platform(),
+        **{package: version(package) for package in _PACKAGES},
+    }
+
+
+def _short(session: str) -> str:
+    """First eight letters and digits of a session id: safe in a file name whatever a server sends."""
+    return re.sub(r"[^A-Za-z0-9]", "", session)[:8] or "unnamed"
+
+
+def next_recording(directory: Path, config: Config, session: str, utc_ns: int) -> tuple[Path, int]:
+    """Name the next file of a session.
+
+    Parameters
+    ----------
+    directory : Path
+        Folder of the recordings.
+    config : Config
+        The session's configuration.
+    session : str
+        Id of the session.
+    utc_ns : int
+        Wall-clock time [ns].
+
+    Returns
+    -------
+    Path
+        A name that no file has, finished or not.
+    int
+        Number of the file within its session, from 1 [1].
+    """
+    stem, short = f"{config.session.name}_{config.session.dyad}", _short(session)
+    pattern = re.compile(rf"{re.escape(stem)}_\d{{8}}T\d{{6}}Z_{short}(?:_part(\d+))?(?:\.recovered)?\.mcap(?:\.part)?")
+    found = (pattern.fullmatch(file.name) for file in directory.iterdir())
+    part = 1 + max((int(match[1] or 1) for match in found if match), default=0)
+    stamp = datetime.fromtimestamp(utc_ns // 1_000_000_000, UTC).strftime("%Y%m%dT%H%M%SZ")
+    suffix = f"_part{part}" if part > 1 else ""
+    return directory / f"{stem}_{stamp}_{short}{suffix}.mcap", part

@@ -1,0 +1,185 @@
+"""Writes a recording: records in, numbered; chunks out; and a number before which everything is safely on disk.
+
+Time is an argument, so that the rule when to sync is a plain function of it. A record is *written* when it is in the
+chunk in memory, and *durable* after the next `flush`; only what is durable may be acknowledged to the server.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from netboard.config import Recording
+from netboard.recording.channels import IDS, Record, remark, stamped
+from netboard.recording.partfile import PartFile
+from netboard.recording.provenance import CONFIG_NAME, LIBRARY, METADATA, METADATA_END, METADATA_FIRST
+
+
+class RecordingWriter:
+    """One recording while it is made.
+
+    Parameters
+    ----------
+    path : Path
+        Final name, ending in ``.mcap``; until `finish` the file is ``NAME.mcap.part``.
+    metadata : mapping of str
+        The ``netboard`` metadata record (`netboard.recording.provenance.provenance`).
+    config_text : str
+        The resolved configuration, attached as it is.
+    settings : Recording
+        Sizes and times of chunks.
+    opened_ns : int
+        Log time of opening [ns].
+
+    Attributes
+    ----------
+    path : Path
+        Final name.
+    next_record : int or None
+        Number of the next record; None before the first [1].
+    durable : int or None
+        All records before this one are on disk; None before the first [1].
+    lost : int
+        Records that the server could not give any more [1].
+
+    Raises
+    ------
+    RecordingError
+        If the file exists or cannot be made.
+    """
+
+    def __init__(
+        self, path: Path, metadata: Mapping[str, str], config_text: str, settings: Recording, opened_ns: int
+    ) -> None:
+        self.path = path
+        self.next_record: int | None = None
+        self.durable: int | None = None
+        self.lost = 0
+        self._written = 0
+        self._remarks = 0
+        self._flush_ns = round(settings.flush_ms * 1e6)
+        self._flushed_ns = opened_ns
+        self._file = PartFile(path, LIBRARY, settings.chunk_bytes)
+        self._file.add_metadata(METADATA, metadata)
+        self._file.add_attachment(CONFIG_NAME, "application/toml", config_text.encode(), opened_ns)
+        self._file.sync()
+
+    @property
+    def is_open(self) -> bool:
+        """Whether more can be written."""
+        return self._file.is_open
+
+    @property
+    def free_bytes(self) -> int:
+        """Free space where the recording is written, in bytes [1]."""
+        return self._file.free_bytes()
+
+    def write(self, record: Record, number: int, log_time_ns: int) -> None:
+        """Write the next record from the server.
+
+        Parameters
+        ----------
+        record : TickRecord, EventRecord, ClockRecord or FrameRecord
+            The record.
+        number : int
+            Its number on the log channel; records come in order and without a hole (`note_lost` fills holes) [1].
+        log_time_ns : int
+            Log time [ns].
+        """
+        message = stamped(record)
+        self._begin(number)
+        self._file.add(IDS[message.topic], message, log_time_ns)
+        self.next_record = number + 1
+        self._written += 1
+
+    def note_lost(self, first: int, count: int, log_time_ns: int) -> None:
+        """Note that records are missing for good.
+
+        Parameters
+        ----------
+        first : int
+            Number of the first lost record [1].
+        count : int
+            How many [1].
+        log_time_ns : int
+            Log time [ns].
+        """
+        self._begin(first)
+        self.remark("log_lost", {"first": str(first), "count": str(count)}, log_time_ns)
+        self.next_record = first + count
+        self.lost += count
+
+    def _begin(self, number: int) -> None:
+        """Check the number of what comes next; note the first one."""
+        if self.next_record is None:
+            self._file.add_metadata(METADATA_FIRST, {"record": str(number)})
+            self.durable = number
+        elif number != self.next_record:
+            raise ValueError(f"record {number} where {self.next_record} is next")
+
+    def remark(self, name: str, details: dict[str, str], log_time_ns: int) -> None:
+        """Write a remark of the logger's own.
+
+        Parameters
+        ----------
+        name : str
+            What, in snake case.
+        details : dict of str
+            Anything worth knowing.
+        log_time_ns : int
+            Log time [ns].
+        """
+        self._file.add(IDS["/logger"], remark(self._remarks, name, details, log_time_ns), log_time_ns)
+        self._remarks += 1
+
+    def is_due(self, now_ns: int) -> bool:
+        """Tell whether something written has waited long enough for a `flush`.
+
+        Parameters
+        ----------
+        now_ns : int
+            Log time [ns].
+        """
+        return self.durable != self.next_record and now_ns - self._flushed_ns >= self._flush_ns
+
+    def flush(self, now_ns: int) -> int | None:
+        """Put everything written on disk and return `durable`.
+
+        Parameters
+        ----------
+        now_ns : int
+            Log time [ns].
+
+        Raises
+        ------
+        RecordingError
+            If the disk is full or gone; the file is closed then, and can be recovered.
+        """
+        self._file.sync()
+        self._flushed_ns = now_ns
+        self.durable = self.next_record
+        return self.durable
+
+    def finish(self, now_ns: int, ended: str = "complete") -> None:
+        """Write the index and give the file its final name.
+
+        Parameters
+        ----------
+        now_ns : int
+            Log time [ns].
+        ended : str
+            ``complete`` when the server said that the session is over; otherwise why the file ends here.
+
+        Raises
+        ------
+        RecordingError
+            If the disk refuses, or the final name is taken by now; the part stays.
+        """
+        self.flush(now_ns)
+        end = {"ended": ended, "log_ns": str(now_ns), "records": str(self._written), "lost": str(self.lost)}
+        if self.next_record is not None:
+            end["next_record"] = str(self.next_record)
+        self._file.add_metadata(METADATA_END, end)
+        self._file.finish()
+
+    def abandon(self) -> None:
+        """Close the part as it is."""
+        self._file.abandon()

@@ -1,0 +1,214 @@
+"""Every ZeroMQ socket of netboard, made in one place. The only module that imports zmq.
+
+Rules that hold here: options are set before bind or connect (later ones do not take hold); the motion channel keeps at
+most a few frames and never waits (the newest sample wins, an absent peer gets nothing stale); the log channel keeps
+many and lingers; views are single frames and conflated; every link has heartbeats, so that a cut cable is noticed.
+Sockets are used by the thread that made them.
+"""
+
+from dataclasses import dataclass
+
+import zmq
+from zmq import Again, Context, Frame, Poller, Socket, ZMQError  # noqa: F401  (the names the nodes use)
+
+from netboard.config import Network, Side
+from netboard.errors import NetboardError
+
+MOTION, LOG, VIEW_LEFT, VIEW_RIGHT, CONTROL, NERVE = range(6)
+"""Channels: TCP port = network.port + channel."""
+
+VIEW: dict[Side, int] = {"left": VIEW_LEFT, "right": VIEW_RIGHT}
+"""Channel of each station's views."""
+
+MOTION_HWM = 4
+LOG_HWM = 64
+CONTROL_HWM = 1000
+LOG_LINGER_MS = 2000
+HEARTBEAT_IVL_MS = 500
+HEARTBEAT_TIMEOUT_MS = 2000
+RECONNECT_IVL_MS = 100
+RECONNECT_IVL_MAX_MS = 1000
+
+
+@dataclass(frozen=True, slots=True)
+class Addresses:
+    """Where the channels are.
+
+    Attributes
+    ----------
+    host : str
+        Where peers connect to.
+    bind : str
+        What the server binds to.
+    port : int
+        Port of channel 0.
+    """
+
+    host: str
+    bind: str
+    port: int
+
+    def listen(self, channel: int) -> str:
+        """Endpoint the server binds for a channel."""
+        return f"tcp://{self.bind}:{self.port + channel}"
+
+    def reach(self, channel: int) -> str:
+        """Endpoint a peer connects to for a channel."""
+        return f"tcp://{self.host}:{self.port + channel}"
+
+
+def addresses(network: Network) -> Addresses:
+    """Take the addresses from the configuration."""
+    return Addresses(network.host, network.bind, network.port)
+
+
+def new_context() -> "Context[Socket[bytes]]":
+    """Make a context whose sockets, unless told otherwise, do not hold up the end of the process."""
+    context: Context[Socket[bytes]] = zmq.Context()
+    context.linger = 0
+    return context
+
+
+def _make(context: "Context[Socket[bytes]]", kind: int, hwm: int, linger_ms: int = 0) -> "Socket[bytes]":
+    """A socket with the options every link has."""
+    socket = context.socket(kind)
+    socket.setsockopt(zmq.LINGER, linger_ms)
+    socket.setsockopt(zmq.SNDHWM, hwm)
+    socket.setsockopt(zmq.RCVHWM, hwm)
+    socket.setsockopt(zmq.HEARTBEAT_IVL, HEARTBEAT_IVL_MS)
+    socket.setsockopt(zmq.HEARTBEAT_TIMEOUT, HEARTBEAT_TIMEOUT_MS)
+    socket.setsockopt(zmq.HEARTBEAT_TTL, HEARTBEAT_TIMEOUT_MS)
+    socket.setsockopt(zmq.RECONNECT_IVL, RECONNECT_IVL_MS)
+    socket.setsockopt(zmq.RECONNECT_IVL_MAX, RECONNECT_IVL_MAX_MS)
+    return socket
+
+
+def _bind(socket: "Socket[bytes]", endpoint: str) -> "Socket[bytes]":
+    """Bind, or say in words why not."""
+    try:
+        socket.bind(endpoint)
+    except ZMQError as error:
+        socket.close()
+        raise NetboardError(f"cannot listen on {endpoint}: {error.strerror}; is another server running?") from error
+    return socket
+
+
+def _router(context: "Context[Socket[bytes]]", endpoint: str, hwm: int, linger_ms: int = 0) -> "Socket[bytes]":
+    """A ROUTER that reports unroutable messages and lets a restarted peer take over its name."""
+    socket = _make(context, zmq.ROUTER, hwm, linger_ms)
+    socket.setsockopt(zmq.ROUTER_MANDATORY, 1)
+    socket.setsockopt(zmq.ROUTER_HANDOVER, 1)
+    return _bind(socket, endpoint)
+
+
+def _dealer(
+    context: "Context[Socket[bytes]]", endpoint: str, identity: str, hwm: int, linger_ms: int = 0
+) -> "Socket[bytes]":
+    """A DEALER with a name, that queues nothing for a server that is not there."""
+    socket = _make(context, zmq.DEALER, hwm, linger_ms)
+    socket.setsockopt(zmq.IDENTITY, identity.encode())
+    socket.setsockopt(zmq.IMMEDIATE, 1)
+    socket.connect(endpoint)
+    return socket
+
+
+def motion_server(context: "Context[Socket[bytes]]", endpoint: str) -> "Socket[bytes]":
+    """Server end of the motion channel."""
+    return _router(context, endpoint, MOTION_HWM)
+
+
+def motion_agent(context: "Context[Socket[bytes]]", endpoint: str, identity: str) -> "Socket[bytes]":
+    """Agent end of the motion channel."""
+    return _dealer(context, endpoint, identity, MOTION_HWM)
+
+
+def log_server(context: "Context[Socket[bytes]]", endpoint: str) -> "Socket[bytes]":
+    """Server end of the log channel."""
+    return _router(context, endpoint, LOG_HWM, LOG_LINGER_MS)
+
+
+def log_client(context: "Context[Socket[bytes]]", endpoint: str, identity: str) -> "Socket[bytes]":
+    """Logger end of the log channel."""
+    return _dealer(context, endpoint, identity, LOG_HWM, LOG_LINGER_MS)
+
+
+def control_server(context: "Context[Socket[bytes]]", endpoint: str) -> "Socket[bytes]":
+    """Server end of the control channel."""
+    return _router(context, endpoint, CONTROL_HWM)
+
+
+def control_client(context: "Context[Socket[bytes]]", endpoint: str, identity: str) -> "Socket[bytes]":
+    """Peer end of the control channel."""
+    return _dealer(context, endpoint, identity, CONTROL_HWM)
+
+
+def view_publisher(context: "Context[Socket[bytes]]", endpoint: str) -> "Socket[bytes]":
+    """Server end of one station's view channel: the newest view only."""
+    socket = _make(context, zmq.PUB, 1)
+    socket.setsockopt(zmq.CONFLATE, 1)
+    return _bind(socket, endpoint)
+
+
+def view_subscriber(context: "Context[Socket[bytes]]", endpoint: str) -> "Socket[bytes]":
+    """Station end of its view channel: the newest view only."""
+    socket = _make(context, zmq.SUB, 1)
+    socket.setsockopt(zmq.CONFLATE, 1)
+    socket.setsockopt(zmq.SUBSCRIBE, b"")
+    socket.connect(endpoint)
+    return socket
+
+
+def nerve_sender(context: "Context[Socket[bytes]]", endpoint: str) -> "Socket[bytes]":
+    """Where the brain of a simulated bimanual participant sends what the other hand shall do."""
+    return _bind(_make(context, zmq.PUSH, CONTROL_HWM), endpoint)
+
+
+def nerve_receiver(context: "Context[Socket[bytes]]", endpoint: str) -> "Socket[bytes]":
+    """Where that other hand receives it."""
+    socket = _make(context, zmq.PULL, CONTROL_HWM)
+    socket.connect(endpoint)
+    return socket
+
+
+def receive(socket: "Socket[bytes]") -> bytes | None:
+    """Next frame of a one-frame socket, or None if there is none now."""
+    try:
+        return socket.recv(zmq.NOBLOCK)
+    except Again:
+        return None
+
+
+def receive_from(socket: "Socket[bytes]") -> tuple[bytes, bytes] | None:
+    """Next (sender, frame) of a ROUTER, or None if there is none now. What is not of that shape is dropped."""
+    while True:
+        try:
+            parts = socket.recv_multipart(zmq.NOBLOCK)
+        except Again:
+            return None
+        if len(parts) == 2:
+            return parts[0], parts[1]
+
+
+def send(socket: "Socket[bytes]", frame: bytes) -> bool:
+    """Send without waiting; False if nobody is there or the queue is full."""
+    try:
+        socket.send(frame, zmq.NOBLOCK)
+    except Again:
+        return False
+    return True
+
+
+def send_to(socket: "Socket[bytes]", peer: bytes, frame: bytes) -> bool:
+    """Send to one peer of a ROUTER without waiting; False if it is gone or its queue is full."""
+    try:
+        socket.send_multipart((peer, frame), zmq.NOBLOCK)
+    except ZMQError as error:
+        if error.errno in (zmq.EAGAIN, zmq.EHOSTUNREACH):
+            return False
+        raise
+    return True
+
+
+def wait_readable(socket: "Socket[bytes]", timeout_ms: float) -> bool:
+    """Wait until a socket can be read, at most so long [ms]."""
+    return bool(socket.poll(int(timeout_ms), zmq.POLLIN))

@@ -1,0 +1,520 @@
+"""Every message of the protocol, one frozen dataclass each.
+
+A message is data only; `netboard.wire.codec` turns it into bytes and back. Field order is wire order, so fields are
+only ever appended, and `PROTOCOL_VERSION` grows when one is. All times are nanoseconds of the sender's monotonic clock
+unless a field says "server time"; all other quantities are SI. PROTOCOL.md says who sends what to whom, when.
+"""
+
+from dataclasses import dataclass
+from enum import IntFlag
+
+PROTOCOL_VERSION = 1
+
+
+class Safeguard(IntFlag):
+    """What the agent's safety chain did to the last force, and the state it is in."""
+
+    ARMED = 1
+    RAMPING = 2
+    CLAMPED = 4
+    SLEWED = 8
+    STALE = 16
+    TOO_FAST = 32
+    NOT_FINITE = 64
+    DEVICE_LOST = 128
+
+
+# --- meeting -----------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Hello:
+    """First message of every peer on every channel that has a way back.
+
+    Attributes
+    ----------
+    role : str
+        ``agent``, ``display``, ``logger`` or ``console``.
+    side : str
+        ``left`` or ``right`` for agents and displays, else empty.
+    protocol : int
+        The sender's `PROTOCOL_VERSION` [1].
+    name : str
+        Host and process, for people.
+    version : str
+        Version of the sender's software.
+    details : dict of str
+        What else is worth recording: device model, serial number, limits.
+    """
+
+    role: str
+    side: str
+    protocol: int
+    name: str
+    version: str
+    details: dict[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class Welcome:
+    """The server's answer to an accepted `Hello`.
+
+    Attributes
+    ----------
+    session : str
+        Unique id of this run of the server.
+    protocol : int
+        The server's `PROTOCOL_VERSION` [1].
+    server_ns : int
+        Server time when this was sent [ns].
+    config : str
+        The resolved configuration, as TOML.
+    """
+
+    session: str
+    protocol: int
+    server_ns: int
+    config: str
+
+
+@dataclass(frozen=True, slots=True)
+class Refusal:
+    """The server's answer to a `Hello` or `Command` it does not accept.
+
+    Attributes
+    ----------
+    reason : str
+        One sentence for people.
+    """
+
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Goodbye:
+    """Either side leaves on purpose.
+
+    Attributes
+    ----------
+    reason : str
+        One sentence for people.
+    """
+
+    reason: str
+
+
+# --- motion: agents <-> server, 1 kHz ----------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Stylus:
+    """One reading of a stylus, agent to server.
+
+    Attributes
+    ----------
+    seq : int
+        Number of the sample, from 0, without gaps at the source [1].
+    stamp_ns : int
+        When the device was read [ns].
+    x, y, z : float
+        Position in the scene's frame: out of the screen, right, up [m].
+    vx, vy, vz : float
+        Velocity [m/s].
+    buttons : int
+        Bit mask of pressed buttons [1].
+    safeguards : int
+        `Safeguard` bits since the sample before [1].
+    rendered : float
+        Vertical force handed to the device since the sample before, after all limits [N].
+    force_tick : int
+        Tick of the last `Force` or `Beat` received, -1 for none yet [1].
+    force_sent_ns : int
+        Its ``sent_ns``, server time: t0 of a clock probe [ns].
+    force_received_ns : int
+        When it was received: t1 of a clock probe [ns].
+    sent_ns : int
+        When this message was sent: t2 of a clock probe [ns].
+    loop_ns : int
+        Stylus read to the rendering of the first force computed from it, for the newest such pair; 0 for none yet [ns].
+    """
+
+    seq: int
+    stamp_ns: int
+    x: float
+    y: float
+    z: float
+    vx: float
+    vy: float
+    vz: float
+    buttons: int
+    safeguards: int
+    rendered: float
+    force_tick: int
+    force_sent_ns: int
+    force_received_ns: int
+    sent_ns: int
+    loop_ns: int
+
+
+@dataclass(frozen=True, slots=True)
+class Force:
+    """The vertical force on one hand for one tick, server to agent.
+
+    Attributes
+    ----------
+    tick : int
+        Tick that computed it [1].
+    sent_ns : int
+        Server time when it was sent [ns].
+    stylus_seq : int
+        Newest stylus sample it was computed from [1].
+    force : float
+        Force on the hand, + = up [N].
+    """
+
+    tick: int
+    sent_ns: int
+    stylus_seq: int
+    force: float
+
+
+@dataclass(frozen=True, slots=True)
+class Beat:
+    """In place of `Force` where no force is rendered: the server is alive and the hand is to feel nothing vertical.
+
+    Attributes
+    ----------
+    tick : int
+        Tick that sent it [1].
+    sent_ns : int
+        Server time when it was sent [ns].
+    stylus_seq : int
+        Newest stylus sample received [1].
+    """
+
+    tick: int
+    sent_ns: int
+    stylus_seq: int
+
+
+# --- views: server -> displays, at most 120 Hz -------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """What one participant may see; nothing else is ever sent to a display.
+
+    Attributes
+    ----------
+    station : str
+        ``left`` or ``right``.
+    tick : int
+        Tick it shows [1].
+    sent_ns : int
+        Server time when it was sent [ns].
+    phase : str
+        Name of the trial's phase (`netboard.experiment.machine.Phase`, lower case).
+    z : float
+        Height of the board's centre [m].
+    theta : float
+        Tilt of the board, + = right end up [rad].
+    p : float or None
+        Ball position along the board, + = right; None without a ball [m].
+    target : float
+        Centre of the target along the board [m].
+    left, right : float or None
+        Height of the left and right stylus; None where the participant may not see it [m].
+    trial : int
+        Number of the current trial in the block, from 1 [1].
+    trials : int
+        Successful trials the block asks for [1].
+    failures : int
+        Failed attempts in the block so far [1].
+    completion : float or None
+        Completion time of the last successful trial [s].
+    best : float or None
+        Best completion time of the block so far [s].
+    notice : str
+        A line for the participant, or empty.
+    """
+
+    station: str
+    tick: int
+    sent_ns: int
+    phase: str
+    z: float
+    theta: float
+    p: float | None
+    target: float
+    left: float | None
+    right: float | None
+    trial: int
+    trials: int
+    failures: int
+    completion: float | None
+    best: float | None
+    notice: str
+
+
+@dataclass(frozen=True, slots=True)
+class Frames:
+    """What a display has shown since its last report, display to server on the control channel.
+
+    Attributes
+    ----------
+    station : str
+        ``left`` or ``right``.
+    shown : tuple of (int, int, int)
+        For each frame: tick of the view, when it was received and when it was painted [1, ns, ns].
+    dropped : int
+        Views since the start that were replaced by a newer one before they were painted, or painted late [1].
+    """
+
+    station: str
+    shown: tuple[tuple[int, int, int], ...]
+    dropped: int
+
+
+# --- log: server -> logger, lossless -----------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class LogRequest:
+    """A logger asks for records.
+
+    Attributes
+    ----------
+    first : int
+        Number of the first record wanted; -1 for the first one that no logger has acknowledged [1].
+    """
+
+    first: int
+
+
+@dataclass(frozen=True, slots=True)
+class LogBatch:
+    """Records in order, server to logger. Each is the bytes of one of the record messages below.
+
+    Attributes
+    ----------
+    first : int
+        Number of the first record; the rest count up from it [1].
+    lost : int
+        Records before `first` that the logger asked for and the ring no longer held [1].
+    records : tuple of bytes
+        The encoded records.
+    """
+
+    first: int
+    lost: int
+    records: tuple[bytes, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class LogAck:
+    """All records before this one are safely on disk, logger to server.
+
+    Attributes
+    ----------
+    durable : int
+        Number of the first record that is not yet on disk [1].
+    free_bytes : int
+        Free space where the recording is written, in bytes [1].
+    """
+
+    durable: int
+    free_bytes: int
+
+
+@dataclass(frozen=True, slots=True)
+class LogEnd:
+    """The session is over: no record follows `last`, server to logger.
+
+    Attributes
+    ----------
+    last : int
+        Number of the last record, -1 if there was none [1].
+    """
+
+    last: int
+
+
+@dataclass(frozen=True, slots=True)
+class TickRecord:
+    """One tick: one row of `netboard.stage.TICK`.
+
+    Attributes
+    ----------
+    row : bytes
+        The row, little-endian, packed.
+    """
+
+    row: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class EventRecord:
+    """Something happened.
+
+    Attributes
+    ----------
+    seq : int
+        Number of the event, from 0 [1].
+    tick : int
+        Tick at which it took effect [1].
+    time_ns : int
+        Server time [ns].
+    name : str
+        What, in snake case.
+    details : dict of str
+        Anything worth knowing.
+    """
+
+    seq: int
+    tick: int
+    time_ns: int
+    name: str
+    details: dict[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class ClockRecord:
+    """One raw clock probe of a peer, and the estimate then.
+
+    Attributes
+    ----------
+    seq : int
+        Number of the probe, from 0 [1].
+    peer : str
+        ``agent.left`` and so on.
+    t0_ns, t3_ns : int
+        Sent and received by the server, server time [ns].
+    t1_ns, t2_ns : int
+        Received and sent by the peer, its own time [ns].
+    offset_ns : int
+        Estimated peer clock minus server clock [ns].
+    bound_ns : int
+        Bound of the estimate's error [ns].
+    """
+
+    seq: int
+    peer: str
+    t0_ns: int
+    t1_ns: int
+    t2_ns: int
+    t3_ns: int
+    offset_ns: int
+    bound_ns: int
+
+
+@dataclass(frozen=True, slots=True)
+class FrameRecord:
+    """One frame a display has shown.
+
+    Attributes
+    ----------
+    seq : int
+        Number of the frame at its station, from 0 [1].
+    station : str
+        ``left`` or ``right``.
+    tick : int
+        Tick of the view [1].
+    received_ns, painted_ns : int
+        When the view was received and painted, the display's clock [ns].
+    dropped : int
+        Dropped views so far [1].
+    """
+
+    seq: int
+    station: str
+    tick: int
+    received_ns: int
+    painted_ns: int
+    dropped: int
+
+
+# --- control: console, demo -> server ----------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """An operator's wish.
+
+    Attributes
+    ----------
+    name : str
+        ``start``, ``pause``, ``resume``, ``abort`` or ``stop``.
+    """
+
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class StatusRequest:
+    """Ask the server how it is."""
+
+
+@dataclass(frozen=True, slots=True)
+class Status:
+    """How the server is.
+
+    Attributes
+    ----------
+    session : str
+        Id of this run of the server.
+    tick : int
+        Ticks so far [1].
+    phase : str
+        Phase of the trial, lower case.
+    trial, trials : int
+        Current trial, and how many the block asks for [1].
+    successes, failures : int
+        Trials done and attempts failed in the block [1].
+    completions : tuple of float
+        Completion times of the successful trials so far [s].
+    late_ticks : int
+        Ticks that started more than half a tick late [1].
+    waiting_for : tuple of str
+        Peers still missing.
+    peers : tuple of str
+        Peers that are there.
+    notice : str
+        What the operator should know, or empty.
+    """
+
+    session: str
+    tick: int
+    phase: str
+    trial: int
+    trials: int
+    successes: int
+    failures: int
+    completions: tuple[float, ...]
+    late_ticks: int
+    waiting_for: tuple[str, ...]
+    peers: tuple[str, ...]
+    notice: str
+
+
+Message = (
+    Hello
+    | Welcome
+    | Refusal
+    | Goodbye
+    | Stylus
+    | Force
+    | Beat
+    | View
+    | Frames
+    | LogRequest
+    | LogBatch
+    | LogAck
+    | LogEnd
+    | TickRecord
+    | EventRecord
+    | ClockRecord
+    | FrameRecord
+    | Command
+    | StatusRequest
+    | Status
+)
