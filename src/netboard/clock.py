@@ -1,13 +1,10 @@
-"""Time of a process: the monotonic clock, the 1 kHz pacer with its lateness record, and the set-up of a steady loop.
+"""Time of a process: the monotonic clock and the 1 kHz pacer.
 
 Time is an integer number of nanoseconds of CLOCK_MONOTONIC (`time.monotonic_ns`), never stepped. The pacer keeps
 absolute deadlines: a late tick is followed by the next one at its own time, so that lateness never adds up. A loop that
 falls far behind does not run a burst of ticks to catch up: it moves its deadlines and says by how much.
 """
 
-import gc
-import os
-import sys
 import time
 
 from netboard.stage import TICK_NS
@@ -50,36 +47,3 @@ class Pacer:
             self.moved_ns += missed
             late -= missed
         return late
-
-
-def steady_loop() -> None:
-    """Make ready for a steady loop: what exists now is never collected again, and no collection interrupts it.
-
-    The thread switch interval is shortened too, so that a library's thread cannot hold the loop up for 5 ms.
-    """
-    gc.collect()
-    gc.freeze()
-    gc.disable()
-    sys.setswitchinterval(5e-4)
-
-
-def real_time(priority: int) -> str:
-    """Ask the system for real-time scheduling of this process; say in one line what came of it.
-
-    Parameters
-    ----------
-    priority : int
-        SCHED_FIFO priority [1].
-
-    Returns
-    -------
-    str
-        One line for people: granted, or why not. Never fatal.
-    """
-    if not hasattr(os, "sched_setscheduler"):
-        return f"real-time scheduling: not offered on {sys.platform}; going on without it"
-    try:
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
-    except OSError as error:
-        return f"real-time scheduling: refused ({error.strerror}); going on without it"
-    return f"real-time scheduling: SCHED_FIFO {priority}"

@@ -6,10 +6,12 @@ many and lingers; views are single frames and conflated; every link has heartbea
 Sockets are used by the thread that made them.
 """
 
+import select
+import time
 from dataclasses import dataclass
 
 import zmq
-from zmq import Again, Context, Frame, Poller, Socket, ZMQError  # noqa: F401  (the names the nodes use)
+from zmq import Again, Context, Socket, ZMQError
 
 from netboard.config import Network, Side
 from netboard.errors import NetboardError
@@ -209,6 +211,16 @@ def send_to(socket: "Socket[bytes]", peer: bytes, frame: bytes) -> bool:
     return True
 
 
-def wait_readable(socket: "Socket[bytes]", timeout_ms: float) -> bool:
-    """Wait until a socket can be read, at most so long [ms]."""
-    return bool(socket.poll(int(timeout_ms), zmq.POLLIN))
+def wait_readable(socket: "Socket[bytes]", timeout: float) -> bool:
+    """Wait until a socket can be read, at most so long [s].
+
+    ZeroMQ's own poll counts in whole milliseconds, a tick. Its file descriptor only tells that something has changed,
+    so what can be read is asked before and after every wait.
+    """
+    until = time.monotonic() + timeout
+    while not socket.getsockopt(zmq.EVENTS) & zmq.POLLIN:
+        left = until - time.monotonic()
+        if left <= 0:
+            return False
+        select.select((socket.getsockopt(zmq.FD),), (), (), left)
+    return True

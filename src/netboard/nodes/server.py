@@ -14,17 +14,18 @@ from typing import Any
 import numpy as np
 
 from netboard import sockets
-from netboard.clock import Pacer, now_ns, steady_loop
+from netboard.clock import Pacer, now_ns
 from netboard.config import SIDES, Config, resolve
 from netboard.curtain import PHASE_NAMES, make_curtain, view_of
 from netboard.experiment.machine import Cause, Phase, is_active
 from netboard.nodes.control_port import ControlPort
 from netboard.nodes.log_port import LogPort
 from netboard.nodes.motion_port import MotionPort
-from netboard.nodes.watch import WISHES, Watch
+from netboard.nodes.watch import Watch
+from netboard.process import steady_loop
 from netboard.stage import TICK, TICK_NS, make_stage
 from netboard.wire.codec import encode
-from netboard.wire.messages import PROTOCOL_VERSION, EventRecord, Message, Safeguard, Status, TickRecord, Welcome
+from netboard.wire.messages import PROTOCOL_VERSION, EventRecord, Safeguard, Status, TickRecord, Welcome
 
 log = logging.getLogger(__name__)
 

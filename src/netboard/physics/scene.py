@@ -67,8 +67,9 @@ def pack_scene(physics: Physics) -> NDArray[Any]:
     if not is_stable(scene[0], LIVE_STEP):
         raise ConfigError(
             f"physics.k_h = {physics.k_h:g}, physics.c_h = {physics.c_h:g}: too stiff for a board of "
-            f"M = {physics.M:g} kg, I = {physics.I:g} kg m2 in steps of {LIVE_STEP * 1e3:g} ms: each step would multiply its motion by "
-            f"{spectral_radius(scene[0], LIVE_STEP):.3g} (at most 1 is stable); accepted: {_accepted(physics)}"
+            f"M = {physics.M:g} kg, I = {physics.I:g} kg m2 in steps of {LIVE_STEP * 1e3:g} ms: each step would "
+            f"multiply its motion by {spectral_radius(scene[0], LIVE_STEP):.3g} (spectral radius; at most 1 is stable); "
+            f"accepted: {_accepted(physics)}"
         )
     return scene
 

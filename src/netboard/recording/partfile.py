@@ -91,15 +91,10 @@ class PartFile:
         self._pending = 0
         if path.exists():
             raise RecordingError(f"{path}: exists already, and a recording is never overwritten")
-        try:
-            with _disk(self.part):
-                self._file = self.part.open("xb")
-        except RecordingError as error:
-            if isinstance(error.__cause__, FileExistsError):
-                raise RecordingError(
-                    f"{self.part}: an unfinished recording of this name exists; see `netboard recover`"
-                ) from None
-            raise
+        if self.part.exists():
+            raise RecordingError(f"{self.part}: an unfinished recording of this name exists; see `netboard recover`")
+        with _disk(self.part):
+            self._file = self.part.open("xb")
         # Chunks are closed by this class alone: the writer's own limit would let a chunk grow past its size.
         self._mcap = Writer(
             self._file, chunk_size=2**62, compression=CompressionType.ZSTD, enable_crcs=True, enable_data_crcs=True
@@ -120,11 +115,6 @@ class PartFile:
         except RecordingError:
             self.abandon()
             raise
-
-    @property
-    def has_pending(self) -> bool:
-        """Whether the chunk in memory holds messages."""
-        return self._pending > 0
 
     @property
     def is_open(self) -> bool:
@@ -159,17 +149,17 @@ class PartFile:
             Log time [ns].
         """
         size = _MESSAGE_HEAD + len(message.data)
-        with self._writing():
-            if self._pending and self._pending + size > self._chunk_bytes:
+        if self._pending and self._pending + size > self._chunk_bytes:
+            with self._writing():
                 self._close_chunk()
-            self._mcap.add_message(
-                channel_id,
-                log_time_ns,
-                message.data,
-                # MCAP's stamps are unsigned and its sequence has 32 bits; the message itself has the full values.
-                max(message.publish_time_ns, 0),
-                message.sequence & 0xFFFF_FFFF,
-            )
+        self._mcap.add_message(
+            channel_id,
+            log_time_ns,
+            message.data,
+            # MCAP's stamps are unsigned and its sequence has 32 bits; the message itself has the full values.
+            max(message.publish_time_ns, 0),
+            message.sequence & 0xFFFF_FFFF,
+        )
         self._pending += size
 
     def _close_chunk(self) -> None:

@@ -202,8 +202,10 @@ def _mapping(key: Check, item: Check, value: Any) -> Any:
     return {key(k): item(v) for k, v in _exactly(dict, value).items()}
 
 
-def _sequence(check: Check, value: Any) -> Any:
-    return tuple(map(check, _exactly(tuple, value)))
+def _sequence(check: Check, most_items: int, value: Any) -> Any:
+    if len(_exactly(tuple, value)) > most_items:
+        raise ValueError(f"expected at most {most_items} items, got {len(value)}")
+    return tuple(map(check, value))
 
 
 def _record(checks: tuple[Check, ...], value: Any) -> Any:
@@ -217,20 +219,19 @@ _READ: Mapping[type, Check] = {**_PLAIN, int: _read_int, float: partial(_exactly
 _WRITE: Mapping[type, Check] = {**_PLAIN, int: _write_int, float: _write_float}
 
 
-def _compile(hint: Any, scalars: Mapping[type, Check]) -> Check:
+def _compile(hint: Any, scalars: Mapping[type, Check], most_items: int) -> Check:
     """Make the check of one type hint; `scalars` says how its leaves are checked."""
     origin, arguments = typing.get_origin(hint), typing.get_args(hint)
     if origin is None:
         return scalars[hint]
-    if origin is types.UnionType and arguments[1:] == (type(None),):
-        return partial(_optional, _compile(arguments[0], scalars))
+    inner = tuple(_compile(part, scalars, most_items) for part in arguments if part not in (type(None), Ellipsis))
+    if origin is types.UnionType:
+        return partial(_optional, *inner)
     if origin is dict:
-        return partial(_mapping, _compile(arguments[0], scalars), _compile(arguments[1], scalars))
-    if origin is tuple and arguments[-1] is Ellipsis:
-        return partial(_sequence, _compile(arguments[0], scalars))
-    if origin is tuple:
-        return partial(_record, tuple(_compile(argument, scalars) for argument in arguments))
-    raise TypeError(f"no wire type for {hint}")
+        return partial(_mapping, *inner)
+    if arguments[-1] is Ellipsis:
+        return partial(_sequence, *inner, most_items)
+    return partial(_record, inner)
 
 
 # --- one message -------------------------------------------------------------------------------------------------
@@ -266,7 +267,9 @@ def _plan(number: int, kind: Kind) -> _Plan:
 
     def checks(scalars: Mapping[type, Check]) -> tuple[Check, ...]:
         return tuple(
-            partial(_one_of, CHOICES[message, name]) if (message, name) in CHOICES else _compile(hints[name], scalars)
+            partial(_one_of, CHOICES[message, name])
+            if (message, name) in CHOICES
+            else _compile(hints[name], scalars, kind.most_items)
             for name in names
         )
 

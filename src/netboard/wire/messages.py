@@ -12,7 +12,27 @@ PROTOCOL_VERSION = 1
 
 
 class Safeguard(IntFlag):
-    """What the agent's safety chain did to the last force, and the state it is in."""
+    """What the agent's safety chain did since the sample before, and the state it is in.
+
+    Attributes
+    ----------
+    ARMED
+        Forces from the server are rendered.
+    RAMPING
+        Armed a moment ago: they are rendered in part.
+    CLAMPED
+        A force was larger than the limit.
+    SLEWED
+        A force changed faster than the limit.
+    STALE
+        The last force is too old: it fades.
+    TOO_FAST
+        The stylus was faster than the limit: no force.
+    NOT_FINITE
+        A force or a reading was not a finite number: no force.
+    DEVICE_LOST
+        The device does not answer.
+    """
 
     ARMED = 1
     RAMPING = 2

@@ -14,7 +14,7 @@ from netboard.wire.messages import PROTOCOL_VERSION, Hello
 NEVER_NS = 2**63 - 1
 """Age of what was never heard, and error bound of a clock that was never probed [ns]."""
 
-MILLION = 1_000_000
+_MILLION = 1_000_000
 
 _SEATED = ("agent", "display")
 
@@ -204,7 +204,7 @@ class ClockEstimator:
         if probes and not self._meets(lowest, highest, t3_ns):
             probes.clear()
             self.restarts += 1
-        new = _Probe((highest - lowest) * MILLION - 2 * self._skew_ppm * t0_ns, t0_ns, (highest + lowest) // 2)
+        new = _Probe((highest - lowest) * _MILLION - 2 * self._skew_ppm * t0_ns, t0_ns, (highest + lowest) // 2)
         while probes and probes[-1].rank >= new.rank:
             probes.pop()
         probes.append(new)
@@ -226,7 +226,7 @@ class ClockEstimator:
 
     def _bound_ns(self, now_ns: int) -> int:
         """Bound of the best probe, rounded up, with 1 ns for the offset's own rounding."""
-        return -(-(self._probes[0].rank + 2 * self._skew_ppm * now_ns) // (2 * MILLION)) + 1
+        return -(-(self._probes[0].rank + 2 * self._skew_ppm * now_ns) // (2 * _MILLION)) + 1
 
     def _meets(self, lowest: int, highest: int, now_ns: int) -> bool:
         """Whether an offset in a new probe's interval is also within the present bound."""

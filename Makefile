@@ -1,0 +1,55 @@
+# `make demo` and `make test` do all the set-up themselves; `make help` lists the rest.
+
+ARGS ?=
+BIN := .venv/bin
+SETUP := deploy/setup.sh pyproject.toml requirements/constraints.txt
+
+.PHONY: help demo test lint imports types docs wheel lock clean
+.DEFAULT_GOAL := help
+
+help: ## list what can be made
+	@sed -n 's/^\([a-z]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 10
+
+demo: .venv/.ready-to-run ## a whole session with simulated people; options with ARGS="--trials 2"
+	$(BIN)/netboard demo $(ARGS)
+
+test: lint imports types ## all checks and all tests; options for pytest with ARGS="-k physics"
+	$(BIN)/python docs/generate.py --check
+	$(BIN)/python -m pytest $(ARGS)
+
+lint: .venv/.ready-to-develop ## style
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+imports: .venv/.ready-to-develop ## who may import whom: over one tree, as an installed netboard has
+	rm -rf build/imports && mkdir -p build/imports
+	cp -r src/netboard build/imports/netboard && cp -r services build/imports/netboard/services
+	PYTHONPATH=build/imports $(BIN)/lint-imports --no-cache --no-logo
+
+types: .venv/.ready-to-develop ## types
+	$(BIN)/mypy
+
+docs: .venv/.ready-to-develop ## write the generated pages of docs/
+	$(BIN)/python docs/generate.py
+
+wheel: .venv/.ready-to-develop ## dist/netboard-*.whl
+	rm -rf build/lib build/bdist.* dist
+	$(BIN)/python -m build --wheel
+
+lock: ## write requirements/constraints.txt anew, with the newest versions that pyproject.toml allows
+	python3.11 -m venv --clear build/lock
+	build/lock/bin/python -m pip install --quiet --disable-pip-version-check '.[dev,devices]'
+	sed -n '/^#/p' requirements/constraints.txt > build/lock/head
+	build/lock/bin/python -m pip freeze --exclude netboard | LC_ALL=C sort -f | cat build/lock/head - > requirements/constraints.txt
+
+clean: ## remove everything made, but no recording
+	rm -rf .venv build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache src/*.egg-info *.egg-info
+	find src services tests docs -name __pycache__ -type d -prune -exec rm -rf {} +
+
+.venv/.ready-to-run: $(SETUP)
+	deploy/setup.sh run
+	touch $@
+
+.venv/.ready-to-develop: $(SETUP)
+	deploy/setup.sh dev
+	touch .venv/.ready-to-run $@

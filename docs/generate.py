@@ -1,0 +1,146 @@
+"""Write the generated parts of the documentation, or check that they are up to date.
+
+    python docs/generate.py            writes them
+    python docs/generate.py --check    exits with 1 and says which are stale
+
+A page holds generated text between ``<!-- generated: NAME -->`` and ``<!-- end of NAME -->``; the rest is written by
+hand. The state diagram comes from the trial machine's table, the configuration reference from the dataclasses, the
+command reference from the command itself, so none of them can say what the program does not do.
+"""
+
+import re
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import typer.main
+
+from netboard.config import Config
+from netboard.experiment.machine import BALL_FREE, TABLE, Action, Cause, Phase
+from netboard.services.cli import app
+from netboard.settings import Key, tables, to_toml
+
+DOCS = Path(__file__).parent
+
+
+def state_diagram() -> str:
+    """Draw the trial machine: one arrow for each edge, marked cause / action."""
+    arrows = ["    [*] --> IDLE"]
+    for phase, edges in TABLE.items():
+        for cause, (then, action) in edges.items():
+            does = "" if action is Action.NONE else f" / {action.name.lower()}"
+            arrows.append(f"    {phase.name} --> {then.name}: {cause.name.lower()}{does}")
+    arrows += [f"    {phase.name} --> [*]" for phase, edges in TABLE.items() if not edges]
+    return "\n".join(["```mermaid", "stateDiagram-v2", *arrows, "```"])
+
+
+def edge_table() -> str:
+    """Write the trial machine as a table: phases down, causes across, the next phase in each cell."""
+    causes = [cause for cause in Cause if any(cause in edges for edges in TABLE.values())]
+    lines = [
+        "| phase | ball | " + " | ".join(cause.name.lower() for cause in causes) + " |",
+        "|---|---|" + "---|" * len(causes),
+    ]
+    for phase in Phase:
+        cells = [TABLE[phase][cause][0].name.lower() if cause in TABLE[phase] else "" for cause in causes]
+        ball = "free" if phase in BALL_FREE else "fixed"
+        lines.append(f"| **{phase.name.lower()}** | {ball} | " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
+def configuration() -> str:
+    """Write a section for every table of the configuration, a row for every key."""
+    sections = []
+    for table in tables(Config):
+        if table.keys:
+            rows = [_key_row(key) for key in table.keys]
+            head = [f"## [{table.name}]", "", table.text, "", "| key | default | unit | values | what it is |"]
+            sections.append("\n".join([*head, "|---|---|---|---|---|", *rows]))
+    return "\n\n".join(sections)
+
+
+def _key_row(key: Key) -> str:
+    """Write one key as a row of a Markdown table."""
+    default = "" if isinstance(key.default, dict) else f"`{to_toml(key.default)}`"
+    unit = "" if key.unit in ("", "1") else key.unit
+    values = f"{key.kind} {key.limits}".strip().replace("|", "\\|")
+    return f"| `{key.name}` | {default} | {unit} | {values} | {key.text} |"
+
+
+def commands() -> str:
+    """Write a section for every command."""
+    root = typer.main.get_command(app)
+    with typer.Context(root, info_name="netboard") as context:
+        return "\n\n".join(_sections(root, context))
+
+
+def _sections(command: Any, context: typer.Context) -> Iterator[str]:
+    """Write a command, then the commands within it."""
+    lines = [f"## {context.command_path}", "", command.help or ""]
+    lines += ["", "```console", f"$ {context.command_path} {' '.join(command.collect_usage_pieces(context))}", "```"]
+    records = [record for parameter in command.params if (record := parameter.get_help_record(context))]
+    if records:
+        lines += ["", "| option | what it does |", "|---|---|"]
+        lines += [f"| `{_cell(name)}` | {_cell(text)} |" for name, text in records]
+    if command.epilog:
+        _, *examples = command.epilog.split("\n\n")
+        lines += ["", "Examples:", "", "```console", *(f"$ {example.strip()}" for example in examples), "```"]
+    yield "\n".join(lines)
+    for name in getattr(command, "commands", {}):
+        inner = command.commands[name]
+        with typer.Context(inner, parent=context, info_name=name) as inner_context:
+            yield from _sections(inner, inner_context)
+
+
+def _cell(text: str) -> str:
+    """Make text safe inside a cell of a Markdown table."""
+    return re.sub(r"\s+", " ", text).replace("|", "\\|")
+
+
+GENERATED: dict[str, tuple[str, Callable[[], str]]] = {
+    "state diagram": ("trial-machine.md", state_diagram),
+    "edge table": ("trial-machine.md", edge_table),
+    "configuration": ("reference/configuration.md", configuration),
+    "commands": ("reference/commands.md", commands),
+}
+
+
+def renewed(page: str, name: str, text: str) -> str:
+    """Put generated text between its two marks in a page.
+
+    Raises
+    ------
+    ValueError
+        If the page has not exactly one such pair of marks.
+    """
+    start, end = f"<!-- generated: {name} -->", f"<!-- end of {name} -->"
+    if page.count(start) != 1 or page.count(end) != 1:
+        raise ValueError(f"the page must hold {start} and {end} once each")
+    before, rest = page.split(start)
+    return f"{before}{start}\n\n{text}\n\n{end}{rest.split(end)[1]}"
+
+
+def pages() -> dict[Path, str]:
+    """Make every page anew that has generated parts."""
+    made: dict[Path, str] = {}
+    for name, (file, make) in GENERATED.items():
+        path = DOCS / file
+        page = made[path] if path in made else path.read_text(encoding="utf-8")
+        made[path] = renewed(page, name, make())
+    return made
+
+
+def main(arguments: list[str]) -> int:
+    """Write or check."""
+    stale = {path: text for path, text in pages().items() if text != path.read_text(encoding="utf-8")}
+    checking = "--check" in arguments
+    for path, text in stale.items():
+        if not checking:
+            path.write_text(text, encoding="utf-8", newline="\n")
+        sys.stdout.write(f"{path.relative_to(DOCS.parent)}: {'stale; run make docs' if checking else 'written'}\n")
+    return 1 if checking and stale else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,154 @@
+"""Backend ``virtual``: a Touch-like device that does not exist, held by a simulated hand.
+
+Reading it lets the hand's mechanics run up to the time asked for, under the force written last; so it needs no thread
+and is as repeatable as the times and forces it is given. What it reports is what such a device would: a position in
+whole encoder steps, and a velocity that is the difference of two such positions `VELOCITY_SPAN_NS` apart, which is
+late by half of that. Its motors saturate at their largest force, like real ones.
+
+Options (``agents.<side>.options``): ``held = false`` for a stylus that nobody holds.
+"""
+
+from collections import deque
+from collections.abc import Iterable
+from math import hypot
+from typing import final
+
+import numpy as np
+
+from netboard.config import SIDES, Config, Side
+from netboard.devices.base import Device, DeviceInfo, Reading
+from netboard.errors import ConfigError
+from netboard.participants.hand import STEP_NS, Hand, pack_arm
+from netboard.participants.submovement import Submovement
+
+VELOCITY_SPAN_NS = 4_000_000
+"""The velocity is the difference of two positions so far apart; it is late by half of this [ns]."""
+
+CATCH_UP_NS = 50_000_000
+"""After a longer pause between two readings the hand lives through only so much of it [ns]."""
+
+CONTINUOUS_SHARE = 0.88 / 3.3
+"""Continuous to largest force of a Touch [1]."""
+
+_Place = tuple[float, float, float]
+
+
+@final
+class VirtualTouch(Device):
+    """A simulated device in a simulated hand.
+
+    Parameters
+    ----------
+    side : {"left", "right"}
+        Whose device it is.
+    config : Config
+        The whole configuration; of it the tables ``virtual``, ``participant`` and ``agents`` and the block's seed.
+
+    Raises
+    ------
+    ConfigError
+        If an option is unknown or of the wrong type.
+    """
+
+    def __init__(self, side: Side, config: Config) -> None:
+        super().__init__(side, config)
+        self._device = config.virtual
+        held = self._held()
+        rng = np.random.default_rng((config.block.seed, SIDES.index(side)))
+        self._hand = Hand(pack_arm(config.participant, config.virtual, held), rng)
+        self._force = (0.0, 0.0, 0.0)
+        self._time_ns: int | None = None
+        self._past: deque[tuple[int, _Place]] = deque()
+
+    @property
+    def felt(self) -> float:
+        """Vertical force the motors exert on the hand now [N]."""
+        return self._force[2]
+
+    def command(self, moves: Iterable[Submovement]) -> None:
+        """Let the hand do something.
+
+        Parameters
+        ----------
+        moves : iterable of Submovement
+            Movements of this side's hand, timed in seconds of the clock that `read` is given.
+
+        Raises
+        ------
+        ValueError
+            If a movement is for the other hand.
+        """
+        mine = tuple(moves)
+        if any(move.side != self.side for move in mine):
+            raise ValueError(f"the {self.side} hand was given movements of the other one")
+        self._hand.plan(mine)
+
+    def _held(self) -> bool:
+        """Option ``held``."""
+        table = f"agents.{self.side}.options"
+        unknown = sorted(set(self.agent.options) - {"held"})
+        if unknown:
+            raise ConfigError(f"[{table}] {unknown[0]}: unknown option of the virtual device; expected: held")
+        held = self.agent.options.get("held", True)
+        if not isinstance(held, bool):
+            raise ConfigError(f"[{table}] held: expected true or false, found {held!r}")
+        return held
+
+    def _open(self) -> DeviceInfo:
+        device = self._device
+        return DeviceInfo(
+            model="virtual Touch",
+            serial=f"virtual-{self.side}",
+            max_force=device.max_force,
+            continuous_force=device.max_force * CONTINUOUS_SHARE,
+            resolution=device.resolution,
+        )
+
+    def _read(self, now_ns: int) -> Reading:
+        self._live_until(now_ns)
+        place = self._encoder(now_ns)
+        x, y, z = place
+        vx, vy, vz = self._velocity(now_ns, place)
+        return Reading(now_ns, x, y, z, vx, vy, vz, 0, True)
+
+    def _write(self, fx: float, fy: float, fz: float) -> None:
+        size = hypot(fx, fy, fz)
+        share = 1.0 if size <= self._device.max_force else self._device.max_force / size
+        self._force = (fx * share, fy * share, fz * share)
+
+    def _close(self) -> None:
+        self._time_ns = None
+        self._past.clear()
+
+    def _live_until(self, now_ns: int) -> None:
+        """Let the hand's mechanics run in whole steps up to now."""
+        if self._time_ns is None:
+            self._time_ns = now_ns
+        self._time_ns = max(self._time_ns, now_ns - CATCH_UP_NS)
+        steps = (now_ns - self._time_ns) // STEP_NS
+        if steps > 0:
+            self._hand.advance(steps, self._time_ns * 1e-9, self._force)
+            self._time_ns += steps * STEP_NS
+
+    def _encoder(self, now_ns: int) -> _Place:
+        """Position now, moved on from the last whole step, in encoder steps [m]."""
+        rest = max(now_ns - (self._time_ns or now_ns), 0) * 1e-9
+        step = self._device.resolution
+        x, y, z = (r + rest * v for r, v in zip(self._hand.position, self._hand.velocity, strict=True))
+        if step == 0.0:
+            return x, y, z
+        return round(x / step) * step, round(y / step) * step, round(z / step) * step
+
+    def _velocity(self, now_ns: int, place: _Place) -> _Place:
+        """Difference to the position `VELOCITY_SPAN_NS` ago, or to the oldest there is [m/s]."""
+        past = self._past
+        while len(past) > 1 and past[1][0] <= now_ns - VELOCITY_SPAN_NS:
+            past.popleft()
+        while past and past[-1][0] >= now_ns:
+            past.pop()
+        past.append((now_ns, place))
+        then_ns, then = past[0]
+        if then_ns >= now_ns:
+            return 0.0, 0.0, 0.0
+        dt = (now_ns - then_ns) * 1e-9
+        return (place[0] - then[0]) / dt, (place[1] - then[1]) / dt, (place[2] - then[2]) / dt

@@ -1,0 +1,90 @@
+"""The inside of a chunk: from its compressed, checksummed bytes to its messages.
+
+The upstream library reads chunks too, one Python object per message; walking the bytes here is several times faster,
+which is what makes an hour of 1 kHz ticks load in seconds.
+"""
+
+import struct
+from collections.abc import Iterator
+from io import BytesIO
+from typing import NamedTuple
+
+import zstandard
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import Chunk
+from mcap.stream_reader import CRCValidationError, get_chunk_data_stream
+
+from netboard.errors import RecordingError
+
+MAGIC = b"\x89MCAP0\r\n"
+"""First and last bytes of an MCAP file."""
+
+RECORD_HEAD = struct.Struct("<BQ")
+"""Opcode and length, before every MCAP record."""
+
+_MESSAGE_HEAD = struct.Struct("<BQHIQQ")
+
+
+class Entry(NamedTuple):
+    """One message of a chunk.
+
+    Attributes
+    ----------
+    channel_id : int
+        Id of its channel [1].
+    sequence : int
+        Source's number, 32 bits of it [1].
+    log_time_ns, publish_time_ns : int
+        Logger's and source's stamp [ns].
+    data : bytes
+        The msgpack map.
+    """
+
+    channel_id: int
+    sequence: int
+    log_time_ns: int
+    publish_time_ns: int
+    data: bytes
+
+
+def unpack_chunk(body: bytes) -> bytes:
+    """Decompress a chunk and check it.
+
+    Parameters
+    ----------
+    body : bytes
+        The chunk record without opcode and length.
+
+    Returns
+    -------
+    bytes
+        The records in it, as `messages` walks them.
+
+    Raises
+    ------
+    RecordingError
+        If it is cut short, cannot be decompressed, or fails its checksum.
+    """
+    try:
+        chunk = Chunk.read(ReadDataStream(BytesIO(body)))
+        if chunk.compression == "zstd" and zstandard.frame_content_size(chunk.data) != chunk.uncompressed_size:
+            # Looked at first, so that a flipped bit cannot ask for terabytes.
+            raise RecordingError("a damaged chunk: its sizes contradict each other")
+        stream, size = get_chunk_data_stream(chunk, validate_crc=True)
+        return stream.read(size)
+    except (McapError, CRCValidationError, zstandard.ZstdError, struct.error, UnicodeDecodeError) as error:
+        raise RecordingError(f"a damaged chunk: {error}") from error
+
+
+def messages(data: bytes) -> Iterator[Entry]:
+    """Walk the messages of a decompressed chunk, in the order of the file."""
+    position = 0
+    while position < len(data):
+        opcode, length = RECORD_HEAD.unpack_from(data, position)
+        end = position + RECORD_HEAD.size + length
+        if opcode == Opcode.MESSAGE:
+            _, _, channel_id, sequence, log_time, publish_time = _MESSAGE_HEAD.unpack_from(data, position)
+            yield Entry(channel_id, sequence, log_time, publish_time, data[position + _MESSAGE_HEAD.size : end])
+        position = end

@@ -1,0 +1,191 @@
+"""Reads a finished recording: its metadata, its configuration, and its streams as arrays and records.
+
+A file that is not a finished, sound recording of a format this version knows is refused with a `RecordingError` that
+says what is wrong with it and what to do. Every chunk's checksum is verified when the chunk is read.
+"""
+
+import struct
+from collections.abc import Iterator
+from contextlib import contextmanager
+from io import SEEK_END
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self, TypeVar
+
+import numpy as np
+from mcap.exceptions import McapError
+from mcap.reader import SeekingReader
+from mcap.records import ChunkIndex
+from numpy.typing import NDArray
+
+from netboard.errors import RecordingError
+from netboard.recording.channels import FORMAT_VERSION, decode_ticks, unpack
+from netboard.recording.chunks import MAGIC, RECORD_HEAD, messages, unpack_chunk
+from netboard.recording.partfile import PROFILE
+from netboard.recording.provenance import CONFIG_NAME, METADATA, METADATA_END, config_sha256
+from netboard.recording.summary import Gap, find_gaps
+from netboard.stage import TICK
+from netboard.wire.messages import ClockRecord, EventRecord, FrameRecord
+
+_RECORD_LIMIT = 2**30
+
+T = TypeVar("T", EventRecord, ClockRecord, FrameRecord)
+
+
+class Recording:
+    """A finished recording, open for reading. Use it in a ``with`` block.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+
+    Attributes
+    ----------
+    path : Path
+        The file.
+    metadata : dict of str
+        What the file says about session, software and machine.
+    end : dict of str
+        How it ended; empty for a file that was recovered because it never ended.
+    Raises
+    ------
+    RecordingError
+        If it is not a finished, sound recording of a known format.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        try:
+            self._file = path.open("rb")
+        except OSError as error:
+            raise RecordingError(f"{path}: cannot be read: {error.strerror}") from error
+        try:
+            self._open()
+        except BaseException:
+            self._file.close()
+            raise
+
+    def _open(self) -> None:
+        self._check_ends()
+        with self._sound():
+            reader = SeekingReader(self._file, record_size_limit=_RECORD_LIMIT)
+            profile = reader.get_header().profile
+            summary = reader.get_summary()
+            records = {record.name: dict(record.metadata) for record in reader.iter_metadata()}
+            attached = {record.name: record.data for record in reader.iter_attachments()}
+        if profile != PROFILE or METADATA not in records:
+            raise RecordingError(f"{self.path}: an MCAP file, but not a recording of netboard")
+        self.metadata = records[METADATA]
+        self.end = records.get(METADATA_END, {})
+        if (version := self.metadata.get("format")) != FORMAT_VERSION:
+            raise RecordingError(
+                f"{self.path}: has format version {version}, this netboard reads version {FORMAT_VERSION}; "
+                f"read it with netboard {self.metadata.get('netboard', 'of its own version')}"
+            )
+        if summary is None:
+            raise RecordingError(f"{self.path}: has no index; run: netboard recover {self.path}")
+        self._chunks = sorted(summary.chunk_indexes, key=lambda chunk: chunk.chunk_start_offset)
+        self._ids = {channel.topic: channel.id for channel in summary.channels.values()}
+        self._config = attached.get(CONFIG_NAME)
+        if self._config is not None and config_sha256(self._config.decode()) != self.metadata.get("config_sha256"):
+            raise RecordingError(f"{self.path}: its configuration is damaged; run: netboard recover {self.path}")
+
+    def _check_ends(self) -> None:
+        """Tell apart what is not a recording at all from what is an unfinished one."""
+        size = self._file.seek(0, SEEK_END)
+        self._file.seek(0)
+        if self._file.read(len(MAGIC)) != MAGIC:
+            raise RecordingError(f"{self.path}: not an MCAP file")
+        self._file.seek(max(size - len(MAGIC), len(MAGIC)))
+        if self.path.suffix == ".part" or self._file.read(len(MAGIC)) != MAGIC:
+            raise RecordingError(f"{self.path}: was not finished, or is cut short; run: netboard recover {self.path}")
+
+    @contextmanager
+    def _sound(self) -> Iterator[None]:
+        """Turn what a damaged file makes go wrong into a `RecordingError` that names it."""
+        try:
+            yield
+        except (McapError, ValueError, struct.error, RecordingError, OSError) as error:
+            raise RecordingError(f"{self.path}: is damaged ({error}); run: netboard recover {self.path}") from error
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    @property
+    def config_text(self) -> str:
+        """The resolved configuration, as TOML.
+
+        Raises
+        ------
+        RecordingError
+            If this file was recovered from one whose configuration was destroyed.
+        """
+        if self._config is None:
+            raise RecordingError(f"{self.path}: its configuration was lost when it was damaged, see its metadata")
+        return self._config.decode()
+
+    def ticks(self) -> NDArray[Any]:
+        """All ticks.
+
+        Returns
+        -------
+        ndarray of TICK, shape (n,)
+            The rows, bit for bit as the server sent them.
+        """
+        parts = [decode_ticks(messages) for messages in self._by_chunk("/tick")]
+        return np.concatenate(parts) if parts else np.empty(0, TICK)
+
+    def events(self) -> tuple[EventRecord, ...]:
+        """All events."""
+        return self._records("/event", EventRecord)
+
+    def clocks(self) -> tuple[ClockRecord, ...]:
+        """All raw clock probes."""
+        return self._records("/clock", ClockRecord)
+
+    def frames(self) -> tuple[FrameRecord, ...]:
+        """All frames the displays have shown."""
+        return self._records("/frame", FrameRecord)
+
+    def remarks(self) -> tuple[EventRecord, ...]:
+        """What the logger itself noted: above all ``log_lost``, records it never got."""
+        return self._records("/logger", EventRecord)
+
+    def _records(self, topic: str, kind: type[T]) -> tuple[T, ...]:
+        with self._sound():
+            return tuple(kind(**unpack(message)) for messages in self._by_chunk(topic) for message in messages)
+
+    def _by_chunk(self, topic: str) -> Iterator[list[bytes]]:
+        """The messages of a stream, one list for each chunk that has any."""
+        channel_id = self._ids.get(topic)
+        for index in self._chunks:
+            if channel_id not in index.message_index_offsets:
+                continue
+            with self._sound():
+                data = unpack_chunk(self._body(index))
+            yield [entry.data for entry in messages(data) if entry.channel_id == channel_id]
+
+    def _body(self, index: ChunkIndex) -> bytes:
+        self._file.seek(index.chunk_start_offset + RECORD_HEAD.size)
+        return self._file.read(index.chunk_length - RECORD_HEAD.size)
+
+    def gaps(self) -> dict[str, tuple[Gap, ...]]:
+        """Missing numbers of every stream, by topic (and peer or station); a stream without gaps is not listed."""
+        numbers: dict[str, list[int]] = {"/tick": self.ticks()["tick"].tolist()}
+        numbers["/event"] = [event.seq for event in self.events()]
+        for clock in self.clocks():
+            numbers.setdefault(f"/clock {clock.peer}", []).append(clock.seq)
+        for frame in self.frames():
+            numbers.setdefault(f"/frame {frame.station}", []).append(frame.seq)
+        found = {stream: find_gaps(np.array(seqs, np.int64)) for stream, seqs in numbers.items()}
+        return {stream: gaps for stream, gaps in found.items() if gaps}

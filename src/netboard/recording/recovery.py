@@ -1,0 +1,303 @@
+"""Makes a whole recording of an unfinished or damaged one, without touching it.
+
+A chunk is found by its signature and believed by its checksum, so one destroyed length or record costs no more than its
+own chunk. Whatever lies between two sound chunks and is not made of whole records is reported as damage.
+"""
+
+import mmap
+import struct
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import Attachment, Metadata
+
+from netboard.errors import RecordingError
+from netboard.recording.channels import CHANNELS, FORMAT_VERSION, Stamped
+from netboard.recording.chunks import MAGIC, RECORD_HEAD, messages, unpack_chunk
+from netboard.recording.partfile import PartFile
+from netboard.recording.provenance import (
+    CONFIG_NAME,
+    LIBRARY,
+    METADATA,
+    METADATA_END,
+    METADATA_FIRST,
+    METADATA_RECOVERY,
+    config_sha256,
+)
+from netboard.recording.summary import Gap, find_gaps
+
+_SIGNATURE = struct.pack("<I", 4) + b"zstd"
+_TO_SIGNATURE = RECORD_HEAD.size + 8 + 8 + 8 + 4
+_COPIED_METADATA = (METADATA, METADATA_FIRST, METADATA_END)
+_CHUNK_BYTES = 2**62
+
+
+class Span(NamedTuple):
+    """Some bytes of a file.
+
+    Attributes
+    ----------
+    start, stop : int
+        First byte, and the one after the last [1].
+    """
+
+    start: int
+    stop: int
+
+
+@dataclass(frozen=True, slots=True)
+class Damage:
+    """A part of a file that could not be used.
+
+    Attributes
+    ----------
+    offset, length : int
+        Where it is, in bytes [1].
+    reason : str
+        What is wrong with it.
+    """
+
+    offset: int
+    length: int
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """What was recovered, and what was not.
+
+    Attributes
+    ----------
+    source, output : Path
+        The file read and the file written.
+    source_bytes : int
+        Size of the source [1].
+    chunks : int
+        Sound chunks [1].
+    messages : dict of int
+        Messages recovered, by topic [1].
+    first_tick, last_tick : int or None
+        First and last tick recovered [1].
+    missing : tuple of Gap
+        Ticks missing between these two [1].
+    damage : tuple of Damage
+        What could not be used.
+    finished : bool
+        Whether the source had been finished by its writer.
+    has_config : bool
+        Whether the configuration was recovered.
+    """
+
+    source: Path
+    output: Path
+    source_bytes: int
+    chunks: int
+    messages: dict[str, int]
+    first_tick: int | None
+    last_tick: int | None
+    missing: tuple[Gap, ...]
+    damage: tuple[Damage, ...]
+    finished: bool
+    has_config: bool
+
+    @property
+    def lost_bytes(self) -> int:
+        """Bytes that could not be used [1]."""
+        return sum(damage.length for damage in self.damage)
+
+
+def recovered_path(path: Path) -> Path:
+    """Name of the recovered file: ``X.mcap.part`` or ``X.mcap`` becomes ``X.recovered.mcap``."""
+    whole = path.with_suffix("") if path.suffix == ".part" else path
+    return whole.with_suffix(".recovered.mcap")
+
+
+def recover(path: Path, output: Path | None = None) -> Report:
+    """Write a whole recording with everything that is sound in an unfinished or damaged one.
+
+    Parameters
+    ----------
+    path : Path
+        The file to read; it is not changed.
+    output : Path, optional
+        The file to write; by default `recovered_path`.
+
+    Raises
+    ------
+    RecordingError
+        If the source is not MCAP or of another format version, or the output exists or cannot be written.
+    """
+    target = output or recovered_path(path)
+    with _mapped(path) as data:
+        if data[: len(MAGIC)] != MAGIC:
+            raise RecordingError(f"{path}: not an MCAP file; there is nothing to recover")
+        chunks = list(_find_chunks(data))
+        metadata, config, damage, finished = _survey(data, chunks)
+        found = metadata.setdefault(METADATA, {"format": FORMAT_VERSION, "session": "unknown"})
+        if found.get("format") != FORMAT_VERSION:
+            raise RecordingError(f"{path}: has format version {found.get('format')}, this netboard knows {FORMAT_VERSION}")
+        if config is not None and config_sha256(config) != found.setdefault("config_sha256", config_sha256(config)):
+            config = None
+        counts, ticks = _copy(data, chunks, target, metadata, config, _account(path, data, damage, config))
+    return Report(
+        source=path,
+        output=target,
+        source_bytes=path.stat().st_size,
+        chunks=len(chunks),
+        messages={channel.topic: counts[number] for number, channel in enumerate(CHANNELS, start=1)},
+        first_tick=min(ticks, default=None),
+        last_tick=max(ticks, default=None),
+        missing=find_gaps(np.array(ticks, np.int64)),
+        damage=tuple(damage),
+        finished=finished,
+        has_config=config is not None,
+    )
+
+
+@contextmanager
+def _mapped(path: Path) -> "Iterator[mmap.mmap | bytes]":
+    """The bytes of a file, for reading only."""
+    try:
+        with path.open("rb") as file:
+            if path.stat().st_size == 0:
+                yield b""
+                return
+            with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+                yield data
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be read: {error.strerror}") from error
+
+
+def _find_chunks(data: mmap.mmap | bytes) -> Iterator[Span]:
+    """Every sound chunk, in order."""
+    position = len(MAGIC)
+    while (found := data.find(_SIGNATURE, position + _TO_SIGNATURE)) >= 0:
+        start = found - _TO_SIGNATURE
+        opcode, length = RECORD_HEAD.unpack_from(data, start)
+        stop = start + RECORD_HEAD.size + length
+        if opcode == Opcode.CHUNK and stop <= len(data) and _why_unsound(data, Span(start, stop)) is None:
+            yield Span(start, stop)
+            position = stop
+        else:
+            position = start + 1
+
+
+def _why_unsound(data: mmap.mmap | bytes, chunk: Span) -> str | None:
+    """What is wrong with a chunk, or None."""
+    try:
+        unpack_chunk(data[chunk.start + RECORD_HEAD.size : chunk.stop])
+    except RecordingError as error:
+        return str(error)
+    return None
+
+
+def _survey(
+    data: mmap.mmap | bytes, chunks: Sequence[Span]
+) -> tuple[dict[str, dict[str, str]], str | None, list[Damage], bool]:
+    """Look at what is not a chunk: metadata, configuration, damage, and whether the file was finished."""
+    metadata: dict[str, dict[str, str]] = {}
+    config: str | None = None
+    damage: list[Damage] = []
+    finished = False
+    edges = [len(MAGIC), *(edge for chunk in chunks for edge in chunk), len(data)]
+    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+        position = start
+        while position < stop and not finished:
+            record = _whole_record(data, Span(position, stop))
+            if isinstance(record, str):
+                damage.append(Damage(position, stop - position, record))
+                break
+            opcode, body = record
+            if opcode == Opcode.METADATA:
+                named = Metadata.read(ReadDataStream(BytesIO(body)))
+                metadata[named.name] = dict(named.metadata)
+            elif opcode == Opcode.ATTACHMENT:
+                attachment = Attachment.read(ReadDataStream(BytesIO(body)))
+                config = attachment.data.decode() if attachment.name == CONFIG_NAME else config
+            # What follows the data section is index, which is made anew.
+            finished = opcode == Opcode.DATA_END and data[-len(MAGIC) :] == MAGIC
+            position += RECORD_HEAD.size + len(body)
+    return metadata, config, damage, finished
+
+
+_EXPECTED = frozenset(
+    (Opcode.HEADER, Opcode.MESSAGE_INDEX, Opcode.METADATA, Opcode.ATTACHMENT, Opcode.DATA_END)
+)
+
+
+def _whole_record(data: mmap.mmap | bytes, span: Span) -> tuple[int, bytes] | str:
+    """Opcode and body of the record at the start of a span, or why there is none."""
+    if span.stop - span.start < RECORD_HEAD.size:
+        return "a record cut short"
+    opcode, length = RECORD_HEAD.unpack_from(data, span.start)
+    stop = span.start + RECORD_HEAD.size + length
+    if opcode == Opcode.CHUNK:
+        return _why_unsound(data, Span(span.start, stop)) or "a damaged chunk" if stop <= span.stop else "a chunk cut short"
+    if opcode not in _EXPECTED:
+        return "not a record"
+    if stop > span.stop:
+        return "a record cut short"
+    body = data[span.start + RECORD_HEAD.size : stop]
+    try:
+        if opcode == Opcode.METADATA:
+            Metadata.read(ReadDataStream(BytesIO(body)))
+        elif opcode == Opcode.ATTACHMENT:
+            Attachment.read(ReadDataStream(BytesIO(body))).data.decode()
+    except (McapError, struct.error, UnicodeDecodeError) as error:
+        return f"a damaged record: {error}"
+    return opcode, body
+
+
+def _account(path: Path, data: mmap.mmap | bytes, damage: Sequence[Damage], config: str | None) -> dict[str, str]:
+    """What the recovered file says about its own making."""
+    return {
+        "source": path.name,
+        "source_bytes": str(len(data)),
+        "damage": "; ".join(f"{part.length} bytes at {part.offset}: {part.reason}" for part in damage),
+        "config": "recovered" if config is not None else "lost",
+        "by": LIBRARY,
+    }
+
+
+def _copy(
+    data: mmap.mmap | bytes,
+    chunks: Sequence[Span],
+    target: Path,
+    metadata: dict[str, dict[str, str]],
+    config: str | None,
+    account: dict[str, str],
+) -> tuple[Counter[int], list[int]]:
+    """Write the new file, chunk by chunk; return the number of messages by channel id, and the ticks."""
+    counts: Counter[int] = Counter()
+    ticks: list[int] = []
+    out = PartFile(target, LIBRARY, _CHUNK_BYTES)
+    try:
+        for name in _COPIED_METADATA:
+            if name in metadata:
+                out.add_metadata(name, metadata[name])
+        out.add_metadata(METADATA_RECOVERY, account)
+        if config is not None:
+            opened_ns = int(metadata[METADATA].get("opened_log_ns", "0"))
+            out.add_attachment(CONFIG_NAME, "application/toml", config.encode(), opened_ns)
+        for chunk in chunks:
+            for entry in messages(unpack_chunk(data[chunk.start + RECORD_HEAD.size : chunk.stop])):
+                message = Stamped("", entry.sequence, entry.publish_time_ns, entry.data)
+                out.add(entry.channel_id, message, entry.log_time_ns)
+                counts[entry.channel_id] += 1
+                if entry.channel_id == 1:
+                    ticks.append(entry.sequence)
+            out.sync()
+        out.finish()
+    finally:
+        if out.is_open:
+            out.abandon()
+    return counts, ticks

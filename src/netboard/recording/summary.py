@@ -1,0 +1,328 @@
+"""What a recording amounts to, as numbers: a pure function of its arrays. Services print it; nothing here draws or reads.
+
+A percentile of nothing is not a number. The outcome of an attempt is read from the ``event`` column: the event in row k
+ended the phase found in row k.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.experiment.machine import BALL_FREE, TICK_SECONDS, Cause
+from netboard.wire.messages import ClockRecord, EventRecord, FrameRecord, Safeguard
+
+LATE_NS = 500_000
+"""A tick that began later than this is late: half a tick [ns]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Gap:
+    """Consecutive numbers that are missing.
+
+    Attributes
+    ----------
+    first : int
+        First missing number [1].
+    count : int
+        How many [1].
+    """
+
+    first: int
+    count: int
+
+
+def find_gaps(numbers: NDArray[np.int64]) -> tuple[Gap, ...]:
+    """Holes between the smallest and the largest of some numbers.
+
+    Parameters
+    ----------
+    numbers : ndarray of int64, shape (n,)
+        In any order, repeats allowed [1].
+    """
+    present = np.unique(numbers)
+    steps = np.diff(present)
+    holes = np.flatnonzero(steps > 1)
+    return tuple(Gap(int(present[k]) + 1, int(steps[k]) - 1) for k in holes)
+
+
+@dataclass(frozen=True, slots=True)
+class Spread:
+    """How a duration is distributed.
+
+    Attributes
+    ----------
+    count : int
+        Number of values [1].
+    p50, p99, p999, largest : float
+        Percentiles 50, 99 and 99.9, and the largest value [s].
+    """
+
+    count: int
+    p50: float
+    p99: float
+    p999: float
+    largest: float
+
+
+def spread(values_ns: NDArray[np.int64]) -> Spread:
+    """Distribution of durations.
+
+    Parameters
+    ----------
+    values_ns : ndarray of int64, shape (n,)
+        The durations [ns].
+    """
+    if values_ns.size == 0:
+        return Spread(0, *[float("nan")] * 4)
+    seconds = values_ns * 1e-9
+    p50, p99, p999 = np.percentile(seconds, (50, 99, 99.9))
+    return Spread(seconds.size, float(p50), float(p99), float(p999), float(seconds.max()))
+
+
+@dataclass(frozen=True, slots=True)
+class Attempt:
+    """One attempt at a trial, from the release of the ball on.
+
+    Attributes
+    ----------
+    trial, attempt : int
+        Number of the trial in the block and of the attempt at it, from 1 [1].
+    target : int
+        Side of the target: -1 left, +1 right [1].
+    outcome : str
+        ``success``, ``fell``, ``timed_out``, or the operator's or server's cause in lower case; ``unfinished`` if the
+        recording ends first.
+    tick : int
+        Tick at which the ball was released, or at which the recording begins [1].
+    duration : float
+        From there to the end, holding included [s].
+    completion : float
+        Completion time of a success, else not a number [s].
+    """
+
+    trial: int
+    attempt: int
+    target: int
+    outcome: str
+    tick: int
+    duration: float
+    completion: float
+
+
+_OUTCOMES = {Cause.HELD: "success", Cause.FELL: "fell", Cause.TIMED_OUT: "timed_out"}
+
+
+def find_attempts(ticks: NDArray[Any]) -> tuple[Attempt, ...]:
+    """All attempts of a recording, in order.
+
+    Parameters
+    ----------
+    ticks : ndarray of TICK, shape (n,)
+        The ticks, in order.
+    """
+    if ticks.size == 0:
+        return ()
+    # Trial and attempt count too, so that a hole in the recording does not join two attempts.
+    keys = np.stack([np.isin(ticks["phase"], BALL_FREE).astype(np.int64), ticks["trial"], ticks["attempt"]])
+    bounds = np.concatenate([[0], 1 + np.flatnonzero(np.any(np.diff(keys) != 0, axis=0)), [ticks.size]])
+    attempts = []
+    for first, stop in zip(bounds[:-1], bounds[1:], strict=True):
+        if not keys[0, first]:
+            continue
+        begin, last = ticks[first], ticks[stop - 1]
+        cause = Cause(int(last["event"]))
+        ended = stop < ticks.size or cause in _OUTCOMES
+        attempts.append(
+            Attempt(
+                trial=int(begin["trial"]),
+                attempt=int(begin["attempt"]),
+                target=int(begin["target"]),
+                outcome=_OUTCOMES.get(cause, cause.name.lower()) if ended else "unfinished",
+                tick=int(begin["tick"]),
+                duration=float(last["tick"] + 1 - begin["tick"]) * TICK_SECONDS,
+                completion=float(last["mark_ticks"]) * TICK_SECONDS if cause == Cause.HELD else float("nan"),
+            )
+        )
+    return tuple(attempts)
+
+
+@dataclass(frozen=True, slots=True)
+class SideSummary:
+    """One side of the rig.
+
+    Attributes
+    ----------
+    loop : Spread
+        Stylus read to rendering of the force computed from it [s].
+    largest_force : float
+        Largest magnitude of the vertical force handed to the device [N].
+    safeguards : dict of int
+        Ticks at which each action of the safety chain was reported, by its lower-case name; only those that occurred [1].
+    stale_ticks : int
+        Ticks without a fresh sample [1].
+    skipped_samples : int
+        Samples that no tick used, because a newer one was there or they were lost [1].
+    """
+
+    loop: Spread
+    largest_force: float
+    safeguards: dict[str, int]
+    stale_ticks: int
+    skipped_samples: int
+
+    @property
+    def limited_ticks(self) -> int:
+        """Ticks at which the force was clamped or its change limited [1]."""
+        return self.safeguards.get("clamped", 0) + self.safeguards.get("slewed", 0)
+
+
+def summarise_side(ticks: NDArray[Any], side: str) -> SideSummary:
+    """Sum up one side.
+
+    Parameters
+    ----------
+    ticks : ndarray of TICK, shape (n,)
+        The ticks, in order.
+    side : str
+        ``left`` or ``right``.
+    """
+    loop, bits, seqs = ticks[f"{side}_loop_ns"], ticks[f"{side}_safeguards"], ticks[f"{side}_seq"]
+    steps = np.diff(seqs[seqs >= 0])
+    counts = {str(guard.name).lower(): int(np.count_nonzero(bits & guard.value)) for guard in Safeguard}
+    return SideSummary(
+        loop=spread(loop[loop > 0]),
+        largest_force=float(np.max(np.abs(ticks[f"{side}_rendered"]), initial=0.0)),
+        safeguards={name: count for name, count in counts.items() if count},
+        stale_ticks=int(np.count_nonzero(ticks[f"{side}_live"] == 0)),
+        skipped_samples=int(np.sum(steps[steps > 1] - 1)),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class DisplaySummary:
+    """One station's display.
+
+    Attributes
+    ----------
+    frames : int
+        Frames shown [1].
+    dropped : int
+        Views replaced by a newer one before they were painted, or painted late [1].
+    """
+
+    frames: int
+    dropped: int
+
+
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """What a recording amounts to.
+
+    Attributes
+    ----------
+    ticks : int
+        Number of ticks [1].
+    duration : float
+        First to last tick, both included [s].
+    missing : tuple of Gap
+        Ticks that are not there [1].
+    lost_records : int
+        Records of any kind that the logger never got [1].
+    attempts : tuple of Attempt
+        Every attempt at a trial.
+    late_ticks : int
+        Ticks that began more than half a tick late [1].
+    lateness : Spread
+        How late ticks began [s].
+    left, right : SideSummary
+        The two sides.
+    round_trips : dict of Spread
+        Network round trip of the clock probes by peer, the peer's own time taken off [s].
+    displays : dict of DisplaySummary
+        The displays, by station.
+    events : int
+        Number of events [1].
+    """
+
+    ticks: int
+    duration: float
+    missing: tuple[Gap, ...]
+    lost_records: int
+    attempts: tuple[Attempt, ...]
+    late_ticks: int
+    lateness: Spread
+    left: SideSummary
+    right: SideSummary
+    round_trips: dict[str, Spread]
+    displays: dict[str, DisplaySummary]
+    events: int
+
+    @property
+    def completions(self) -> tuple[float, ...]:
+        """Completion times of the successful trials, in order [s]."""
+        return tuple(attempt.completion for attempt in self.attempts if attempt.outcome == "success")
+
+    @property
+    def failures(self) -> int:
+        """Attempts that failed: the ball fell or the time was up [1]."""
+        return sum(attempt.outcome in ("fell", "timed_out") for attempt in self.attempts)
+
+    @property
+    def missing_ticks(self) -> int:
+        """Ticks that are not there [1]."""
+        return sum(gap.count for gap in self.missing)
+
+
+def summarise(
+    ticks: NDArray[Any],
+    events: Sequence[EventRecord] = (),
+    clocks: Sequence[ClockRecord] = (),
+    frames: Sequence[FrameRecord] = (),
+    remarks: Sequence[EventRecord] = (),
+) -> Summary:
+    """Sum up a recording.
+
+    Parameters
+    ----------
+    ticks : ndarray of TICK, shape (n,)
+        The ticks, in order.
+    events : sequence of EventRecord
+        The events.
+    clocks : sequence of ClockRecord
+        The clock probes.
+    frames : sequence of FrameRecord
+        The frames shown.
+    remarks : sequence of EventRecord
+        The logger's remarks.
+    """
+    trips: dict[str, list[int]] = {}
+    for probe in clocks:
+        trips.setdefault(probe.peer, []).append(probe.t3_ns - probe.t0_ns - (probe.t2_ns - probe.t1_ns))
+    return Summary(
+        ticks=ticks.size,
+        duration=float(ticks["tick"][-1] - ticks["tick"][0] + 1) * TICK_SECONDS if ticks.size else 0.0,
+        missing=find_gaps(ticks["tick"]),
+        lost_records=sum(int(remark.details["count"]) for remark in remarks if remark.name == "log_lost"),
+        attempts=find_attempts(ticks),
+        late_ticks=int(np.count_nonzero(ticks["late_ns"] > LATE_NS)),
+        lateness=spread(ticks["late_ns"]),
+        left=summarise_side(ticks, "left"),
+        right=summarise_side(ticks, "right"),
+        round_trips={peer: spread(np.array(values, np.int64)) for peer, values in sorted(trips.items())},
+        displays=_displays(frames),
+        events=len(events),
+    )
+
+
+def _displays(frames: Sequence[FrameRecord]) -> dict[str, DisplaySummary]:
+    stations = sorted({frame.station for frame in frames})
+    return {
+        station: DisplaySummary(
+            frames=sum(frame.station == station for frame in frames),
+            dropped=max(frame.dropped for frame in frames if frame.station == station),
+        )
+        for station in stations
+    }

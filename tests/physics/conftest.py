@@ -1,0 +1,12 @@
+from typing import Any
+
+import pytest
+
+from netboard.config import Physics
+from netboard.physics.scene import pack_scene
+
+
+@pytest.fixture(scope="session")
+def scene() -> Any:
+    """The paper's scene, as one record."""
+    return pack_scene(Physics())[0]

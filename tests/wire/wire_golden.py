@@ -1,0 +1,152 @@
+"""The golden frames: one or more examples of every message, as bytes and as a JSON twin, in tests/data/frames.
+
+Run as a script, this writes the files that are missing and touches no other: a golden frame never changes.
+"""
+
+import json
+import math
+import sys
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+from netboard.wire import messages as m
+from netboard.wire.codec import KINDS, encode
+
+FRAMES = Path(__file__).parent.parent / "data" / "frames"
+SERVER_NS = 81_234_567_890_123
+PEER_NS = 5_000_000_000_000
+
+EXAMPLES: dict[str, m.Message] = {
+    "hello-agent": m.Hello("agent", "left", 1, "lab-pc-1: 4711", "0.1.0", {"model": "virtual", "max_force": "3.3 N"}),
+    "hello-logger": m.Hello("logger", "", 1, "", "0.1.0", {}),
+    "welcome": m.Welcome("7f3a9c52d1e84b06", 1, SERVER_NS, '[session]\nname = "S01"\n'),
+    "refusal": m.Refusal("the server speaks protocol 1, the agent 2"),
+    "goodbye": m.Goodbye("stopped by the operator: Schluß für heute"),
+    "stylus": m.Stylus(
+        seq=123_456,
+        stamp_ns=PEER_NS + 123_456_000_000,
+        x=0.0005,
+        y=-0.0005,
+        z=0.0125,
+        vx=0.0,
+        vy=0.0,
+        vz=-0.03125,
+        buttons=0,
+        safeguards=m.Safeguard.ARMED | m.Safeguard.CLAMPED,
+        rendered=-0.735,
+        force_tick=123_400,
+        force_sent_ns=SERVER_NS,
+        force_received_ns=PEER_NS + 123_455_600_000,
+        sent_ns=PEER_NS + 123_456_020_000,
+        loop_ns=1_250_000,
+    ),
+    "stylus-extremes": m.Stylus(
+        seq=2**63 - 1,
+        stamp_ns=-(2**63),
+        x=math.nan,
+        y=math.inf,
+        z=-math.inf,
+        vx=-0.0,
+        vy=5e-324,
+        vz=1.7976931348623157e308,
+        buttons=-1,
+        safeguards=255,
+        rendered=0.1,
+        force_tick=-1,
+        force_sent_ns=2**31,
+        force_received_ns=-(2**31) - 1,
+        sent_ns=2**32,
+        loop_ns=65_535,
+    ),
+    "force": m.Force(123_457, SERVER_NS + 57_000_000, 123_456, -0.735),
+    "beat": m.Beat(123_460, SERVER_NS + 60_000_000, -1),
+    "view-dyadic": m.View(
+        station="left",
+        tick=123_457,
+        sent_ns=SERVER_NS,
+        phase="running",
+        z=0.0105,
+        theta=-0.0123,
+        p=0.0875,
+        target=-0.15,
+        left=0.0125,
+        right=None,
+        trial=7,
+        trials=60,
+        failures=2,
+        completion=3.412,
+        best=2.987,
+        notice="",
+    ),
+    "view-no-ball": m.View(
+        "right", 0, SERVER_NS, "idle", 0.0, 0.0, None, 0.15, 0.0, 0.0, 1, 6, 0, None, None, "Waiting for the left hand"
+    ),
+    "frames": m.Frames(
+        "right", ((123_440, PEER_NS, PEER_NS + 4_000_000), (123_457, PEER_NS + 17_000_000, PEER_NS + 21_000_000)), 3
+    ),
+    "frames-none": m.Frames("left", (), 0),
+    "log-request": m.LogRequest(-1),
+    "log-batch": m.LogBatch(4096, 12, (bytes.fromhex("9222c403010203"), b"")),
+    "log-ack": m.LogAck(4098, 512_000_000_000),
+    "log-end": m.LogEnd(60_123),
+    "tick-record": m.TickRecord(bytes(range(256)) * 2),
+    "event-record": m.EventRecord(17, 123_457, SERVER_NS, "agent_joined", {"side": "left", "name": "lab-pc-1"}),
+    "clock-record": m.ClockRecord(
+        120, "agent.left", SERVER_NS, PEER_NS, PEER_NS + 400_000, SERVER_NS + 520_000, PEER_NS - SERVER_NS, 60_001
+    ),
+    "frame-record": m.FrameRecord(5210, "left", 123_457, PEER_NS, PEER_NS + 4_000_000, 3),
+    "command": m.Command("start"),
+    "status-request": m.StatusRequest(),
+    "status": m.Status(
+        session="7f3a9c52d1e84b06",
+        tick=123_457,
+        phase="holding",
+        trial=3,
+        trials=6,
+        successes=2,
+        failures=1,
+        completions=(3.412, 2.987),
+        late_ticks=4,
+        waiting_for=("display.right",),
+        peers=("agent.left", "agent.right", "logger"),
+        notice="",
+    ),
+}
+
+
+def as_json(value: Any) -> Any:
+    """What stands for a value in a JSON twin: bytes as hexadecimal digits, numbers that are not finite as strings."""
+    match value:
+        case bytes():
+            return value.hex()
+        case float() if not math.isfinite(value):
+            return "NaN" if math.isnan(value) else "Infinity" if value > 0 else "-Infinity"
+        case tuple():
+            return [as_json(item) for item in value]
+        case int() if not isinstance(value, bool):
+            return int(value)
+    return value
+
+
+def twin(message: m.Message) -> dict[str, Any]:
+    """The JSON twin of a message."""
+    number = next(number for number, kind in KINDS.items() if kind.message is type(message))
+    values = {field.name: as_json(getattr(message, field.name)) for field in fields(message)}
+    return {"kind": number, "message": type(message).__name__, "fields": values}
+
+
+def main() -> None:
+    """Write the files that are missing."""
+    FRAMES.mkdir(parents=True, exist_ok=True)
+    for name, message in EXAMPLES.items():
+        path = FRAMES / f"{name}.bin"
+        if path.exists():
+            continue
+        path.write_bytes(encode(message))
+        text = json.dumps(twin(message), indent=2, ensure_ascii=False) + "\n"
+        path.with_suffix(".json").write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    sys.exit(main())
