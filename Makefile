@@ -4,7 +4,7 @@ ARGS ?=
 BIN := .venv/bin
 SETUP := deploy/setup.sh pyproject.toml requirements/constraints.txt
 
-.PHONY: help demo test lint imports types docs wheel lock clean
+.PHONY: help demo test lint imports types docs wheel lock clean tree
 .DEFAULT_GOAL := help
 
 help: ## list what can be made
@@ -21,13 +21,16 @@ lint: .venv/.ready-to-develop ## style
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 
-imports: .venv/.ready-to-develop ## who may import whom: over one tree, as an installed netboard has
-	rm -rf build/imports && mkdir -p build/imports
-	cp -r src/netboard build/imports/netboard && cp -r services build/imports/netboard/services
-	PYTHONPATH=build/imports $(BIN)/lint-imports --no-cache --no-logo
+imports: .venv/.ready-to-develop tree ## who may import whom
+	PYTHONPATH=build/tree $(BIN)/lint-imports --no-cache --no-logo
 
-types: .venv/.ready-to-develop ## types
-	$(BIN)/mypy
+types: .venv/.ready-to-develop tree ## types
+	MYPYPATH=build/tree $(BIN)/mypy
+
+# Neither tool above knows that services/ is netboard.services: give them one tree, as a wheel has.
+tree:
+	rm -rf build/tree && mkdir -p build/tree
+	cp -Rp src/netboard build/tree/netboard && cp -Rp services build/tree/netboard/services
 
 docs: .venv/.ready-to-develop ## write the generated pages of docs/
 	$(BIN)/python docs/generate.py

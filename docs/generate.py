@@ -75,7 +75,7 @@ def commands() -> str:
         return "\n\n".join(_sections(root, context))
 
 
-def _sections(command: Any, context: typer.Context) -> Iterator[str]:
+def _sections(command: Any, context: Any) -> Iterator[str]:
     """Write a command, then the commands within it."""
     lines = [f"## {context.command_path}", "", command.help or ""]
     lines += ["", "```console", f"$ {context.command_path} {' '.join(command.collect_usage_pieces(context))}", "```"]

@@ -66,9 +66,7 @@ Overrides = Annotated[
     typer.Option("--set", metavar="TABLE.KEY=VALUE", help="Override one setting; may be given again."),
 ]
 RecordingFile = Annotated[Path, typer.Argument(metavar="RECORDING", help="The recording, an .mcap file.")]
-Screenshot = Annotated[
-    Path | None, typer.Option(metavar="FILE", help="Save the first picture shown as a PNG file and stop.")
-]
+Screenshot = Annotated[Path | None, typer.Option(metavar="FILE", help="Save the first picture as a PNG file and stop.")]
 
 
 def _print_version(wanted: bool) -> None:
@@ -149,13 +147,17 @@ def display(
     config: ConfigFile = None,
     overrides: Overrides = None,
     screenshot: Screenshot = None,
+    after: Annotated[
+        float | None,
+        typer.Option(min=0, metavar="SECONDS", help="Take the screenshot so long after the first view, and go on."),
+    ] = None,
     offscreen: Annotated[bool, typer.Option("--offscreen", help="Draw without a screen.")] = False,
 ) -> None:
     """Run a participant's display: board, ball, target and one's own stylus."""
     settings = configuration.load(config, overrides or ())
     from netboard.services import display as service
 
-    raise typer.Exit(service.main(settings, station=station, screenshot=screenshot, offscreen=offscreen))
+    raise typer.Exit(service.main(settings, station=station, screenshot=screenshot, after=after, offscreen=offscreen))
 
 
 @app.command(epilog=examples("netboard logger", "netboard logger --set recording.directory=/data --once"))
@@ -186,7 +188,7 @@ def replay(
     from netboard.services import replay as service
 
     raise typer.Exit(
-        service.main(recording, verify=verify, headless=headless, station=station, speed=speed, screenshot=screenshot)
+        service.main(recording, check=verify, headless=headless, station=station, speed=speed, screenshot=screenshot)
     )
 
 
@@ -202,17 +204,22 @@ def demo(
     displays: Annotated[bool, typer.Option("--displays/--no-displays", help="Run the two displays.")] = True,
 ) -> None:
     """Run a whole session on this machine, with simulated people."""
-    wanted = [
+    wanted = demo_settings(trials=trials, haptics=haptics, bimanual=bimanual, seed=seed, directory=directory)
+    settings = configuration.load(config, [*wanted, *(overrides or ())])
+    from netboard.services import demo as service
+
+    raise typer.Exit(service.main(settings, displays=displays))
+
+
+def demo_settings(*, trials: int, haptics: str, bimanual: bool, seed: int, directory: Path) -> list[str]:
+    """Write the demo's own options as settings."""
+    return [
         f"block.trials={trials}",
         f"block.haptics={'true' if haptics == 'on' else 'false'}",
         f"block.configuration={'bimanual' if bimanual else 'dyadic'}",
         f"block.seed={seed}",
         f"recording.directory={directory}",
     ]
-    settings = configuration.load(config, [*wanted, *(overrides or ())])
-    from netboard.services import demo as service
-
-    raise typer.Exit(service.main(settings, displays=displays))
 
 
 @app.command(epilog=examples("netboard info recordings/S01.mcap"))

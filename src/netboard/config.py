@@ -20,9 +20,6 @@ from netboard.settings import NO_EXTRAS, about, read, write, write_template
 Side = Literal["left", "right"]
 SIDES: tuple[Side, Side] = ("left", "right")
 
-PORTS = 6
-"""TCP ports in use, counted up from ``network.port``."""
-
 TEMPLATE_HEAD = """\
 # netboard: one rig and one experiment.
 # Every key is here with its default, which is the paper's. A key left out takes its default;

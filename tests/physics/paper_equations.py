@@ -8,8 +8,7 @@ from scipy.integrate import DOP853, solve_ivp
 
 from netboard.config import Physics
 
-type Hands = Callable[[float], tuple[float, float, float, float]]
-STATE = ("z", "vz", "theta", "omega", "p", "vp")
+Hands = Callable[[float], tuple[float, float, float, float]]
 
 
 def derivatives(t: float, y: NDArray[np.float64], hands: Hands, k: Physics) -> list[float]:

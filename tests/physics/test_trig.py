@@ -21,14 +21,13 @@ def exact(x: float) -> tuple[Decimal, Decimal]:
         context.prec = 60
         turns = (Decimal(x) / HALF_PI).to_integral_value()
         y = Decimal(x) - turns * HALF_PI
-        s, c, term, n = Decimal(0), Decimal(0), Decimal(1), 0
-        while abs(term) > Decimal("1e-50"):
+        s, c, term = Decimal(0), Decimal(0), Decimal(1)
+        for n in range(45):
             if n % 2 == 0:
                 c += term if n % 4 == 0 else -term
             else:
                 s += term if n % 4 == 1 else -term
-            n += 1
-            term = term * y / n
+            term = term * y / (n + 1)
         return [(s, c), (c, -s), (-s, -c), (-c, s)][int(turns) % 4]
 
 

@@ -204,8 +204,8 @@ def test_what_stands_for_a_number_is_converted_by_the_sender() -> None:
         Force(2**63, 2, 3, 0.5),
         Force(1, -(2**63) - 1, 3, 0.5),
         Command("explode"),
-        dataclasses.replace(HELLO, details={"n": 1}),
-        dataclasses.replace(HELLO, details=None),
+        dataclasses.replace(HELLO, details={"n": 1}),  # type: ignore[dict-item]
+        dataclasses.replace(HELLO, details=None),  # type: ignore[arg-type]
         Refusal(b"bytes"),  # type: ignore[arg-type]
         Refusal("\ud800"),
         Refusal("x" * 5000),

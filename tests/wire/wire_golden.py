@@ -5,7 +5,6 @@ Run as a script, this writes the files that are missing and touches no other: a 
 
 import json
 import math
-import sys
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -112,6 +111,7 @@ EXAMPLES: dict[str, m.Message] = {
         peers=("agent.left", "agent.right", "logger"),
         notice="",
     ),
+    "move": m.Move("right", -0.0125, 0.313, 0.021),
 }
 
 
@@ -149,4 +149,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

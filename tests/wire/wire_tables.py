@@ -6,7 +6,6 @@ Run as a script, this brings the tables in PROTOCOL.md up to date; a test checks
 import dataclasses
 import inspect
 import re
-import sys
 import types
 import typing
 from pathlib import Path
@@ -50,8 +49,9 @@ def described(documented: type) -> tuple[str, dict[str, str]]:
 
 
 def _markdown(text: str) -> str:
-    """The docstring's double and single backquotes as code."""
-    return re.sub(r"``?([^`]+)``?", r"`\1`", text).replace("|", "\\|")
+    """A docstring's double and single backquotes as code, and None as it is on the wire."""
+    text = re.sub(r"``?([^`]+)``?", r"`\1`", text).replace("|", "\\|")
+    return re.sub(r"\bNone\b", "nil", text)
 
 
 def section(number: int, kind: Kind) -> str:
@@ -128,4 +128,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

@@ -205,21 +205,24 @@ class Safety:
         return Limited(*self._force, bits)
 
     def _watch(self, age: float | None, too_fast: bool, fz: float) -> None:
-        """Take the one edge, if any, that the present gives cause to."""
+        """Take the first edge that the present gives cause to, if any."""
         limits = self._limits
-        if too_fast and self._trip(Trip.TOO_FAST):
-            return
         stale = age is None or age > limits.stale_after_ms
-        if stale:
-            if age is None or age > limits.disarm_after_ms:
-                self._trip(Trip.EXPIRED)
-            else:
-                self._trip(Trip.STALE)
-        elif not self._trip(Trip.FRESH) and self._vertical_gain >= 1.0 and self._lateral_gain >= 1.0:
-            self._trip(Trip.FULL)
-        if self._force == ZERO and not self._trip(Trip.GONE) and not stale and not too_fast:
-            if abs(fz) < limits.arm_gate:
-                self._trip(Trip.CALM)
+        expired = age is None or age > limits.disarm_after_ms
+        grown = min(self._vertical_gain, self._lateral_gain) >= 1.0
+        gone = self._force == ZERO
+        present = (
+            (Trip.TOO_FAST, too_fast),
+            (Trip.EXPIRED, expired),
+            (Trip.STALE, stale),
+            (Trip.FRESH, not stale),
+            (Trip.FULL, grown),
+            (Trip.GONE, gone),
+            (Trip.CALM, gone and not stale and not too_fast and abs(fz) < limits.arm_gate),
+        )
+        for trip, is_so in present:
+            if is_so and self._trip(trip):
+                return
 
     def _trip(self, trip: Trip) -> bool:
         """Follow the edge of the table, if there is one."""

@@ -1,11 +1,19 @@
-"""The count of frames: what was received, painted and dropped. Pure: time is an argument.
+"""The count of frames: what came, what was painted, what was dropped. Pure: time is an argument.
 
-A view is dropped if a newer one replaced it before it was painted, or if it was painted later than `late_ns` after it
-was received. A view that changes nothing on the screen needs no frame and is neither.
+The screen can show one frame a refresh, and there is no more to show than the server sends, so one frame is due in the
+longer of the two periods. A frame is dropped if the views that were received leave a hole in the server's ticks (they
+were lost, or replaced while this process did something else), if it was replaced after its turn and before it was
+painted, or if it was painted more than one such period after its view had come.
 """
 
+from collections import deque
+
 from netboard.config import Side
+from netboard.stage import TICK_NS
 from netboard.wire.messages import Frames
+
+MOST_KEPT = 10_000
+"""Frames kept while nobody takes the report; the oldest are forgotten first [1]."""
 
 
 class FrameTally:
@@ -15,28 +23,41 @@ class FrameTally:
     ----------
     station : str
         ``left`` or ``right``.
-    late_ns : int
-        A frame painted later than this after its view came is counted as dropped [ns].
+    period_ns : int
+        One frame is due in this time [ns].
 
     Attributes
     ----------
     painted : int
         Frames painted since the start [1].
     dropped : int
-        Views dropped since the start [1].
+        Frames dropped since the start [1].
     """
 
-    def __init__(self, station: Side, late_ns: int) -> None:
+    def __init__(self, station: Side, period_ns: int) -> None:
         self.station = station
-        self.late_ns = late_ns
+        self.period_ns = period_ns
         self.painted = 0
         self.dropped = 0
+        self._tick: int | None = None
         self._waiting: tuple[int, int] | None = None
-        self._shown: list[tuple[int, int, int]] = []
+        self._shown: deque[tuple[int, int, int]] = deque(maxlen=MOST_KEPT)
         self._reported = 0
 
+    def receive(self, tick: int) -> None:
+        """Note that a view came, and count the frames that should have come since the one before.
+
+        Parameters
+        ----------
+        tick : int
+            Its tick; a smaller one than before begins a new count [1].
+        """
+        if self._tick is not None and tick > self._tick:
+            self.dropped += max(0, round((tick - self._tick) * TICK_NS / self.period_ns) - 1)
+        self._tick = tick
+
     def wait(self, tick: int, received_ns: int) -> None:
-        """Note that a view is to be painted.
+        """Note that it is a view's turn to be painted.
 
         Parameters
         ----------
@@ -62,15 +83,17 @@ class FrameTally:
         tick, received_ns = self._waiting
         self._waiting = None
         self.painted += 1
-        self.dropped += now_ns - received_ns > self.late_ns
+        self.dropped += now_ns - received_ns > self.period_ns
         self._shown.append((tick, received_ns, now_ns))
         return True
 
     def report(self) -> Frames | None:
-        """Take the frames shown since the report before; None if there is nothing to report."""
+        """Make the report, None if there is nothing to say. It stays the same until `clear` says that it was sent."""
         if not self._shown and self.dropped == self._reported:
             return None
-        frames = Frames(self.station, tuple(self._shown), self.dropped)
+        return Frames(self.station, tuple(self._shown), self.dropped)
+
+    def clear(self) -> None:
+        """Forget what was reported."""
         self._shown.clear()
         self._reported = self.dropped
-        return frames

@@ -75,15 +75,15 @@ class Colours:
 
 _ACTIVE = Colours()
 _MUTED = Colours(
-    board="#454d57", edge="#5d6671", target="#1f4a66", ball="#7d6224", cursor="#8b95a1", headline="#c3cad2"
+    board="#454d57", edge="#5d6671", target="#15354a", ball="#7d6224", cursor="#8b95a1", headline="#c3cad2"
 )
 
 COLOURS: dict[Mood, Colours] = {
     Mood.WAIT: _MUTED,
-    Mood.LEVEL: Colours(detail="#2fc79b"),
+    Mood.LEVEL: _ACTIVE,
     Mood.RUN: _ACTIVE,
     Mood.HOLD: Colours(target="#56b4e9"),
-    Mood.SUCCESS: Colours(target="#009e73", headline="#2fc79b"),
+    Mood.SUCCESS: Colours(target="#2fc79b", headline="#2fc79b"),
     Mood.FAIL: Colours(ball="#d55e00"),
     Mood.PAUSED: _MUTED,
     Mood.FINISHED: _MUTED,
@@ -281,15 +281,15 @@ def _times(view: View) -> str:
     if view.completion is None:
         return ""
     best = "" if view.best is None else f"   (best {view.best:.2f} s)"
-    return f"{view.completion:.2f} s{best}"
+    return f"Last {view.completion:.2f} s{best}"
 
 
 def _counter(view: View, config: Config) -> str:
-    """Number of the trial, and the mark of a pilot run."""
+    """Say the number of the trial, and whether this is a pilot run."""
     trial = f"Trial {min(view.trial, view.trials)} of {view.trials}"
     return "   ".join(words for words in (trial, _pilot(config)) if words)
 
 
 def _pilot(config: Config) -> str:
-    """The mark of a pilot run, which must not be taken for a real one."""
+    """Mark a pilot run, which must not be taken for a real one."""
     return "PILOT" if config.session.pilot else ""

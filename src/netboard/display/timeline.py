@@ -4,6 +4,7 @@ A `Playback` is a frozen value: the position in the recording that holds at one 
 from there. Every key of the player makes a new one.
 """
 
+from bisect import bisect_left, bisect_right
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 from netboard.experiment.machine import Cause
 
 SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
-"""Speeds of a replay, in seconds of the recording per second [1]."""
+"""Speeds to choose from, in seconds of the recording per second [1]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +30,7 @@ class Playback:
     since : float
         Moment at which it was there, on any steady clock [s].
     speed : float
-        One of `SPEEDS` [1].
+        Seconds of the recording per second [1].
     playing : bool
         Whether it goes on.
     """
@@ -57,7 +58,7 @@ class Playback:
         return min(max(self.position + moved, 0.0), self.length)
 
     def now(self, now: float) -> "Playback":
-        """The same replay, held at a moment; at the end it stops.
+        """Hold the replay at a moment, from which it goes on unless it is at the end.
 
         Parameters
         ----------
@@ -114,8 +115,8 @@ class Playback:
         steps : int
             How many speeds up, negative for down [1].
         """
-        index = min(max(SPEEDS.index(self.speed) + steps, 0), len(SPEEDS) - 1)
-        return replace(self.now(now), speed=SPEEDS[index])
+        rank = bisect_right(SPEEDS, self.speed) - 1 if steps > 0 else bisect_left(SPEEDS, self.speed)
+        return replace(self.now(now), speed=SPEEDS[min(max(rank + steps, 0), len(SPEEDS) - 1)])
 
 
 @dataclass(frozen=True, slots=True)
@@ -204,8 +205,25 @@ def best_so_far(ticks: NDArray[Any]) -> NDArray[np.float64]:
     return np.asarray(np.minimum.accumulate(completed), dtype=np.float64)
 
 
+def begin(ticks: NDArray[Any]) -> float:
+    """Where a replay begins: when the block starts, for nothing happens before.
+
+    Parameters
+    ----------
+    ticks : ndarray of netboard.stage.TICK, shape (n,)
+        The recorded ticks.
+
+    Returns
+    -------
+    float
+        Time from the start of the recording; 0 if the recording began later than the block [s].
+    """
+    started = np.flatnonzero(ticks["event"] == Cause.START)
+    return float(seconds(ticks)[started[0]]) if len(started) else 0.0
+
+
 def clock(position: float) -> str:
-    """A position as people read it.
+    """Write a position as people read it.
 
     Parameters
     ----------

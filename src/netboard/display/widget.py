@@ -143,8 +143,9 @@ class BoardView(pg.GraphicsView):  # type: ignore[misc]  # pyqtgraph has no type
     def resizeEvent(self, event: QResizeEvent | None) -> None:  # noqa: N802  (Qt's name)
         """Keep the words in their places."""
         super().resizeEvent(event)
-        if getattr(self, "picture", None) is not None:
-            self._write(self.picture)
+        picture: Picture | None = getattr(self, "picture", None)  # pyqtgraph resizes before it has been set
+        if picture is not None:
+            self._write(picture)
 
     def paintEvent(self, event: QPaintEvent) -> None:  # noqa: N802  (Qt's name)
         """Paint, and say so."""
@@ -168,19 +169,19 @@ def screenshot(widget: QWidget, path: Path) -> None:
 
 
 def _disc(radius: float) -> QGraphicsEllipseItem:
-    """A disc about its own origin."""
+    """Make a disc about its own origin."""
     return QGraphicsEllipseItem(-radius, -radius, 2 * radius, 2 * radius)
 
 
 def _pen(colour: str, width: float, style: Qt.PenStyle = Qt.PenStyle.SolidLine) -> QPen:
-    """A pen whose width is in pixels, whatever the scale."""
+    """Make a pen whose width is in pixels, whatever the scale."""
     pen = QPen(QColor(colour), width, style, Qt.PenCapStyle.RoundCap, Qt.PenJoinStyle.RoundJoin)
     pen.setCosmetic(True)
     return pen
 
 
 def _polygon(points: Iterable[Point]) -> QPolygonF:
-    """The same points for Qt."""
+    """Hand the points over to Qt."""
     return QPolygonF([QPointF(x, y) for x, y in points])
 
 

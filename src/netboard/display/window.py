@@ -12,7 +12,7 @@ from netboard.display.widget import BoardView
 
 
 def application() -> QApplication:
-    """The one Qt application of this process, made when it is first asked for."""
+    """Get the one Qt application of this process, made when it is first asked for."""
     existing = QApplication.instance()
     if existing is not None:
         return cast("QApplication", existing)

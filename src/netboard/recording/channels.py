@@ -178,7 +178,12 @@ CHANNELS = (
         tuple(_tick_field(name) for name in TICK.names or ()),
     ),
     Channel(
-        "/event", "netboard.Event", "something happened", "number of the event", "server time of the event", _EVENT_FIELDS
+        "/event",
+        "netboard.Event",
+        "something happened",
+        "number of the event",
+        "server time of the event",
+        _EVENT_FIELDS,
     ),
     Channel(
         "/clock",
@@ -336,10 +341,6 @@ class Stamped:
     data: bytes
 
 
-_TICK_NUMBER = (TICK.fields or {})["tick"][1]
-_TICK_TIME = (TICK.fields or {})["time_ns"][1]
-
-
 def _map(record: EventRecord | ClockRecord | FrameRecord) -> bytes:
     return bytes(msgpack.packb({field.name: getattr(record, field.name) for field in fields(record)}))
 
@@ -353,11 +354,10 @@ def stamped(record: Record) -> Stamped:
         The record.
     """
     match record:
-        case TickRecord(row):
-            data = encode_tick(row)
-            number = int.from_bytes(row[_TICK_NUMBER : _TICK_NUMBER + 8], "little", signed=True)
-            time_ns = int.from_bytes(row[_TICK_TIME : _TICK_TIME + 8], "little", signed=True)
-            return Stamped("/tick", number, time_ns, data)
+        case TickRecord(row=data):
+            message = encode_tick(data)
+            row = np.frombuffer(data, TICK)[0]
+            return Stamped("/tick", int(row["tick"]), int(row["time_ns"]), message)
         case EventRecord():
             return Stamped("/event", record.seq, record.time_ns, _map(record))
         case ClockRecord():

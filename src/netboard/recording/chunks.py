@@ -24,6 +24,7 @@ MAGIC = b"\x89MCAP0\r\n"
 RECORD_HEAD = struct.Struct("<BQ")
 """Opcode and length, before every MCAP record."""
 
+_CHANNEL_HEAD = struct.Struct("<BQH")
 _MESSAGE_HEAD = struct.Struct("<BQHIQQ")
 
 
@@ -88,3 +89,24 @@ def messages(data: bytes) -> Iterator[Entry]:
             _, _, channel_id, sequence, log_time, publish_time = _MESSAGE_HEAD.unpack_from(data, position)
             yield Entry(channel_id, sequence, log_time, publish_time, data[position + _MESSAGE_HEAD.size : end])
         position = end
+
+
+def payloads(data: bytes, channel_id: int) -> list[bytes]:
+    """Collect the data of one channel's messages in a decompressed chunk, in the order of the file.
+
+    Parameters
+    ----------
+    data : bytes
+        What `unpack_chunk` gave.
+    channel_id : int
+        The channel [1].
+    """
+    found = []
+    position = 0
+    while position < len(data):
+        opcode, length, channel = _CHANNEL_HEAD.unpack_from(data, position)
+        end = position + RECORD_HEAD.size + length
+        if opcode == Opcode.MESSAGE and channel == channel_id:
+            found.append(data[position + _MESSAGE_HEAD.size : end])
+        position = end
+    return found

@@ -84,7 +84,7 @@ class PartFile:
 
     def __init__(self, path: Path, library: str, chunk_bytes: int) -> None:
         if path.suffix != ".mcap":
-            raise ValueError(f"a recording's name ends in .mcap: {path}")
+            raise RecordingError(f"{path}: the name of a recording ends in .mcap")
         self.path = path
         self.part = part_path(path)
         self._chunk_bytes = chunk_bytes
@@ -150,8 +150,7 @@ class PartFile:
         """
         size = _MESSAGE_HEAD + len(message.data)
         if self._pending and self._pending + size > self._chunk_bytes:
-            with self._writing():
-                self._close_chunk()
+            self.close_chunk()
         self._mcap.add_message(
             channel_id,
             log_time_ns,
@@ -162,8 +161,10 @@ class PartFile:
         )
         self._pending += size
 
-    def _close_chunk(self) -> None:
-        self._mcap.flush()
+    def close_chunk(self) -> None:
+        """Hand the chunk in memory, if any, to the operating system: it survives the end of this process."""
+        with self._writing():
+            self._mcap.flush()
         self._pending = 0
 
     def sync(self) -> None:
@@ -174,8 +175,8 @@ class PartFile:
         RecordingError
             If the disk is full or gone, or the file was deleted.
         """
+        self.close_chunk()
         with self._writing():
-            self._close_chunk()
             os.fsync(self._file.fileno())
             if os.fstat(self._file.fileno()).st_nlink == 0:
                 raise RecordingError(f"{self.part}: was deleted while it was being written")

@@ -38,9 +38,9 @@ LIBRARY = f"netboard {version('netboard')} (mcap {mcap.__version__})"
 _PACKAGES = ("numpy", "numba", "llvmlite", "pyzmq", "msgpack", "mcap", "zstandard")
 
 
-def config_sha256(text: str) -> str:
+def config_sha256(text: bytes) -> str:
     """SHA-256 of a resolved configuration, in hexadecimal."""
-    return hashlib.sha256(text.encode()).hexdigest()
+    return hashlib.sha256(text).hexdigest()
 
 
 def provenance(welcome: Welcome, config: Config, part: int, utc_ns: int, monotonic_ns: int) -> dict[str, str]:
@@ -66,7 +66,7 @@ def provenance(welcome: Welcome, config: Config, part: int, utc_ns: int, monoton
         "name": config.session.name,
         "dyad": config.session.dyad,
         "pilot": str(config.session.pilot).lower(),
-        "config_sha256": config_sha256(welcome.config),
+        "config_sha256": config_sha256(welcome.config.encode()),
         "opened_utc": datetime.fromtimestamp(utc_ns // 1_000_000_000, UTC).isoformat(),
         "opened_log_ns": str(utc_ns),
         "opened_monotonic_ns": str(monotonic_ns),

@@ -5,6 +5,7 @@ says what is wrong with it and what to do. Every chunk's checksum is verified wh
 """
 
 import struct
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from io import SEEK_END
@@ -14,13 +15,14 @@ from typing import Any, Self, TypeVar
 
 import numpy as np
 from mcap.exceptions import McapError
-from mcap.reader import SeekingReader
+from mcap.opcode import Opcode
+from mcap.reader import FOOTER_SIZE, SeekingReader
 from mcap.records import ChunkIndex
 from numpy.typing import NDArray
 
 from netboard.errors import RecordingError
-from netboard.recording.channels import FORMAT_VERSION, decode_ticks, unpack
-from netboard.recording.chunks import MAGIC, RECORD_HEAD, messages, unpack_chunk
+from netboard.recording.channels import FORMAT_VERSION, IDS, decode_ticks, unpack
+from netboard.recording.chunks import MAGIC, RECORD_HEAD, payloads, unpack_chunk
 from netboard.recording.partfile import PROFILE
 from netboard.recording.provenance import CONFIG_NAME, METADATA, METADATA_END, config_sha256
 from netboard.recording.summary import Gap, find_gaps
@@ -28,6 +30,7 @@ from netboard.stage import TICK
 from netboard.wire.messages import ClockRecord, EventRecord, FrameRecord
 
 _RECORD_LIMIT = 2**30
+_ROW_BYTES = np.dtype((np.void, TICK.itemsize))
 
 T = TypeVar("T", EventRecord, ClockRecord, FrameRecord)
 
@@ -48,6 +51,7 @@ class Recording:
         What the file says about session, software and machine.
     end : dict of str
         How it ended; empty for a file that was recovered because it never ended.
+
     Raises
     ------
     RecordingError
@@ -68,6 +72,7 @@ class Recording:
 
     def _open(self) -> None:
         self._check_ends()
+        self._file.seek(0)
         with self._sound():
             reader = SeekingReader(self._file, record_size_limit=_RECORD_LIMIT)
             profile = reader.get_header().profile
@@ -86,9 +91,10 @@ class Recording:
         if summary is None:
             raise RecordingError(f"{self.path}: has no index; run: netboard recover {self.path}")
         self._chunks = sorted(summary.chunk_indexes, key=lambda chunk: chunk.chunk_start_offset)
-        self._ids = {channel.topic: channel.id for channel in summary.channels.values()}
+        # By name: other MCAP tools may number the channels anew.
+        self._ids = IDS | {channel.topic: channel.id for channel in summary.channels.values()}
         self._config = attached.get(CONFIG_NAME)
-        if self._config is not None and config_sha256(self._config.decode()) != self.metadata.get("config_sha256"):
+        if self._config is not None and config_sha256(self._config) != self.metadata.get("config_sha256"):
             raise RecordingError(f"{self.path}: its configuration is damaged; run: netboard recover {self.path}")
 
     def _check_ends(self) -> None:
@@ -107,7 +113,38 @@ class Recording:
         try:
             yield
         except (McapError, ValueError, struct.error, RecordingError, OSError) as error:
-            raise RecordingError(f"{self.path}: is damaged ({error}); run: netboard recover {self.path}") from error
+            reason = str(error) or type(error).__name__
+            raise RecordingError(f"{self.path}: is damaged ({reason}); run: netboard recover {self.path}") from error
+
+    def check(self) -> None:
+        """Verify the checksum of the whole file, index and metadata included.
+
+        Raises
+        ------
+        RecordingError
+            If one bit of it has changed since it was written.
+        """
+        size = self._file.seek(0, SEEK_END)
+        self._file.seek(size - len(MAGIC) - FOOTER_SIZE)
+        footer = self._file.read(FOOTER_SIZE)
+        summary_start, _, summary_crc = struct.unpack_from("<QQI", footer, RECORD_HEAD.size)
+        data_end = summary_start - RECORD_HEAD.size - 4
+        with self._sound():
+            self._file.seek(data_end)
+            opcode, length, data_crc = struct.unpack("<BQI", self._file.read(RECORD_HEAD.size + 4))
+            if (opcode, length) != (Opcode.DATA_END, 4) or self._crc(0, data_end) != data_crc:
+                raise RecordingError("the checksum of its data is wrong")
+            # The footer's checksum covers everything from the index up to itself.
+            if self._crc(summary_start, size - len(MAGIC) - 4) != summary_crc:
+                raise RecordingError("the checksum of its index is wrong")
+
+    def _crc(self, start: int, stop: int) -> int:
+        crc = 0
+        self._file.seek(start)
+        while start < stop and (block := self._file.read(min(stop - start, 2**20))):
+            crc = zlib.crc32(block, crc)
+            start += len(block)
+        return crc
 
     def close(self) -> None:
         """Close the file."""
@@ -142,8 +179,9 @@ class Recording:
         ndarray of TICK, shape (n,)
             The rows, bit for bit as the server sent them.
         """
-        parts = [decode_ticks(messages) for messages in self._by_chunk("/tick")]
-        return np.concatenate(parts) if parts else np.empty(0, TICK)
+        # Joined as plain bytes: numpy compares every field of structured types before it joins them.
+        parts = [decode_ticks(messages).view(_ROW_BYTES) for messages in self._by_chunk("/tick")]
+        return np.concatenate(parts).view(TICK) if parts else np.empty(0, TICK)
 
     def events(self) -> tuple[EventRecord, ...]:
         """All events."""
@@ -158,7 +196,7 @@ class Recording:
         return self._records("/frame", FrameRecord)
 
     def remarks(self) -> tuple[EventRecord, ...]:
-        """What the logger itself noted: above all ``log_lost``, records it never got."""
+        """All remarks of the logger itself: above all ``log_lost``, records it never got."""
         return self._records("/logger", EventRecord)
 
     def _records(self, topic: str, kind: type[T]) -> tuple[T, ...]:
@@ -166,25 +204,23 @@ class Recording:
             return tuple(kind(**unpack(message)) for messages in self._by_chunk(topic) for message in messages)
 
     def _by_chunk(self, topic: str) -> Iterator[list[bytes]]:
-        """The messages of a stream, one list for each chunk that has any."""
-        channel_id = self._ids.get(topic)
+        """Yield the messages of a stream, one list for each chunk that has any."""
+        channel_id = self._ids[topic]
         for index in self._chunks:
-            if channel_id not in index.message_index_offsets:
-                continue
-            with self._sound():
-                data = unpack_chunk(self._body(index))
-            yield [entry.data for entry in messages(data) if entry.channel_id == channel_id]
+            if channel_id in (index.message_index_offsets or self._ids.values()):
+                with self._sound():
+                    data = unpack_chunk(self._body(index))
+                yield payloads(data, channel_id)
 
     def _body(self, index: ChunkIndex) -> bytes:
         self._file.seek(index.chunk_start_offset + RECORD_HEAD.size)
         return self._file.read(index.chunk_length - RECORD_HEAD.size)
 
     def gaps(self) -> dict[str, tuple[Gap, ...]]:
-        """Missing numbers of every stream, by topic (and peer or station); a stream without gaps is not listed."""
+        """Missing numbers of every stream, by topic (and station); a stream without gaps is not listed."""
         numbers: dict[str, list[int]] = {"/tick": self.ticks()["tick"].tolist()}
         numbers["/event"] = [event.seq for event in self.events()]
-        for clock in self.clocks():
-            numbers.setdefault(f"/clock {clock.peer}", []).append(clock.seq)
+        numbers["/clock"] = [clock.seq for clock in self.clocks()]
         for frame in self.frames():
             numbers.setdefault(f"/frame {frame.station}", []).append(frame.seq)
         found = {stream: find_gaps(np.array(seqs, np.int64)) for stream, seqs in numbers.items()}

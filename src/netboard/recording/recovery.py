@@ -92,7 +92,7 @@ class Report:
     damage : tuple of Damage
         What could not be used.
     finished : bool
-        Whether the source had been finished by its writer.
+        Whether the source had been written to its end.
     has_config : bool
         Whether the configuration was recovered.
     """
@@ -144,7 +144,9 @@ def recover(path: Path, output: Path | None = None) -> Report:
         metadata, config, damage, finished = _survey(data, chunks)
         found = metadata.setdefault(METADATA, {"format": FORMAT_VERSION, "session": "unknown"})
         if found.get("format") != FORMAT_VERSION:
-            raise RecordingError(f"{path}: has format version {found.get('format')}, this netboard knows {FORMAT_VERSION}")
+            raise RecordingError(
+                f"{path}: has format version {found.get('format')}, this netboard knows {FORMAT_VERSION}"
+            )
         if config is not None and config_sha256(config) != found.setdefault("config_sha256", config_sha256(config)):
             config = None
         counts, ticks = _copy(data, chunks, target, metadata, config, _account(path, data, damage, config))
@@ -165,7 +167,7 @@ def recover(path: Path, output: Path | None = None) -> Report:
 
 @contextmanager
 def _mapped(path: Path) -> "Iterator[mmap.mmap | bytes]":
-    """The bytes of a file, for reading only."""
+    """Map a file into memory, for reading only."""
     try:
         with path.open("rb") as file:
             if path.stat().st_size == 0:
@@ -192,7 +194,7 @@ def _find_chunks(data: mmap.mmap | bytes) -> Iterator[Span]:
 
 
 def _why_unsound(data: mmap.mmap | bytes, chunk: Span) -> str | None:
-    """What is wrong with a chunk, or None."""
+    """Say what is wrong with a chunk, or None."""
     try:
         unpack_chunk(data[chunk.start + RECORD_HEAD.size : chunk.stop])
     except RecordingError as error:
@@ -202,16 +204,15 @@ def _why_unsound(data: mmap.mmap | bytes, chunk: Span) -> str | None:
 
 def _survey(
     data: mmap.mmap | bytes, chunks: Sequence[Span]
-) -> tuple[dict[str, dict[str, str]], str | None, list[Damage], bool]:
+) -> tuple[dict[str, dict[str, str]], bytes | None, list[Damage], bool]:
     """Look at what is not a chunk: metadata, configuration, damage, and whether the file was finished."""
     metadata: dict[str, dict[str, str]] = {}
-    config: str | None = None
+    config: bytes | None = None
     damage: list[Damage] = []
-    finished = False
     edges = [len(MAGIC), *(edge for chunk in chunks for edge in chunk), len(data)]
     for start, stop in zip(edges[::2], edges[1::2], strict=True):
         position = start
-        while position < stop and not finished:
+        while position < stop:
             record = _whole_record(data, Span(position, stop))
             if isinstance(record, str):
                 damage.append(Damage(position, stop - position, record))
@@ -222,15 +223,16 @@ def _survey(
                 metadata[named.name] = dict(named.metadata)
             elif opcode == Opcode.ATTACHMENT:
                 attachment = Attachment.read(ReadDataStream(BytesIO(body)))
-                config = attachment.data.decode() if attachment.name == CONFIG_NAME else config
-            # What follows the data section is index, which is made anew.
-            finished = opcode == Opcode.DATA_END and data[-len(MAGIC) :] == MAGIC
+                config = attachment.data if attachment.name == CONFIG_NAME else config
+            elif opcode == Opcode.DATA_END:
+                # What follows is index, which is made anew.
+                return metadata, config, damage, True
             position += RECORD_HEAD.size + len(body)
-    return metadata, config, damage, finished
+    return metadata, config, damage, False
 
 
 _EXPECTED = frozenset(
-    (Opcode.HEADER, Opcode.MESSAGE_INDEX, Opcode.METADATA, Opcode.ATTACHMENT, Opcode.DATA_END)
+    (Opcode.HEADER, Opcode.CHUNK, Opcode.MESSAGE_INDEX, Opcode.METADATA, Opcode.ATTACHMENT, Opcode.DATA_END)
 )
 
 
@@ -240,25 +242,25 @@ def _whole_record(data: mmap.mmap | bytes, span: Span) -> tuple[int, bytes] | st
         return "a record cut short"
     opcode, length = RECORD_HEAD.unpack_from(data, span.start)
     stop = span.start + RECORD_HEAD.size + length
-    if opcode == Opcode.CHUNK:
-        return _why_unsound(data, Span(span.start, stop)) or "a damaged chunk" if stop <= span.stop else "a chunk cut short"
     if opcode not in _EXPECTED:
         return "not a record"
     if stop > span.stop:
-        return "a record cut short"
+        return "a chunk cut short" if opcode == Opcode.CHUNK else "a record cut short"
+    if opcode == Opcode.CHUNK:
+        return _why_unsound(data, Span(span.start, stop)) or "a damaged chunk"
     body = data[span.start + RECORD_HEAD.size : stop]
     try:
         if opcode == Opcode.METADATA:
             Metadata.read(ReadDataStream(BytesIO(body)))
         elif opcode == Opcode.ATTACHMENT:
-            Attachment.read(ReadDataStream(BytesIO(body))).data.decode()
+            Attachment.read(ReadDataStream(BytesIO(body)))
     except (McapError, struct.error, UnicodeDecodeError) as error:
         return f"a damaged record: {error}"
     return opcode, body
 
 
-def _account(path: Path, data: mmap.mmap | bytes, damage: Sequence[Damage], config: str | None) -> dict[str, str]:
-    """What the recovered file says about its own making."""
+def _account(path: Path, data: mmap.mmap | bytes, damage: Sequence[Damage], config: bytes | None) -> dict[str, str]:
+    """Say what the recovered file tells of its own making."""
     return {
         "source": path.name,
         "source_bytes": str(len(data)),
@@ -273,7 +275,7 @@ def _copy(
     chunks: Sequence[Span],
     target: Path,
     metadata: dict[str, dict[str, str]],
-    config: str | None,
+    config: bytes | None,
     account: dict[str, str],
 ) -> tuple[Counter[int], list[int]]:
     """Write the new file, chunk by chunk; return the number of messages by channel id, and the ticks."""
@@ -287,7 +289,7 @@ def _copy(
         out.add_metadata(METADATA_RECOVERY, account)
         if config is not None:
             opened_ns = int(metadata[METADATA].get("opened_log_ns", "0"))
-            out.add_attachment(CONFIG_NAME, "application/toml", config.encode(), opened_ns)
+            out.add_attachment(CONFIG_NAME, "application/toml", config, opened_ns)
         for chunk in chunks:
             for entry in messages(unpack_chunk(data[chunk.start + RECORD_HEAD.size : chunk.stop])):
                 message = Stamped("", entry.sequence, entry.publish_time_ns, entry.data)
@@ -295,9 +297,10 @@ def _copy(
                 counts[entry.channel_id] += 1
                 if entry.channel_id == 1:
                     ticks.append(entry.sequence)
-            out.sync()
+            out.close_chunk()
         out.finish()
-    finally:
-        if out.is_open:
-            out.abandon()
+    except BaseException:
+        out.abandon()
+        out.part.unlink(missing_ok=True)
+        raise
     return counts, ticks

@@ -1,4 +1,4 @@
-"""What a recording amounts to, as numbers: a pure function of its arrays. Services print it; nothing here draws or reads.
+"""What a recording amounts to, as numbers: a pure function of its arrays. Services print it; nothing is drawn here.
 
 A percentile of nothing is not a number. The outcome of an attempt is read from the ``event`` column: the event in row k
 ended the phase found in row k.
@@ -6,6 +6,7 @@ ended the phase found in row k.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -129,7 +130,7 @@ def find_attempts(ticks: NDArray[Any]) -> tuple[Attempt, ...]:
     keys = np.stack([np.isin(ticks["phase"], BALL_FREE).astype(np.int64), ticks["trial"], ticks["attempt"]])
     bounds = np.concatenate([[0], 1 + np.flatnonzero(np.any(np.diff(keys) != 0, axis=0)), [ticks.size]])
     attempts = []
-    for first, stop in zip(bounds[:-1], bounds[1:], strict=True):
+    for first, stop in pairwise(bounds):
         if not keys[0, first]:
             continue
         begin, last = ticks[first], ticks[stop - 1]
@@ -160,7 +161,7 @@ class SideSummary:
     largest_force : float
         Largest magnitude of the vertical force handed to the device [N].
     safeguards : dict of int
-        Ticks at which each action of the safety chain was reported, by its lower-case name; only those that occurred [1].
+        Ticks at which each action of the safety chain was reported, by its lower-case name; others are left out [1].
     stale_ticks : int
         Ticks without a fresh sample [1].
     skipped_samples : int

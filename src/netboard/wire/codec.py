@@ -38,6 +38,7 @@ from netboard.wire.messages import (
     LogEnd,
     LogRequest,
     Message,
+    Move,
     Refusal,
     Status,
     StatusRequest,
@@ -90,12 +91,13 @@ KINDS: dict[int, Kind] = {
     50: Kind(Command, 64),
     51: Kind(StatusRequest, 16),
     52: Kind(Status, 262_144, 10_240),
+    60: Kind(Move, 128),
 }
 """The numbers on the wire. Append only; 127 is the highest."""
 
 ROLES = ("agent", "display", "logger", "console")
 SIDES = ("left", "right")
-COMMANDS = ("start", "pause", "resume", "abort", "stop")
+COMMANDS = ("start", "pause", "resume", "abort", "stop", "shutdown")
 
 CHOICES: dict[tuple[type[Message], str], tuple[str, ...]] = {
     (Hello, "role"): ROLES,
@@ -104,6 +106,7 @@ CHOICES: dict[tuple[type[Message], str], tuple[str, ...]] = {
     (Frames, "station"): SIDES,
     (FrameRecord, "station"): SIDES,
     (Command, "name"): COMMANDS,
+    (Move, "side"): SIDES,
 }
 """Fields that allow only some strings."""
 
@@ -230,7 +233,7 @@ def _compile(hint: Any, scalars: Mapping[type, Check], most_items: int) -> Check
     if origin is dict:
         return partial(_mapping, *inner)
     if arguments[-1] is Ellipsis:
-        return partial(_sequence, *inner, most_items)
+        return partial(_sequence, inner[0], most_items)
     return partial(_record, inner)
 
 
@@ -277,12 +280,9 @@ def _plan(number: int, kind: Kind) -> _Plan:
     unpack = partial(
         msgpack.unpackb,
         use_list=False,
-        max_array_len=max(length, kind.most_items),
-        max_map_len=kind.most_bytes // 2,
-        max_str_len=kind.most_bytes,
-        max_bin_len=kind.most_bytes,
+        max_array_len=max(length, kind.most_items),  # an array is made at its full claimed length, so not the default
         max_ext_len=0,
-    )
+    )  # maps, strings and bytes may claim no more than the frame has, which is msgpack's default
     return _Plan(
         number,
         message.__name__,

@@ -99,7 +99,7 @@ class Welcome:
 
 @dataclass(frozen=True, slots=True)
 class Refusal:
-    """The server's answer to a `Hello` or `Command` it does not accept.
+    """The server's answer to what it does not accept.
 
     Attributes
     ----------
@@ -187,7 +187,7 @@ class Force:
     sent_ns : int
         Server time when it was sent [ns].
     stylus_seq : int
-        Newest stylus sample it was computed from [1].
+        Newest stylus sample it was computed from, -1 for none yet [1].
     force : float
         Force on the hand, + = up [N].
     """
@@ -209,7 +209,7 @@ class Beat:
     sent_ns : int
         Server time when it was sent [ns].
     stylus_seq : int
-        Newest stylus sample received [1].
+        Newest stylus sample received, -1 for none yet [1].
     """
 
     tick: int
@@ -463,7 +463,7 @@ class Command:
     Attributes
     ----------
     name : str
-        ``start``, ``pause``, ``resume``, ``abort`` or ``stop``.
+        ``start``, ``pause``, ``resume``, ``abort``, ``stop`` (the block) or ``shutdown`` (the server).
     """
 
     name: str
@@ -516,6 +516,31 @@ class Status:
     notice: str
 
 
+# --- nerve: the brain of a simulated bimanual participant -> the agent with the other hand ------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Move:
+    """What a simulated participant's other hand shall do.
+
+    Attributes
+    ----------
+    side : str
+        The hand that moves.
+    delay : float
+        Time from receiving this to the start of the movement; negative for one that is under way [s].
+    duration : float
+        How long it takes [s].
+    displacement : float
+        How far the hand goes, + = up [m].
+    """
+
+    side: str
+    delay: float
+    duration: float
+    displacement: float
+
+
 Message = (
     Hello
     | Welcome
@@ -537,4 +562,5 @@ Message = (
     | Command
     | StatusRequest
     | Status
+    | Move
 )

@@ -18,6 +18,8 @@ class LogRing:
 
     Attributes
     ----------
+    capacity : int
+        Records kept [1].
     next : int
         Number the next record will get: so many there have been [1].
     acknowledged : int
@@ -27,6 +29,7 @@ class LogRing:
     def __init__(self, capacity: int) -> None:
         if capacity < 1:
             raise ValueError(f"capacity is {capacity}, expected at least 1")
+        self.capacity = capacity
         self._slots = [b""] * capacity
         self.next = 0
         self.acknowledged = 0
@@ -34,7 +37,7 @@ class LogRing:
     @property
     def first(self) -> int:
         """Number of the oldest record that is still held [1]."""
-        return max(0, self.next - len(self._slots))
+        return max(0, self.next - self.capacity)
 
     def append(self, record: bytes) -> int:
         """Keep a record, in place of the oldest one if need be, and return its number [1].
@@ -45,7 +48,7 @@ class LogRing:
             An encoded record message.
         """
         number = self.next
-        self._slots[number % len(self._slots)] = record
+        self._slots[number % self.capacity] = record
         self.next = number + 1
         return number
 
@@ -85,7 +88,7 @@ class LogRing:
         records: list[bytes] = []
         room = most_bytes
         for number in range(first, min(self.next, first + most_records)):
-            record = self._slots[number % len(self._slots)]
+            record = self._slots[number % self.capacity]
             room -= len(record)
             if room < 0 and records:
                 break

@@ -30,7 +30,7 @@ def admit(hello: Hello) -> str:
     Returns
     -------
     str
-        Name of the peer, and its ZeroMQ routing id: ``agent.left``, ``display.right``, ``logger``, ``console``.
+        What the peer is: ``agent.left``, ``display.right``, ``logger``, ``console``.
 
     Raises
     ------

@@ -1,0 +1,147 @@
+"""A whole session on this machine: every process for real, the people simulated."""
+
+import socket as net
+import tempfile
+import time
+from dataclasses import replace
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+from netboard import sockets
+from netboard.config import SIDES, Config, parse, resolve
+from netboard.errors import NetboardError
+from netboard.nodes.launcher import Launcher
+from netboard.nodes.operator import Operator
+from netboard.process import Stopping
+from netboard.recording.reader import Recording
+from netboard.report.tables import summary_of, summary_tables, verdict_line
+from netboard.stage import make_stage, verify
+
+CHANNELS = 6
+PICTURE_AFTER = 8.0
+"""The displays' pictures are taken so long after the first view [s]."""
+
+ANSWER_SECONDS = 0.2
+START_SECONDS = 60.0
+END_SECONDS = 20.0
+
+console = Console(highlight=False)
+
+
+def main(config: Config, *, displays: bool = True) -> int:
+    """Play a block with simulated people and show what came of it.
+
+    Parameters
+    ----------
+    config : Config
+        Rig and experiment; its port is replaced by free ones.
+    displays : bool
+        Run the two displays.
+
+    Returns
+    -------
+    int
+        Exit code: 1 if a process failed, the block was not finished, or the recording is not verified.
+    """
+    began = time.monotonic()
+    directory = Path(config.recording.directory).resolve()
+    directory.mkdir(parents=True, exist_ok=True)
+    config = replace(
+        config,
+        network=replace(config.network, host="127.0.0.1", bind="127.0.0.1", port=free_port()),
+        recording=replace(config.recording, directory=str(directory)),
+    )
+    with console.status("getting the kernels ready (compiled once, then kept)"):
+        make_stage(config).warm()
+    words = Path(tempfile.mkdtemp(prefix="demo-", dir=directory))
+    with Stopping() as stopping:
+        session = play(config, words, displays, stopping)
+    return show(directory, session, words, began) if session else 1
+
+
+def free_port() -> int:
+    """First of enough free ports in a row."""
+    for port in range(5550, 65_000, CHANNELS):
+        try:
+            for channel in range(CHANNELS):
+                with net.socket() as probe:
+                    probe.bind(("127.0.0.1", port + channel))
+        except OSError:
+            continue
+        return port
+    raise NetboardError(f"there are no {CHANNELS} free ports in a row on this machine")
+
+
+def play(config: Config, words: Path, displays: bool, stopping: Stopping) -> str:
+    """Start everything, watch it play, end it in order; return the session's id, empty if it went wrong."""
+    file = words / "demo.toml"
+    file.write_text(resolve(config), encoding="utf-8")
+    with Launcher(words, {"PYTHONUNBUFFERED": "1"}) as launcher:
+        launcher.start("logger", "logger", "--once", "-c", str(file))
+        launcher.start("server", "server", "-c", str(file))
+        for side in SIDES:
+            launcher.start(f"{side} agent", "agent", "--side", side, "-c", str(file))
+            if displays:
+                shot = ("--screenshot", str(words / f"display-{side}.png"), "--after", str(PICTURE_AFTER))
+                launcher.start(f"{side} display", "display", "--station", side, "-c", str(file), *shot)
+        operator = Operator(config.network, sockets.new_context())
+        if not watch(operator, launcher, stopping):
+            return ""
+        session = operator.status.session if operator.status else ""
+        operator.command("shutdown")
+        with console.status("bringing the last records to disk"):
+            clean = launcher.wait("server", END_SECONDS) and launcher.wait("logger", END_SECONDS)
+        if not clean:
+            console.print("[red]the server or the logger did not end by itself[/red]")
+            return ""
+    return session
+
+
+def watch(operator: Operator, launcher: Launcher, stopping: Stopping) -> bool:
+    """Show the progress until the block is over; False if it was interrupted or a process died."""
+    heard = time.monotonic()
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=console) as progress:
+        task = progress.add_task("starting", total=None)
+        while not stopping():
+            ended = launcher.ended()
+            if ended is not None:
+                console.print(f"[red]{ended}[/red]")
+                return False
+            status = operator.ask(ANSWER_SECONDS)
+            if status is None:
+                if time.monotonic() - heard > START_SECONDS:
+                    console.print(f"[red]the server has been silent for {START_SECONDS:.0f} s[/red]")
+                    return False
+                continue
+            heard = time.monotonic()
+            line = status.notice or f"trial {status.trial}: {status.phase}, {status.failures} failed so far"
+            progress.update(task, completed=status.successes, total=status.trials, description=f"{line:48.48s}")
+            if status.phase == "finished":
+                return True
+            time.sleep(ANSWER_SECONDS)
+    console.print("interrupted; everything has been stopped")
+    return False
+
+
+def show(directory: Path, session: str, words: Path, began: float) -> int:
+    """Print what the recording holds and whether it verifies."""
+    paths = sorted(directory.glob(f"*_{session[:8]}*.mcap"))
+    if not paths:
+        raise NetboardError(f"no recording of session {session[:8]} in {directory}")
+    good = True
+    for path in paths:
+        with Recording(path) as recording:
+            summary = summary_of(recording)
+            verdict = verify(make_stage(parse(recording.config_text, str(path))), recording.ticks())
+        console.print(summary_tables(summary))
+        console.print(verdict_line(verdict))
+        good &= verdict.identical and not summary.missing_ticks
+        console.print(f"recording   {path}")
+    for picture in sorted(words.glob("*.png")):
+        console.print(f"screenshot  {picture}")
+    console.print(f"logs        {words}")
+    console.print(f"took        {time.monotonic() - began:.1f} s")
+    return 0 if good else 1

@@ -1,0 +1,30 @@
+"""The logger as a process."""
+
+from netboard import sockets
+from netboard.config import Config
+from netboard.nodes.logger import Logger, SocketLink
+from netboard.process import Stopping, speak
+
+
+def main(config: Config, *, once: bool = False) -> int:
+    """Record until told to stop.
+
+    Parameters
+    ----------
+    config : Config
+        Rig and experiment.
+    once : bool
+        Stop after one session.
+
+    Returns
+    -------
+    int
+        Exit code: 1 if something could not be recorded.
+    """
+    speak("logger")
+    link = SocketLink(config, sockets.new_context())
+    try:
+        with Stopping() as stopping:
+            return Logger(config.recording, link, once=once).run(stopping)
+    finally:
+        link.close()

@@ -1,0 +1,31 @@
+"""The physics server as a process."""
+
+from netboard import sockets
+from netboard.config import Config
+from netboard.nodes.server import Server
+from netboard.process import Stopping, real_time, speak
+
+PRIORITY = 60
+
+
+def main(config: Config, *, autostart: bool = True) -> int:
+    """Serve one session.
+
+    Parameters
+    ----------
+    config : Config
+        Rig and experiment.
+    autostart : bool
+        Start the block as soon as everything is there.
+
+    Returns
+    -------
+    int
+        Exit code.
+    """
+    speak("server")
+    with Stopping() as stopping:
+        real_time(PRIORITY)
+        server = Server(config, sockets.new_context(), autostart=autostart)
+        server.run(stopping)
+    return 0

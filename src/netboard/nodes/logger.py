@@ -1,0 +1,373 @@
+"""The logger: takes every record of a session from the server and brings it to disk.
+
+Records are numbered. What is doubled is dropped, what is missing is asked for again, and what the server no longer has
+is noted as lost; so a recording has no silent hole. Only what is safely on disk is acknowledged: a logger that starts
+anew goes on with the first record that is not, in the next part.
+"""
+
+import logging
+import os
+import platform
+import time
+from collections.abc import Callable
+from importlib.metadata import version
+from pathlib import Path
+from typing import Protocol
+
+from netboard import sockets
+from netboard.clock import now_ns
+from netboard.config import Config, Recording, parse
+from netboard.errors import NetboardError, WireError
+from netboard.recording.provenance import next_recording, provenance
+from netboard.recording.writer import RecordingWriter
+from netboard.wire.codec import decode, encode
+from netboard.wire.messages import (
+    PROTOCOL_VERSION,
+    ClockRecord,
+    EventRecord,
+    FrameRecord,
+    Goodbye,
+    Hello,
+    LogAck,
+    LogBatch,
+    LogEnd,
+    LogRequest,
+    Message,
+    Refusal,
+    TickRecord,
+    Welcome,
+)
+
+log = logging.getLogger(__name__)
+
+NAME = f"{platform.node()}:{os.getpid()}"
+"""Host and process."""
+
+HELLO_NS = 500_000_000
+"""Hello is said again after so long without an answer [ns]."""
+
+SILENT_NS = 1_000_000_000
+"""A server silent for so long may have been started anew: it is greeted again [ns]."""
+
+ASK_NS = 200_000_000
+"""Missing records are asked for again after so long [ns]."""
+
+WAIT_SECONDS = 0.02
+BURST = 16
+LOW_SPACE = 5_000_000_000
+
+
+class Link(Protocol):
+    """The logger's end of the log channel."""
+
+    def wait(self, seconds: float) -> bool:
+        """Wait until there is something to receive, at most so long [s]."""
+
+    def receive(self) -> bytes | None:
+        """Next frame, or None if there is none now."""
+
+    def send(self, frame: bytes) -> bool:
+        """Send without waiting; False if nobody is there."""
+
+
+class SocketLink:
+    """The log channel over a real socket.
+
+    Parameters
+    ----------
+    config : Config
+        Where the server is.
+    context : zmq.Context
+        Where the socket is made.
+    """
+
+    def __init__(self, config: Config, context: sockets.Context[sockets.Socket[bytes]]) -> None:
+        endpoint = sockets.addresses(config.network).reach(sockets.LOG)
+        self._socket = sockets.log_client(context, endpoint, f"logger@{NAME}")
+
+    def wait(self, seconds: float) -> bool:
+        """Wait until there is something to receive, at most so long [s]."""
+        return sockets.wait_readable(self._socket, seconds)
+
+    def receive(self) -> bytes | None:
+        """Next frame, or None if there is none now."""
+        return sockets.receive(self._socket)
+
+    def send(self, frame: bytes) -> bool:
+        """Send without waiting; False if nobody is there."""
+        return sockets.send(self._socket, frame)
+
+    def close(self) -> None:
+        """Close the socket; what was sent lingers until it is delivered, for a while."""
+        self._socket.close()
+
+
+def place(batch: LogBatch, expected: int | None) -> tuple[int, int] | None:
+    """Decide what a batch means to a logger that expects a certain record next.
+
+    Parameters
+    ----------
+    batch : LogBatch
+        What came.
+    expected : int or None
+        Number of the next record; None if any is welcome [1].
+
+    Returns
+    -------
+    (int, int) or None
+        How many records from `expected` on are lost for good, and how many of the batch the logger has already [1];
+        None if records are missing that the server still has.
+    """
+    if expected is None:
+        return batch.lost, 0
+    if batch.first <= expected:
+        return 0, expected - batch.first
+    if batch.first - batch.lost <= expected:
+        return batch.first - expected, 0
+    return None
+
+
+class Logger:
+    """Everything the logger is made of.
+
+    Parameters
+    ----------
+    settings : Recording
+        Where and how to write.
+    link : Link
+        The log channel.
+    once : bool
+        True: end with the session; False: wait for the next one.
+    clock : callable
+        Monotonic time [ns].
+    wall_clock : callable
+        UTC, read once for each file [ns].
+
+    Attributes
+    ----------
+    finished : list of Path
+        The recordings finished so far.
+    """
+
+    def __init__(
+        self,
+        settings: Recording,
+        link: Link,
+        *,
+        once: bool,
+        clock: Callable[[], int] = now_ns,
+        wall_clock: Callable[[], int] = time.time_ns,
+    ) -> None:
+        self.finished: list[Path] = []
+        self._settings = settings
+        self._link = link
+        self._once = once
+        self._clock = clock
+        self._wall_clock = wall_clock
+        self._writer: RecordingWriter | None = None
+        self._session = ""
+        self._ended = ""
+        self._log_time_minus_clock = 0
+        self._heard_ns = self._greeted_ns = self._asked_ns = -SILENT_NS
+        self._end_doubted = False
+        self._refused = ""
+        self._space_is_low = False
+        self._hello = Hello("logger", "", PROTOCOL_VERSION, NAME, version("netboard"), {})
+
+    def run(self, stopping: Callable[[], bool]) -> int:
+        """Record until told to stop, or with `once` until the session is over.
+
+        Parameters
+        ----------
+        stopping : callable
+            Whether the process has been asked to stop.
+
+        Returns
+        -------
+        int
+            Exit code: 0, or 1 if the recording could not be continued.
+        """
+        log.info("waiting for the server")
+        try:
+            while not (stopping() or (self._once and self._ended)):
+                self.step()
+            if self._writer is not None:
+                self._close("the logger was stopped")
+                self._say(Goodbye("the logger was stopped"))
+        except NetboardError as error:
+            log.error("%s", error)
+            self._give_up(str(error))
+            return 1
+        finally:
+            if self._writer is not None:
+                self._writer.abandon()
+        return 0
+
+    def step(self) -> None:
+        """Wait a moment for the server, take what has come, and do what is due."""
+        self._link.wait(WAIT_SECONDS)
+        for _ in range(BURST):
+            frame = self._link.receive()
+            if frame is None:
+                break
+            self._heard_ns = self._clock()
+            self._hear(frame)
+        self._greet()
+        if self._writer is not None and self._writer.is_due(self._log_time()):
+            self._writer.flush(self._log_time())
+            self._acknowledge(self._writer)
+
+    def _say(self, message: Message) -> None:
+        self._link.send(encode(message))
+
+    def _log_time(self) -> int:
+        """UTC when the file was opened plus monotonic time since: never stepped."""
+        return self._clock() + self._log_time_minus_clock
+
+    def _greet(self) -> None:
+        """Say hello to a server that has not answered yet, or not for a while."""
+        now = self._clock()
+        silent = self._writer is None or now - self._heard_ns >= SILENT_NS
+        if silent and now - self._greeted_ns >= HELLO_NS:
+            self._greeted_ns = now
+            self._say(self._hello)
+
+    def _hear(self, frame: bytes) -> None:
+        try:
+            message = decode(frame)
+        except WireError as error:
+            log.warning("the server sent nonsense: %s", error)
+            self._ask()
+            return
+        match message:
+            case Welcome():
+                self._enter(message)
+            case LogBatch():
+                self._take(message)
+            case LogEnd(last=last):
+                self._end(last)
+            case Goodbye(reason=reason):
+                log.info("the server says goodbye: %s", reason)
+                self._close(f"the server left: {reason}")
+            case Refusal(reason=reason):
+                self._heard_ns = -SILENT_NS
+                if reason != self._refused:
+                    self._refused = reason
+                    log.warning("the server refuses: %s", reason)
+
+    def _enter(self, welcome: Welcome) -> None:
+        """Begin a session, or go on with the one we are in."""
+        self._refused = ""
+        if welcome.session == self._ended:
+            return
+        if self._writer is not None and welcome.session != self._session:
+            self._close("the server began another session")
+        if self._writer is None:
+            self._open(welcome)
+        self._ask()
+
+    def _open(self, welcome: Welcome) -> None:
+        config = parse(welcome.config, "the server's configuration")
+        directory = Path(self._settings.directory)
+        try:
+            directory.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise NetboardError(f"{directory}: cannot be made: {error.strerror}") from error
+        utc_ns, monotonic_ns = self._wall_clock(), self._clock()
+        path, part = next_recording(directory, config, welcome.session, utc_ns)
+        metadata = provenance(welcome, config, part, utc_ns, monotonic_ns)
+        self._log_time_minus_clock = utc_ns - monotonic_ns
+        self._writer = RecordingWriter(path, metadata, welcome.config, self._settings, utc_ns)
+        self._session, self._end_doubted = welcome.session, False
+        log.info("recording to %s", path)
+        self._look_at_space(self._writer.free_bytes)
+
+    def _ask(self) -> None:
+        """Ask for the next record we want, and all that follow."""
+        if self._writer is None:
+            return
+        self._asked_ns = self._clock()
+        first = self._writer.next_record
+        self._say(LogRequest(-1 if first is None else first))
+
+    def _ask_again(self) -> None:
+        """Ask, but not for every batch that comes before the answer."""
+        if self._clock() - self._asked_ns >= ASK_NS:
+            self._ask()
+
+    def _take(self, batch: LogBatch) -> None:
+        if self._writer is None:
+            return
+        placed = place(batch, self._writer.next_record)
+        if placed is None:
+            self._ask_again()
+            return
+        lost, known = placed
+        now = self._log_time()
+        if lost:
+            first = batch.first - lost
+            log.error("records %d to %d are lost: the server no longer has them", first, batch.first - 1)
+            self._writer.note_lost(first, lost, now)
+        for number, record in enumerate(batch.records[known:], start=batch.first + known):
+            self._write(self._writer, record, number, now)
+
+    def _write(self, writer: RecordingWriter, frame: bytes, number: int, now: int) -> None:
+        try:
+            record = decode(frame)
+        except WireError as error:
+            reason = str(error)
+        else:
+            if isinstance(record, TickRecord | EventRecord | ClockRecord | FrameRecord):
+                writer.write(record, number, now)
+                return
+            reason = f"a {type(record).__name__} is not a record"
+        log.error("record %d cannot be read: %s", number, reason)
+        writer.remark("log_unreadable", {"number": str(number), "reason": reason, "hex": frame.hex()}, now)
+        writer.note_lost(number, 1, now)
+
+    def _end(self, last: int) -> None:
+        """Finish the recording if it is whole; otherwise ask for the rest."""
+        if self._writer is None:
+            return
+        following = self._writer.next_record
+        # After a request for what no logger has yet, an end without any record says that there is nothing left; it is
+        # believed the second time.
+        nothing_left = last < 0 or (following is None and self._end_doubted)
+        if nothing_left or (following is not None and following > last):
+            self._close("complete")
+            self._say(Goodbye("the recording is complete"))
+            return
+        self._end_doubted = True
+        self._ask()
+
+    def _close(self, ended: str) -> None:
+        """Finish the recording, if there is one, and tell the server that it is on disk."""
+        writer = self._writer
+        if writer is None:
+            return
+        writer.finish(self._log_time(), ended)
+        self._writer, self._ended = None, self._session
+        self.finished.append(writer.path)
+        log.info("finished %s%s", writer.path, "" if ended == "complete" else f" ({ended})")
+        self._acknowledge(writer)
+
+    def _give_up(self, reason: str) -> None:
+        """Save what can be saved after a fault, and leave."""
+        if self._writer is not None and self._writer.is_open:
+            try:
+                self._close(reason)
+            except NetboardError as error:
+                log.error("%s", error)
+        self._say(Goodbye(reason[:1000]))
+
+    def _acknowledge(self, writer: RecordingWriter) -> None:
+        free = writer.free_bytes
+        self._look_at_space(free)
+        if writer.durable is not None:
+            self._say(LogAck(writer.durable, free))
+
+    def _look_at_space(self, free: int) -> None:
+        low = free < LOW_SPACE
+        if low and not self._space_is_low:
+            log.warning("only %.1f GB are free in %s", free / 1e9, self._settings.directory)
+        self._space_is_low = low

@@ -1,0 +1,74 @@
+"""The operator's end of the control channel: ask how the server is, tell it what to do."""
+
+import os
+import socket as host
+from importlib.metadata import version
+
+from netboard import sockets
+from netboard.clock import now_ns
+from netboard.config import Network
+from netboard.errors import NetboardError, WireError
+from netboard.wire.codec import decode, encode
+from netboard.wire.messages import PROTOCOL_VERSION, Command, Hello, Refusal, Status, StatusRequest, Welcome
+
+HELLO_NS = 500_000_000
+"""Hello is said again after so long without an answer [ns]."""
+
+
+class Operator:
+    """Talks to one server; nothing here waits longer than it is told to.
+
+    Parameters
+    ----------
+    network : Network
+        Where the server is.
+    context : zmq.Context
+        Where the socket is made.
+    """
+
+    def __init__(self, network: Network, context: sockets.Context[sockets.Socket[bytes]]) -> None:
+        name = f"{host.gethostname()}:{os.getpid()}"
+        where = sockets.addresses(network)
+        self.status: Status | None = None
+        self._socket = sockets.control_client(context, where.reach(sockets.CONTROL), f"console@{name}")
+        self._hello = encode(Hello("console", "", PROTOCOL_VERSION, name, version("netboard"), {}))
+        self._said_hello_ns = -HELLO_NS
+        self._welcomed = False
+
+    def ask(self, seconds: float) -> Status | None:
+        """Ask for the status and wait for an answer at most so long [s]; None without an answer.
+
+        Raises
+        ------
+        NetboardError
+            If the server refuses.
+        """
+        if self._welcomed:
+            sockets.send(self._socket, encode(StatusRequest()))
+        elif now_ns() - self._said_hello_ns > HELLO_NS:
+            self._said_hello_ns = now_ns()
+            sockets.send(self._socket, self._hello)
+        answered = None
+        while answered is None and sockets.wait_readable(self._socket, seconds):
+            answered = self._take()
+        return answered
+
+    def command(self, name: str) -> None:
+        """Tell the server what to do; it answers with its status."""
+        sockets.send(self._socket, encode(Command(name)))
+
+    def _take(self) -> Status | None:
+        newest = None
+        while (frame := sockets.receive(self._socket)) is not None:
+            try:
+                message = decode(frame)
+            except WireError as error:
+                raise NetboardError(f"the server sent nonsense: {error}") from error
+            match message:
+                case Welcome():
+                    self._welcomed = True
+                case Status():
+                    newest = self.status = message
+                case Refusal(reason=reason):
+                    raise NetboardError(f"the server refuses: {reason}")
+        return newest

@@ -1,0 +1,106 @@
+"""A recording in words and tables for the terminal."""
+
+from rich.console import Group, RenderableType
+from rich.table import Table
+
+from netboard.recording.reader import Recording
+from netboard.recording.summary import Attempt, Spread, Summary, summarise
+from netboard.stage import Verdict
+
+_SIDES = {-1: "left", 1: "right"}
+
+
+def summary_of(recording: Recording) -> Summary:
+    """Sum up an open recording."""
+    return summarise(
+        recording.ticks(), recording.events(), recording.clocks(), recording.frames(), recording.remarks()
+    )
+
+
+def summary_tables(summary: Summary) -> RenderableType:
+    """Tables of trials, of timing and of losses.
+
+    Parameters
+    ----------
+    summary : Summary
+        What the recording amounts to.
+    """
+    return Group(_trials(summary.attempts), _timing(summary), _counts(summary))
+
+
+def verdict_line(verdict: Verdict) -> str:
+    """One line on a verification, with rich's markup.
+
+    Parameters
+    ----------
+    verdict : Verdict
+        Its outcome.
+    """
+    gaps = f", across {verdict.gaps} gaps" if verdict.gaps else ""
+    if verdict.identical:
+        return f"[green]verified: all {verdict.checked} ticks are identical to the bit{gaps}[/green]"
+    return (
+        f"[red]not identical: tick {verdict.tick}, {verdict.field}: recorded {verdict.recorded!r}, "
+        f"computed {verdict.computed!r} (first difference, after {verdict.checked} ticks{gaps})[/red]"
+    )
+
+
+def _trials(attempts: tuple[Attempt, ...]) -> Table:
+    table = Table(title="Trials", title_justify="left")
+    for heading in ("trial", "attempt", "target", "outcome", "completion time"):
+        table.add_column(heading, justify="left" if heading in ("target", "outcome") else "right")
+    for a in attempts:
+        time = f"{a.completion:.3f} s" if a.outcome == "success" else "-"
+        table.add_row(str(a.trial), str(a.attempt), _SIDES[a.target], a.outcome, time)
+    return table
+
+
+def _timing(summary: Summary) -> Table:
+    table = Table(title="Timing", title_justify="left")
+    table.add_column("")
+    for heading in ("50 %", "99 %", "99.9 %", "largest"):
+        table.add_column(heading, justify="right")
+    spreads = {
+        "tick begins late by": summary.lateness,
+        "left: stylus read to force rendered": summary.left.loop,
+        "right: stylus read to force rendered": summary.right.loop,
+        **{f"{peer}: network round trip": trip for peer, trip in summary.round_trips.items()},
+    }
+    for name, spread in spreads.items():
+        table.add_row(name, *_milliseconds(spread))
+    return table
+
+
+def _milliseconds(spread: Spread) -> tuple[str, ...]:
+    if spread.count == 0:
+        return ("-",) * 4
+    return tuple(f"{value * 1e3:.3f} ms" for value in (spread.p50, spread.p99, spread.p999, spread.max))
+
+
+def _counts(summary: Summary) -> Table:
+    completions = summary.completions
+    mean = f"{sum(completions) / len(completions):.3f} s" if completions else "-"
+    table = Table(title="Counts", title_justify="left", show_header=False)
+    table.add_column("")
+    table.add_column("", justify="right")
+    rows = {
+        "duration": f"{summary.duration:.3f} s",
+        "ticks": f"{summary.ticks}",
+        "ticks missing": f"{summary.missing_ticks}",
+        "records lost": f"{summary.lost_records}",
+        "late ticks (> 0.5 ms)": f"{summary.late_ticks}",
+        "successful trials": f"{len(completions)}",
+        "failed attempts": f"{summary.failures}",
+        "mean completion time": mean,
+    }
+    for side, numbers in (("left", summary.left), ("right", summary.right)):
+        rows[f"{side}: ticks without a fresh sample"] = f"{numbers.stale_ticks}"
+        rows[f"{side}: samples no tick used"] = f"{numbers.skipped_samples}"
+        rows[f"{side}: ticks with a limited force"] = f"{numbers.limited_ticks}"
+        rows[f"{side}: largest force rendered"] = f"{numbers.largest_force:.3f} N"
+    for station, shown in summary.displays.items():
+        rows[f"{station} display: frames shown"] = f"{shown.frames}"
+        rows[f"{station} display: views dropped"] = f"{shown.dropped}"
+    for name, value in rows.items():
+        table.add_row(name, value)
+    return table

@@ -1,0 +1,128 @@
+"""Views, ticks, a waiting loop and a small server for the tests of the display."""
+
+import socket
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from netboard import sockets
+from netboard.config import Config, Display, Network
+from netboard.experiment.machine import Cause, Phase
+from netboard.stage import TICK, TICK_NS
+from netboard.wire.codec import decode, encode
+from netboard.wire.messages import View
+
+VIEW = View(
+    station="left",
+    tick=1,
+    sent_ns=0,
+    phase="running",
+    z=0.0,
+    theta=0.0,
+    p=-0.15,
+    target=0.15,
+    left=0.0,
+    right=None,
+    trial=4,
+    trials=60,
+    failures=1,
+    completion=None,
+    best=None,
+    notice="",
+)
+
+
+def until(app, true: Callable[[], bool], seconds: float = 10.0) -> bool:
+    """Let Qt work until something is true; tell whether it became so."""
+    from PySide6.QtCore import QEventLoop, QTimer
+
+    loop, look, limit = QEventLoop(), QTimer(interval=2), QTimer(singleShot=True)
+    look.timeout.connect(lambda: loop.quit() if true() else None)
+    limit.timeout.connect(loop.quit)
+    look.start()
+    limit.start(round(seconds * 1000))
+    loop.exec()
+    look.stop()
+    return true()
+
+
+def free_ports(count: int = 6) -> int:
+    """First of some free TCP ports in a row on this machine."""
+    for first in np.random.default_rng().integers(20_000, 30_000, 100).tolist():
+        held = []
+        try:
+            for port in range(first, first + count):
+                held.append(socket.create_server(("127.0.0.1", port)))
+        except OSError:
+            continue
+        finally:
+            for one in held:
+                one.close()
+        return first
+    raise AssertionError("no free ports")
+
+
+def local_config(port: int, link_timeout_ms: float = 60_000.0) -> Config:
+    return replace(
+        Config(), network=Network(port=port), display=Display(width=840, height=480, link_timeout_ms=link_timeout_ms)
+    )
+
+
+class SmallServer:
+    """The server as a display knows it: publishes views, hears and answers on the control channel."""
+
+    def __init__(self, port: int) -> None:
+        self.context = context = sockets.new_context()
+        where = sockets.Addresses("127.0.0.1", "127.0.0.1", port)
+        self.views = sockets.view_publisher(context, where.listen(sockets.VIEW["left"]))
+        self.control = sockets.control_server(context, where.listen(sockets.CONTROL))
+        self.heard = []
+        self.peer = b""
+
+    def hear(self, kind: type) -> bool:
+        """Whether a message of a kind has come by now."""
+        while (received := sockets.receive_from(self.control)) is not None:
+            self.peer, frame = received
+            self.heard.append(decode(frame))
+        return any(isinstance(message, kind) for message in self.heard)
+
+    def tell(self, message) -> None:
+        assert sockets.send_to(self.control, self.peer, encode(message))
+
+    def show(self, **changes) -> bool:
+        """Publish a view; always true, so that it can be repeated in a waiting loop."""
+        sockets.send(self.views, encode(replace(VIEW, **changes)))
+        return True
+
+    def close(self) -> None:
+        self.views.close()
+        self.control.close()
+        self.context.term()
+
+
+def two_trials(seconds: float = 10.0):
+    """A made-up recording: a trial that succeeds after 3 s of running, and one that fails."""
+    ticks = np.zeros(round(seconds * 1000), TICK)
+    number = np.arange(len(ticks))
+    ticks["tick"] = number + 100
+    ticks["time_ns"] = 5_000_000_000 + number * TICK_NS
+    ticks["phase"] = Phase.LEVELLING
+    ticks["phase"][:500] = Phase.IDLE
+    ticks["phase"][1000:4000] = Phase.RUNNING
+    ticks["phase"][6000:8000] = Phase.RUNNING
+    ticks["target"] = np.where(number < 4000, 1, -1)
+    ticks["trial"] = np.where(number < 4000, 1, 2)
+    ticks["completion"] = np.where(number < 4000, 0.0, 3.0)
+    ticks["p"] = -0.15
+    ticks["p"][1000:4000] = np.linspace(-0.15, 0.15, 3000)
+    ticks["left_used_z"], ticks["right_used_z"] = 0.01, -0.02
+    for at, cause in (
+        (500, Cause.START),
+        (1000, Cause.LEVEL),
+        (4000, Cause.HELD),
+        (6000, Cause.LEVEL),
+        (8000, Cause.FELL),
+    ):
+        ticks["event"][at] = cause
+    return ticks

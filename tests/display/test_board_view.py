@@ -1,0 +1,119 @@
+"""The widget puts the right colours in the right places, and paints only what is new."""
+
+import sys
+from dataclasses import replace
+
+import pytest
+from display_parts import VIEW
+
+from netboard.config import Config, Display
+from netboard.display.scene import COLOURS, Mood, blank, compose, extent
+from netboard.errors import NetboardError
+
+CONFIG = Config()
+
+
+def colour_at(view, point):
+    """Colour of the pixel at a place in metres, by the size of the widget alone."""
+    width, height = extent(CONFIG)
+    scale = min(view.width() / width, view.height() / height)
+    x, y = view.width() / 2 + point[0] * scale, view.height() / 2 - point[1] * scale
+    return view.grab().toImage().pixelColor(int(x), int(y)).name()
+
+
+@pytest.mark.parametrize("size", [(840, 480), (1200, 400), (500, 700)])
+def test_colours_are_where_the_view_says(app, board, size):
+    view, _ = board
+    view.window().resize(*size)
+    app.processEvents()
+    picture = compose(replace(VIEW, theta=0.1, z=0.02, p=-0.05, left=-0.01), CONFIG)
+    view.show_picture(picture)
+    app.processEvents()
+    target = [sum(corner[i] for corner in picture.target) / 4 for i in (0, 1)]
+    colours = picture.colours
+    assert colour_at(view, picture.ball) == colours.ball
+    assert colour_at(view, target) == colours.target
+    assert colour_at(view, picture.handles[1]) == colours.background
+    assert colour_at(view, (0.0, 0.02)) == colours.board
+    assert colour_at(view, (0.0, -0.05)) == colours.background
+    x, y = picture.cursors[0]
+    assert colour_at(view, (x, y + 0.011)) == colours.cursor
+
+
+@pytest.mark.parametrize("phase", ["holding", "succeeded", "paused"])
+def test_the_mood_colours_the_target(app, board, phase):
+    view, _ = board
+    view.show_picture(compose(replace(VIEW, phase=phase), CONFIG))
+    app.processEvents()
+    assert colour_at(view, (0.15, 0.0)) == view.picture.colours.target != COLOURS[Mood.RUN].target
+
+
+def test_it_paints_once_a_picture_and_never_for_an_equal_one(app, board):
+    view, paints = board
+    view.show_picture(compose(VIEW, CONFIG))
+    for _ in range(20):
+        app.processEvents()
+    paints.clear()
+    for tick in range(20):
+        assert not view.show_picture(compose(replace(VIEW, tick=tick, sent_ns=tick), CONFIG))
+        app.processEvents()
+    assert paints == []
+    for step in range(1, 6):
+        assert view.show_picture(compose(replace(VIEW, theta=step * 0.01), CONFIG))
+        app.processEvents()
+        assert len(paints) == step
+
+
+def test_blank_leaves_nothing_of_the_board(app, board):
+    view, _ = board
+    view.show_picture(compose(replace(VIEW, phase="levelling", right=0.02), CONFIG))
+    app.processEvents()
+    view.show_picture(blank(CONFIG, "", lost=True))
+    app.processEvents()
+    image = view.grab().toImage()
+    colours = {image.pixelColor(x, y).name() for x in range(0, 840, 5) for y in range(0, 480, 5)}
+    assert colours == {COLOURS[Mood.LOST].background}
+
+
+def test_a_screenshot_is_written_once(app, board, tmp_path):
+    from PySide6.QtGui import QImage
+
+    from netboard.display.widget import screenshot
+
+    view, _ = board
+    view.show_picture(compose(VIEW, CONFIG))
+    path = tmp_path / "shots" / "left.png"
+    screenshot(view, path)
+    assert QImage(str(path)).width() == 840
+    before = path.read_bytes()
+    with pytest.raises(NetboardError, match="never overwrites"):
+        screenshot(view, path)
+    assert path.read_bytes() == before
+
+
+def test_keys_of_the_window(app):
+    from PySide6.QtCore import Qt
+    from PySide6.QtTest import QTest
+
+    from netboard.display.window import BoardWindow
+
+    window = BoardWindow("netboard: left station")
+    closed = []
+    window.closed.connect(lambda: closed.append(True))
+    window.present(Display(width=640, height=400))
+    assert (window.width(), window.board.height()) == (640, 400)
+    QTest.keyClick(window, Qt.Key.Key_F11)
+    assert window.isFullScreen()
+    QTest.keyClick(window, Qt.Key.Key_F11)
+    assert not window.isFullScreen()
+    QTest.keyClick(window, Qt.Key.Key_Escape)
+    assert closed == [True]
+
+
+@pytest.mark.skipif(sys.version_info >= (3, 12), reason="None is immortal here and cannot be lost")
+def test_the_qt_binding_does_not_give_none_away(app):
+    """PySide6 6.12.0 drops a reference to None in every call, until Python 3.11 aborts after some thousand of them."""
+    before = sys.getrefcount(None)
+    for _ in range(1000):
+        app.processEvents()
+    assert sys.getrefcount(None) > before - 500

@@ -1,0 +1,153 @@
+"""The display's client against a small server over real sockets on this machine."""
+
+from dataclasses import replace
+
+import pytest
+from display_parts import SmallServer, free_ports, local_config, until
+
+from netboard import sockets
+from netboard.config import Config, Geometry, resolve
+from netboard.display.scene import Mood
+from netboard.wire.messages import PROTOCOL_VERSION, Frames, Goodbye, Hello, Refusal, Welcome
+
+pytestmark = pytest.mark.integration
+
+
+class Rig:
+    """A display, and a server that can be started and stopped."""
+
+    def __init__(self, app, link_timeout_ms=60_000.0):
+        from netboard.display.client import DisplayClient
+        from netboard.display.window import BoardWindow
+
+        self.app = app
+        self.port = free_ports()
+        self.context = sockets.new_context()
+        self.server = None
+        self.window = BoardWindow("netboard: left station")
+        config = local_config(self.port, link_timeout_ms)
+        self.window.present(config.display)
+        self.client = DisplayClient("left", config, self.context, self.window)
+
+    def serve(self):
+        self.server = SmallServer(self.port)
+        return self.server
+
+    def welcome(self, config=None, session="s1"):
+        assert until(self.app, lambda: self.server.hear(Hello))
+        self.server.tell(Welcome(session, PROTOCOL_VERSION, 0, resolve(config or Config())))
+        assert until(self.app, lambda: self.client.session == session)
+
+    def shows(self, mood, **view):
+        """Whether the window shows a mood in the end, while a view is published if one is given."""
+        return until(
+            self.app,
+            lambda: (not view or self.server.show(**view)) and self.window.board.picture.mood is mood,
+        )
+
+    def close(self):
+        self.client.close()
+        if self.server is not None:
+            self.server.close()
+        self.window.close()
+        self.context.term()
+
+
+@pytest.fixture
+def rig(app):
+    made = Rig(app)
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def hasty(app):
+    """A rig that misses its views soon."""
+    made = Rig(app, link_timeout_ms=150.0)
+    yield made
+    made.close()
+
+
+def test_it_waits_in_words_then_greets_then_shows_and_reports(rig):
+    picture = rig.window.board.picture
+    assert picture.headline == "Waiting for the experiment"
+    assert str(rig.port) in picture.detail
+    server = rig.serve()
+    rig.welcome()
+    hello = next(message for message in server.heard if isinstance(message, Hello))
+    assert (hello.role, hello.side, hello.protocol) == ("display", "left", PROTOCOL_VERSION)
+    assert server.peer == b"display.left"
+    assert rig.shows(Mood.RUN, tick=77)
+    assert until(rig.app, lambda: server.hear(Frames))
+    frames = next(message for message in server.heard if isinstance(message, Frames))
+    ((tick, received_ns, painted_ns),) = frames.shown
+    assert (frames.station, tick) == ("left", 77)
+    assert 0 < received_ns <= painted_ns
+
+
+def test_the_servers_configuration_says_what_the_board_looks_like(rig):
+    rig.serve()
+    rig.welcome(replace(Config(), geometry=Geometry(ball_radius=0.04)))
+    assert rig.shows(Mood.RUN, tick=5)
+    assert rig.window.board.picture.ball_radius == 0.04
+
+
+def test_views_that_show_nothing_new_are_not_painted(rig):
+    server = rig.serve()
+    assert rig.shows(Mood.RUN, tick=0)
+    ticks = iter(range(8, 10_000, 8))
+    assert until(rig.app, lambda: server.show(tick=next(ticks)) and next(ticks) > 500)
+    assert rig.client.tally.painted == 1
+    assert rig.shows(Mood.HOLD, phase="holding", tick=20_000)
+    assert until(rig.app, lambda: rig.client.tally.painted == 2)
+
+
+def test_a_lost_link_is_said_and_heals_by_itself(hasty):
+    server = hasty.serve()
+    hasty.welcome()
+    assert hasty.shows(Mood.RUN, tick=1)
+    assert hasty.shows(Mood.LOST)
+    assert hasty.window.board.picture.headline == "Connection lost"
+    assert not hasty.window.board.picture.board
+    server.close()
+    hasty.serve()
+    assert hasty.shows(Mood.RUN, tick=3)
+    hasty.welcome(session="s2")
+
+
+def test_it_greets_again_when_the_server_does_not_know_it(rig):
+    server = rig.serve()
+    rig.welcome()
+    server.heard.clear()
+    server.tell(Refusal("say hello first"))
+    rig.welcome(session="s2")
+
+
+def test_a_refusal_is_shown_while_there_is_nothing_else(rig):
+    server = rig.serve()
+    assert until(rig.app, lambda: server.hear(Hello))
+    server.tell(Refusal("the server speaks protocol 9, the display 1"))
+    assert until(rig.app, lambda: "protocol 9" in rig.window.board.picture.detail)
+
+
+def test_the_end_of_the_session_is_no_lost_link(hasty):
+    server = hasty.serve()
+    hasty.welcome()
+    assert hasty.shows(Mood.FINISHED, phase="finished")
+    server.tell(Goodbye("the session is over"))
+    assert until(hasty.app, lambda: hasty.window.board.picture.headline == "The session is over")
+
+
+def test_what_breaks_the_protocol_is_left_out(rig, caplog):
+    server = rig.serve()
+    assert rig.shows(Mood.RUN, tick=1)
+    sockets.send(server.views, b"\xc1 no message at all")
+    assert until(rig.app, lambda: bool(caplog.records))
+    assert rig.shows(Mood.LEVEL, phase="levelling")
+
+
+def test_it_says_goodbye(rig):
+    server = rig.serve()
+    rig.welcome()
+    rig.client.close()
+    assert until(rig.app, lambda: server.hear(Goodbye))

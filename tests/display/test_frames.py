@@ -1,0 +1,71 @@
+"""The count of frames adds up."""
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from netboard.display.frames import FrameTally
+
+MS = 1_000_000
+PERIOD = 16 * MS
+
+
+def test_steady_views_that_are_painted_in_time_lose_nothing():
+    tally = FrameTally("left", PERIOD)
+    for tick in range(0, 1000, 16):
+        tally.receive(tick)
+        tally.wait(tick, tick * MS)
+        assert tally.paint(tick * MS + 2 * MS)
+    assert (tally.painted, tally.dropped) == (63, 0)
+
+
+def test_more_views_than_the_screen_can_show_are_not_drops():
+    tally = FrameTally("left", PERIOD)
+    for tick in range(0, 1000, 8):
+        tally.receive(tick)
+    assert tally.dropped == 0
+
+
+def test_a_hole_of_three_frames_is_three_drops_and_a_new_count_is_none():
+    tally = FrameTally("left", PERIOD)
+    tally.receive(1000)
+    tally.receive(1000 + 4 * 16)
+    assert tally.dropped == 3
+    tally.receive(5)
+    assert tally.dropped == 3
+
+
+def test_replaced_and_late_frames_are_drops():
+    tally = FrameTally("right", PERIOD)
+    tally.wait(1, 0)
+    tally.wait(2, 20 * MS)
+    assert tally.dropped == 1
+    assert tally.paint(20 * MS + PERIOD + 1)
+    assert tally.dropped == 2
+
+
+def test_a_paint_without_a_waiting_view_is_no_frame():
+    tally = FrameTally("left", PERIOD)
+    assert not tally.paint(5)
+    assert tally.painted == 0
+    assert tally.report() is None
+
+
+@given(st.lists(st.sampled_from("wpc"), max_size=60))
+def test_every_painted_frame_is_reported_once(steps):
+    tally = FrameTally("left", PERIOD)
+    waited, reported = 0, []
+    for i, step in enumerate(steps):
+        if step == "w":
+            tally.wait(i, i)
+            waited += 1
+        elif step == "p":
+            tally.paint(i)
+        elif (frames := tally.report()) is not None:
+            assert tally.report() == frames
+            reported += frames.shown
+            tally.clear()
+    last = tally.report()
+    reported += last.shown if last else ()
+    assert len(reported) == tally.painted
+    assert [tick for tick, _, _ in reported] == sorted({tick for tick, _, _ in reported})
+    assert waited - tally.painted - tally.dropped in (0, 1)

@@ -1,0 +1,136 @@
+"""Small real implementations of what surrounds netboard, for tests: a clock, and a log channel with a server behind it."""
+
+import random
+from collections import deque
+from collections.abc import Callable
+
+from netboard.wire.codec import decode, encode
+from netboard.wire.messages import (
+    PROTOCOL_VERSION,
+    Goodbye,
+    Hello,
+    LogAck,
+    LogEnd,
+    LogRequest,
+    Message,
+    Refusal,
+    Welcome,
+)
+from netboard.wire.ring import LogRing
+
+
+class FakeClock:
+    """A monotonic clock that only moves when it is told to."""
+
+    def __init__(self, now_ns: int = 1_000_000_000) -> None:
+        self.now_ns = now_ns
+
+    def __call__(self) -> int:
+        return self.now_ns
+
+    def advance(self, seconds: float) -> None:
+        self.now_ns += round(seconds * 1e9)
+
+
+class FakeLogServer:
+    """The server's end of the log channel, as PROTOCOL.md has it: a ring, a cursor, and the end of the session."""
+
+    def __init__(self, session: str, config: str, capacity: int, clock: FakeClock, batch: int = 7) -> None:
+        self.ring = LogRing(capacity)
+        self.acks: list[LogAck] = []
+        self.goodbyes: list[str] = []
+        self.requests: list[int] = []
+        self._welcome = Welcome(session, PROTOCOL_VERSION, clock(), config)
+        self._batch = batch
+        self._cursor: int | None = None
+        self._ended = False
+        self._told_end = False
+        self.greeted = False
+
+    def append(self, record: Message) -> None:
+        self.ring.append(encode(record))
+
+    def end(self) -> None:
+        self._ended = True
+
+    def hear(self, frame: bytes) -> list[Message]:
+        """Answer one frame of the logger."""
+        match decode(frame):
+            case Hello():
+                self.greeted, self._cursor = True, None
+                return [self._welcome]
+            case _ if not self.greeted:
+                return [Refusal("say hello first")]
+            case LogRequest(first=first):
+                self.requests.append(first)
+                self._cursor = self.ring.start(first)
+                self._told_end = False
+            case LogAck() as ack:
+                self.acks.append(ack)
+                assert self.ring.acknowledge(ack.durable)
+            case Goodbye(reason=reason):
+                self.goodbyes.append(reason)
+                self._cursor = None
+        return []
+
+    def pump(self) -> list[Message]:
+        """Send what is due."""
+        sent: list[Message] = []
+        if self._cursor is None:
+            return sent
+        while self._cursor < self.ring.next:
+            batch = self.ring.batch(self._cursor, self._batch, 100_000)
+            self._cursor = batch.first + len(batch.records)
+            sent.append(batch)
+        if self._ended and not self._told_end:
+            self._told_end = True
+            sent.append(LogEnd(self.ring.next - 1))
+        return sent
+
+
+class FakeLogLink:
+    """The logger's end of the log channel in memory, over a line that may drop, repeat and reorder frames both ways.
+
+    Each wait moves the clock on, lets ``live`` do what happens in the world meanwhile, and lets the server send.
+    """
+
+    def __init__(self, server: FakeLogServer | None, clock: FakeClock, live: Callable[[], None] = lambda: None) -> None:
+        self.server = server
+        self.live = live
+        self.drop = self.repeat = self.reorder = 0.0
+        self.random = random.Random(1)
+        self._clock = clock
+        self._inbox: deque[bytes] = deque()
+
+    def wait(self, seconds: float) -> bool:
+        self._clock.advance(seconds)
+        self.live()
+        if self.server is not None:
+            self._deliver(self.server.pump())
+        return bool(self._inbox)
+
+    def receive(self) -> bytes | None:
+        return self._inbox.popleft() if self._inbox else None
+
+    def send(self, frame: bytes) -> bool:
+        if self.server is None:
+            return False
+        for _ in range(self._copies()):
+            self._deliver(self.server.hear(frame))
+        return True
+
+    def inject(self, frame: bytes) -> None:
+        """Put a frame on the line that the server did not send."""
+        self._inbox.append(frame)
+
+    def _copies(self) -> int:
+        if self.random.random() < self.drop:
+            return 0
+        return 2 if self.random.random() < self.repeat else 1
+
+    def _deliver(self, messages: list[Message]) -> None:
+        for message in messages:
+            for _ in range(self._copies()):
+                self._inbox.append(encode(message))
+                if self.random.random() < self.reorder and len(self._inbox) > 1:
+                    self._inbox[-1], self._inbox[-2] = self._inbox[-2], self._inbox[-1]

@@ -1,0 +1,119 @@
+"""A block without network or clock: simulated people, their devices, the safety chain and the stage, in one thread.
+
+The delays of the real system are put in by hand: a stylus reading is used, and a force rendered, one tick later; views
+leave at 120 Hz and are seen 5 ms later.
+"""
+
+from collections import deque
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from netboard.config import SIDES, Config, Side
+from netboard.devices.fixture import lateral_force
+from netboard.devices.safety import Safety
+from netboard.devices.virtual import VirtualTouch
+from netboard.experiment.machine import Cause, Phase
+from netboard.participants.brain import Brain
+from netboard.participants.senses import Glimpse
+from netboard.stage import TICK, TICK_NS, make_stage
+from netboard.wire.messages import Safeguard
+
+VIEW_EVERY = 1 / 120
+VIEW_DELAY = 0.005
+
+
+@dataclass
+class Played:
+    completions: list[float]
+    failures: int
+    seconds: float
+    largest_force: float
+    lateral: float
+    safeguards: Safeguard
+    rows: np.ndarray
+
+
+def with_block(config: Config, configuration: str, haptics: bool, trials: int, seed: int) -> Config:
+    block = replace(config.block, configuration=configuration, haptics=haptics, trials=trials, seed=seed)
+    return replace(config, block=block)
+
+
+def make_brains(config: Config) -> list[tuple[tuple[Side, ...], Brain]]:
+    groups = [("left",), ("right",)] if config.block.configuration == "dyadic" else [SIDES]
+    seeds = np.random.default_rng((config.block.seed, 99)).spawn(2)
+    return [
+        (sides, Brain(config.participant, config.physics, config.task, sides, rng))
+        for sides, rng in zip(groups, seeds, strict=False)
+    ]
+
+
+def play(config: Config, most_seconds: float) -> Played:
+    stage = make_stage(config)
+    state = stage.initial()
+    row = np.zeros(1, TICK)
+    devices = {side: VirtualTouch(side, config) for side in SIDES}
+    chains = {side: Safety(config.safety, devices[side].open().max_force) for side in SIDES}
+    for chain in chains.values():
+        chain.arm()
+    brains = make_brains(config)
+    views: deque[tuple[float, dict[str, object]]] = deque()
+    glimpses: dict[Side, Glimpse] = {}
+    readings = {}
+    played = Played([], 0, 0.0, 0.0, 0.0, Safeguard(0), np.zeros(0, TICK))
+    rows = []
+    next_view = 0.0
+    row["command"] = Cause.START
+    for tick in range(int(most_seconds * 1000)):
+        now_ns = 1_000_000_000 + tick * TICK_NS
+        now = now_ns * 1e-9
+        row["tick"], row["time_ns"] = tick, now_ns
+        for side in SIDES:
+            device, chain = devices[side], chains[side]
+            reading = device.read(now_ns)
+            wanted = (*lateral_force(reading, config.fixture), float(row[f"{side}_force"][0]))
+            limited = chain.step(now_ns, wanted, now_ns - TICK_NS, (reading.vx, reading.vy, reading.vz))
+            device.write(limited.fx, limited.fy, limited.fz)
+            played.largest_force = max(played.largest_force, float(np.hypot(limited.fy, limited.fz)))
+            played.lateral = max(played.lateral, abs(reading.x), abs(reading.y))
+            if tick > 2000:
+                played.safeguards |= limited.safeguards
+            used = readings.get(side, reading)
+            row[f"{side}_live"], row[f"{side}_stamp_ns"] = 1, used.stamp_ns
+            row[f"{side}_sent_z"], row[f"{side}_sent_vz"] = used.z, used.vz
+            readings[side] = reading
+        if now >= next_view:
+            next_view = now + VIEW_EVERY
+            views.append((now + VIEW_DELAY, {name: state[name][0] for name in state.dtype.names}))
+        while views and views[0][0] <= now:
+            when, shown = views.popleft()
+            for sides, _ in brains:
+                glimpses[sides[0]] = glimpse_of(when, shown, sides, config)
+        for sides, brain in brains:
+            felt = devices[sides[0]].felt if len(sides) == 1 and config.block.haptics else None
+            for move in brain.step(now, glimpses.get(sides[0]), felt):
+                devices[move.side].command((move,))
+        stage.advance(state, row)
+        row["command"] = Cause.NONE
+        rows.append(row.copy())
+        if row["event"][0] == Cause.HELD:
+            played.completions.append(float(state["completion"][0]))
+        if state["phase"][0] == Phase.FINISHED:
+            break
+    played.failures = int(state["failures"][0])
+    played.seconds = len(rows) * 1e-3
+    played.rows = np.concatenate(rows)
+    return played
+
+
+def glimpse_of(when: float, shown: dict[str, object], sides: tuple[Side, ...], config: Config) -> Glimpse:
+    return Glimpse(
+        time=when,
+        phase=Phase(int(shown["phase"])).name.lower(),
+        z=float(shown["z"]),
+        theta=float(shown["theta"]),
+        p=float(shown["p"]) if config.physics.ball else None,
+        target=float(shown["target"]) * config.geometry.target_distance,
+        left=float(shown["left_z"]) if "left" in sides else None,
+        right=float(shown["right_z"]) if "right" in sides else None,
+    )

@@ -1,0 +1,259 @@
+"""Writing: nothing is overwritten, chunks stay small, durable means on disk, and upstream MCAP reads it all."""
+
+import io
+import json
+import os
+import shutil
+from pathlib import Path
+
+import jsonschema
+import msgpack
+import pytest
+from mcap.reader import NonSeekingReader, make_reader
+from mcap.records import Chunk, Message
+from mcap.stream_reader import StreamReader
+from samples import CONFIG_TEXT, MS, OPENED_NS, SESSION, fill, metadata, new_writer, random_rows, records, write_recording
+
+from netboard.config import Config, Recording
+from netboard.errors import RecordingError
+from netboard.recording.chunks import messages, payloads, unpack_chunk
+from netboard.recording.provenance import config_sha256, next_recording
+from netboard.recording.reader import Recording as Reader
+from netboard.recording.writer import RecordingWriter
+from netboard.wire.messages import TickRecord
+
+ROWS = random_rows(300)
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_recording(tmp_path_factory.mktemp("recording") / "whole.mcap", ROWS)
+
+
+def test_the_part_becomes_the_recording_only_at_the_end(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    writer = new_writer(path)
+    assert [file.name for file in tmp_path.iterdir()] == ["a.mcap.part"]
+    writer.finish(OPENED_NS)
+    assert [file.name for file in tmp_path.iterdir()] == ["a.mcap"]
+    assert not writer.is_open
+
+
+@pytest.mark.parametrize("name", ["a.mcap", "a.mcap.part"])
+def test_nothing_is_overwritten(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).write_bytes(b"precious")
+    with pytest.raises(RecordingError, match="exists"):
+        new_writer(tmp_path / "a.mcap")
+    assert (tmp_path / name).read_bytes() == b"precious"
+
+
+@pytest.mark.parametrize("links", [True, False])
+def test_a_file_that_appears_meanwhile_is_not_overwritten(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, links: bool
+) -> None:
+    if not links:
+        monkeypatch.setattr(os, "link", _no_links)
+    path = tmp_path / "a.mcap"
+    writer = new_writer(path)
+    fill(writer, ROWS[:3])
+    path.write_bytes(b"precious")
+    with pytest.raises(RecordingError, match="exists already"):
+        writer.finish(OPENED_NS)
+    assert path.read_bytes() == b"precious"
+    shutil.copy(tmp_path / "a.mcap.part", tmp_path / "whole.mcap")
+    with Reader(tmp_path / "whole.mcap") as reader:
+        assert reader.ticks().tobytes() == ROWS[:3].tobytes()
+
+
+def _no_links(source: Path, target: Path) -> None:
+    raise PermissionError(1, "no hard links here")
+
+
+def test_a_file_system_without_links_will_do(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "link", _no_links)
+    write_recording(tmp_path / "a.mcap", ROWS[:3])
+    assert [file.name for file in tmp_path.iterdir()] == ["a.mcap"]
+
+
+def test_the_name_says_what_it_is(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match=r"ends in \.mcap"):
+        new_writer(tmp_path / "a.txt")
+
+
+def test_only_what_is_flushed_is_durable(tmp_path: Path) -> None:
+    writer = new_writer(tmp_path / "a.mcap", Recording(flush_ms=200.0))
+    assert writer.durable is None
+    assert not writer.is_due(OPENED_NS + 10_000 * MS)
+    writer.write(TickRecord(ROWS[0].tobytes()), 40, OPENED_NS + MS)
+    assert (writer.durable, writer.next_record) == (40, 41)
+    assert not writer.is_due(OPENED_NS + 199 * MS)
+    assert writer.is_due(OPENED_NS + 200 * MS)
+    assert writer.flush(OPENED_NS + 200 * MS) == 41
+    assert not writer.is_due(OPENED_NS + 1000 * MS)
+    writer.note_lost(41, 5, OPENED_NS + 201 * MS)
+    assert (writer.durable, writer.next_record, writer.lost) == (41, 46, 5)
+    with pytest.raises(ValueError, match="46 is next"):
+        writer.write(TickRecord(ROWS[1].tobytes()), 41, OPENED_NS)
+    writer.finish(OPENED_NS + 300 * MS)
+    assert writer.durable == 46
+
+
+@pytest.mark.parametrize("chunk_bytes", [1024, 8192, 65_536])
+def test_chunks_stay_within_their_size(tmp_path: Path, chunk_bytes: int) -> None:
+    path = write_recording(tmp_path / "a.mcap", ROWS, Recording(chunk_bytes=chunk_bytes, flush_ms=5000.0))
+    with path.open("rb") as file:
+        chunks = [r for r in StreamReader(file, emit_chunks=True).records if isinstance(r, Chunk)]
+    # The first chunk holds the channels and schemas too.
+    assert all(chunk.uncompressed_size <= chunk_bytes for chunk in chunks[1:])
+    assert len(chunks) >= len(ROWS) * 1000 // chunk_bytes
+
+
+def test_a_chunk_is_in_the_file_as_soon_as_it_is_full(tmp_path: Path) -> None:
+    writer = new_writer(tmp_path / "a.mcap", Recording(chunk_bytes=4096, flush_ms=5000.0))
+    sizes = []
+    for number, row in enumerate(ROWS[:20]):
+        writer.write(TickRecord(row.tobytes()), number, OPENED_NS)
+        sizes.append((tmp_path / "a.mcap.part").stat().st_size)
+    assert len(set(sizes)) >= 20 // 4
+    writer.abandon()
+
+
+def test_upstream_reads_everything_in_both_ways(recording: Path) -> None:
+    data = recording.read_bytes()
+    for reader in (make_reader(io.BytesIO(data), validate_crcs=True), NonSeekingReader(io.BytesIO(data), validate_crcs=True)):
+        sequences: dict[str, list[int]] = {}
+        for schema, channel, message in reader.iter_messages():
+            assert schema is not None
+            assert (schema.encoding, channel.message_encoding) == ("jsonschema", "msgpack")
+            jsonschema.Draft202012Validator(json.loads(schema.data)).validate(msgpack.unpackb(message.data))
+            sequences.setdefault(channel.topic, []).append(message.sequence)
+        assert sequences["/tick"] == list(range(len(ROWS)))
+        for topic in ("/event", "/clock", "/frame"):
+            assert sequences[topic] == list(range(len(ROWS) // 10))
+
+
+def test_stamps_are_the_sources_and_the_loggers(recording: Path) -> None:
+    with recording.open("rb") as file:
+        times = [
+            (message.publish_time, message.log_time)
+            for _, _, message in make_reader(file).iter_messages(topics="/tick", log_time_order=False)
+        ]
+    assert [publish for publish, _ in times] == ROWS["time_ns"].tolist()
+    logged = [log for _, log in times]
+    assert logged == sorted(logged)
+    assert logged[0] == OPENED_NS + MS
+
+
+def test_upstream_finds_metadata_configuration_and_statistics(recording: Path) -> None:
+    with recording.open("rb") as file:
+        reader = make_reader(file)
+        summary = reader.get_summary()
+        found = {record.name: record.metadata for record in reader.iter_metadata()}
+        (attachment,) = reader.iter_attachments()
+        assert reader.get_header().profile == "netboard"
+    assert summary is not None
+    assert summary.statistics is not None
+    assert summary.statistics.message_count == len(records(ROWS))
+    assert found["netboard"] == metadata()
+    assert found["netboard.first"] == {"record": "0"}
+    assert found["netboard.end"]["ended"] == "complete"
+    assert int(found["netboard.end"]["records"]) == len(records(ROWS)) == int(found["netboard.end"]["next_record"])
+    assert (attachment.name, attachment.data) == ("netboard.toml", CONFIG_TEXT.encode())
+
+
+def test_metadata_say_where_it_comes_from() -> None:
+    found = metadata()
+    assert found["session"] == SESSION
+    assert found["config_sha256"] == config_sha256(CONFIG_TEXT.encode())
+    assert found["opened_utc"] == "2026-09-21T13:46:40+00:00"
+    assert all(found[name] for name in ("format", "netboard", "python", "platform", "numpy", "numba", "pyzmq", "mcap"))
+    assert found["pilot"] == "false"
+    assert all(isinstance(value, str) for value in found.values())
+
+
+def test_our_walk_of_a_chunk_is_upstreams(recording: Path) -> None:
+    with recording.open("rb") as file:
+        theirs = [r for r in StreamReader(file).records if isinstance(r, Message)]
+    with recording.open("rb") as file:
+        chunks = [r for r in StreamReader(file, emit_chunks=True).records if isinstance(r, Chunk)]
+    ours = []
+    for chunk in chunks:
+        body = _body(chunk)
+        data = unpack_chunk(body)
+        entries = list(messages(data))
+        assert payloads(data, 1) == [entry.data for entry in entries if entry.channel_id == 1]
+        ours += entries
+    assert [(m.channel_id, m.sequence, m.log_time, m.publish_time, m.data) for m in theirs] == ours
+
+
+def _body(chunk: Chunk) -> bytes:
+    from mcap.data_stream import RecordBuilder
+
+    builder = RecordBuilder()
+    chunk.write(builder)
+    return builder.end()[9:]
+
+
+def test_stamps_that_mcap_cannot_hold_are_cut_but_the_row_is_not(tmp_path: Path) -> None:
+    row = random_rows(1)
+    row["tick"], row["time_ns"] = 2**32 + 5, -7
+    with Reader(write_recording(tmp_path / "a.mcap", row)) as reader:
+        assert reader.ticks().tobytes() == row.tobytes()
+    with (tmp_path / "a.mcap").open("rb") as file:
+        (_, _, message), *_ = make_reader(file).iter_messages()
+    assert (message.sequence, message.publish_time) == (5, 0)
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+def test_a_full_disk_stops_it_with_a_clear_message(tmp_path: Path) -> None:
+    writer = new_writer(tmp_path / "a.mcap")
+    written = (tmp_path / "a.mcap.part").stat().st_size
+    # From here on the file's descriptor leads to the device that is always full.
+    with open("/dev/full", "wb") as full:
+        os.dup2(full.fileno(), writer._file._file.fileno())
+    writer.write(TickRecord(ROWS[0].tobytes()), 0, OPENED_NS)
+    with pytest.raises(RecordingError, match=r"a\.mcap\.part: cannot be written: No space left"):
+        writer.flush(OPENED_NS)
+    assert not writer.is_open
+    assert (tmp_path / "a.mcap.part").stat().st_size == written
+
+
+@pytest.mark.skipif(os.name == "nt", reason="an open file cannot be deleted there")
+def test_a_deleted_file_is_noticed(tmp_path: Path) -> None:
+    writer = new_writer(tmp_path / "a.mcap")
+    fill(writer, ROWS[:3])
+    (tmp_path / "a.mcap.part").unlink()
+    with pytest.raises(RecordingError, match="was deleted"):
+        writer.flush(OPENED_NS)
+    assert not writer.is_open
+
+
+def test_a_missing_folder_is_said(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match="cannot be written: No such file"):
+        new_writer(tmp_path / "nowhere" / "a.mcap")
+
+
+def test_parts_of_a_session_count_up(tmp_path: Path) -> None:
+    config = Config()
+    first, part = next_recording(tmp_path, config, SESSION, OPENED_NS)
+    assert (first.name, part) == ("S01_D01_20260921T134640Z_3f2a9c1e.mcap", 1)
+    first.with_name(first.name + ".part").touch()
+    second, part = next_recording(tmp_path, config, SESSION, OPENED_NS + 3600 * 1000 * MS)
+    assert (second.name, part) == ("S01_D01_20260921T144640Z_3f2a9c1e_part2.mcap", 2)
+    second.touch()
+    (tmp_path / "S01_D01_20260921T134640Z_3f2a9c1e.recovered.mcap").touch()
+    assert next_recording(tmp_path, config, SESSION, OPENED_NS)[1] == 3
+    assert next_recording(tmp_path, config, "another0", OPENED_NS)[1] == 1
+
+
+def test_a_session_id_cannot_leave_the_folder(tmp_path: Path) -> None:
+    path, _ = next_recording(tmp_path, Config(), "../../etc/passwd", OPENED_NS)
+    assert path.parent == tmp_path
+    assert path.name.endswith("_etcpassw.mcap")
+
+
+def test_free_space_is_told(tmp_path: Path) -> None:
+    writer = new_writer(tmp_path / "a.mcap")
+    assert isinstance(writer, RecordingWriter)
+    assert 0 < writer.free_bytes <= shutil.disk_usage(tmp_path).total
+    writer.abandon()

@@ -1,0 +1,159 @@
+"""The command: what it accepts, what it answers, and that it loads no more than it was asked for."""
+
+import os
+import subprocess
+import sys
+from importlib.metadata import version
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from netboard.config import Config, parse
+from netboard.services.cli import app, demo_settings
+
+runner = CliRunner()
+COMMANDS = ("server", "agent", "display", "logger", "replay", "demo", "info", "recover", "config")
+
+
+@pytest.fixture(autouse=True)
+def _empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "200")
+    monkeypatch.setenv("NO_COLOR", "1")
+
+
+def test_help_lists_every_command() -> None:
+    result = runner.invoke(app, ["--help"])
+    assert result.exit_code == 0
+    for command in COMMANDS:
+        assert f" {command} " in result.output
+
+
+@pytest.mark.parametrize("command", [*COMMANDS, "config check", "config show", "config init"])
+def test_every_command_has_help_with_examples(command: str) -> None:
+    result = runner.invoke(app, [*command.split(), "--help"])
+    assert result.exit_code == 0
+    assert command == "config" or f"netboard {command}" in result.output.partition("Examples:")[2]
+
+
+def test_nothing_asked_shows_the_help() -> None:
+    assert "Usage: netboard" in runner.invoke(app, []).output
+
+
+def test_version() -> None:
+    result = runner.invoke(app, ["--version"])
+    assert result.exit_code == 0
+    assert result.output.startswith(f"netboard {version('netboard')} (Python 3.")
+
+
+@pytest.mark.parametrize(
+    "words", ["fly", "agent", "agent --side up", "display", "demo --trials 0", "demo --haptics so"]
+)
+def test_wrong_usage_ends_with_2(words: str) -> None:
+    assert runner.invoke(app, words.split()).exit_code == 2
+
+
+def test_the_command_loads_no_service() -> None:
+    heavy = ("zmq", "numba", "numpy", "PySide6", "pyqtgraph", "mcap", "scipy", "netboard.nodes", "netboard.stage")
+    script = f"import sys, netboard.services.cli; print([name for name in {heavy} if name in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_the_shell_completes_commands() -> None:
+    environment = {
+        **os.environ,
+        "_NETBOARD_COMPLETE": "complete_bash",
+        "COMP_WORDS": "netboard de",
+        "COMP_CWORD": "1",
+    }
+    script = "import sys; sys.argv = ['netboard']; from netboard.services.cli import main; main()"
+    done = subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, text=True, check=False)
+    assert done.stdout.split() == ["demo"]
+
+
+# --- configuration -----------------------------------------------------------------------------------------------
+
+
+def test_init_then_check_then_show() -> None:
+    assert runner.invoke(app, ["config", "init"]).exit_code == 0
+    checked = runner.invoke(app, ["config", "check"])
+    assert checked.exit_code == 0
+    assert checked.output.startswith("netboard.toml: in order (dyadic, 60 trials, ")
+    shown = runner.invoke(app, ["config", "show"])
+    assert parse(shown.output) == Config()
+
+
+def test_init_never_writes_over_a_file() -> None:
+    Path("rig.toml").write_text("mine", encoding="utf-8")
+    result = runner.invoke(app, ["config", "init", "rig.toml"])
+    assert result.exit_code == 2
+    assert "rig.toml: is there already" in result.stderr
+    assert Path("rig.toml").read_text(encoding="utf-8") == "mine"
+
+
+def test_init_into_a_folder_that_is_not_there() -> None:
+    result = runner.invoke(app, ["config", "init", "nowhere/rig.toml"])
+    assert result.exit_code == 2
+    assert "cannot be written" in result.stderr
+
+
+def test_without_a_file_the_defaults_hold() -> None:
+    assert runner.invoke(app, ["config", "check"]).output.startswith("defaults: in order")
+    assert parse(runner.invoke(app, ["config", "show"]).output) == Config()
+
+
+def test_the_file_of_the_folder_is_taken_and_overridden() -> None:
+    Path("netboard.toml").write_text("[block]\ntrials = 4\nseed = 9\n", encoding="utf-8")
+    block = parse(runner.invoke(app, ["config", "show", "--set", "block.trials=5"]).output).block
+    assert (block.trials, block.seed) == (5, 9)
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (None, "rig.toml: no such file; make one with: netboard config init rig.toml"),
+        (b"[block]\ntrails = 4", "rig.toml: [block] trails: unknown key; did you mean trials"),
+        (b"\xff\xfe", "rig.toml: cannot be read"),
+    ],
+)
+@pytest.mark.parametrize("command", ["config check", "server", "agent --side left", "demo", "logger"])
+def test_a_wrong_file_is_one_line_and_2(content: bytes | None, words: str, command: str) -> None:
+    if content is not None:
+        Path("rig.toml").write_bytes(content)
+    result = runner.invoke(app, [*command.split(), "-c", "rig.toml"])
+    assert result.exit_code == 2
+    assert result.stdout == ""
+    assert result.stderr.startswith(f"netboard: {words}")
+    assert result.stderr.count("\n") == 1
+
+
+def test_debug_shows_where_it_came_from() -> None:
+    result = runner.invoke(app, ["--debug", "config", "check", "-c", "rig.toml"])
+    assert result.exit_code == 1
+    assert type(result.exception).__name__ == "ConfigError"
+
+
+@pytest.mark.parametrize("address", ["0.0.0.0", "192.168.1.5", "::", "*", "rig.lab"])
+def test_the_server_does_not_listen_unasked_beyond_this_machine(address: str) -> None:
+    result = runner.invoke(app, ["server", "--set", f"network.bind={address}"])
+    assert result.exit_code == 2
+    assert f'[network] bind: found "{address}"' in result.stderr
+    assert "--insecure" in result.stderr
+
+
+def test_the_demos_options_are_settings() -> None:
+    settings = demo_settings(trials=2, haptics="off", bimanual=True, seed=7, directory=Path("a b"))
+    config = parse("", "defaults", settings)
+    assert (config.block.trials, config.block.haptics, config.block.seed) == (2, False, 7)
+    assert config.block.configuration == "bimanual"
+    assert config.recording.directory == "a b"
+
+
+@pytest.mark.parametrize("command", ["info", "recover", "replay --verify"])
+def test_a_missing_recording_is_one_line_and_1(command: str) -> None:
+    result = runner.invoke(app, [*command.split(), "none.mcap"])
+    assert result.exit_code == 1
+    assert result.stderr.startswith("netboard: none.mcap: cannot be read")
+    assert result.stderr.count("\n") == 1

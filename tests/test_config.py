@@ -1,0 +1,255 @@
+"""The configuration: what is right is read to the last bit, what is wrong is named with table, key and remedy."""
+
+import math
+import re
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pydantic import TypeAdapter
+
+from netboard.config import Agent, Agents, Config, Physics, Session, digest, parse, resolve, template
+from netboard.errors import ConfigError
+from netboard.settings import Key, Table, about, read, tables, to_toml
+
+ALL = [(table, key) for table in tables(Config) for key in table.keys]
+QUANTITIES = [(table, key) for table, key in ALL if key.unit]
+NAMED = {"ids": lambda part: part.name if isinstance(part, Table | Key) else str(part)}
+
+
+def problems(text: str, *overrides: str) -> list[str]:
+    with pytest.raises(ConfigError) as raised:
+        parse(text, "rig.toml", overrides)
+    return str(raised.value).splitlines()
+
+
+# --- what is right -----------------------------------------------------------------------------------------------
+
+
+def test_nothing_given_is_all_defaults() -> None:
+    assert parse("") == Config()
+
+
+def test_defaults_are_the_papers_table_1() -> None:
+    physics, geometry = Config().physics, Config().geometry
+    assert (physics.M, physics.m, physics.l, physics.I) == (0.01, 0.05, 0.25, 0.0004)
+    assert (physics.k_h, physics.c_h, physics.k_s, physics.g) == (200.0, 2.0, 140.0, 9.81)
+    assert (geometry.board_length, geometry.target_distance, geometry.target_width) == (0.7, 0.15, 0.07)
+    assert (Config().task.hold_time, Config().block.trials) == (1.5, 60)
+
+
+def test_a_whole_number_stands_for_a_number() -> None:
+    mass = parse("[physics]\nM = 1").physics.M
+    assert type(mass) is float
+    assert mass == 1.0
+
+
+def test_options_keep_their_types() -> None:
+    text = '[agents.left.options]\nport = 3\ngain = 3.0\nheld = true\n"any key" = "text"'
+    options = parse(text).agents.left.options
+    assert repr(options) == "{'port': 3, 'gain': 3.0, 'held': True, 'any key': 'text'}"
+
+
+def test_resolved_text_is_complete_and_reads_back() -> None:
+    config = parse("[physics]\nM = 0.1\n[agents.right]\ndevice = 'mouse'")
+    assert parse(resolve(config)) == config
+    for table, key in ALL:
+        assert key.name == "options" or re.search(
+            rf"\[{table.name}\][^\[]*^{key.name} = ", resolve(config), re.MULTILINE
+        )
+
+
+FLOATS = st.floats(allow_nan=False) | st.sampled_from([-0.0, 5e-324, math.inf, 1e22, 0.1 + 0.2])
+OPTIONS = st.dictionaries(st.text(), st.text() | st.booleans() | st.integers(-(2**63), 2**63 - 1) | FLOATS, max_size=4)
+
+
+@given(
+    mass=st.floats(1e-300, 10.0, exclude_min=True),
+    zero=st.floats(-1, 1),
+    seed=st.integers(0, 2**31 - 1),
+    folder=st.text(min_size=1),
+    options=OPTIONS,
+)
+def test_any_configuration_reads_back_to_the_bit(
+    mass: float, zero: float, seed: int, folder: str, options: dict[str, Any]
+) -> None:
+    config = Config(
+        physics=Physics(M=mass),
+        agents=Agents(left=Agent(device=folder, zero=zero, options=options)),
+        block=replace(Config().block, seed=seed),
+        recording=replace(Config().recording, directory=folder),
+    )
+    again = parse(resolve(config))
+    assert again == config
+    assert repr(again) == repr(config)  # tells -0.0 from 0.0 and True from 1
+    assert digest(again) == digest(config)
+
+
+def test_template_reads_as_the_defaults_and_explains_every_key() -> None:
+    assert parse(template()) == Config()
+    lines = template().splitlines()
+    for table, key in ALL:
+        start = lines.index(f"[{table.name}]")
+        wanted = (f"{key.name} = ", f"[{table.name}.{key.name}]")
+        line = next(line for line in lines[start + 1 :] if line.startswith(wanted))
+        assert key.text in line
+        assert f"[{key.unit}]" in line or not key.unit
+        assert key.limits in line
+
+
+def test_digest_tells_configurations_apart() -> None:
+    other = replace(Config(), physics=Physics(M=math.nextafter(0.01, 1)))
+    assert re.fullmatch("[0-9a-f]{64}", digest(Config()))
+    assert digest(other) != digest(Config())
+    assert digest(parse(template())) == digest(Config())
+
+
+# --- what is wrong -----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("table", "key"), ALL, **NAMED)
+def test_a_wrong_type_names_table_key_and_what_is_expected(table: Table, key: Key) -> None:
+    (problem,) = problems(f"[{table.name}]\n{key.name} = [1]")
+    if key.name != "options":
+        assert problem == f"rig.toml: [{table.name}] {key.name}: found a list, expected {key.expected} ({key.text})"
+
+
+@pytest.mark.parametrize(("table", "key"), QUANTITIES, **NAMED)
+def test_limits_hold_and_infinity_is_outside(table: Table, key: Key) -> None:
+    limits = re.findall(r"(>=|>|<=|<) (\S+)", key.limits)
+    assert len(limits) == 2
+    for sign, bound in limits:
+        number = float(bound) if "." in bound or "e" in bound else int(bound)
+        step = 1 if isinstance(key.default, int) else 1e-9
+        outside = number if sign in "<>" else number + step * (1 if "<" in sign else -1)
+        for value in (to_toml(outside), "-inf" if ">" in sign else "inf", "nan"):
+            (problem,) = problems(f"[{table.name}]\n{key.name} = {value}")
+            assert problem.startswith(
+                f"rig.toml: [{table.name}] {key.name}: found {value}, expected {key.kind} > "
+            ) or (problem.startswith(f"rig.toml: [{table.name}] {key.name}: found {value}, expected {key.kind} >= "))
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        (
+            '[physics]\nM = "10 g"',
+            '[physics] M: found "10 g", expected a number > 0 and <= 10 [kg] (mass of the board)',
+        ),
+        ("[physics]\nM = true", "[physics] M: found true, expected a number"),
+        ("[block]\ntrials = 1.5", "[block] trials: found 1.5, expected a whole number >= 1 and <= 10000 "),
+        ("[block]\nhaptics = 1", "[block] haptics: found 1, expected true or false "),
+        ('[block]\nfirst_target = "up"', 'found "up", expected "left" or "right" or "random" '),
+        ('[session]\nname = "a b"', 'found "a b", expected text matching '),
+        ('[network]\nhost = ""', 'found "", expected text of at least one character '),
+        ("[agents.left.options]\nx = [1]", "[agents.left] options.x: found a list, expected text, a number, "),
+        ("physics = 3", "[physics]: found 3, expected a table"),
+        ("[agents]\nleft = 3", "[agents.left]: found 3, expected a table"),
+        ("[physics]\nkh = 1", "[physics] kh: unknown key; did you mean k_h (a number >= 0 and <= 10000 [N/m])?"),
+        ("[task]\nHold_Time = 1", "[task] Hold_Time: unknown key; did you mean hold_time ("),
+        ("[task]\ntrials = 6", "[task] trials: unknown key; it belongs in [block]"),
+        ("[session]\nxyzzy = 6", "[session] xyzzy: unknown key; there are name, dyad, pilot"),
+        ("[phisics]\nM = 1", "[phisics]: unknown table; did you mean [physics]?"),
+        ("[agents.lef]\nzero = 1", "[agents.lef]: unknown table; did you mean [agents.left]?"),
+        ("M = 1", "M: unknown table; it belongs in [physics]"),
+        ("x = = 1", "not valid TOML: Invalid value (at line 1, column 5)"),
+        ("[block]\ntrials = 1\ntrials = 2", "not valid TOML: Cannot overwrite a value (at "),
+    ],
+)
+def test_one_problem_is_one_line(text: str, problem: str) -> None:
+    (line,) = problems(text)
+    assert line.startswith("rig.toml: ")
+    assert problem in line
+
+
+def test_all_problems_are_listed() -> None:
+    lines = problems("[physics]\nMass = 1\nm = -1\n[block]\ntrials = 'six'\n[nowhere]\n")
+    assert len(lines) == 4
+    assert {line.split(": ")[1] for line in lines} == {"[physics] Mass", "[physics] m", "[block] trials", "[nowhere]"}
+
+
+@pytest.mark.parametrize(
+    ("text", "key"),
+    [
+        (
+            "[geometry]\ntarget_distance = 0.32\n[task]\nfall_distance = 0.36",
+            "[geometry] target_distance, target_width",
+        ),
+        ("[geometry]\ntarget_distance = 0.01", "[geometry] target_distance"),
+        ("[physics]\nl = 0.36", "[physics] l"),
+        ("[task]\nfall_distance = 0.18", "[task] fall_distance"),
+        ("[task]\nfall_distance = 0.40", "[task] fall_distance"),
+        ("[task]\nstylus_range = 0.25", "[task] stylus_range"),
+        ("[task]\nlevel_height = 0.08", "[task] level_height"),
+        ("[safety]\nfade_ms = 95", "[safety] disarm_after_ms"),
+        ("[safety]\nmax_force = 0.1", "[safety] arm_gate"),
+    ],
+)
+def test_keys_that_contradict_each_other(text: str, key: str) -> None:
+    (line,) = problems(text)
+    assert line.startswith(f"rig.toml: {key}: ")
+    assert "expected" in line
+
+
+# --- overrides ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("override", "value"),
+    [
+        ("block.trials=6", lambda config: config.block.trials == 6),
+        ("block.haptics = false", lambda config: config.block.haptics is False),
+        ("block.first_target=left", lambda config: config.block.first_target == "left"),
+        ('block.first_target="left"', lambda config: config.block.first_target == "left"),
+        ("session.dyad=007", lambda config: config.session == Session(dyad="007")),
+        ("session.dyad=12", lambda config: config.session.dyad == "12"),
+        ("recording.directory=/a=b/c", lambda config: config.recording.directory == "/a=b/c"),
+        ("agents.left.options.held=false", lambda config: config.agents.left.options == {"held": False}),
+    ],
+)
+def test_an_override_goes_before_the_file(override: str, value: Any) -> None:
+    assert value(parse("[block]\ntrials = 2\nhaptics = true\n[session]\nname = 'S01'", "rig.toml", [override]))
+
+
+@pytest.mark.parametrize(
+    ("override", "problem"),
+    [
+        ("trials=6", "--set trials=6: write table.key=value"),
+        ("block.trials", "--set block.trials: write table.key=value"),
+        ("block.trials=six", '--set: [block] trials: found "six", expected a whole number'),
+        ("block.trails=6", "--set: [block] trails: unknown key; did you mean trials ("),
+        ("blok.trials=6", "rig.toml: [blok]: unknown table; did you mean [block]?"),
+        ("task.stylus_range=0.3", "rig.toml with --set: [task] stylus_range: found 0.3"),
+    ],
+)
+def test_a_wrong_override_is_named(override: str, problem: str) -> None:
+    (line,) = problems("", override)
+    assert line.startswith(problem)
+
+
+def test_an_override_of_what_is_no_table_reports_the_file() -> None:
+    (line,) = problems("physics = 3", "physics.M=1")
+    assert line == "rig.toml: [physics]: found 3, expected a table"
+
+
+# --- the reader itself -------------------------------------------------------------------------------------------
+
+
+def test_a_setting_without_a_description_is_our_mistake() -> None:
+    from dataclasses import dataclass
+
+    @dataclass(frozen=True)
+    class Bare:
+        x: float = 0.0
+
+    with pytest.raises(TypeError, match="about"):
+        read(TypeAdapter(Bare), Bare, "", "rig.toml")
+
+
+def test_every_quantity_has_limits_and_every_key_a_text() -> None:
+    for _, key in ALL:
+        assert key.text
+        assert key.limits or not key.unit
+    assert about("x", "m", gt=0).description == "x"

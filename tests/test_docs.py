@@ -1,0 +1,63 @@
+"""The generated pages are up to date, and no link leads nowhere."""
+
+import importlib.util
+import re
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+SKIPPED = {".venv", "build", "dist", "node_modules", ".pytest_cache", "recordings"}
+PAGES = sorted(page for page in ROOT.rglob("*.md") if not SKIPPED & set(page.relative_to(ROOT).parts))
+
+LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
+HEADING = re.compile(r"^#+ +(.*)$", re.MULTILINE)
+FENCE = re.compile(r"^```.*?^```", re.MULTILINE | re.DOTALL)
+
+
+@pytest.fixture(scope="module")
+def generate() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("generate", ROOT / "docs" / "generate.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_generated_parts_are_up_to_date(generate: ModuleType) -> None:
+    stale = [str(path) for path, text in generate.pages().items() if text != path.read_text(encoding="utf-8")]
+    assert stale == [], "run: make docs"
+
+
+def test_generating_twice_changes_nothing(generate: ModuleType) -> None:
+    page = "head\n<!-- generated: x -->\nold\n<!-- end of x -->\ntail\n"
+    once = generate.renewed(page, "x", "new")
+    assert "new" in once
+    assert "old" not in once
+    assert generate.renewed(once, "x", "new") == once
+
+
+def test_a_page_without_its_marks_is_refused(generate: ModuleType) -> None:
+    with pytest.raises(ValueError, match="once each"):
+        generate.renewed("no marks", "x", "new")
+
+
+def anchors(page: Path) -> set[str]:
+    """Anchors of a page's headings, as code hosts make them."""
+    headings = HEADING.findall(FENCE.sub("", page.read_text(encoding="utf-8")))
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).strip().replace(" ", "-") for heading in headings}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_links_lead_somewhere(page: Path) -> None:
+    broken = []
+    for target in LINK.findall(FENCE.sub("", page.read_text(encoding="utf-8"))):
+        if re.match(r"[a-z]+:", target):
+            continue
+        file, _, anchor = target.partition("#")
+        linked = (page.parent / file).resolve() if file else page
+        if not linked.exists() or (anchor and linked.suffix == ".md" and anchor not in anchors(linked)):
+            broken.append(target)
+    assert broken == []

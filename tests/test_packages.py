@@ -1,0 +1,66 @@
+"""What is packaged is what is there."""
+
+import re
+import sys
+import tomllib
+from pathlib import Path
+
+ROOT = Path(__file__).parent.parent
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+SETUPTOOLS = PROJECT["tool"]["setuptools"]
+VERSION = PROJECT["project"]["version"]
+
+
+def folder(package: str) -> Path:
+    name = package.removeprefix("netboard").lstrip(".")
+    return ROOT / "services" if name == "services" else ROOT / "src" / "netboard" / name.replace(".", "/")
+
+
+def test_listed_packages_are_those_of_the_tree() -> None:
+    source = ROOT / "src"
+    found = {".".join(init.parent.relative_to(source).parts) for init in source.rglob("__init__.py")}
+    assert sorted(SETUPTOOLS["packages"]) == sorted(found | {"netboard.services"})
+
+
+def test_every_folder_with_modules_is_a_package() -> None:
+    folders = {module.parent for module in [*(ROOT / "src").rglob("*.py"), *(ROOT / "services").rglob("*.py")]}
+    assert {folder for folder in folders if not (folder / "__init__.py").is_file()} == set()
+
+
+def test_no_package_is_deeper_than_two() -> None:
+    assert all(package.count(".") <= 1 for package in SETUPTOOLS["packages"])
+
+
+def test_documents_beside_the_code_are_packaged() -> None:
+    listed = {folder(package) / name for package, names in SETUPTOOLS["package-data"].items() for name in names}
+    assert listed == set((ROOT / "src").rglob("*.md"))
+
+
+def test_init_holds_only_a_docstring() -> None:
+    for init in [*(ROOT / "src").rglob("__init__.py"), ROOT / "services" / "__init__.py"]:
+        assert re.fullmatch(r'"""[^"]+"""\n', init.read_text(encoding="utf-8")), init
+
+
+def test_no_service_shadows_a_standard_module() -> None:
+    names = {service.stem for service in (ROOT / "services").glob("*.py")}
+    assert names & set(sys.stdlib_module_names) == set()
+
+
+def test_one_version_everywhere() -> None:
+    assert f"\nversion: {VERSION}\n" in (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    assert f"\n## [{VERSION}]" in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+
+
+def test_every_requirement_is_constrained() -> None:
+    lines = (ROOT / "requirements" / "constraints.txt").read_text(encoding="utf-8").splitlines()
+    pinned = {plain(line.split("==")[0]) for line in lines if "==" in line}
+    project = PROJECT["project"]
+    wanted = [
+        *project["dependencies"],
+        *(name for group in project["optional-dependencies"].values() for name in group),
+    ]
+    assert {plain(re.split(r"[<>=!~ ]", requirement)[0]) for requirement in wanted} <= pinned
+
+
+def plain(name: str) -> str:
+    return re.sub(r"[-_.]+", "-", name).lower()

@@ -1,0 +1,30 @@
+"""The README says first what to type, then what everything is called."""
+
+from pathlib import Path
+
+README = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8")
+GLOSSARY = README.partition("## Glossary")[2].partition("\n## ")[0]
+WORDS = (
+    "device stylus side station message frame event command node service trial block session plan recording scene view"
+)
+
+
+def test_the_two_commands_come_first() -> None:
+    top = README.splitlines()[:16]
+    assert "make demo" in top
+    assert "make test" in top
+
+
+def test_the_five_processes_are_named() -> None:
+    part = README.partition("## Five processes")[2].partition("\n## ")[0]
+    for command in ("server", "agent", "display", "logger", "replay"):
+        assert f"`netboard {command}" in part
+
+
+def test_the_glossary_has_every_word() -> None:
+    for word in WORDS.split():
+        assert f"| **{word}** |" in GLOSSARY, word
+
+
+def test_limits_are_stated() -> None:
+    assert "## What it does not do yet" in README
