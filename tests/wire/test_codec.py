@@ -155,6 +155,7 @@ def test_every_choice_is_a_field() -> None:
         (b"\x92\x03\xa1\xff", "Refusal: not MessagePack"),  # not UTF-8
         (b"\x81\x0b\xc0", "Force: not MessagePack"),  # a map
         (b"\xa1\x0b", "Force: not an array"),  # a string
+        (b"\xa2\x03x", "Refusal: not an array"),  # a string as long as the array would be
         (b"\x92\xcc\x03", "no message of kind 204"),  # a kind in two bytes
     ],
 )
@@ -170,7 +171,7 @@ def test_hostile_sizes_are_refused_before_anything_is_made_of_them() -> None:
         b"\x94\x1f\x00\x00\xdd\xff\xff\xff\xff",  # an array of 2**32 records
         b"\x97\x01\xa0\xa0\x01\xa0\xa0\xdf\xff\xff\xff\xff",  # a map
         b"\x92\x03" + b"\x91" * 4000,  # deep, then cut
-        b"\x92\x03" + b"\x91" * 900 + b"\xc0",  # deep and whole
+        b"\x92\x03" + b"\x91" * 1010 + b"\xc0",  # deep and whole: more than Python recurses, less than msgpack refuses
         b"\x92\x03" + b"\x91" * 1500 + b"\xc0",
         b"\x92\x03" + b"\x81\xa0" * 900 + b"\xc0",
         b"\x92\x03" + b"\xdc\x0f\xff" * 1000,  # deep arrays that each claim 4095 items
@@ -208,7 +209,7 @@ def test_what_stands_for_a_number_is_converted_by_the_sender() -> None:
         dataclasses.replace(HELLO, details=None),  # type: ignore[arg-type]
         Refusal(b"bytes"),  # type: ignore[arg-type]
         Refusal("\ud800"),
-        Refusal("x" * 5000),
+        Refusal("x" * 9000),
         Frames("left", ((1, 2),), 0),  # type: ignore[arg-type]
         Frames("left", [(1, 2, 3)], 0),  # type: ignore[arg-type]
     ],
@@ -227,6 +228,9 @@ def test_whatever_the_sender_may_send_the_receiver_accepts_up_to_the_limits() ->
     assert decode(encode(batch)) == batch
     event = EventRecord(0, 0, 0, "note", {"text": "ä" * 32_000})
     assert decode(encode(event)) == event
+    hello = dataclasses.replace(HELLO, name="n" * (KINDS[1].most_bytes - 40))
+    assert decode(encode(hello)) == hello
+    assert encode(Refusal(f"there is already an agent called {hello.name}"))
     with pytest.raises(ValueError, match="at most 4096 items, got 4097"):
         encode(dataclasses.replace(batch, records=(b"",) * (KINDS[31].most_items + 1)))
 

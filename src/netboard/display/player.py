@@ -29,6 +29,9 @@ FRAME_MS = 16
 STEP, LONG_STEP = 1.0, 10.0
 """How far the arrow keys go [s]."""
 
+KEYS = "space: play, pause   \u2190 \u2192: seek   \u2191 \u2193: speed   Home: begin again   Q: close"
+"""What the keys do, for people."""
+
 
 class PlayerWindow(BoardWindow):
     """A window that plays a recording.
@@ -87,7 +90,7 @@ class PlayerWindow(BoardWindow):
         state = "\u25b6" if self.playback.playing else "\u275a\u275a"
         self.line.setText(
             f"{state}   {clock(position)} / {clock(self.playback.length)}   {self.playback.speed:g}\u00d7   "
-            f"tick {view.tick}   {view.phase}   {self._station} station"
+            f"tick {view.tick}   {view.phase}   {self._station} station        {KEYS}"
         )
         if self.playback.playing and not self._frames.isActive():
             self._frames.start()

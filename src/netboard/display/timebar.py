@@ -14,7 +14,7 @@ from netboard.display.timeline import marks, seconds
 MOST_POINTS = 4000
 """More points than that are not to be told apart on a screen; then only every n-th tick is drawn [1]."""
 
-HEIGHT = 120
+HEIGHT = 110
 
 MARKS = {
     "release": ("#56b4e9", Qt.PenStyle.DotLine),
@@ -53,7 +53,9 @@ class TimeBar(pg.PlotWidget):  # type: ignore[misc]  # pyqtgraph has no type hin
         colours = COLOURS[Mood.RUN]
         every = max(1, len(ticks) // MOST_POINTS)
         times = seconds(ticks)[::every]
-        distance, half = config.geometry.target_distance, config.geometry.board_length / 2
+        geometry = config.geometry
+        target = ticks["target"][::every] * geometry.target_distance
+        half_target, half = geometry.target_width / 2, geometry.board_length / 2
         plot = self.getPlotItem()
         plot.setMenuEnabled(False)
         plot.hideButtons()
@@ -61,13 +63,14 @@ class TimeBar(pg.PlotWidget):  # type: ignore[misc]  # pyqtgraph has no type hin
         plot.hideAxis("left")
         plot.getAxis("bottom").setPen(colours.guide)
         plot.getAxis("bottom").setTextPen(colours.detail)
-        plot.setLabel("bottom", "time", units="s", color=colours.quiet)
-        plot.setLimits(xMin=0.0, xMax=max(float(seconds(ticks)[-1]), 1e-3))
-        plot.setRange(xRange=(0.0, float(seconds(ticks)[-1])), yRange=(-half, half), padding=0.0)
+        length = max(float(seconds(ticks)[-1]), 1e-3)
+        plot.setLimits(xMin=0.0, xMax=length)
+        plot.setRange(xRange=(0.0, length), yRange=(-half, half), padding=0.0)
+        edges = [pg.PlotDataItem(times, target + edge) for edge in (-half_target, half_target)]
+        self.addItem(pg.FillBetweenItem(*edges, brush=pg.mkBrush(colours.target)), ignoreBounds=True)
         for mark in marks(ticks):
             colour, style = MARKS[mark.kind]
             self.addItem(pg.InfiniteLine(mark.time, pen=pg.mkPen(colour, width=1.5, style=style)), ignoreBounds=True)
-        self.plot(times, ticks["target"][::every] * distance, pen=pg.mkPen(colours.target, width=2))
         if config.physics.ball:
             self.plot(times, ticks["p"][::every], pen=pg.mkPen(colours.ball, width=1.5))
 

@@ -1,14 +1,26 @@
 """A participant's window: the board and nothing else. Esc or Q closes it, F11 switches to the whole screen and back."""
 
+import logging
 import sys
 from typing import cast
 
-from PySide6.QtCore import Qt, Signal
+from PySide6.QtCore import QMessageLogContext, Qt, QtMsgType, Signal, qInstallMessageHandler
 from PySide6.QtGui import QCloseEvent, QKeyEvent
 from PySide6.QtWidgets import QApplication, QVBoxLayout, QWidget
 
 from netboard.config import Display
 from netboard.display.widget import BoardView
+
+log = logging.getLogger(__name__)
+
+USELESS = "This plugin does not support propagateSizeHints()"
+"""Qt says this of every window without a screen."""
+
+
+def _hear(kind: QtMsgType, _where: QMessageLogContext, words: str) -> None:
+    """Bring what Qt has to say to the log."""
+    if words != USELESS:
+        log.log(logging.DEBUG if kind == QtMsgType.QtDebugMsg else logging.WARNING, "Qt: %s", words)
 
 
 def application() -> QApplication:
@@ -16,6 +28,7 @@ def application() -> QApplication:
     existing = QApplication.instance()
     if existing is not None:
         return cast("QApplication", existing)
+    qInstallMessageHandler(_hear)
     app = QApplication(sys.argv[:1])
     app.setApplicationName("netboard")
     app.setStyle("Fusion")
@@ -37,6 +50,7 @@ class BoardWindow(QWidget):
         super().__init__()
         self.setWindowTitle(title)
         self.board = BoardView(self)
+        self._windowed = self.geometry()
         self.rows = QVBoxLayout(self)
         self.rows.setContentsMargins(0, 0, 0, 0)
         self.rows.setSpacing(0)
@@ -51,13 +65,19 @@ class BoardWindow(QWidget):
             self.show()
 
     def fill_screen(self, full: bool) -> None:
-        """Take the whole screen, without frame and mouse pointer, or give it back."""
+        """Take the whole screen, without frame and mouse pointer, or give it back.
+
+        The size is set by hand too, for a bare X server has no window manager that would do it.
+        """
         if full:
+            self._windowed = self.geometry()
             self.setCursor(Qt.CursorShape.BlankCursor)
+            self.setGeometry(self.screen().geometry())
             self.showFullScreen()
         else:
             self.unsetCursor()
             self.showNormal()
+            self.setGeometry(self._windowed)
 
     def keyPressEvent(self, event: QKeyEvent) -> None:  # noqa: N802  (Qt's name)
         """Close or fill the screen."""

@@ -156,11 +156,14 @@ class Brain:
     def _wanted_tilt(self, seen: Percept) -> float:
         """Tilt that takes the predicted ball to the target [rad]."""
         p, g = self._person, self._physics.g
+        if g == 0.0:
+            return 0.0
         ahead = p.lookahead * p.visual_delay
-        ball = seen.p + seen.v * ahead
+        pull = -g * seen.theta
+        ball = seen.p + seen.v * ahead + pull * ahead * ahead / 2.0
+        speed = seen.v + pull * ahead
         most = float(np.radians(p.max_tilt_deg))
-        pull = p.kp * (ball - seen.glimpse.target) + p.kd * seen.v
-        return float(np.clip(pull / g, -most, most)) if g > 0.0 else 0.0
+        return float(np.clip((p.kp * (ball - seen.glimpse.target) + p.kd * speed) / g, -most, most))
 
     def _expected_tilt(self, now: float, seen: Percept) -> float:
         """Tilt the board will have when all that is under way is done [rad]."""

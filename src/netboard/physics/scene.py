@@ -68,8 +68,8 @@ def pack_scene(physics: Physics) -> NDArray[Any]:
         raise ConfigError(
             f"physics.k_h = {physics.k_h:g}, physics.c_h = {physics.c_h:g}: too stiff for a board of "
             f"M = {physics.M:g} kg, I = {physics.I:g} kg m2 in steps of {LIVE_STEP * 1e3:g} ms: each step would "
-            f"multiply its motion by {spectral_radius(scene[0], LIVE_STEP):.3g} (spectral radius; at most 1 is stable); "
-            f"accepted: {_accepted(physics)}"
+            f"multiply its motion by {spectral_radius(scene[0], LIVE_STEP):.3g} (spectral radius; at most 1 is stable)"
+            f"; accepted: {_accepted(physics)}"
         )
     return scene
 

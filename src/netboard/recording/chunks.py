@@ -24,6 +24,9 @@ MAGIC = b"\x89MCAP0\r\n"
 RECORD_HEAD = struct.Struct("<BQ")
 """Opcode and length, before every MCAP record."""
 
+UNSOUND = (McapError, struct.error, UnicodeDecodeError, OverflowError)
+"""What the upstream library raises over a record whose bytes have changed."""
+
 _CHANNEL_HEAD = struct.Struct("<BQH")
 _MESSAGE_HEAD = struct.Struct("<BQHIQQ")
 
@@ -75,7 +78,7 @@ def unpack_chunk(body: bytes) -> bytes:
             raise RecordingError("a damaged chunk: its sizes contradict each other")
         stream, size = get_chunk_data_stream(chunk, validate_crc=True)
         return stream.read(size)
-    except (McapError, CRCValidationError, zstandard.ZstdError, struct.error, UnicodeDecodeError) as error:
+    except (*UNSOUND, CRCValidationError, zstandard.ZstdError) as error:
         raise RecordingError(f"a damaged chunk: {error}") from error
 
 

@@ -16,13 +16,12 @@ from typing import NamedTuple
 
 import numpy as np
 from mcap.data_stream import ReadDataStream
-from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Metadata
 
 from netboard.errors import RecordingError
 from netboard.recording.channels import CHANNELS, FORMAT_VERSION, Stamped
-from netboard.recording.chunks import MAGIC, RECORD_HEAD, messages, unpack_chunk
+from netboard.recording.chunks import MAGIC, RECORD_HEAD, UNSOUND, messages, unpack_chunk
 from netboard.recording.partfile import PartFile
 from netboard.recording.provenance import (
     CONFIG_NAME,
@@ -254,7 +253,7 @@ def _whole_record(data: mmap.mmap | bytes, span: Span) -> tuple[int, bytes] | st
             Metadata.read(ReadDataStream(BytesIO(body)))
         elif opcode == Opcode.ATTACHMENT:
             Attachment.read(ReadDataStream(BytesIO(body)))
-    except (McapError, struct.error, UnicodeDecodeError) as error:
+    except UNSOUND as error:
         return f"a damaged record: {error}"
     return opcode, body
 

@@ -71,9 +71,9 @@ class Kind:
 
 
 KINDS: dict[int, Kind] = {
-    1: Kind(Hello, 16_384),
+    1: Kind(Hello, 4096),
     2: Kind(Welcome, 262_144),
-    3: Kind(Refusal, 4096),
+    3: Kind(Refusal, 8192),  # may quote anything of a Hello
     4: Kind(Goodbye, 4096),
     10: Kind(Stylus, 256),
     11: Kind(Force, 64),
@@ -151,8 +151,8 @@ def decode(frame: bytes) -> Message:
         parts = plan.unpack(frame)
     except (ValueError, msgpack.UnpackException) as error:
         raise WireError(f"{plan.name}: not MessagePack within the limits: {error!s:.100}") from error
-    if type(parts) is not tuple or len(parts) != plan.length or type(parts[0]) is not int or parts[0] != plan.number:
-        raise WireError(f"{plan.name}: not an array of {plan.length} that begins with {plan.number}")
+    if type(parts) is not tuple or len(parts) != plan.length:  # the kind itself was read by `_plan_of`
+        raise WireError(f"{plan.name}: not an array of {plan.length}")
     try:
         return plan.message(*map(_call, plan.readers, parts[1:]))
     except ValueError as error:

@@ -196,7 +196,7 @@ class ClockEstimator:
             Received by the server, on its clock [ns].
         """
         highest, lowest = t1_ns - t0_ns, t2_ns - t3_ns
-        if highest < lowest or t3_ns < t0_ns or t2_ns < t1_ns:
+        if highest < lowest or t2_ns < t1_ns:  # together they also rule out t3 before t0
             self.rejected += 1
             return False
         self.accepted += 1

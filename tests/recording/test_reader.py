@@ -1,0 +1,146 @@
+"""Reading: everything comes back to the bit, and what is not a sound recording is refused with what to do."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.writer import Writer
+from samples import CONFIG_TEXT, MS, OPENED_NS, fill, metadata, new_writer, random_rows, records, write_recording
+
+from netboard.config import Recording as Settings
+from netboard.errors import RecordingError
+from netboard.recording.reader import Recording
+from netboard.recording.summary import Gap
+from netboard.recording.writer import RecordingWriter
+from netboard.stage import TICK
+from netboard.wire.messages import ClockRecord, EventRecord, FrameRecord
+
+ROWS = random_rows(200, seed=1)
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_recording(tmp_path_factory.mktemp("recording") / "whole.mcap", ROWS, Settings(chunk_bytes=8192))
+
+
+def test_everything_comes_back_to_the_bit(path: Path) -> None:
+    stream = records(ROWS)
+    with Recording(path) as recording:
+        assert recording.ticks().dtype == TICK
+        assert recording.ticks().tobytes() == ROWS.tobytes()
+        assert recording.events() == tuple(r for r in stream if isinstance(r, EventRecord))
+        assert recording.clocks() == tuple(r for r in stream if isinstance(r, ClockRecord))
+        assert recording.frames() == tuple(r for r in stream if isinstance(r, FrameRecord))
+        assert recording.remarks() == ()
+        assert recording.config_text == CONFIG_TEXT
+        assert recording.metadata == metadata()
+        assert recording.end["ended"] == "complete"
+        assert recording.gaps() == {}
+        recording.check()
+
+
+def test_an_empty_recording_is_a_recording(tmp_path: Path) -> None:
+    with Recording(write_recording(tmp_path / "a.mcap", ROWS[:0])) as recording:
+        assert recording.ticks().shape == (0,)
+        assert recording.events() == ()
+        assert recording.gaps() == {}
+        recording.check()
+
+
+def test_gaps_are_listed_by_stream(tmp_path: Path) -> None:
+    writer = new_writer(tmp_path / "a.mcap")
+    now = fill(writer, ROWS[:20])
+    assert writer.next_record is not None
+    writer.note_lost(writer.next_record, 4, now)
+    fill(writer, random_rows(60)[40:], first=writer.next_record)
+    writer.finish(now + MS)
+    with Recording(tmp_path / "a.mcap") as recording:
+        assert recording.gaps()["/tick"] == (Gap(20, 20),)
+        (remark,) = recording.remarks()
+        assert (remark.name, remark.details) == ("log_lost", {"first": "26", "count": "4"})
+        assert recording.end["lost"] == "4"
+
+
+def test_a_part_is_refused_with_what_to_do(tmp_path: Path) -> None:
+    writer = new_writer(tmp_path / "a.mcap")
+    fill(writer, ROWS[:20])
+    writer.flush(OPENED_NS)
+    writer.abandon()
+    with pytest.raises(RecordingError, match=r"a\.mcap\.part: was not finished.*netboard recover .*a\.mcap\.part"):
+        Recording(tmp_path / "a.mcap.part")
+
+
+@pytest.mark.parametrize("missing", [1, 8, 9, 100, 2000])
+def test_a_cut_file_is_refused_with_what_to_do(tmp_path: Path, path: Path, missing: int) -> None:
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(path.read_bytes()[:-missing])
+    with pytest.raises(RecordingError, match=r"cut\.mcap: .*netboard recover .*cut\.mcap"):
+        Recording(cut)
+
+
+@pytest.mark.parametrize("content", [b"", b"\x89MCAP0\r", b"%PDF-1.4 hello", bytes(100)])
+def test_what_is_not_mcap_is_said(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / "a.mcap").write_bytes(content)
+    with pytest.raises(RecordingError, match=r"a\.mcap: not an MCAP file"):
+        Recording(tmp_path / "a.mcap")
+
+
+def test_magic_alone_is_no_recording(tmp_path: Path) -> None:
+    (tmp_path / "a.mcap").write_bytes(b"\x89MCAP0\r\n" * 2)
+    with pytest.raises(RecordingError, match="is damaged"):
+        Recording(tmp_path / "a.mcap")
+
+
+def test_no_file_is_said(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match="No such file"):
+        Recording(tmp_path / "a.mcap")
+
+
+def test_somebody_elses_mcap_is_said(tmp_path: Path) -> None:
+    with (tmp_path / "a.mcap").open("wb") as file:
+        writer = Writer(file)
+        writer.start(profile="ros2")
+        writer.finish()
+    with pytest.raises(RecordingError, match="not a recording of netboard"):
+        Recording(tmp_path / "a.mcap")
+
+
+def test_another_format_version_is_refused(tmp_path: Path) -> None:
+    writer = RecordingWriter(
+        tmp_path / "a.mcap", metadata() | {"format": "99", "netboard": "7.0"}, CONFIG_TEXT, Settings(), OPENED_NS
+    )
+    writer.finish(OPENED_NS)
+    with pytest.raises(RecordingError, match=r"format version 99.*reads version 1.*netboard 7\.0"):
+        Recording(tmp_path / "a.mcap")
+
+
+def test_a_configuration_that_is_not_the_recorded_one_is_refused(tmp_path: Path) -> None:
+    writer = RecordingWriter(tmp_path / "a.mcap", metadata(), CONFIG_TEXT + "# other", Settings(), OPENED_NS)
+    writer.finish(OPENED_NS)
+    with pytest.raises(RecordingError, match="configuration is damaged"):
+        Recording(tmp_path / "a.mcap")
+
+
+def test_every_flipped_byte_is_found(tmp_path: Path, path: Path) -> None:
+    whole = path.read_bytes()
+    generator = np.random.default_rng(5)
+    for offset in generator.choice(len(whole), 150, replace=False):
+        broken = bytearray(whole)
+        broken[offset] ^= 1 << generator.integers(8)
+        flipped = tmp_path / "flipped.mcap"
+        flipped.write_bytes(broken)
+        with pytest.raises(RecordingError), Recording(flipped) as recording:
+            recording.check()
+
+
+def test_a_flipped_byte_in_a_chunk_is_found_when_it_is_read(tmp_path: Path, path: Path) -> None:
+    broken = bytearray(path.read_bytes())
+    with Recording(path) as recording:
+        chunk = recording._chunks[7]
+    broken[chunk.chunk_start_offset + chunk.chunk_length // 2] ^= 4
+    (tmp_path / "a.mcap").write_bytes(broken)
+    with (
+        Recording(tmp_path / "a.mcap") as recording,
+        pytest.raises(RecordingError, match="damaged.*chunk.*netboard recover"),
+    ):
+        recording.ticks()

@@ -1,0 +1,249 @@
+"""Recovery: cut anywhere, flipped anywhere, killed at any moment, every whole chunk is saved and the source untouched."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from mcap.data_stream import ReadDataStream
+from mcap.reader import make_reader
+from mcap.records import Chunk, Message
+from mcap.stream_reader import breakup_chunk
+from numpy.typing import NDArray
+from samples import CONFIG_TEXT, OPENED_NS, fill, metadata, new_writer, random_rows, records, write_recording
+
+from netboard.config import Recording as Settings
+from netboard.errors import RecordingError
+from netboard.recording.reader import Recording
+from netboard.recording.recovery import Report, recover, recovered_path
+from netboard.recording.summary import Gap
+from netboard.stage import TICK
+
+ROWS = random_rows(60, seed=2)
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_recording(tmp_path_factory.mktemp("recording") / "whole.mcap", ROWS, Settings(chunk_bytes=4096))
+
+
+def chunk_ticks(path: Path) -> list[tuple[int, int, list[int]]]:
+    """Start and end of each chunk of a sound file, and the ticks in it, as upstream sees them."""
+    with path.open("rb") as file:
+        summary = make_reader(file).get_summary()
+        assert summary is not None
+        found = []
+        for index in sorted(summary.chunk_indexes, key=lambda index: index.chunk_start_offset):
+            start = index.chunk_start_offset
+            file.seek(start + 9)
+            inside = breakup_chunk(Chunk.read(ReadDataStream(file)), validate_crc=True)
+            ticks = [record.sequence for record in inside if isinstance(record, Message) and record.channel_id == 1]
+            found.append((start, start + index.chunk_length, ticks))
+    return found
+
+
+def recovered_ticks(tmp_path: Path, data: bytes, rows: NDArray[Any] = ROWS) -> tuple[list[int], Report]:
+    """Recover some bytes; check that the result is sound and that its rows are what was written."""
+    source, output = tmp_path / "broken.mcap.part", tmp_path / "out.mcap"
+    output.unlink(missing_ok=True)
+    source.write_bytes(data)
+    report = recover(source, output)
+    assert source.read_bytes() == data
+    with Recording(output) as recording:
+        recording.check()
+        ticks = recording.ticks()
+    numbers = ticks["tick"].tolist()
+    assert ticks.tobytes() == rows[numbers].tobytes()
+    assert report.messages["/tick"] == len(numbers)
+    return numbers, report
+
+
+def test_a_file_cut_at_any_place_gives_every_chunk_before(tmp_path: Path, whole: Path) -> None:
+    data = whole.read_bytes()
+    chunks = chunk_ticks(whole)
+    generator = np.random.default_rng(3)
+    for cut in (*generator.integers(8, len(data), 60), 8, len(data)):
+        numbers, report = recovered_ticks(tmp_path, data[:cut])
+        assert numbers == [tick for _, end, ticks in chunks if end <= cut for tick in ticks]
+        assert report.missing == ()
+        if numbers:
+            assert (report.first_tick, report.last_tick) == (0, numbers[-1])
+
+
+@pytest.mark.slow
+def test_every_cut_of_the_last_chunk_gives_all_chunks_before(tmp_path: Path) -> None:
+    rows = np.zeros(8, TICK)
+    rows["tick"] = np.arange(8)
+    path = write_recording(tmp_path / "short.mcap", rows, Settings(chunk_bytes=2048))
+    data = path.read_bytes()
+    *before, (start, end, _) = chunk_ticks(path)
+    expected = [tick for _, _, ticks in before for tick in ticks]
+    for cut in range(start, end):
+        numbers, report = recovered_ticks(tmp_path, data[:cut], rows)
+        assert numbers == expected
+        assert report.lost_bytes == cut - start
+        assert not report.finished
+
+
+def test_a_flipped_byte_costs_its_chunk_at_most(tmp_path: Path, whole: Path) -> None:
+    data = whole.read_bytes()
+    chunks = chunk_ticks(whole)
+    first = chunks[0][0]
+    last = chunks[-1][1]
+    generator = np.random.default_rng(4)
+    lossy = 0
+    for offset in generator.integers(first, last, 150):
+        broken = bytearray(data)
+        broken[offset] ^= 1 << generator.integers(8)
+        numbers, report = recovered_ticks(tmp_path, bytes(broken))
+        # Some bits of a chunk (its own time range, say) are not needed to read it; then nothing is lost.
+        if numbers != ROWS["tick"].tolist():
+            assert numbers == [tick for start, end, ticks in chunks if not start <= offset < end for tick in ticks]
+            assert any(part.offset <= offset < part.offset + part.length for part in report.damage)
+            lossy += 1
+    assert lossy > 100
+
+
+def test_a_destroyed_stretch_costs_the_chunks_it_touches(tmp_path: Path, whole: Path) -> None:
+    data = bytearray(whole.read_bytes())
+    chunks = chunk_ticks(whole)
+    low, high = chunks[2][0] + 5, chunks[4][0] + 5
+    data[low:high] = bytes(high - low)
+    numbers, report = recovered_ticks(tmp_path, bytes(data))
+    assert numbers == [tick for start, end, ticks in chunks if end <= low or start >= high for tick in ticks]
+    (gap,) = report.missing
+    assert gap == Gap(chunks[2][2][0], chunks[4][2][-1] - chunks[2][2][0] + 1)
+    assert report.finished
+
+
+@given(st.data())
+@settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+def test_any_damage_gives_true_rows_or_a_recording_error(tmp_path: Path, whole: Path, data: st.DataObject) -> None:
+    broken = bytearray(whole.read_bytes())
+    for _ in range(data.draw(st.integers(1, 5))):
+        at = data.draw(st.integers(0, len(broken) - 1))
+        broken[at : at + data.draw(st.integers(0, 40))] = data.draw(st.binary(max_size=40))
+    try:
+        recovered_ticks(tmp_path, bytes(broken))
+    except RecordingError as error:
+        assert "not an MCAP file" in str(error) or "format version" in str(error) or "configuration" in str(error)
+
+
+def test_a_sound_file_loses_nothing(tmp_path: Path, whole: Path) -> None:
+    report = recover(whole, tmp_path / "out.mcap")
+    assert (report.damage, report.missing, report.finished, report.has_config) == ((), (), True, True)
+    assert sum(report.messages.values()) == len(records(ROWS))
+    with Recording(whole) as old, Recording(tmp_path / "out.mcap") as new:
+        assert new.ticks().tobytes() == old.ticks().tobytes()
+        assert (new.events(), new.clocks(), new.frames()) == (old.events(), old.clocks(), old.frames())
+        assert (new.metadata, new.end, new.config_text) == (old.metadata, old.end, old.config_text)
+    with whole.open("rb") as old_file, (tmp_path / "out.mcap").open("rb") as new_file:
+        old_messages = [message for _, _, message in make_reader(old_file).iter_messages()]
+        assert old_messages == [message for _, _, message in make_reader(new_file).iter_messages()]
+
+
+def test_a_lost_configuration_is_said(tmp_path: Path, whole: Path) -> None:
+    data = bytearray(whole.read_bytes())
+    at = data.index(CONFIG_TEXT.encode())
+    data[at + 3] ^= 1
+    (tmp_path / "a.mcap").write_bytes(data)
+    report = recover(tmp_path / "a.mcap")
+    assert not report.has_config
+    with Recording(report.output) as recording:
+        assert recording.ticks().tobytes() == ROWS.tobytes()
+        with pytest.raises(RecordingError, match="configuration was lost"):
+            _ = recording.config_text
+
+
+def test_recovery_overwrites_nothing(tmp_path: Path, whole: Path) -> None:
+    source = tmp_path / "a.mcap"
+    source.write_bytes(whole.read_bytes())
+    assert recover(source).output.name == "a.recovered.mcap"
+    before = (tmp_path / "a.recovered.mcap").read_bytes()
+    for output in (None, source):
+        with pytest.raises(RecordingError, match="exists already"):
+            recover(source, output)
+    assert (tmp_path / "a.recovered.mcap").read_bytes() == before
+    assert source.read_bytes() == whole.read_bytes()
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["a.mcap", "a.recovered.mcap"]
+
+
+def test_the_recovered_name() -> None:
+    for name in ("a_b.mcap", "a_b.mcap.part"):
+        assert recovered_path(Path("x") / name) == Path("x/a_b.recovered.mcap")
+
+
+@pytest.mark.parametrize("content", [b"", b"hello", b"\x89MCAP0\r"])
+def test_what_is_not_mcap_cannot_be_recovered(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / "a.mcap.part").write_bytes(content)
+    with pytest.raises(RecordingError, match="not an MCAP file"):
+        recover(tmp_path / "a.mcap.part")
+    assert [file.name for file in tmp_path.iterdir()] == ["a.mcap.part"]
+
+
+def test_another_format_version_is_not_touched(tmp_path: Path) -> None:
+    from netboard.recording.writer import RecordingWriter
+
+    path = tmp_path / "a.mcap"
+    RecordingWriter(path, metadata() | {"format": "99"}, CONFIG_TEXT, Settings(), OPENED_NS).finish(OPENED_NS)
+    with pytest.raises(RecordingError, match="format version 99"):
+        recover(path)
+    assert [file.name for file in tmp_path.iterdir()] == ["a.mcap"]
+
+
+def test_a_part_has_everything_up_to_the_last_flush(tmp_path: Path) -> None:
+    writer = new_writer(tmp_path / "a.mcap", Settings(flush_ms=5000.0))
+    fill(writer, ROWS[:25])
+    writer.flush(OPENED_NS)
+    fill(writer, ROWS[25:30], first=writer.durable or 0)
+    writer.abandon()
+    report = recover(tmp_path / "a.mcap.part")
+    assert (report.first_tick, report.last_tick, report.damage, report.finished) == (0, 24, (), False)
+    with Recording(report.output) as recording:
+        assert recording.ticks().tobytes() == ROWS[:25].tobytes()
+        assert recording.end == {}
+
+
+KILLED = """
+import sys
+from pathlib import Path
+sys.path.insert(0, sys.argv[2])
+from samples import MS, OPENED_NS, new_writer, random_rows
+from netboard.config import Recording
+from netboard.wire.messages import TickRecord
+rows = random_rows(400, seed=6)
+writer = new_writer(Path(sys.argv[1]), Recording(chunk_bytes=8192, flush_ms=20.0))
+number = 0
+while True:
+    now = OPENED_NS + number * MS
+    writer.write(TickRecord(rows[number % 400].tobytes()), number, now)
+    number += 1
+    if writer.is_due(now):
+        print(writer.flush(now), flush=True)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.name == "nt", reason="needs SIGKILL")
+@pytest.mark.parametrize("flushes", [1, 7, 30])
+def test_kill_9_leaves_everything_up_to_the_last_flush(tmp_path: Path, flushes: int) -> None:
+    path = tmp_path / "a.mcap"
+    arguments = [sys.executable, "-c", KILLED, str(path), str(Path(__file__).parent)]
+    with subprocess.Popen(arguments, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        for _ in range(flushes):
+            durable = int(process.stdout.readline())
+        process.send_signal(signal.SIGKILL)
+    report = recover(tmp_path / "a.mcap.part")
+    with Recording(report.output) as recording:
+        ticks = recording.ticks()
+    assert len(ticks) >= durable
+    expected = random_rows(400, seed=6)
+    assert ticks.tobytes() == expected[np.arange(len(ticks)) % 400].tobytes()
+    assert report.lost_bytes < 8192 + 1024

@@ -1,0 +1,71 @@
+"""The curtain: what a station may see of a tick, and what it never may."""
+
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from netboard.config import SIDES, parse
+from netboard.curtain import make_curtain, view_of
+from netboard.experiment.machine import Phase
+from netboard.stage import TICK
+
+DYADIC = make_curtain(parse('[block]\nconfiguration = "dyadic"\ntrials = 6'))
+BIMANUAL = make_curtain(parse('[block]\nconfiguration = "bimanual"\ntrials = 6'))
+
+OF_THE_PARTNER = ("sent_z", "sent_vz", "used_z", "used_vz", "coupling", "force", "rendered", "x", "y", "buttons", "seq")
+
+
+def row(seed: int) -> NDArray[Any]:
+    """A row of random but plausible content."""
+    rng = np.random.default_rng(seed)
+    row = np.zeros(1, TICK)
+    for name in TICK.names or ():
+        row[name] = rng.normal(0, 0.01) if TICK[name].kind == "f" else rng.integers(0, 100)
+    row["phase"], row["target"] = rng.integers(0, len(Phase)), rng.choice((-1, 1))
+    return row
+
+
+@given(st.integers(0, 2**31), st.sampled_from(SIDES))
+def test_whatever_the_partners_hand_does_a_dyadic_view_does_not_show_it(seed: int, station: str) -> None:
+    other = "right" if station == "left" else "left"
+    one, two = row(seed), row(seed)
+    for name in OF_THE_PARTNER:
+        two[f"{other}_{name}"] += 1
+    seen = [view_of(DYADIC, r[0], station, None, 0) for r in (one, two)]  # type: ignore[arg-type]
+    assert seen[0] == seen[1]
+    assert getattr(seen[0], other) is None
+    assert getattr(seen[0], station) == one[f"{station}_used_z"][0]
+
+
+def test_one_person_with_both_hands_sees_both() -> None:
+    r = row(3)
+    for station in SIDES:
+        view = view_of(BIMANUAL, r[0], station, None, 0)
+        assert (view.left, view.right) == (r["left_used_z"][0], r["right_used_z"][0])
+
+
+def test_a_view_is_the_boards_state_and_the_blocks_count() -> None:
+    r = row(5)
+    r["phase"], r["target"], r["completion"], r["trial"] = Phase.HOLDING, -1, 2.5, 4
+    view = view_of(DYADIC, r[0], "left", 2.25, 77, "well done")
+    assert (view.phase, view.target, view.completion, view.best) == ("holding", -0.15, 2.5, 2.25)
+    assert (view.z, view.theta, view.p) == (r["z"][0], r["theta"][0], r["p"][0])
+    assert (view.trial, view.trials, view.sent_ns, view.notice) == (4, 6, 77, "well done")
+    assert all(type(getattr(view, f.name)) in (str, int, float, type(None)) for f in fields(view))
+
+
+@pytest.mark.parametrize(("completion", "shown"), [(0.0, None), (1.25, 1.25)])
+def test_no_completion_time_is_shown_before_there_is_one(completion: float, shown: float | None) -> None:
+    r = row(1)
+    r["completion"] = completion
+    assert view_of(DYADIC, r[0], "right", None, 0).completion == shown
+
+
+def test_without_a_ball_there_is_none_to_see() -> None:
+    bare = make_curtain(parse("[physics]\nball = false"))
+    assert view_of(bare, row(2)[0], "left", None, 0).p is None
