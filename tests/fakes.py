@@ -1,4 +1,4 @@
-"""Small real implementations of what surrounds netboard, for tests: a clock, and a log channel with a server behind it."""
+"""Small real implementations of what surrounds netboard: a clock, and a log channel with a server behind it."""
 
 import random
 from collections import deque

@@ -8,6 +8,7 @@ from display_parts import SmallServer, free_ports, local_config, until
 from netboard import sockets
 from netboard.config import Config, Geometry, resolve
 from netboard.display.scene import Mood
+from netboard.errors import NetboardError
 from netboard.wire.messages import PROTOCOL_VERSION, Frames, Goodbye, Hello, Refusal, Welcome
 
 pytestmark = pytest.mark.integration
@@ -151,3 +152,35 @@ def test_it_says_goodbye(rig):
     rig.welcome()
     rig.client.close()
     assert until(rig.app, lambda: server.hear(Goodbye))
+
+
+def run_display(port, picture, stopping=lambda _: False, after=None):
+    """Run a whole display while a server shows it views; tell how often it asked whether to stop."""
+    from PySide6.QtCore import QTimer
+
+    from netboard.display.client import run
+
+    server, showing, asked = SmallServer(port), QTimer(interval=5), []
+    showing.timeout.connect(server.show)
+    showing.start()
+    try:
+        run(local_config(port), "left", lambda: asked.append(True) or stopping(len(asked)), picture, after)
+    finally:
+        showing.stop()
+        server.close()
+    return len(asked)
+
+
+def test_the_first_picture_is_taken_and_the_display_stops(app, tmp_path):
+    picture = tmp_path / "left.png"
+    run_display(free_ports(), picture)
+    assert picture.stat().st_size > 1000
+    with pytest.raises(NetboardError, match="never overwrites"):
+        run_display(free_ports(), picture)
+
+
+def test_a_picture_for_later_is_taken_at_the_end_and_the_display_goes_on(app, tmp_path):
+    picture = tmp_path / "left.png"
+    asked = run_display(free_ports(), picture, stopping=lambda times: times >= 8, after=3600.0)
+    assert asked == 8
+    assert picture.stat().st_size > 1000

@@ -141,6 +141,6 @@ def test_a_flipped_byte_in_a_chunk_is_found_when_it_is_read(tmp_path: Path, path
     (tmp_path / "a.mcap").write_bytes(broken)
     with (
         Recording(tmp_path / "a.mcap") as recording,
-        pytest.raises(RecordingError, match="damaged.*chunk.*netboard recover"),
+        pytest.raises(RecordingError, match=r"damaged.*chunk.*netboard recover"),
     ):
         recording.ticks()

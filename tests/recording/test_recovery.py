@@ -1,4 +1,4 @@
-"""Recovery: cut anywhere, flipped anywhere, killed at any moment, every whole chunk is saved and the source untouched."""
+"""Recovery: cut anywhere, flipped anywhere, killed at any moment: every whole chunk is saved, the source untouched."""
 
 import os
 import signal
@@ -33,6 +33,12 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_recording(tmp_path_factory.mktemp("recording") / "whole.mcap", ROWS, Settings(chunk_bytes=4096))
 
 
+@pytest.fixture
+def _careless_disk(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Do not wait for the disk: what is tested is what is in the file, hundreds of times over."""
+    monkeypatch.setattr(os, "fsync", lambda handle: None)
+
+
 def chunk_ticks(path: Path) -> list[tuple[int, int, list[int]]]:
     """Start and end of each chunk of a sound file, and the ticks in it, as upstream sees them."""
     with path.open("rb") as file:
@@ -64,6 +70,7 @@ def recovered_ticks(tmp_path: Path, data: bytes, rows: NDArray[Any] = ROWS) -> t
     return numbers, report
 
 
+@pytest.mark.usefixtures("_careless_disk")
 def test_a_file_cut_at_any_place_gives_every_chunk_before(tmp_path: Path, whole: Path) -> None:
     data = whole.read_bytes()
     chunks = chunk_ticks(whole)
@@ -76,6 +83,7 @@ def test_a_file_cut_at_any_place_gives_every_chunk_before(tmp_path: Path, whole:
             assert (report.first_tick, report.last_tick) == (0, numbers[-1])
 
 
+@pytest.mark.usefixtures("_careless_disk")
 @pytest.mark.slow
 def test_every_cut_of_the_last_chunk_gives_all_chunks_before(tmp_path: Path) -> None:
     rows = np.zeros(8, TICK)
@@ -91,6 +99,7 @@ def test_every_cut_of_the_last_chunk_gives_all_chunks_before(tmp_path: Path) -> 
         assert not report.finished
 
 
+@pytest.mark.usefixtures("_careless_disk")
 def test_a_flipped_byte_costs_its_chunk_at_most(tmp_path: Path, whole: Path) -> None:
     data = whole.read_bytes()
     chunks = chunk_ticks(whole)
@@ -122,6 +131,7 @@ def test_a_destroyed_stretch_costs_the_chunks_it_touches(tmp_path: Path, whole: 
     assert report.finished
 
 
+@pytest.mark.usefixtures("_careless_disk")
 @given(st.data())
 @settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
 def test_any_damage_gives_true_rows_or_a_recording_error(tmp_path: Path, whole: Path, data: st.DataObject) -> None:
@@ -129,10 +139,11 @@ def test_any_damage_gives_true_rows_or_a_recording_error(tmp_path: Path, whole: 
     for _ in range(data.draw(st.integers(1, 5))):
         at = data.draw(st.integers(0, len(broken) - 1))
         broken[at : at + data.draw(st.integers(0, 40))] = data.draw(st.binary(max_size=40))
+    readable = broken[:8] == whole.read_bytes()[:8] and b"format" in broken
     try:
         recovered_ticks(tmp_path, bytes(broken))
-    except RecordingError as error:
-        assert "not an MCAP file" in str(error) or "format version" in str(error) or "configuration" in str(error)
+    except RecordingError:
+        assert not readable or b"format\x01\x00\x00\x001" not in broken
 
 
 def test_a_sound_file_loses_nothing(tmp_path: Path, whole: Path) -> None:

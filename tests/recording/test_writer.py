@@ -12,7 +12,18 @@ import pytest
 from mcap.reader import NonSeekingReader, make_reader
 from mcap.records import Chunk, Message
 from mcap.stream_reader import StreamReader
-from samples import CONFIG_TEXT, MS, OPENED_NS, SESSION, fill, metadata, new_writer, random_rows, records, write_recording
+from samples import (
+    CONFIG_TEXT,
+    MS,
+    OPENED_NS,
+    SESSION,
+    fill,
+    metadata,
+    new_writer,
+    random_rows,
+    records,
+    write_recording,
+)
 
 from netboard.config import Config, Recording
 from netboard.errors import RecordingError
@@ -120,7 +131,10 @@ def test_a_chunk_is_in_the_file_as_soon_as_it_is_full(tmp_path: Path) -> None:
 
 def test_upstream_reads_everything_in_both_ways(recording: Path) -> None:
     data = recording.read_bytes()
-    for reader in (make_reader(io.BytesIO(data), validate_crcs=True), NonSeekingReader(io.BytesIO(data), validate_crcs=True)):
+    for reader in (
+        make_reader(io.BytesIO(data), validate_crcs=True),
+        NonSeekingReader(io.BytesIO(data), validate_crcs=True),
+    ):
         sequences: dict[str, list[int]] = {}
         for schema, channel, message in reader.iter_messages():
             assert schema is not None
@@ -209,7 +223,7 @@ def test_a_full_disk_stops_it_with_a_clear_message(tmp_path: Path) -> None:
     writer = new_writer(tmp_path / "a.mcap")
     written = (tmp_path / "a.mcap.part").stat().st_size
     # From here on the file's descriptor leads to the device that is always full.
-    with open("/dev/full", "wb") as full:
+    with Path("/dev/full").open("wb") as full:
         os.dup2(full.fileno(), writer._file._file.fileno())
     writer.write(TickRecord(ROWS[0].tobytes()), 0, OPENED_NS)
     with pytest.raises(RecordingError, match=r"a\.mcap\.part: cannot be written: No space left"):

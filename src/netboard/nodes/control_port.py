@@ -10,7 +10,6 @@ from netboard import sockets
 from netboard.errors import WireError
 from netboard.wire.codec import decode, encode
 from netboard.wire.messages import (
-    PROTOCOL_VERSION,
     Command,
     FrameRecord,
     Frames,
@@ -22,6 +21,7 @@ from netboard.wire.messages import (
     StatusRequest,
     Welcome,
 )
+from netboard.wire.session import admit
 
 ROLES = ("display", "console")
 
@@ -93,14 +93,20 @@ class ControlPort:
         return Refusal(f"a {hello.role} may not send {type(message).__name__}")
 
     def _greet(self, peer: bytes, hello: Hello) -> Message | bytes:
+        admit(hello)
         if hello.role not in ROLES:
             return Refusal(f"this is the control channel, not one for a {hello.role}")
-        if hello.protocol != PROTOCOL_VERSION:
-            return Refusal(f"the server speaks protocol {PROTOCOL_VERSION}, the {hello.role} {hello.protocol}")
         if peer not in self._peers:
+            self._replace(hello)
             self.news.append((f"{hello.role}_joined", {"side": hello.side, "name": hello.name, **hello.details}))
         self._peers[peer] = hello
         return self._welcome
+
+    def _replace(self, hello: Hello) -> None:
+        """A station has one display: one that comes takes the place of one that has gone without a word."""
+        for peer, other in list(self._peers.items()):
+            if hello.role == "display" and (other.role, other.side) == (hello.role, hello.side):
+                del self._peers[peer]
 
     def _note(self, frames: Frames) -> None:
         for tick, received_ns, painted_ns in frames.shown:

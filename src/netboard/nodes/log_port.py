@@ -9,7 +9,6 @@ from netboard import sockets
 from netboard.errors import WireError
 from netboard.wire.codec import decode, encode
 from netboard.wire.messages import (
-    PROTOCOL_VERSION,
     Goodbye,
     Hello,
     LogAck,
@@ -20,9 +19,17 @@ from netboard.wire.messages import (
     Welcome,
 )
 from netboard.wire.ring import LogRing
+from netboard.wire.session import Liveness, admit
 
-BATCH_RECORDS = 250
-BATCH_BYTES = 256 * 1024
+BATCHES = 4
+"""Batches a logger is sent in one go: a long backlog must not hold up a tick [1]."""
+
+BATCH_RECORDS = 256
+BATCH_BYTES = 65_536
+
+GONE_NS = 2_000_000_000
+"""A logger that has said nothing for so long is gone [ns]."""
+
 MOST_LOGGERS = 8
 
 
@@ -45,6 +52,7 @@ class LogPort:
         self._socket = socket
         self._welcome = encode(welcome)
         self._cursors: dict[bytes, int | None] = {}
+        self._alive: dict[bytes, Liveness] = {}
         self._ended = False
         self._told_end: set[bytes] = set()
 
@@ -62,12 +70,16 @@ class LogPort:
         """Keep a record for the loggers."""
         self.ring.append(encode(record))
 
-    def pump(self) -> None:
+    def pump(self, now_ns: int) -> None:
         """Answer the loggers and send them what their queues take."""
         while (received := sockets.receive_from(self._socket)) is not None:
             self._take(*received)
+            if received[0] in self._alive:
+                self._alive[received[0]].hear(now_ns)
         for logger, cursor in list(self._cursors.items()):
-            if cursor is not None:
+            if self._alive[logger].gone(now_ns):
+                self._forget(logger)
+            elif cursor is not None:
                 self._feed(logger, cursor)
 
     def end(self) -> None:
@@ -80,15 +92,16 @@ class LogPort:
         return self.loggers == 0 or self.backlog == 0
 
     def _feed(self, logger: bytes, cursor: int) -> None:
-        while cursor < self.ring.next:
+        for _ in range(BATCHES):
+            if cursor >= self.ring.next:
+                break
             batch = self.ring.batch(cursor, BATCH_RECORDS, BATCH_BYTES)
             if not sockets.send_to(self._socket, logger, encode(batch)):
                 return
-            cursor = batch.first + len(batch.records)
-            self._cursors[logger] = cursor
-        if self._ended and logger not in self._told_end:
-            if sockets.send_to(self._socket, logger, encode(LogEnd(self.ring.next - 1))):
-                self._told_end.add(logger)
+            cursor = self._cursors[logger] = batch.first + len(batch.records)
+        over = self._ended and cursor >= self.ring.next and logger not in self._told_end
+        if over and sockets.send_to(self._socket, logger, encode(LogEnd(self.ring.next - 1))):
+            self._told_end.add(logger)
 
     def _take(self, logger: bytes, frame: bytes) -> None:
         try:
@@ -102,25 +115,33 @@ class LogPort:
             case _ if logger not in self._cursors:
                 self._refuse(logger, "say hello first")
             case LogRequest(first=first):
-                self._cursors[logger] = self.ring.acknowledged if first < 0 else min(first, self.ring.next)
+                self._cursors[logger] = self.ring.start(first)
                 self._told_end.discard(logger)
             case LogAck(durable=durable, free_bytes=free_bytes):
                 self.ring.acknowledge(durable)
                 self.free_bytes = free_bytes
             case Goodbye():
-                del self._cursors[logger]
+                self._forget(logger)
             case _:
                 self._refuse(logger, f"a logger does not send {type(message).__name__}")
 
     def _greet(self, logger: bytes, hello: Hello) -> None:
+        try:
+            admit(hello)
+        except WireError as error:
+            self._refuse(logger, str(error))
+            return
         if hello.role != "logger":
             self._refuse(logger, f"this is the log channel, not one for a {hello.role}")
-        elif hello.protocol != PROTOCOL_VERSION:
-            self._refuse(logger, f"the server speaks protocol {PROTOCOL_VERSION}, the logger {hello.protocol}")
         elif len(self._cursors) >= MOST_LOGGERS and logger not in self._cursors:
             self._refuse(logger, "too many loggers")
         elif sockets.send_to(self._socket, logger, self._welcome):
             self._cursors[logger] = None
+            self._alive[logger] = Liveness(GONE_NS)
+
+    def _forget(self, logger: bytes) -> None:
+        del self._cursors[logger], self._alive[logger]
+        self._told_end.discard(logger)
 
     def _refuse(self, logger: bytes, reason: str) -> None:
         sockets.send_to(self._socket, logger, encode(Refusal(reason)))

@@ -167,6 +167,7 @@ class Logger:
         self._writer: RecordingWriter | None = None
         self._session = ""
         self._ended = ""
+        self._welcomed = False
         self._log_time_minus_clock = 0
         self._heard_ns = self._greeted_ns = self._asked_ns = -SILENT_NS
         self._end_doubted = False
@@ -230,6 +231,7 @@ class Logger:
         silent = self._writer is None or now - self._heard_ns >= SILENT_NS
         if silent and now - self._greeted_ns >= HELLO_NS:
             self._greeted_ns = now
+            self._welcomed = False
             self._say(self._hello)
 
     def _hear(self, frame: bytes) -> None:
@@ -261,9 +263,13 @@ class Logger:
         if welcome.session == self._ended:
             return
         if self._writer is not None and welcome.session != self._session:
+            # Not yet welcomed: the numbers of the old session must not be acknowledged in the new one.
             self._close("the server began another session")
+        self._welcomed = True
         if self._writer is None:
             self._open(welcome)
+        else:
+            self._acknowledge(self._writer)
         self._ask()
 
     def _open(self, welcome: Welcome) -> None:
@@ -363,7 +369,7 @@ class Logger:
     def _acknowledge(self, writer: RecordingWriter) -> None:
         free = writer.free_bytes
         self._look_at_space(free)
-        if writer.durable is not None:
+        if writer.durable is not None and self._welcomed:
             self._say(LogAck(writer.durable, free))
 
     def _look_at_space(self, free: int) -> None:

@@ -14,7 +14,6 @@ from netboard.config import SIDES, Side
 from netboard.errors import WireError
 from netboard.wire.codec import decode, encode
 from netboard.wire.messages import (
-    PROTOCOL_VERSION,
     Beat,
     ClockRecord,
     Force,
@@ -25,7 +24,7 @@ from netboard.wire.messages import (
     Stylus,
     Welcome,
 )
-from netboard.wire.session import ClockEstimator, SequenceGuard
+from netboard.wire.session import ClockEstimator, SequenceGuard, admit
 
 BEAT_TICKS = 4
 """Without forces every so many ticks a beat is sent: often enough that nothing counts as stale [1]."""
@@ -181,11 +180,13 @@ class MotionPort:
                 self._refuse(agent, f"an agent does not send {type(message).__name__}")
 
     def _greet(self, agent: bytes, hello: Hello, now_ns: int) -> None:
+        try:
+            admit(hello)
+        except WireError as error:
+            self._refuse(agent, str(error))
+            return
         if hello.role != "agent":
             self._refuse(agent, f"this is the motion channel, not one for a {hello.role}")
-            return
-        if hello.protocol != PROTOCOL_VERSION:
-            self._refuse(agent, f"the server speaks protocol {PROTOCOL_VERSION}, the agent {hello.protocol}")
             return
         seat = next(seat for seat in self.seats.values() if seat.side == hello.side)
         taken = seat.hello is not None and now_ns - seat.heard_ns < self._timeout_ns

@@ -9,6 +9,7 @@ import logging
 import time
 import uuid
 from collections.abc import Callable
+from math import ceil
 from typing import Any
 
 import numpy as np
@@ -84,7 +85,7 @@ class Server:
         self._views = {
             side: sockets.view_publisher(context, where.listen(sockets.VIEW[side])) for side in SIDES
         }
-        self._view_ticks = max(1, round(1000 / config.network.view_rate_hz))
+        self._view_ticks = ceil(1000 / config.network.view_rate_hz)
 
     @property
     def phase(self) -> Phase:
@@ -236,7 +237,7 @@ class Server:
             self._note(name, details)
         self._motion.news.clear()
         self._control.news.clear()
-        self._log.pump()
+        self._log.pump(now_ns())
 
     def _note(self, name: str, details: dict[str, str]) -> None:
         """Record an event and tell the operator."""
@@ -253,7 +254,7 @@ class Server:
         self._log.end()
         until = now_ns() + FINISH_NS
         while not self._log.done and now_ns() < until:
-            self._log.pump()
+            self._log.pump(now_ns())
             time.sleep(TICK_NS * 1e-9)
         if not self._log.done:
             log.warning("%d records are not known to be on disk: no logger took them", self._log.backlog)

@@ -147,19 +147,20 @@ class Brain:
 
     def _play(self, now: float, seen: Percept) -> tuple[Submovement, ...]:
         """Steer the ball."""
-        error = self._wanted_tilt(seen) - self._expected_tilt(now, seen)
+        expected = self._expected_tilt(now, seen)
+        error = self._wanted_tilt(seen, expected) - expected
         if abs(error) <= self._threshold:
             return ()
         lift = -self._person.centring * self._height(seen)
         return self._act(now, error, lift)
 
-    def _wanted_tilt(self, seen: Percept) -> float:
+    def _wanted_tilt(self, seen: Percept, expected: float) -> float:
         """Tilt that takes the predicted ball to the target [rad]."""
         p, g = self._person, self._physics.g
         if g == 0.0:
             return 0.0
         ahead = p.lookahead * p.visual_delay
-        pull = -g * seen.theta
+        pull = -g * (seen.theta + expected) / 2.0
         ball = seen.p + seen.v * ahead + pull * ahead * ahead / 2.0
         speed = seen.v + pull * ahead
         most = float(np.radians(p.max_tilt_deg))

@@ -162,6 +162,8 @@ class SideSummary:
         Largest magnitude of the vertical force handed to the device [N].
     safeguards : dict of int
         Ticks at which each action of the safety chain was reported, by its lower-case name; others are left out [1].
+    limited_ticks : int
+        Ticks at which the force was clamped or its change limited [1].
     stale_ticks : int
         Ticks without a fresh sample [1].
     skipped_samples : int
@@ -171,13 +173,9 @@ class SideSummary:
     loop: Spread
     largest_force: float
     safeguards: dict[str, int]
+    limited_ticks: int
     stale_ticks: int
     skipped_samples: int
-
-    @property
-    def limited_ticks(self) -> int:
-        """Ticks at which the force was clamped or its change limited [1]."""
-        return self.safeguards.get("clamped", 0) + self.safeguards.get("slewed", 0)
 
 
 def summarise_side(ticks: NDArray[Any], side: str) -> SideSummary:
@@ -197,6 +195,7 @@ def summarise_side(ticks: NDArray[Any], side: str) -> SideSummary:
         loop=spread(loop[loop > 0]),
         largest_force=float(np.max(np.abs(ticks[f"{side}_rendered"]), initial=0.0)),
         safeguards={name: count for name, count in counts.items() if count},
+        limited_ticks=int(np.count_nonzero(bits & (Safeguard.CLAMPED | Safeguard.SLEWED).value)),
         stale_ticks=int(np.count_nonzero(ticks[f"{side}_live"] == 0)),
         skipped_samples=int(np.sum(steps[steps > 1] - 1)),
     )

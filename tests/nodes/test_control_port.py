@@ -1,0 +1,83 @@
+"""The control channel: operators command, displays report, nobody does what is not theirs."""
+
+from fake_router import WELCOME, FakeRouter, hello
+
+from netboard.nodes.control_port import ControlPort
+from netboard.wire.messages import (
+    Command,
+    Frames,
+    Goodbye,
+    Message,
+    Refusal,
+    Status,
+    StatusRequest,
+    Stylus,
+    Welcome,
+)
+
+STATUS = Status("session", 1, "idle", 1, 60, 0, 0, (), 0, (), (), "")
+STYLUS = Stylus(0, 0, 0.0, 0.0, 0.01, 0.0, 0.0, 0.1, 0, 0, 0.0, -1, 0, 0, 0, 0)
+D, C = b"display.left@1", b"console@1"
+
+
+class Rig:
+    """A port with its fake socket; a display and a console have said hello."""
+
+    def __init__(self) -> None:
+        self.router = FakeRouter()
+        self.port = ControlPort(self.router, WELCOME, lambda: STATUS)  # type: ignore[arg-type]
+        assert isinstance(self.say(D, hello("display", "left"))[0], Welcome)
+        assert isinstance(self.say(C, hello("console"))[0], Welcome)
+
+    def say(self, peer: bytes, message: Message | bytes) -> list[Message]:
+        self.router.say(peer, message)
+        self.port.drain()
+        return self.router.heard(peer)
+
+
+def test_an_operator_asks_and_commands() -> None:
+    rig = Rig()
+    assert rig.say(C, StatusRequest()) == [STATUS]
+    assert rig.say(C, Command("pause")) == [STATUS]
+    assert rig.port.wishes == ["pause"]
+
+
+def test_a_display_cannot_command_nor_report_for_another_station() -> None:
+    rig = Rig()
+    for message in (Command("start"), StatusRequest(), STYLUS, Frames("right", ((1, 2, 3),), 0)):
+        (answer,) = rig.say(D, message)
+        assert isinstance(answer, Refusal)
+        assert answer.reason == f"a display may not send {type(message).__name__}"
+    assert rig.port.wishes == [] and rig.port.frames == []
+    assert [name for name, _ in rig.port.news].count("refused") == 4
+
+
+def test_frames_are_numbered_per_station() -> None:
+    rig = Rig()
+    rig.say(b"r", hello("display", "right"))
+    rig.say(D, Frames("left", ((1, 10, 20), (2, 30, 40)), 0))
+    rig.say(b"r", Frames("right", ((1, 11, 21),), 5))
+    rig.say(D, Frames("left", ((3, 50, 60),), 1))
+    assert [(f.station, f.seq, f.tick, f.dropped) for f in rig.port.frames] == [
+        ("left", 0, 1, 0),
+        ("left", 1, 2, 0),
+        ("right", 0, 1, 5),
+        ("left", 2, 3, 1),
+    ]
+
+
+def test_a_stranger_must_say_hello_and_nonsense_is_refused() -> None:
+    rig = Rig()
+    assert rig.say(b"x", StatusRequest()) == [Refusal("say hello first")]
+    assert isinstance(rig.say(b"x", b"\xc1")[0], Refusal)
+    assert rig.say(b"x", hello("logger")) == [Refusal("this is the control channel, not one for a logger")]
+
+
+def test_who_is_there_is_listed_and_a_new_display_replaces_the_old_one_of_its_station() -> None:
+    rig = Rig()
+    assert rig.port.peers == ("console", "display.left")
+    rig.say(b"display.left@2", hello("display", "left", "host:2"))
+    assert rig.port.peers == ("console", "display.left")
+    assert rig.say(D, Frames("left", (), 0)) == [Refusal("say hello first")]
+    rig.say(C, Goodbye("off"))
+    assert rig.port.peers == ("display.left",)

@@ -1,0 +1,336 @@
+"""The logger against a server in memory: over a bad line, after a restart, behind a ring that is too short."""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fakes import FakeClock, FakeLogLink, FakeLogServer
+from netboard.config import Recording as Settings
+from netboard.nodes.logger import Logger, place
+from netboard.recording.reader import Recording
+from netboard.recording.recovery import recover
+from netboard.stage import TICK
+from netboard.wire.codec import encode
+from netboard.wire.messages import EventRecord, LogBatch, LogEnd, Refusal, TickRecord
+
+CONFIG = '[session]\nname = "S07"\ndyad = "D03"\n'
+UTC_NS = 1_790_000_000_000_000_000
+SESSION = "c0ffee1234567890"
+
+
+class Rig:
+    """A server that makes a tick every millisecond, a line, and loggers started on it one after another."""
+
+    def __init__(self, directory: Path, ticks: int, *, capacity: int = 100_000, flush_ms: float = 100.0) -> None:
+        self.clock = FakeClock()
+        self.server = FakeLogServer(SESSION, CONFIG, capacity, self.clock)
+        self.link = FakeLogLink(self.server, self.clock, self.live)
+        self.settings = Settings(directory=str(directory), flush_ms=flush_ms)
+        self.ticks = ticks
+        self.made = 0
+        self._began_ns = self.clock()
+
+    def live(self) -> None:
+        """Make the ticks that are due; an event with every tenth."""
+        due = min(self.ticks, (self.clock() - self._began_ns) // 1_000_000)
+        for k in range(self.made, due):
+            row = np.zeros(1, TICK)
+            row["tick"], row["time_ns"], row["z"] = k, self._began_ns + k * 1_000_000, k * 1e-6
+            self.server.append(TickRecord(row.tobytes()))
+            if k % 10 == 0:
+                self.server.append(EventRecord(k // 10, k, k, "tenth", {}))
+        self.made = max(self.made, due)
+        if self.made == self.ticks:
+            self.server.end()
+
+    def logger(self, *, once: bool = True) -> Logger:
+        return Logger(self.settings, self.link, once=once, clock=self.clock, wall_clock=lambda: UTC_NS)
+
+    def stop_after(self, seconds: float) -> Callable[[], bool]:
+        until = self.clock() + round(seconds * 1e9)
+        return lambda: self.clock() >= until
+
+
+def ticks_of(*paths: Path) -> list[int]:
+    numbers: list[int] = []
+    for path in paths:
+        with Recording(path) as recording:
+            recording.check()
+            numbers += recording.ticks()["tick"].tolist()
+    return numbers
+
+
+def never() -> bool:
+    return False
+
+
+def test_a_session_becomes_one_recording(tmp_path: Path) -> None:
+    rig = Rig(tmp_path / "new" / "folder", 2000)
+    logger = rig.logger()
+    assert logger.run(never) == 0
+    (path,) = logger.finished
+    assert path.parent == tmp_path / "new" / "folder"
+    assert path.name == "S07_D03_20260921T141320Z_c0ffee12.mcap"
+    assert ticks_of(path) == list(range(2000))
+    with Recording(path) as recording:
+        assert [event.seq for event in recording.events()] == list(range(200))
+        assert recording.config_text == CONFIG
+        assert recording.end == recording.end | {"ended": "complete", "records": "2200", "lost": "0"}
+        assert (recording.metadata["session"], recording.metadata["dyad"]) == (SESSION, "D03")
+    assert rig.server.acks[-1].durable == rig.server.ring.next == 2200
+    assert rig.server.goodbyes == ["the recording is complete"]
+
+
+def test_only_what_is_on_disk_is_acknowledged(tmp_path: Path) -> None:
+    rig = Rig(tmp_path, 1000)
+    logger = rig.logger()
+    stop = rig.stop_after(0.5)
+    while not stop():
+        logger.step()
+        part = next(iter(tmp_path.glob("*.part")), None)
+        if part is not None and rig.server.acks:
+            (tmp_path / "copy.mcap.part").write_bytes(part.read_bytes())
+            report = recover(tmp_path / "copy.mcap.part")
+            assert sum(report.messages.values()) >= rig.server.acks[-1].durable
+            report.output.unlink()
+            (tmp_path / "copy.mcap.part").unlink()
+    assert len(rig.server.acks) >= 3
+    assert all(ack.free_bytes > 0 for ack in rig.server.acks)
+    assert logger.run(lambda: True) == 0
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_bad_line_leaves_no_hole(tmp_path: Path, seed: int) -> None:
+    rig = Rig(tmp_path, 1500)
+    rig.link.random.seed(seed)
+    rig.link.drop, rig.link.repeat, rig.link.reorder = 0.1, 0.1, 0.1
+    logger = rig.logger()
+    assert logger.run(never) == 0
+    assert ticks_of(*logger.finished) == list(range(1500))
+    with Recording(logger.finished[0]) as recording:
+        assert recording.gaps() == {}
+        assert recording.remarks() == ()
+    assert len(rig.server.requests) > 1
+
+
+def test_what_the_ring_no_longer_has_is_noted(tmp_path: Path) -> None:
+    rig = Rig(tmp_path, 3000, capacity=330)
+    logger = rig.logger()
+    assert logger.run(rig.stop_after(1.0)) == 0
+    seen = ticks_of(*logger.finished)
+    # Nobody listens for a second; 1100 records are made, the ring holds 330.
+    rig.clock.advance(1.0)
+    rig.live()
+    late = rig.logger()
+    assert late.run(never) == 0
+    with Recording(late.finished[0]) as recording:
+        (remark,) = recording.remarks()
+        numbers = recording.ticks()["tick"].tolist()
+        lost = int(remark.details["count"])
+        assert remark.name == "log_lost"
+        assert recording.end["lost"] == str(lost)
+    assert int(remark.details["first"]) == len(seen) + len([k for k in seen if k % 10 == 0])
+    assert numbers == list(range(numbers[0], 3000))
+    assert len(seen) + (len(seen) + 9) // 10 + lost == numbers[0] + (numbers[0] + 9) // 10
+
+
+def test_a_restarted_logger_goes_on_in_the_next_part(tmp_path: Path) -> None:
+    rig = Rig(tmp_path, 3000)
+    first = rig.logger()
+    assert first.run(rig.stop_after(1.0)) == 0
+    second = rig.logger()
+    assert second.run(never) == 0
+    assert [path.name for path in (*first.finished, *second.finished)] == [
+        "S07_D03_20260921T141320Z_c0ffee12.mcap",
+        "S07_D03_20260921T141320Z_c0ffee12_part2.mcap",
+    ]
+    assert ticks_of(*first.finished, *second.finished) == list(range(3000))
+    with Recording(first.finished[0]) as recording:
+        assert recording.end["ended"] == "the logger was stopped"
+    assert rig.server.goodbyes == ["the logger was stopped", "the recording is complete"]
+
+
+def test_a_logger_that_dies_is_followed_without_a_hole(tmp_path: Path) -> None:
+    rig = Rig(tmp_path, 2000)
+    victim = rig.logger()
+    stop = rig.stop_after(0.93)
+    while not stop():
+        victim.step()
+    # Dies here: nothing is closed, and what was not acknowledged may be lost.
+    (part,) = tmp_path.glob("*.part")
+    dead = tmp_path / "dead.mcap.part"
+    dead.write_bytes(part.read_bytes())
+    second = rig.logger()
+    assert second.run(never) == 0
+    assert second.finished[0].name.endswith("_part2.mcap")
+    saved = ticks_of(recover(dead).output)
+    rest = ticks_of(*second.finished)
+    assert saved == list(range(len(saved)))
+    assert rest == list(range(rest[0], 2000))
+    assert rest[0] <= len(saved)
+    assert victim.run(lambda: True) == 0
+
+
+def test_a_server_that_begins_anew_gets_a_new_recording(tmp_path: Path) -> None:
+    rig = Rig(tmp_path, 10**9)
+    logger = rig.logger(once=False)
+    assert logger.run is not None
+    stop = rig.stop_after(0.5)
+    while not stop():
+        logger.step()
+    # The server dies and comes back with another session; the line stays.
+    rig.server = rig.link.server = FakeLogServer("beef567890", CONFIG, 100_000, rig.clock)
+    rig.link.live = lambda: None
+    stop = rig.stop_after(3.0)
+    while not stop():
+        logger.step()
+    rig.server.append(EventRecord(0, 0, 0, "hello", {}))
+    rig.server.end()
+    stop = rig.stop_after(1.0)
+    while not stop():
+        logger.step()
+    assert logger.run(lambda: True) == 0
+    old, new = logger.finished
+    with Recording(old) as recording:
+        assert recording.end["ended"] == "the server began another session"
+    with Recording(new) as recording:
+        assert [event.name for event in recording.events()] == ["hello"]
+        assert recording.metadata["session"] == "beef567890"
+
+
+def test_it_waits_for_the_server_and_for_the_next_session(tmp_path: Path) -> None:
+    rig = Rig(tmp_path, 300)
+    rig.link.server = None
+    logger = rig.logger(once=False)
+    assert logger.run(rig.stop_after(2.0)) == 0
+    assert list(tmp_path.iterdir()) == []
+    rig.link.server = rig.server
+    logger = rig.logger(once=False)
+    assert logger.run(rig.stop_after(4.0)) == 0
+    assert len(logger.finished) == 1
+    assert ticks_of(*logger.finished) == list(range(300))
+
+
+def test_an_end_without_records_is_believed(tmp_path: Path) -> None:
+    rig = Rig(tmp_path, 0)
+    logger = rig.logger()
+    assert logger.run(never) == 0
+    assert ticks_of(*logger.finished) == []
+
+
+def test_a_second_logger_after_the_end_has_nothing_to_write(tmp_path: Path) -> None:
+    rig = Rig(tmp_path, 100)
+    assert rig.logger().run(never) == 0
+    second = rig.logger()
+    assert second.run(never) == 0
+    assert ticks_of(*second.finished) == []
+
+
+def test_nonsense_and_refusals_change_nothing(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    rig = Rig(tmp_path, 1000)
+    logger = rig.logger()
+    stop = rig.stop_after(0.5)
+    while not stop():
+        logger.step()
+        rig.link.inject(b"\x93nonsense")
+        rig.link.inject(encode(Refusal("say hello first")))
+    assert logger.run(never) == 0
+    assert ticks_of(*logger.finished) == list(range(1000))
+    assert caplog.text.count("say hello first") < 10
+
+
+def test_a_record_that_cannot_be_read_is_kept_as_it_is(tmp_path: Path) -> None:
+    rig = Rig(tmp_path, 0)
+    rig.server.append(EventRecord(0, 0, 0, "one", {}))
+    rig.server.ring.append(b"\x00\x01junk")
+    rig.server.append(LogEnd(3))
+    rig.server.append(EventRecord(1, 0, 0, "two", {}))
+    logger = rig.logger()
+    assert logger.run(never) == 0
+    with Recording(logger.finished[0]) as recording:
+        assert [event.name for event in recording.events()] == ["one", "two"]
+        unreadable = [remark.details for remark in recording.remarks() if remark.name == "log_unreadable"]
+        assert [(found["number"], found["hex"][:8]) for found in unreadable] == [
+            ("1", "00016a75"),
+            ("2", "9221" + "03"),
+        ]
+        assert recording.end["lost"] == "2"
+
+
+def test_a_tick_of_another_version_ends_it_cleanly(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    rig = Rig(tmp_path, 0)
+    rig.server.append(EventRecord(0, 0, 0, "one", {}))
+    rig.server.append(TickRecord(bytes(16)))
+    logger = rig.logger()
+    assert logger.run(never) == 1
+    assert "different versions" in caplog.text
+    with Recording(logger.finished[0]) as recording:
+        assert [event.name for event in recording.events()] == ["one"]
+        assert "different versions" in recording.end["ended"]
+    assert "different versions" in rig.server.goodbyes[0]
+
+
+@pytest.mark.skipif(os.name == "nt", reason="an open file cannot be deleted there")
+def test_a_folder_that_goes_away_ends_it(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    rig = Rig(tmp_path / "disk", 1000)
+    logger = rig.logger()
+    stop = rig.stop_after(0.5)
+    while not stop():
+        logger.step()
+    for file in (tmp_path / "disk").iterdir():
+        file.unlink()
+    (tmp_path / "disk").rmdir()
+    acknowledged = rig.server.acks[-1].durable
+    assert logger.run(never) == 1
+    assert "was deleted" in caplog.text
+    assert rig.server.acks[-1].durable == acknowledged
+
+
+def test_a_folder_that_cannot_be_made_ends_it(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    (tmp_path / "file").touch()
+    rig = Rig(tmp_path / "file" / "folder", 10)
+    assert rig.logger().run(never) == 1
+    assert "cannot be made" in caplog.text
+
+
+@pytest.fixture
+def plenty(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Free space that the test decides."""
+    import shutil
+    from collections import namedtuple
+
+    usage = namedtuple("usage", "total used free")
+    free = [20_000_000_000]
+    monkeypatch.setattr(shutil, "disk_usage", lambda path: usage(0, 0, free[0]))
+    return free
+
+
+def test_low_space_is_said_once(tmp_path: Path, plenty: list[int], caplog: pytest.LogCaptureFixture) -> None:
+    rig = Rig(tmp_path, 2000)
+    logger = rig.logger()
+    assert logger.run(rig.stop_after(0.5)) == 0
+    assert "GB are free" not in caplog.text
+    plenty[0] = 4_900_000_000
+    assert rig.logger().run(never) == 0
+    assert caplog.text.count("only 4.9 GB are free") == 1
+    assert rig.server.acks[-1].free_bytes == 4_900_000_000
+
+
+@given(st.integers(0, 30), st.integers(0, 10), st.integers(0, 10), st.one_of(st.none(), st.integers(0, 40)))
+def test_place_neither_repeats_nor_skips(first: int, lost: int, count: int, expected: int | None) -> None:
+    batch = LogBatch(first, lost, (b"",) * count)
+    placed = place(batch, expected)
+    if expected is None:
+        assert placed == (lost, 0)
+    elif placed is None:
+        assert first - lost > expected
+    else:
+        missing, known = placed
+        assert expected + missing == first + known
+        assert missing <= lost
+        assert not (missing and known)

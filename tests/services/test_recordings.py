@@ -1,0 +1,72 @@
+"""`netboard info` and `netboard recover` over real files."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from netboard.config import Config, resolve
+from netboard.recording.provenance import provenance
+from netboard.recording.writer import RecordingWriter
+from netboard.services.cli import app
+from netboard.stage import TICK
+from netboard.wire.messages import TickRecord, Welcome
+
+runner = CliRunner()
+TICKS = 700
+
+
+@pytest.fixture(autouse=True)
+def _wide_and_plain(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "200")
+    monkeypatch.setenv("NO_COLOR", "1")
+
+
+@pytest.fixture
+def writer(tmp_path: Path) -> RecordingWriter:
+    """A recording of some ticks, flushed and not finished."""
+    config = Config()
+    welcome = Welcome(session="a1b2c3d4", protocol=1, server_ns=0, config=resolve(config))
+    metadata = provenance(welcome, config, 1, 10**18, 0)
+    made = RecordingWriter(tmp_path / "S01.mcap", metadata, welcome.config, config.recording, 0)
+    rows = np.zeros(TICKS, TICK)
+    rows["tick"] = np.arange(TICKS)
+    for row in rows:
+        made.write(TickRecord(row=row.tobytes()), int(row["tick"]), int(row["tick"]) * 1_000_000)
+    made.flush(TICKS * 1_000_000)
+    return made
+
+
+def test_info_says_what_is_in_a_recording(writer: RecordingWriter) -> None:
+    writer.finish(TICKS * 1_000_000)
+    result = runner.invoke(app, ["info", "S01.mcap"])
+    assert result.exit_code == 0, result.exception
+    for words in ("S01, dyad D01, run a1b2c3d4", "dyadic, haptics on, 60 trials", "complete", str(TICKS)):
+        assert words in result.output
+
+
+def test_info_of_an_unfinished_file_says_what_to_do(writer: RecordingWriter) -> None:
+    writer.abandon()
+    result = runner.invoke(app, ["info", "S01.mcap.part"])
+    assert result.exit_code == 1
+    assert "netboard recover" in result.stderr
+
+
+def test_recover_makes_a_whole_file_and_says_what_was_lost(writer: RecordingWriter) -> None:
+    writer.abandon()
+    with Path("S01.mcap.part").open("ab") as file:
+        file.write(b"torn")
+    result = runner.invoke(app, ["recover", "S01.mcap.part", "-o", "whole.mcap"])
+    assert result.exit_code == 0, result.exception
+    assert result.output.startswith(f"whole.mcap: ticks 0 to {TICKS - 1}, 0 missing, {TICKS} messages\n")
+    assert "lost: 4 bytes at" in result.output
+    assert "recovered" in runner.invoke(app, ["info", "whole.mcap"]).output
+
+
+def test_recover_never_writes_over_a_file(writer: RecordingWriter) -> None:
+    writer.abandon()
+    Path("whole.mcap").write_bytes(b"mine")
+    assert runner.invoke(app, ["recover", "S01.mcap.part", "-o", "whole.mcap"]).exit_code == 1
+    assert Path("whole.mcap").read_bytes() == b"mine"

@@ -1,0 +1,74 @@
+"""What a process does when it is asked to stop, and what it says of the system."""
+
+import gc
+import logging
+import os
+import signal
+import sys
+
+import pytest
+
+from netboard.process import STOP_SIGNALS, Stopping, real_time, steady_loop
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
+@pytest.mark.parametrize("number", STOP_SIGNALS)
+def test_a_stop_signal_is_an_answer_and_a_second_one_interrupts_as_usual(number: signal.Signals) -> None:
+    before = signal.getsignal(number)
+    with Stopping() as stopping:
+        assert not stopping()
+        os.kill(os.getpid(), number)
+        assert stopping()
+        assert signal.getsignal(number) == before
+    assert signal.getsignal(number) == before
+
+
+def test_without_a_signal_the_handlers_are_put_back() -> None:
+    before = [signal.getsignal(number) for number in STOP_SIGNALS]
+    with Stopping() as stopping:
+        assert not stopping()
+    assert [signal.getsignal(number) for number in STOP_SIGNALS] == before
+
+
+def test_a_steady_loop_is_not_interrupted_by_the_collector() -> None:
+    interval = sys.getswitchinterval()
+    try:
+        steady_loop()
+        assert not gc.isenabled()
+        assert gc.get_freeze_count() > 0
+    finally:
+        gc.unfreeze()
+        gc.enable()
+        sys.setswitchinterval(interval)
+
+
+class Refusing:
+    """An operating system that does not grant real-time scheduling."""
+
+    SCHED_FIFO = 1
+
+    @staticmethod
+    def sched_param(priority: int) -> int:
+        return priority
+
+    @staticmethod
+    def sched_setscheduler(process: int, policy: int, parameter: int) -> None:
+        raise PermissionError(1, "Operation not permitted")
+
+
+def test_refused_real_time_scheduling_is_one_line_and_not_fatal(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr("netboard.process.os", Refusing)
+    with caplog.at_level(logging.INFO):
+        real_time(50)
+    assert caplog.messages == ["real-time scheduling refused (Operation not permitted); going on without it"]
+
+
+def test_a_system_without_real_time_scheduling_is_said_too(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr("netboard.process.os", object())
+    with caplog.at_level(logging.INFO):
+        real_time(50)
+    assert "not offered" in caplog.text
