@@ -61,7 +61,7 @@ def test_every_socket_has_the_options_its_channel_needs(made: Made) -> None:
 
 
 def test_addresses_count_the_channels_from_the_first_port() -> None:
-    where = sockets.addresses(Network(host="10.0.0.1", bind="0.0.0.0", port=6000))  # noqa: S104
+    where = sockets.addresses(Network(host="10.0.0.1", bind="0.0.0.0", port=6000))
     assert where.listen(sockets.MOTION) == "tcp://0.0.0.0:6000"
     assert where.reach(sockets.CONTROL) == "tcp://10.0.0.1:6004"
     assert {sockets.VIEW["left"], sockets.VIEW["right"]} == {2, 3}

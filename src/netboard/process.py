@@ -11,9 +11,7 @@ import sys
 from types import FrameType, TracebackType
 from typing import Self
 
-STOP_SIGNALS = tuple(
-    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGBREAK") if hasattr(signal, name)
-)
+STOP_SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGBREAK") if hasattr(signal, name))
 """What asks a process to stop cleanly; the third is Windows' way."""
 
 log = logging.getLogger(__name__)

@@ -277,7 +277,15 @@ def _tick(s: Any, row: Any, settings: Any, scene: Any, rules: Any) -> None:
 
 @numba.njit(cache=True)
 def _ticks(
-    state: Any, rows: Any, state_words: Any, row_words: Any, first: int, count: int, settings: Any, scene: Any, rules: Any
+    state: Any,
+    rows: Any,
+    state_words: Any,
+    row_words: Any,
+    first: int,
+    count: int,
+    settings: Any,
+    scene: Any,
+    rules: Any,
 ) -> None:
     """Do `count` ticks on the rows from `first`, round the end of the array.
 
@@ -305,9 +313,9 @@ class Stage:
 
     Attributes
     ----------
-    scene : ndarray of netboard.physics.scene.SCENE, shape (1,)
+    scene : ndarray of SCENE, shape (1,)
         The physics.
-    rules : ndarray of netboard.experiment.machine.RULES, shape (1,)
+    rules : ndarray of RULES, shape (1,)
         The trial.
     settings : ndarray of SETTINGS, shape (1,)
         The rest.
@@ -350,9 +358,7 @@ class Stage:
         count : int
             How many ticks [1].
         """
-        _ticks(
-            state, rows, _words(state)[0], _words(rows), first, count, self.settings, self.scene, self.rules
-        )
+        _ticks(state, rows, _words(state)[0], _words(rows), first, count, self.settings, self.scene, self.rules)
 
     def warm(self) -> None:
         """Compile (or load from the cache) everything `advance` needs, so that no first tick is late."""

@@ -1,5 +1,6 @@
 """The widget puts the right colours in the right places, and paints only what is new."""
 
+import gc
 import sys
 from dataclasses import replace
 
@@ -95,7 +96,7 @@ def test_keys_of_the_window(app):
     from PySide6.QtCore import Qt
     from PySide6.QtTest import QTest
 
-    from netboard.display.window import BoardWindow
+    from netboard.display.window import BoardWindow, screen_of
 
     window = BoardWindow("netboard: left station")
     closed = []
@@ -104,12 +105,25 @@ def test_keys_of_the_window(app):
     assert (window.width(), window.board.height()) == (640, 400)
     QTest.keyClick(window, Qt.Key.Key_F11)
     assert window.isFullScreen()
-    assert window.size() == window.screen().size()
+    assert window.size() == screen_of(window).size()
     QTest.keyClick(window, Qt.Key.Key_F11)
     assert not window.isFullScreen()
     assert (window.width(), window.height()) == (640, 400)
     QTest.keyClick(window, Qt.Key.Key_Escape)
     assert closed == [True]
+
+
+def test_the_screen_outlives_the_window(app):
+    from netboard.display.window import BoardWindow, screen_of
+
+    for _ in range(3):
+        window = BoardWindow("a test")
+        window.present(Display(width=640, height=400))
+        assert screen_of(window).refreshRate() > 0
+        window.close()
+        del window
+        gc.collect()
+    assert app.primaryScreen().size().width() > 0
 
 
 @pytest.mark.skipif(sys.version_info >= (3, 12), reason="None is immortal here and cannot be lost")

@@ -48,7 +48,8 @@ def test_a_display_cannot_command_nor_report_for_another_station() -> None:
         (answer,) = rig.say(D, message)
         assert isinstance(answer, Refusal)
         assert answer.reason == f"a display may not send {type(message).__name__}"
-    assert rig.port.wishes == [] and rig.port.frames == []
+    assert rig.port.wishes == []
+    assert rig.port.frames == []
     assert [name for name, _ in rig.port.news].count("refused") == 4
 
 

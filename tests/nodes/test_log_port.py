@@ -45,7 +45,8 @@ class Rig:
             assert isinstance(batch, LogBatch)
             for offset, record in enumerate(batch.records):
                 tick = decode(record)
-                assert isinstance(tick, TickRecord) and int(tick.row) == batch.first + offset
+                assert isinstance(tick, TickRecord)
+                assert int(tick.row) == batch.first + offset
                 got.append(batch.first + offset)
         return got
 
@@ -89,7 +90,8 @@ def test_what_the_ring_no_longer_holds_is_counted() -> None:
     rig.record(25)
     rig.pump(L, hello("logger"))
     (batch,) = rig.pump(L, LogRequest(0))
-    assert isinstance(batch, LogBatch) and (batch.first, batch.lost, len(batch.records)) == (15, 15, 10)
+    assert isinstance(batch, LogBatch)
+    assert (batch.first, batch.lost, len(batch.records)) == (15, 15, 10)
 
 
 def test_a_logger_that_falls_silent_is_gone_and_must_say_hello_again() -> None:
@@ -122,7 +124,8 @@ def test_without_a_logger_there_is_nobody_to_wait_for() -> None:
     rig.record(3)
     rig.pump(L, hello("logger"))
     rig.pump(L, LogRequest(-1), Goodbye("done"))
-    assert rig.port.done and rig.port.backlog == 3
+    assert rig.port.done
+    assert rig.port.backlog == 3
 
 
 def test_who_does_not_belong_is_refused() -> None:

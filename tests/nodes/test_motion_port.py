@@ -58,7 +58,8 @@ def test_who_does_not_belong_is_refused_in_words_and_noted(message: Any) -> None
     rig.router.say(A, message)
     rig.port.drain(0)
     (answer,) = rig.router.heard(A)
-    assert isinstance(answer, Refusal) and answer.reason
+    assert isinstance(answer, Refusal)
+    assert answer.reason
     assert [name for name, _ in rig.port.news] == ["refused"]
 
 
@@ -67,7 +68,8 @@ def test_a_second_agent_for_a_side_waits_until_the_first_is_gone() -> None:
     rig.router.say(b"other", hello("agent", "left", "host:9"))
     rig.port.drain(MS)
     (answer,) = rig.router.heard(b"other")
-    assert isinstance(answer, Refusal) and "already has an agent: host:1" in answer.reason
+    assert isinstance(answer, Refusal)
+    assert "already has an agent: host:1" in answer.reason
     rig.router.say(b"other", hello("agent", "left", "host:9"))
     rig.port.drain(MS + TIMEOUT_NS)
     assert isinstance(rig.router.heard(b"other")[0], Welcome)

@@ -23,7 +23,7 @@ from netboard.config import Config, Side, parse
 from netboard.display.frames import FrameTally
 from netboard.display.scene import Picture, blank, compose
 from netboard.display.widget import screenshot
-from netboard.display.window import BoardWindow, application
+from netboard.display.window import BoardWindow, application, screen_of
 from netboard.errors import ConfigError, NetboardError, WireError
 from netboard.wire.codec import decode, encode
 from netboard.wire.messages import PROTOCOL_VERSION, Goodbye, Hello, Message, Refusal, View, Welcome
@@ -226,7 +226,7 @@ class DisplayClient(QObject):
 
     def _pace(self) -> None:
         """Follow the refresh rate of the screen the window is on."""
-        rate = self.window.screen().refreshRate()
+        rate = screen_of(self.window).refreshRate()
         self._refresh_ns = round(1e9 / (rate if rate > 1 else DEFAULT_REFRESH_HZ))
         self.tally.period_ns = max(self._refresh_ns, round(1e9 / self.config.network.view_rate_hz))
 

@@ -5,7 +5,7 @@ import sys
 from typing import cast
 
 from PySide6.QtCore import QMessageLogContext, Qt, QtMsgType, Signal, qInstallMessageHandler
-from PySide6.QtGui import QCloseEvent, QKeyEvent
+from PySide6.QtGui import QCloseEvent, QGuiApplication, QKeyEvent, QScreen
 from PySide6.QtWidgets import QApplication, QVBoxLayout, QWidget
 
 from netboard.config import Display
@@ -33,6 +33,14 @@ def application() -> QApplication:
     app.setApplicationName("netboard")
     app.setStyle("Fusion")
     return app
+
+
+def screen_of(widget: QWidget) -> QScreen:
+    """Find the screen a widget is on.
+
+    Not by `QWidget.screen`: the binding would give Python the screen as the widget's child, to be deleted with it.
+    """
+    return QGuiApplication.screenAt(widget.geometry().center()) or QGuiApplication.primaryScreen()
 
 
 class BoardWindow(QWidget):
@@ -72,7 +80,7 @@ class BoardWindow(QWidget):
         if full:
             self._windowed = self.geometry()
             self.setCursor(Qt.CursorShape.BlankCursor)
-            self.setGeometry(self.screen().geometry())
+            self.setGeometry(screen_of(self).geometry())
             self.showFullScreen()
         else:
             self.unsetCursor()

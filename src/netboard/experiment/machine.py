@@ -179,6 +179,11 @@ def first_target(config: Config) -> int:
     """Side of the first target of the block: -1 left, +1 right [1].
 
     A random side is drawn from the block's seed, so that it can be repeated.
+
+    Parameters
+    ----------
+    config : Config
+        The whole configuration.
     """
     match config.block.first_target:
         case "left":
@@ -238,11 +243,7 @@ def is_level(z: float, theta: float, omega: float, rules: Any) -> bool:
     rules : RULES record
         The rules of the trial.
     """
-    return (
-        abs(theta) <= rules["level_angle"]
-        and abs(omega) <= rules["level_rate"]
-        and abs(z) <= rules["level_height"]
-    )
+    return abs(theta) <= rules["level_angle"] and abs(omega) <= rules["level_rate"] and abs(z) <= rules["level_height"]
 
 
 @numba.njit(cache=True)
@@ -252,7 +253,7 @@ def sense(phase: int, p: float, centre: float, counted: int, run_ticks: int, suc
     Parameters
     ----------
     phase : int
-        The present `Phase`.
+        The present `Phase` [1].
     p : float
         Ball position [m].
     centre : float
@@ -273,7 +274,7 @@ def sense(phase: int, p: float, centre: float, counted: int, run_ticks: int, suc
     """
     if phase == _LEVELLING:
         return _LEVEL if counted >= rules["level_ticks"] else _NONE
-    if phase == _RUNNING or phase == _HOLDING:
+    if phase in (_RUNNING, _HOLDING):
         if abs(p) > rules["fall_distance"]:
             return _FELL
         inside = abs(p - centre) <= rules["half_width"]

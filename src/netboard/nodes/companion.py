@@ -56,9 +56,7 @@ class Person:
         Where the sockets are made.
     """
 
-    def __init__(
-        self, config: Config, device: VirtualTouch, context: sockets.Context[sockets.Socket[bytes]]
-    ) -> None:
+    def __init__(self, config: Config, device: VirtualTouch, context: sockets.Context[sockets.Socket[bytes]]) -> None:
         where = sockets.addresses(config.network)
         bimanual = config.block.configuration == "bimanual"
         sides: tuple[Side, ...] = ("left", "right") if bimanual else (device.side,)
@@ -84,9 +82,7 @@ class Person:
 class Limb:
     """A hand without a brain of its own: it does what comes over the nerve."""
 
-    def __init__(
-        self, config: Config, device: VirtualTouch, context: sockets.Context[sockets.Socket[bytes]]
-    ) -> None:
+    def __init__(self, config: Config, device: VirtualTouch, context: sockets.Context[sockets.Socket[bytes]]) -> None:
         self._device = device
         self._nerve = sockets.nerve_receiver(context, sockets.addresses(config.network).reach(sockets.NERVE))
 

@@ -70,11 +70,7 @@ class Seat:
     def live(self, now_ns: int, timeout_ns: int) -> bool:
         """Whether there is a finite sample that is not too old."""
         sample = self.sample
-        return (
-            sample is not None
-            and now_ns - self.stamp_ns < timeout_ns
-            and bool(np.isfinite(sample.z + sample.vz))
-        )
+        return sample is not None and now_ns - self.stamp_ns < timeout_ns and bool(np.isfinite(sample.z + sample.vz))
 
     def fill(self, row: Any, live: bool) -> None:
         """Write the sample to a row of `netboard.stage.TICK`."""
@@ -151,7 +147,7 @@ class MotionPort:
 
     def clock_records(self, seq: int) -> list[ClockRecord]:
         """The newest raw probe of each agent with the estimate so far, numbered from `seq`."""
-        records = []
+        records: list[ClockRecord] = []
         for side, seat in self.seats.items():
             if seat.probe is not None:
                 clock = seat.clock

@@ -82,9 +82,7 @@ class Server:
         self._control = ControlPort(
             sockets.control_server(context, where.listen(sockets.CONTROL)), welcome, self.status
         )
-        self._views = {
-            side: sockets.view_publisher(context, where.listen(sockets.VIEW[side])) for side in SIDES
-        }
+        self._views = {side: sockets.view_publisher(context, where.listen(sockets.VIEW[side])) for side in SIDES}
         self._view_ticks = ceil(1000 / config.network.view_rate_hz)
 
     @property

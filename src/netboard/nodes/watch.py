@@ -1,6 +1,7 @@
 """The watch over a block: which command, if any, the stage gets at a tick.
 
-Operators wish, peers come and go, the log falls behind: all of it ends here as one `Cause` a tick and a line for people.
+Operators wish, peers come and go, the log falls behind: all of it ends here as one `Cause` a tick and a line for
+people.
 Pure: it is told everything and does nothing.
 """
 

@@ -33,7 +33,7 @@ PARTNER_TIME = 0.5
 REACTION_CV = 0.2
 """Variability of the reaction time [1]."""
 
-LEVEL_MARGIN = 0.5
+LEVEL_MARGIN = 0.7
 """When levelling, a person corrects what is off by more than this share of the limit [1]."""
 
 
@@ -151,7 +151,7 @@ class Brain:
         error = self._wanted_tilt(seen, expected) - expected
         if abs(error) <= self._threshold:
             return ()
-        lift = -self._person.centring * self._height(seen)
+        lift = -self._person.centring * self._height(seen, expected)
         return self._act(now, error, lift)
 
     def _wanted_tilt(self, seen: Percept, expected: float) -> float:
@@ -214,25 +214,28 @@ class Brain:
         """Height of an own hand as seen [m]."""
         return seen.glimpse.left if side == "left" else seen.glimpse.right
 
-    def _height(self, seen: Percept) -> float:
-        """Height at which the own hands hold the board, apart from its tilt, when all own movement is done [m]."""
+    def _height(self, seen: Percept, expected: float) -> float:
+        """Height of the own hands above where the expected tilt alone would have them, when all is done [m]."""
         heights = []
         for side in self._sides:
             shown = self._own_height(seen, side)
             if shown is not None:
-                heights.append(shown - SIGN[side] * self._physics.l * seen.theta)
+                done = shown + self._under_way(side, seen)
+                heights.append(done - SIGN[side] * self._physics.l * expected)
         return sum(heights) / len(heights) if heights else seen.glimpse.z
 
     def _level(self, now: float, seen: Percept) -> tuple[Submovement, ...]:
         """Make the board horizontal, at the height asked for."""
         task = self._task
         error = -self._expected_tilt(now, seen)
-        height = self._height(seen)
+        height = self._height(seen, -error)
         tilted = abs(error) > LEVEL_MARGIN * float(np.radians(task.level_angle_deg))
         off = abs(height) > LEVEL_MARGIN * task.level_height
         if not tilted and not off:
             return ()
-        return self._act(now, error, -height if off else 0.0)
+        moves = self._act(now, error if tilted else 0.0, -height if off else 0.0)
+        self._ready = now + moves[-1].duration + self._lag + self._person.visual_delay
+        return moves
 
     def _act(self, now: float, turn: float, lift: float) -> tuple[Submovement, ...]:
         """Turn and lift the board by one submovement of each own hand."""

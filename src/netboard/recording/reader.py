@@ -8,21 +8,21 @@ import struct
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
-from io import SEEK_END
+from io import SEEK_END, BytesIO
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self, TypeVar
 
 import numpy as np
-from mcap.exceptions import McapError
+from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
-from mcap.reader import FOOTER_SIZE, SeekingReader
-from mcap.records import ChunkIndex
+from mcap.reader import SeekingReader
+from mcap.records import Attachment, ChunkIndex, Metadata
 from numpy.typing import NDArray
 
 from netboard.errors import RecordingError
 from netboard.recording.channels import FORMAT_VERSION, IDS, decode_ticks, unpack
-from netboard.recording.chunks import MAGIC, RECORD_HEAD, payloads, unpack_chunk
+from netboard.recording.chunks import MAGIC, RECORD_HEAD, UNSOUND, payloads, unpack_chunk
 from netboard.recording.partfile import PROFILE
 from netboard.recording.provenance import CONFIG_NAME, METADATA, METADATA_END, config_sha256
 from netboard.recording.summary import Gap, find_gaps
@@ -30,6 +30,8 @@ from netboard.stage import TICK
 from netboard.wire.messages import ClockRecord, EventRecord, FrameRecord
 
 _RECORD_LIMIT = 2**30
+_FOOTER = struct.Struct("<BQQQI")
+_DATA_END = struct.Struct("<BQI")
 _ROW_BYTES = np.dtype((np.void, TICK.itemsize))
 
 T = TypeVar("T", EventRecord, ClockRecord, FrameRecord)
@@ -72,13 +74,18 @@ class Recording:
 
     def _open(self) -> None:
         self._check_ends()
-        self._file.seek(0)
         with self._sound():
+            # First of all: once its checksum is right, every place and length the index gives can be trusted.
+            self._check_index()
+            self._file.seek(0)
             reader = SeekingReader(self._file, record_size_limit=_RECORD_LIMIT)
             profile = reader.get_header().profile
             summary = reader.get_summary()
-            records = {record.name: dict(record.metadata) for record in reader.iter_metadata()}
-            attached = {record.name: record.data for record in reader.iter_attachments()}
+            if summary is None:
+                raise RecordingError("it has no index")
+            named = [Metadata.read(self._record(at.offset, at.length)) for at in summary.metadata_indexes]
+            attachments = [Attachment.read(self._record(at.offset, at.length)) for at in summary.attachment_indexes]
+        records = {record.name: dict(record.metadata) for record in named}
         if profile != PROFILE or METADATA not in records:
             raise RecordingError(f"{self.path}: an MCAP file, but not a recording of netboard")
         self.metadata = records[METADATA]
@@ -88,14 +95,17 @@ class Recording:
                 f"{self.path}: has format version {version}, this netboard reads version {FORMAT_VERSION}; "
                 f"read it with netboard {self.metadata.get('netboard', 'of its own version')}"
             )
-        if summary is None:
-            raise RecordingError(f"{self.path}: has no index; run: netboard recover {self.path}")
         self._chunks = sorted(summary.chunk_indexes, key=lambda chunk: chunk.chunk_start_offset)
         # By name: other MCAP tools may number the channels anew.
         self._ids = IDS | {channel.topic: channel.id for channel in summary.channels.values()}
-        self._config = attached.get(CONFIG_NAME)
+        self._config = next((found.data for found in attachments if found.name == CONFIG_NAME), None)
         if self._config is not None and config_sha256(self._config) != self.metadata.get("config_sha256"):
             raise RecordingError(f"{self.path}: its configuration is damaged; run: netboard recover {self.path}")
+
+    def _record(self, offset: int, length: int) -> ReadDataStream:
+        """Read a record, of which the index says where it is."""
+        self._file.seek(offset + RECORD_HEAD.size)
+        return ReadDataStream(BytesIO(self._file.read(length - RECORD_HEAD.size)))
 
     def _check_ends(self) -> None:
         """Tell apart what is not a recording at all from what is an unfinished one."""
@@ -112,31 +122,33 @@ class Recording:
         """Turn what a damaged file makes go wrong into a `RecordingError` that names it."""
         try:
             yield
-        except (McapError, ValueError, struct.error, RecordingError, OSError) as error:
+        except (*UNSOUND, ValueError, RecordingError, OSError) as error:
             reason = str(error) or type(error).__name__
             raise RecordingError(f"{self.path}: is damaged ({reason}); run: netboard recover {self.path}") from error
 
     def check(self) -> None:
-        """Verify the checksum of the whole file, index and metadata included.
+        """Verify the checksum of the whole file, metadata included (as far as its writer made one).
 
         Raises
         ------
         RecordingError
             If one bit of it has changed since it was written.
         """
-        size = self._file.seek(0, SEEK_END)
-        self._file.seek(size - len(MAGIC) - FOOTER_SIZE)
-        footer = self._file.read(FOOTER_SIZE)
-        summary_start, _, summary_crc = struct.unpack_from("<QQI", footer, RECORD_HEAD.size)
-        data_end = summary_start - RECORD_HEAD.size - 4
         with self._sound():
+            data_end = self._check_index() - _DATA_END.size
             self._file.seek(data_end)
-            opcode, length, data_crc = struct.unpack("<BQI", self._file.read(RECORD_HEAD.size + 4))
-            if (opcode, length) != (Opcode.DATA_END, 4) or self._crc(0, data_end) != data_crc:
+            opcode, length, crc = _DATA_END.unpack(self._file.read(_DATA_END.size))
+            if (opcode, length) != (Opcode.DATA_END, 4) or (crc and self._crc(0, data_end) != crc):
                 raise RecordingError("the checksum of its data is wrong")
-            # The footer's checksum covers everything from the index up to itself.
-            if self._crc(summary_start, size - len(MAGIC) - 4) != summary_crc:
-                raise RecordingError("the checksum of its index is wrong")
+
+    def _check_index(self) -> int:
+        """Verify the checksum of everything behind the data and return where that begins."""
+        end = self._file.seek(0, SEEK_END) - len(MAGIC)
+        self._file.seek(max(0, end - _FOOTER.size))
+        opcode, length, start, _, crc = _FOOTER.unpack(self._file.read(_FOOTER.size))
+        if (opcode, length) != (Opcode.FOOTER, 20) or (crc and self._crc(start, end - 4) != crc):
+            raise RecordingError("the checksum of its index is wrong")
+        return int(start)
 
     def _crc(self, start: int, stop: int) -> int:
         crc = 0

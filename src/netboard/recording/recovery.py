@@ -141,14 +141,16 @@ def recover(path: Path, output: Path | None = None) -> Report:
             raise RecordingError(f"{path}: not an MCAP file; there is nothing to recover")
         chunks = list(_find_chunks(data))
         metadata, config, damage, finished = _survey(data, chunks)
-        found = metadata.setdefault(METADATA, {"format": FORMAT_VERSION, "session": "unknown"})
-        if found.get("format") != FORMAT_VERSION:
-            raise RecordingError(
-                f"{path}: has format version {found.get('format')}, this netboard knows {FORMAT_VERSION}"
-            )
-        if config is not None and config_sha256(config) != found.setdefault("config_sha256", config_sha256(config)):
-            config = None
-        counts, ticks = _copy(data, chunks, target, metadata, config, _account(path, data, damage, config))
+        found = metadata.setdefault(METADATA, {"session": "unknown"})
+        version = found.get("format", "")
+        if version.isdecimal() and version != FORMAT_VERSION:
+            raise RecordingError(f"{path}: has format version {version}, this netboard knows {FORMAT_VERSION}")
+        # What is no version at all is damage like any other.
+        found["format"] = FORMAT_VERSION
+        if config is not None:
+            digest = config_sha256(config.data)
+            config = config if found.setdefault("config_sha256", digest) == digest else None
+        counts, ticks = _copy(data, chunks, target, metadata, config, _account(path, len(data), damage, config))
     return Report(
         source=path,
         output=target,
@@ -203,10 +205,10 @@ def _why_unsound(data: mmap.mmap | bytes, chunk: Span) -> str | None:
 
 def _survey(
     data: mmap.mmap | bytes, chunks: Sequence[Span]
-) -> tuple[dict[str, dict[str, str]], bytes | None, list[Damage], bool]:
+) -> tuple[dict[str, dict[str, str]], Attachment | None, list[Damage], bool]:
     """Look at what is not a chunk: metadata, configuration, damage, and whether the file was finished."""
     metadata: dict[str, dict[str, str]] = {}
-    config: bytes | None = None
+    config: Attachment | None = None
     damage: list[Damage] = []
     edges = [len(MAGIC), *(edge for chunk in chunks for edge in chunk), len(data)]
     for start, stop in zip(edges[::2], edges[1::2], strict=True):
@@ -222,7 +224,7 @@ def _survey(
                 metadata[named.name] = dict(named.metadata)
             elif opcode == Opcode.ATTACHMENT:
                 attachment = Attachment.read(ReadDataStream(BytesIO(body)))
-                config = attachment.data if attachment.name == CONFIG_NAME else config
+                config = attachment if attachment.name == CONFIG_NAME else config
             elif opcode == Opcode.DATA_END:
                 # What follows is index, which is made anew.
                 return metadata, config, damage, True
@@ -258,11 +260,11 @@ def _whole_record(data: mmap.mmap | bytes, span: Span) -> tuple[int, bytes] | st
     return opcode, body
 
 
-def _account(path: Path, data: mmap.mmap | bytes, damage: Sequence[Damage], config: bytes | None) -> dict[str, str]:
+def _account(path: Path, size: int, damage: Sequence[Damage], config: Attachment | None) -> dict[str, str]:
     """Say what the recovered file tells of its own making."""
     return {
         "source": path.name,
-        "source_bytes": str(len(data)),
+        "source_bytes": str(size),
         "damage": "; ".join(f"{part.length} bytes at {part.offset}: {part.reason}" for part in damage),
         "config": "recovered" if config is not None else "lost",
         "by": LIBRARY,
@@ -274,7 +276,7 @@ def _copy(
     chunks: Sequence[Span],
     target: Path,
     metadata: dict[str, dict[str, str]],
-    config: bytes | None,
+    config: Attachment | None,
     account: dict[str, str],
 ) -> tuple[Counter[int], list[int]]:
     """Write the new file, chunk by chunk; return the number of messages by channel id, and the ticks."""
@@ -287,8 +289,7 @@ def _copy(
                 out.add_metadata(name, metadata[name])
         out.add_metadata(METADATA_RECOVERY, account)
         if config is not None:
-            opened_ns = int(metadata[METADATA].get("opened_log_ns", "0"))
-            out.add_attachment(CONFIG_NAME, "application/toml", config, opened_ns)
+            out.add_attachment(CONFIG_NAME, config.media_type, config.data, config.log_time)
         for chunk in chunks:
             for entry in messages(unpack_chunk(data[chunk.start + RECORD_HEAD.size : chunk.stop])):
                 message = Stamped("", entry.sequence, entry.publish_time_ns, entry.data)

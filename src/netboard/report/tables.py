@@ -12,9 +12,7 @@ _SIDES = {-1: "left", 1: "right"}
 
 def summary_of(recording: Recording) -> Summary:
     """Sum up an open recording."""
-    return summarise(
-        recording.ticks(), recording.events(), recording.clocks(), recording.frames(), recording.remarks()
-    )
+    return summarise(recording.ticks(), recording.events(), recording.clocks(), recording.frames(), recording.remarks())
 
 
 def summary_tables(summary: Summary) -> RenderableType:
@@ -74,7 +72,7 @@ def _timing(summary: Summary) -> Table:
 def _milliseconds(spread: Spread) -> tuple[str, ...]:
     if spread.count == 0:
         return ("-",) * 4
-    return tuple(f"{value * 1e3:.3f} ms" for value in (spread.p50, spread.p99, spread.p999, spread.max))
+    return tuple(f"{value * 1e3:.3f} ms" for value in (spread.p50, spread.p99, spread.p999, spread.largest))
 
 
 def _counts(summary: Summary) -> Table:
