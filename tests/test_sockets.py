@@ -10,7 +10,7 @@ from netboard import sockets
 from netboard.config import Network
 from netboard.errors import NetboardError
 
-Socket = sockets.Socket[bytes]
+Socket = sockets.Socket
 
 
 class Made:
@@ -69,7 +69,7 @@ def test_addresses_count_the_channels_from_the_first_port() -> None:
 
 def test_a_taken_port_is_said_in_words(made: Made) -> None:
     first = made.motion_server("tcp://127.0.0.1:*")
-    with pytest.raises(NetboardError, match="cannot listen on tcp://127.0.0.1:.*is another server running"):
+    with pytest.raises(NetboardError, match=r"cannot listen on tcp://127.0.0.1:.*is another server running"):
         made.motion_server(endpoint_of(first))
 
 

@@ -1,4 +1,4 @@
-"""What a process of netboard owes its machine and its operator: it stops when asked, keeps a steady loop, says what it does.
+"""What a process owes its machine and its operator: it stops when asked, keeps a steady loop, says what it does.
 
 Nothing here is fatal: what a system does not offer or allow is said in one line, and the process goes on without it.
 """

@@ -9,12 +9,16 @@ Sockets are used by the thread that made them.
 import select
 import time
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import zmq
-from zmq import Again, Context, Socket, ZMQError
+from zmq import Again, ZMQError
 
 from netboard.config import Network, Side
 from netboard.errors import NetboardError
+
+Socket: TypeAlias = "zmq.Socket[bytes]"
+Context: TypeAlias = "zmq.Context[zmq.Socket[bytes]]"
 
 MOTION, LOG, VIEW_LEFT, VIEW_RIGHT, CONTROL, NERVE = range(6)
 """Channels: TCP port = network.port + channel."""
@@ -64,14 +68,14 @@ def addresses(network: Network) -> Addresses:
     return Addresses(network.host, network.bind, network.port)
 
 
-def new_context() -> "Context[Socket[bytes]]":
+def new_context() -> Context:
     """Make a context whose sockets, unless told otherwise, do not hold up the end of the process."""
-    context: Context[Socket[bytes]] = zmq.Context()
+    context: Context = zmq.Context()
     context.linger = 0
     return context
 
 
-def _make(context: "Context[Socket[bytes]]", kind: int, hwm: int, linger_ms: int = 0) -> "Socket[bytes]":
+def _make(context: Context, kind: int, hwm: int, linger_ms: int = 0) -> Socket:
     """A socket with the options every link has."""
     socket = context.socket(kind)
     socket.setsockopt(zmq.LINGER, linger_ms)
@@ -85,7 +89,7 @@ def _make(context: "Context[Socket[bytes]]", kind: int, hwm: int, linger_ms: int
     return socket
 
 
-def _bind(socket: "Socket[bytes]", endpoint: str) -> "Socket[bytes]":
+def _bind(socket: Socket, endpoint: str) -> Socket:
     """Bind, or say in words why not."""
     try:
         socket.bind(endpoint)
@@ -95,7 +99,7 @@ def _bind(socket: "Socket[bytes]", endpoint: str) -> "Socket[bytes]":
     return socket
 
 
-def _router(context: "Context[Socket[bytes]]", endpoint: str, hwm: int, linger_ms: int = 0) -> "Socket[bytes]":
+def _router(context: Context, endpoint: str, hwm: int, linger_ms: int = 0) -> Socket:
     """A ROUTER that reports unroutable messages and lets a restarted peer take over its name."""
     socket = _make(context, zmq.ROUTER, hwm, linger_ms)
     socket.setsockopt(zmq.ROUTER_MANDATORY, 1)
@@ -104,8 +108,8 @@ def _router(context: "Context[Socket[bytes]]", endpoint: str, hwm: int, linger_m
 
 
 def _dealer(
-    context: "Context[Socket[bytes]]", endpoint: str, identity: str, hwm: int, linger_ms: int = 0
-) -> "Socket[bytes]":
+    context: Context, endpoint: str, identity: str, hwm: int, linger_ms: int = 0
+) -> Socket:
     """A DEALER with a name, that queues nothing for a server that is not there."""
     socket = _make(context, zmq.DEALER, hwm, linger_ms)
     socket.setsockopt(zmq.IDENTITY, identity.encode())
@@ -114,44 +118,44 @@ def _dealer(
     return socket
 
 
-def motion_server(context: "Context[Socket[bytes]]", endpoint: str) -> "Socket[bytes]":
+def motion_server(context: Context, endpoint: str) -> Socket:
     """Server end of the motion channel."""
     return _router(context, endpoint, MOTION_HWM)
 
 
-def motion_agent(context: "Context[Socket[bytes]]", endpoint: str, identity: str) -> "Socket[bytes]":
+def motion_agent(context: Context, endpoint: str, identity: str) -> Socket:
     """Agent end of the motion channel."""
     return _dealer(context, endpoint, identity, MOTION_HWM)
 
 
-def log_server(context: "Context[Socket[bytes]]", endpoint: str) -> "Socket[bytes]":
+def log_server(context: Context, endpoint: str) -> Socket:
     """Server end of the log channel."""
     return _router(context, endpoint, LOG_HWM, LOG_LINGER_MS)
 
 
-def log_client(context: "Context[Socket[bytes]]", endpoint: str, identity: str) -> "Socket[bytes]":
+def log_client(context: Context, endpoint: str, identity: str) -> Socket:
     """Logger end of the log channel."""
     return _dealer(context, endpoint, identity, LOG_HWM, LOG_LINGER_MS)
 
 
-def control_server(context: "Context[Socket[bytes]]", endpoint: str) -> "Socket[bytes]":
+def control_server(context: Context, endpoint: str) -> Socket:
     """Server end of the control channel."""
     return _router(context, endpoint, CONTROL_HWM)
 
 
-def control_client(context: "Context[Socket[bytes]]", endpoint: str, identity: str) -> "Socket[bytes]":
+def control_client(context: Context, endpoint: str, identity: str) -> Socket:
     """Peer end of the control channel."""
     return _dealer(context, endpoint, identity, CONTROL_HWM)
 
 
-def view_publisher(context: "Context[Socket[bytes]]", endpoint: str) -> "Socket[bytes]":
+def view_publisher(context: Context, endpoint: str) -> Socket:
     """Server end of one station's view channel: the newest view only."""
     socket = _make(context, zmq.PUB, 1)
     socket.setsockopt(zmq.CONFLATE, 1)
     return _bind(socket, endpoint)
 
 
-def view_subscriber(context: "Context[Socket[bytes]]", endpoint: str) -> "Socket[bytes]":
+def view_subscriber(context: Context, endpoint: str) -> Socket:
     """Station end of its view channel: the newest view only."""
     socket = _make(context, zmq.SUB, 1)
     socket.setsockopt(zmq.CONFLATE, 1)
@@ -160,19 +164,19 @@ def view_subscriber(context: "Context[Socket[bytes]]", endpoint: str) -> "Socket
     return socket
 
 
-def nerve_sender(context: "Context[Socket[bytes]]", endpoint: str) -> "Socket[bytes]":
+def nerve_sender(context: Context, endpoint: str) -> Socket:
     """Where the brain of a simulated bimanual participant sends what the other hand shall do."""
     return _bind(_make(context, zmq.PUSH, CONTROL_HWM), endpoint)
 
 
-def nerve_receiver(context: "Context[Socket[bytes]]", endpoint: str) -> "Socket[bytes]":
+def nerve_receiver(context: Context, endpoint: str) -> Socket:
     """Where that other hand receives it."""
     socket = _make(context, zmq.PULL, CONTROL_HWM)
     socket.connect(endpoint)
     return socket
 
 
-def receive(socket: "Socket[bytes]") -> bytes | None:
+def receive(socket: Socket) -> bytes | None:
     """Next frame of a one-frame socket, or None if there is none now."""
     try:
         return socket.recv(zmq.NOBLOCK)
@@ -180,7 +184,7 @@ def receive(socket: "Socket[bytes]") -> bytes | None:
         return None
 
 
-def receive_from(socket: "Socket[bytes]") -> tuple[bytes, bytes] | None:
+def receive_from(socket: Socket) -> tuple[bytes, bytes] | None:
     """Next (sender, frame) of a ROUTER, or None if there is none now. What is not of that shape is dropped."""
     while True:
         try:
@@ -191,7 +195,7 @@ def receive_from(socket: "Socket[bytes]") -> tuple[bytes, bytes] | None:
             return parts[0], parts[1]
 
 
-def send(socket: "Socket[bytes]", frame: bytes) -> bool:
+def send(socket: Socket, frame: bytes) -> bool:
     """Send without waiting; False if nobody is there or the queue is full."""
     try:
         socket.send(frame, zmq.NOBLOCK)
@@ -200,7 +204,7 @@ def send(socket: "Socket[bytes]", frame: bytes) -> bool:
     return True
 
 
-def send_to(socket: "Socket[bytes]", peer: bytes, frame: bytes) -> bool:
+def send_to(socket: Socket, peer: bytes, frame: bytes) -> bool:
     """Send to one peer of a ROUTER without waiting; False if it is gone or its queue is full."""
     try:
         socket.send_multipart((peer, frame), zmq.NOBLOCK)
@@ -211,16 +215,16 @@ def send_to(socket: "Socket[bytes]", peer: bytes, frame: bytes) -> bool:
     return True
 
 
-def wait_readable(socket: "Socket[bytes]", timeout: float) -> bool:
+def wait_readable(socket: Socket, timeout: float) -> bool:
     """Wait until a socket can be read, at most so long [s].
 
     ZeroMQ's own poll counts in whole milliseconds, a tick. Its file descriptor only tells that something has changed,
     so what can be read is asked before and after every wait.
     """
     until = time.monotonic() + timeout
-    while not socket.getsockopt(zmq.EVENTS) & zmq.POLLIN:
+    while not int(socket.getsockopt(zmq.EVENTS)) & zmq.POLLIN:
         left = until - time.monotonic()
         if left <= 0:
             return False
-        select.select((socket.getsockopt(zmq.FD),), (), (), left)
+        select.select((socket.fileno(),), (), (), left)
     return True

@@ -142,7 +142,7 @@ _FAIL, _ADVANCE, _RETRY, _HALT = int(Action.FAIL), int(Action.ADVANCE), int(Acti
 
 @numba.njit(cache=True)
 def _used(live: int, z: float, vz: float, age: float, last: float, limit: float) -> tuple[float, float]:
-    """Height and rate of a stylus at the tick, extrapolated and clipped; without a live sample the last one, at rest."""
+    """Height and rate of a stylus at the tick, extrapolated and clipped; the last one, at rest, without a sample."""
     if live == 0 or not np.isfinite(z) or not np.isfinite(vz):
         return last, 0.0
     z = constant_velocity(z, vz, age, EXTRAPOLATION_REACH)
@@ -234,7 +234,7 @@ def _integrate(s: Any, left_vz: float, right_vz: float, ball: bool, scene: Any) 
         z, vz, theta, omega, p, vp = rk4_free(z, vz, theta, omega, p, vp, left_z, left_vz, right_z, right_vz, h, scene)
     else:
         z, vz, theta, omega, p, vp = rk4_fixed(z, vz, theta, omega, p, vp, left_z, left_vz, right_z, right_vz, h, scene)
-    finite = np.isfinite(z + vz + theta + omega + p + vp)
+    finite = bool(np.isfinite(z + vz + theta + omega + p + vp))
     if finite:
         s["z"], s["vz"], s["theta"], s["omega"], s["p"], s["vp"] = z, vz, theta, omega, p, vp
     else:

@@ -54,9 +54,7 @@ class DisplayClient(QObject):
         Where it is shown.
     """
 
-    def __init__(
-        self, station: Side, config: Config, context: sockets.Context[sockets.Socket[bytes]], window: BoardWindow
-    ) -> None:
+    def __init__(self, station: Side, config: Config, context: sockets.Context, window: BoardWindow) -> None:
         super().__init__(window)
         self.station = station
         self.config = config
@@ -83,7 +81,7 @@ class DisplayClient(QObject):
         window.board.painted.connect(self._painted)
         self.look_after()
 
-    def _notify(self, socket: sockets.Socket[bytes], slot: Callable[[], None]) -> QSocketNotifier:
+    def _notify(self, socket: sockets.Socket, slot: Callable[[], None]) -> QSocketNotifier:
         """Call `slot` whenever something may have happened on a socket."""
         notifier = QSocketNotifier(socket.fileno(), QSocketNotifier.Type.Read, self)
         notifier.activated.connect(slot)

@@ -243,7 +243,8 @@ def is_level(z: float, theta: float, omega: float, rules: Any) -> bool:
     rules : RULES record
         The rules of the trial.
     """
-    return abs(theta) <= rules["level_angle"] and abs(omega) <= rules["level_rate"] and abs(z) <= rules["level_height"]
+    flat = abs(theta) <= rules["level_angle"] and abs(z) <= rules["level_height"]
+    return bool(flat and abs(omega) <= rules["level_rate"])
 
 
 @numba.njit(cache=True)

@@ -51,7 +51,7 @@ class Link:
         How the agent introduces itself.
     """
 
-    def __init__(self, socket: sockets.Socket[bytes], hello: Hello) -> None:
+    def __init__(self, socket: sockets.Socket, hello: Hello) -> None:
         self.newest: Force | Beat | None = None
         self.received_ns: int | None = None
         self.loop_ns = 0
@@ -146,7 +146,7 @@ class Agent:
         config: Config,
         side: Side,
         device: Device,
-        context: sockets.Context[sockets.Socket[bytes]],
+        context: sockets.Context,
         companion: Companion | None = None,
     ) -> None:
         name = f"{host.gethostname()}:{os.getpid()}"

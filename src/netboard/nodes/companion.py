@@ -24,7 +24,7 @@ HOST: Side = "left"
 class Eye:
     """Looks at what a station's display is sent."""
 
-    def __init__(self, socket: sockets.Socket[bytes]) -> None:
+    def __init__(self, socket: sockets.Socket) -> None:
         self.glimpse: Glimpse | None = None
         self._socket = socket
 
@@ -56,7 +56,7 @@ class Person:
         Where the sockets are made.
     """
 
-    def __init__(self, config: Config, device: VirtualTouch, context: sockets.Context[sockets.Socket[bytes]]) -> None:
+    def __init__(self, config: Config, device: VirtualTouch, context: sockets.Context) -> None:
         where = sockets.addresses(config.network)
         bimanual = config.block.configuration == "bimanual"
         sides: tuple[Side, ...] = ("left", "right") if bimanual else (device.side,)
@@ -82,7 +82,7 @@ class Person:
 class Limb:
     """A hand without a brain of its own: it does what comes over the nerve."""
 
-    def __init__(self, config: Config, device: VirtualTouch, context: sockets.Context[sockets.Socket[bytes]]) -> None:
+    def __init__(self, config: Config, device: VirtualTouch, context: sockets.Context) -> None:
         self._device = device
         self._nerve = sockets.nerve_receiver(context, sockets.addresses(config.network).reach(sockets.NERVE))
 
@@ -99,7 +99,7 @@ class Limb:
 
 
 def companion_of(
-    config: Config, device: VirtualTouch, context: sockets.Context[sockets.Socket[bytes]]
+    config: Config, device: VirtualTouch, context: sockets.Context
 ) -> Person | Limb:
     """Make who holds a virtual device in this block."""
     if config.block.configuration == "bimanual" and device.side != HOST:

@@ -39,7 +39,7 @@ class ControlPort:
         Makes the answer to a `StatusRequest`.
     """
 
-    def __init__(self, socket: sockets.Socket[bytes], welcome: Welcome, status: Callable[[], Status]) -> None:
+    def __init__(self, socket: sockets.Socket, welcome: Welcome, status: Callable[[], Status]) -> None:
         self.wishes: list[str] = []
         self.news: list[tuple[str, dict[str, str]]] = []
         self.frames: list[FrameRecord] = []

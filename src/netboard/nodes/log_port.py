@@ -46,7 +46,7 @@ class LogPort:
         Records the ring holds.
     """
 
-    def __init__(self, socket: sockets.Socket[bytes], welcome: Welcome, capacity: int) -> None:
+    def __init__(self, socket: sockets.Socket, welcome: Welcome, capacity: int) -> None:
         self.ring = LogRing(capacity)
         self.free_bytes = 0
         self._socket = socket

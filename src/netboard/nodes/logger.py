@@ -81,7 +81,7 @@ class SocketLink:
         Where the socket is made.
     """
 
-    def __init__(self, config: Config, context: sockets.Context[sockets.Socket[bytes]]) -> None:
+    def __init__(self, config: Config, context: sockets.Context) -> None:
         endpoint = sockets.addresses(config.network).reach(sockets.LOG)
         self._socket = sockets.log_client(context, endpoint, f"logger@{NAME}")
 

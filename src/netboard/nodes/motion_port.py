@@ -105,7 +105,7 @@ class MotionPort:
         Age at which a sample no longer counts [ns].
     """
 
-    def __init__(self, socket: sockets.Socket[bytes], welcome: Welcome, timeout_ns: int) -> None:
+    def __init__(self, socket: sockets.Socket, welcome: Welcome, timeout_ns: int) -> None:
         self.seats: dict[Side, Seat] = {side: Seat(side) for side in SIDES}
         self.news: list[tuple[str, dict[str, str]]] = []
         self._socket = socket

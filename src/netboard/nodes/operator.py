@@ -26,7 +26,7 @@ class Operator:
         Where the socket is made.
     """
 
-    def __init__(self, network: Network, context: sockets.Context[sockets.Socket[bytes]]) -> None:
+    def __init__(self, network: Network, context: sockets.Context) -> None:
         name = f"{host.gethostname()}:{os.getpid()}"
         where = sockets.addresses(network)
         self.status: Status | None = None

@@ -56,7 +56,7 @@ class Server:
         Start the block as soon as everything is there.
     """
 
-    def __init__(self, config: Config, context: sockets.Context[sockets.Socket[bytes]], *, autostart: bool) -> None:
+    def __init__(self, config: Config, context: sockets.Context, *, autostart: bool) -> None:
         self.session = uuid.uuid4().hex
         self._config = config
         self._stage = make_stage(config)

@@ -33,6 +33,9 @@ PARTNER_TIME = 0.5
 REACTION_CV = 0.2
 """Variability of the reaction time [1]."""
 
+FORESIGHT_STEPS = 6
+"""Steps in which the ball's way is thought ahead [1]."""
+
 LEVEL_MARGIN = 0.7
 """When levelling, a person corrects what is off by more than this share of the limit [1]."""
 
@@ -159,12 +162,28 @@ class Brain:
         p, g = self._person, self._physics.g
         if g == 0.0:
             return 0.0
-        ahead = p.lookahead * p.visual_delay
-        pull = -g * (seen.theta + expected) / 2.0
-        ball = seen.p + seen.v * ahead + pull * ahead * ahead / 2.0
-        speed = seen.v + pull * ahead
+        ball, speed = self._foresee(seen, expected)
         most = float(np.radians(p.max_tilt_deg))
         return float(np.clip((p.kp * (ball - seen.glimpse.target) + p.kd * speed) / g, -most, most))
+
+    def _foresee(self, seen: Percept, expected: float) -> tuple[float, float]:
+        """Position and velocity of the ball `lookahead` visual delays after it was seen, if nothing new is done."""
+        p = self._person
+        dt = p.lookahead * p.visual_delay / FORESIGHT_STEPS
+        ball, speed = seen.p, seen.v
+        for k in range(FORESIGHT_STEPS):
+            share = self._share_done(seen, seen.glimpse.time + (k + 0.5) * dt)
+            pull = -self._physics.g * (seen.theta + share * (expected - seen.theta))
+            ball += speed * dt + pull * dt * dt / 2.0
+            speed += pull * dt
+        return ball, speed
+
+    def _share_done(self, seen: Percept, when: float) -> float:
+        """Share of the change of tilt under way when seen that is done at a later time, by the own hands' course [1]."""
+        shown = seen.glimpse.time - self._lag
+        going = [(abs(m.displacement), m.progress(shown), m.progress(when - self._lag)) for m in self._moves]
+        left = sum(size * (1.0 - before) for size, before, _ in going)
+        return sum(size * (then - before) for size, before, then in going) / left if left > 0.0 else 1.0
 
     def _expected_tilt(self, now: float, seen: Percept) -> float:
         """Tilt the board will have when all that is under way is done [rad]."""
