@@ -1,7 +1,6 @@
 """A participant's display as a process."""
 
 import os
-import sys
 from pathlib import Path
 
 from netboard.config import Config, Side
@@ -37,15 +36,10 @@ def main(
         Exit code.
     """
     speak(f"display {station}")
-    if offscreen or without_screen():
+    if offscreen:
         os.environ["QT_QPA_PLATFORM"] = "offscreen"
     from netboard.display import client
 
     with Stopping() as stopping:
         client.run(config, station, stopping, screenshot, after)
     return 0
-
-
-def without_screen() -> bool:
-    """Whether this machine has no screen to draw on."""
-    return sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))

@@ -1,6 +1,5 @@
 """A recording again: in the display, as text, or verified tick by tick."""
 
-import os
 from pathlib import Path
 
 from rich.console import Console
@@ -47,8 +46,6 @@ def main(
 
             narrate(path, speed, stopping, print)
         else:
-            if not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY") or os.name == "nt"):
-                os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
             from netboard.display.player import run
 
             run(path, station, stopping, speed, screenshot)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from netboard.config import SIDES, parse
-from netboard.curtain import make_curtain, view_of
+from netboard.curtain import AGAIN, make_curtain, view_of
 from netboard.experiment.machine import Phase
 from netboard.stage import TICK
 
@@ -52,10 +52,10 @@ def test_one_person_with_both_hands_sees_both() -> None:
 def test_a_view_is_the_boards_state_and_the_blocks_count() -> None:
     r = row(5)
     r["phase"], r["target"], r["completion"], r["trial"] = Phase.HOLDING, -1, 2.5, 4
-    view = view_of(DYADIC, r[0], "left", 2.25, 77, "well done")
+    view = view_of(DYADIC, r[0], "left", 2.25, 77)
     assert (view.phase, view.target, view.completion, view.best) == ("holding", -0.15, 2.5, 2.25)
     assert (view.z, view.theta, view.p) == (r["z"][0], r["theta"][0], r["p"][0])
-    assert (view.trial, view.trials, view.sent_ns, view.notice) == (4, 6, 77, "well done")
+    assert (view.trial, view.trials, view.sent_ns, view.notice) == (4, 6, 77, "")
     assert all(type(getattr(view, f.name)) in (str, int, float, type(None)) for f in fields(view))
 
 
@@ -69,3 +69,13 @@ def test_no_completion_time_is_shown_before_there_is_one(completion: float, show
 def test_without_a_ball_there_is_none_to_see() -> None:
     bare = make_curtain(parse("[physics]\nball = false"))
     assert view_of(bare, row(2)[0], "left", None, 0).p is None
+
+
+def test_another_attempt_is_announced_while_levelling() -> None:
+    r = row(4)
+    r["phase"], r["attempt"] = Phase.LEVELLING, 2
+    assert view_of(DYADIC, r[0], "left", None, 0).notice == AGAIN
+    r["attempt"] = 1
+    assert view_of(DYADIC, r[0], "left", None, 0).notice == ""
+    r["phase"], r["attempt"] = Phase.RUNNING, 2
+    assert view_of(DYADIC, r[0], "left", None, 0).notice == ""

@@ -16,6 +16,9 @@ from netboard.config import Config, Side
 from netboard.experiment.machine import Phase
 from netboard.wire.messages import View
 
+AGAIN = "Once more: same target"
+"""What participants read before another attempt at the same trial."""
+
 PHASE_NAMES = {int(phase): phase.name.lower() for phase in Phase}
 
 
@@ -57,9 +60,7 @@ def make_curtain(config: Config) -> Curtain:
     )
 
 
-def view_of(
-    curtain: Curtain, row: NDArray[Any] | np.void, station: Side, best: float | None, sent_ns: int, notice: str = ""
-) -> View:
+def view_of(curtain: Curtain, row: NDArray[Any] | np.void, station: Side, best: float | None, sent_ns: int) -> View:
     """What one station may see of one tick.
 
     Parameters
@@ -74,10 +75,9 @@ def view_of(
         Best completion time of the block so far [s].
     sent_ns : int
         Server time of sending [ns].
-    notice : str
-        A line for the participant.
     """
     target = int(row["target"])
+    again = row["phase"] == Phase.LEVELLING and row["attempt"] > 1
     completion = float(row["completion"])
     return View(
         station=station,
@@ -95,5 +95,5 @@ def view_of(
         failures=int(row["failures"]),
         completion=completion if completion > 0 else None,
         best=best,
-        notice=notice,
+        notice=AGAIN if again else "",
     )

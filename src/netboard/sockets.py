@@ -107,9 +107,7 @@ def _router(context: Context, endpoint: str, hwm: int, linger_ms: int = 0) -> So
     return _bind(socket, endpoint)
 
 
-def _dealer(
-    context: Context, endpoint: str, identity: str, hwm: int, linger_ms: int = 0
-) -> Socket:
+def _dealer(context: Context, endpoint: str, identity: str, hwm: int, linger_ms: int = 0) -> Socket:
     """A DEALER with a name, that queues nothing for a server that is not there."""
     socket = _make(context, zmq.DEALER, hwm, linger_ms)
     socket.setsockopt(zmq.IDENTITY, identity.encode())

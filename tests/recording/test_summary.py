@@ -104,6 +104,7 @@ def test_nothing_recorded_is_a_summary_too() -> None:
     assert (summary.ticks, summary.duration, summary.attempts, summary.missing) == (0, 0.0, (), ())
 
 
+@pytest.mark.slow
 def test_a_block_played_on_the_stage_is_told_as_the_stage_counted_it() -> None:
     """A steady pair of hands plays a block with the real stage; now and then it lets the ball roll off the board."""
     config = parse("[block]\ntrials = 4\n[task]\nhold_time = 0.3\nlevel_time = 0.1\n")

@@ -1,6 +1,7 @@
 """A participant's window: the board and nothing else. Esc or Q closes it, F11 switches to the whole screen and back."""
 
 import logging
+import os
 import sys
 from typing import cast
 
@@ -24,11 +25,13 @@ def _hear(kind: QtMsgType, _where: QMessageLogContext, words: str) -> None:
 
 
 def application() -> QApplication:
-    """Get the one Qt application of this process, made when it is first asked for."""
+    """Get the one Qt application of this process, made when it is first asked for; without a screen it draws offscreen."""
     existing = QApplication.instance()
     if existing is not None:
         return cast("QApplication", existing)
     qInstallMessageHandler(_hear)
+    if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
     app = QApplication(sys.argv[:1])
     app.setApplicationName("netboard")
     app.setStyle("Fusion")

@@ -98,9 +98,7 @@ class Limb:
                 self._device.command((Submovement(self._device.side, start, move.duration, move.displacement),))
 
 
-def companion_of(
-    config: Config, device: VirtualTouch, context: sockets.Context
-) -> Person | Limb:
+def companion_of(config: Config, device: VirtualTouch, context: sockets.Context) -> Person | Limb:
     """Make who holds a virtual device in this block."""
     if config.block.configuration == "bimanual" and device.side != HOST:
         return Limb(config, device, context)

@@ -81,21 +81,53 @@ def _poles(inertia: float, damping: float, stiffness: float) -> tuple[complex, c
 
 
 def heave_poles(scene: Any) -> tuple[complex, complex]:
-    """Return the poles of the board moving up and down (linear) [1/s]: ``M z'' + 2 c_h z' + (2 k_h + k_s) z = 0``."""
+    """Poles of the board moving up and down: ``M z'' + 2 c_h z' + (2 k_h + k_s) z = 0``, linear.
+
+    Parameters
+    ----------
+    scene : SCENE record
+        The physics.
+
+    Returns
+    -------
+    tuple of complex
+        The two poles [1/s].
+    """
     return _poles(float(scene["M"]), 2 * float(scene["c_h"]), 2 * float(scene["k_h"]) + float(scene["k_s"]))
 
 
 def rotation_poles(scene: Any) -> tuple[complex, complex]:
-    """Return the poles of the board turning, at no tilt (linear) [1/s]: ``I t'' + 2 c_h l^2 t' + 2 k_h l^2 t = 0``."""
+    """Poles of the board turning, at no tilt: ``I t'' + 2 c_h l^2 t' + 2 k_h l^2 t = 0``, linear.
+
+    Parameters
+    ----------
+    scene : SCENE record
+        The physics.
+
+    Returns
+    -------
+    tuple of complex
+        The two poles [1/s].
+    """
     double_square = 2 * float(scene["l"]) ** 2
     return _poles(float(scene["I"]), float(scene["c_h"]) * double_square, float(scene["k_h"]) * double_square)
 
 
 def ball_poles(scene: Any) -> tuple[complex, complex]:
-    """Return the poles of the ball with both hands still and the board following at once (linear) [1/s].
+    """Poles of the ball with both hands still and the board following at once, linear.
 
     The weight of a ball at p tilts the board by ``-m g p / (2 k_h l^2)``: downhill is away from the centre, and the
     ball a saddle. (With the printed sign of its equation it is a slow oscillator.)
+
+    Parameters
+    ----------
+    scene : SCENE record
+        The physics.
+
+    Returns
+    -------
+    tuple of complex
+        The two poles [1/s].
     """
     tilt_per_metre = -float(scene["m"]) * float(scene["g"]) / (2 * float(scene["k_h"]) * float(scene["l"]) ** 2)
     return _poles(1.0, 0.0, -float(scene["ball_gravity"]) * tilt_per_metre)

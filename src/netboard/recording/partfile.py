@@ -10,6 +10,7 @@ import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from mcap.writer import CompressionType, Writer
 
@@ -96,7 +97,7 @@ class PartFile:
         with _disk(self.part):
             self._file = self.part.open("xb")
         # Chunks are closed by this class alone: the writer's own limit would let a chunk grow past its size.
-        self._mcap = Writer(
+        self._mcap: Any = Writer(
             self._file, chunk_size=2**62, compression=CompressionType.ZSTD, enable_crcs=True, enable_data_crcs=True
         )
         with self._writing():

@@ -98,7 +98,7 @@ class Recording:
         self._chunks = sorted(summary.chunk_indexes, key=lambda chunk: chunk.chunk_start_offset)
         # By name: other MCAP tools may number the channels anew.
         self._ids = IDS | {channel.topic: channel.id for channel in summary.channels.values()}
-        self._config = next((found.data for found in attachments if found.name == CONFIG_NAME), None)
+        self._config: bytes | None = next((found.data for found in attachments if found.name == CONFIG_NAME), None)
         if self._config is not None and config_sha256(self._config) != self.metadata.get("config_sha256"):
             raise RecordingError(f"{self.path}: its configuration is damaged; run: netboard recover {self.path}")
 
