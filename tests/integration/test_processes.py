@@ -1,0 +1,162 @@
+"""Real processes on real sockets: a session from start to verified recording, and what goes wrong in between."""
+
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rig import Rig
+
+from netboard.config import parse
+from netboard.experiment.machine import Cause, Phase
+from netboard.recording.reader import Recording
+from netboard.recording.recovery import recover
+from netboard.stage import make_stage, verify
+
+pytestmark = [pytest.mark.integration, pytest.mark.slow, pytest.mark.timeout(240)]
+
+SOON_LEVEL = ("task.level_time=0.05", "task.level_angle_deg=5.0", "task.level_rate_deg_s=30.0")
+"""A ball that is released almost at once, for tests that need a running trial."""
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    return tmp_path
+
+
+@pytest.fixture
+def rig(folder: Path) -> Iterator[Rig]:
+    with Rig(folder, (*SOON_LEVEL, "block.trials=50")) as rig:
+        yield rig
+
+
+def verified(path: Path) -> np.ndarray:
+    """Ticks of a recording that verifies to the bit."""
+    with Recording(path) as recording:
+        ticks = recording.ticks()
+        verdict = verify(make_stage(parse(recording.config_text)), ticks)
+    assert verdict.identical, verdict
+    return ticks
+
+
+def test_a_session_is_recorded_whole_and_verifies(rig: Rig) -> None:
+    rig.start_all(displays=True)
+    rig.until(lambda s: s.phase == "running")
+    status = rig.until(lambda s: {"display.left", "display.right", "logger"} <= set(s.peers) and s.tick > 4000)
+    (path,) = rig.finish()
+    ticks = verified(path)
+    assert ticks["tick"].tolist() == list(range(len(ticks)))
+    assert len(ticks) >= status.tick
+    with Recording(path) as recording:
+        names = [event.name for event in recording.events()]
+        assert [event.seq for event in recording.events()] == list(range(len(names)))
+        assert names[0] == "session_started"
+        assert names[-1] == "session_ended"
+        assert {"agent_joined", "display_joined", "start", "level"} <= set(names)
+        assert {frame.station for frame in recording.frames()} == {"left", "right"}
+        assert {clock.peer for clock in recording.clocks()} == {"agent.left", "agent.right"}
+        assert parse(recording.config_text) == rig.config
+        assert recording.metadata["session"] == status.session
+    live = ticks[(ticks["left_live"] == 1) & (ticks["phase"] == Phase.RUNNING)]
+    assert np.any(live["left_rendered"] != 0)
+    assert np.any(live["left_loop_ns"] > 0)
+    for side in ("left", "right"):
+        assert rig.stop(f"{side} agent") == 0
+        assert rig.stop(f"{side} display") == 0
+
+
+def test_clocks_of_processes_on_one_machine_agree_within_their_bound(rig: Rig) -> None:
+    rig.start_all()
+    rig.until(lambda s: s.tick > 5000 and s.phase != "idle")
+    (path,) = rig.finish()
+    with Recording(path) as recording:
+        clocks = [clock for clock in recording.clocks() if clock.seq >= 2]
+    assert clocks
+    assert all(abs(clock.offset_ns) <= clock.bound_ns for clock in clocks)
+
+
+def test_services_start_in_any_order_and_say_whom_they_wait_for(rig: Rig) -> None:
+    rig.start("right agent", "agent", "--side", "right")
+    rig.start("server", "server")
+    status = rig.until(lambda s: "the left agent" in s.waiting_for and "agent.right" in s.peers)
+    assert "the logger" in status.waiting_for
+    assert status.phase == "idle"
+    assert "waiting for" in status.notice
+    rig.start("left agent", "agent", "--side", "left")
+    rig.until(lambda s: s.waiting_for == ("the logger",))
+    rig.start("logger", "logger", "--once")
+    rig.until(lambda s: s.phase == "running")
+    (path,) = rig.finish()
+    assert verified(path)["tick"][0] == 0
+
+
+def test_a_killed_agent_pauses_the_trial_and_a_new_one_goes_on_with_it(rig: Rig) -> None:
+    rig.start_all()
+    before = rig.until(lambda s: s.phase == "running")
+    rig.kill("left agent")
+    paused = rig.until(lambda s: s.phase == "paused")
+    assert "left agent" in paused.notice
+    rig.start("left agent", "agent", "--side", "left")
+    rig.until(lambda s: s.phase == "running")
+    (path,) = rig.finish()
+    ticks = verified(path)
+    fault = ticks[ticks["event"] == Cause.FAULT][0]
+    again = ticks[(ticks["tick"] > fault["tick"]) & (ticks["phase"] == Phase.RUNNING)][0]
+    assert (again["trial"], again["attempt"]) == (fault["trial"], fault["attempt"] + 1)
+    assert again["trial"] >= before.trial
+    after = ticks[(ticks["tick"] > fault["tick"]) & (ticks["phase"] == Phase.PAUSED)]
+    assert not after["right_force"].any()
+
+
+def test_a_killed_logger_loses_no_tick_the_server_still_has(rig: Rig) -> None:
+    rig.start_all()
+    rig.until(lambda s: s.phase == "running")
+    rig.kill("logger")
+    (part,) = (rig.folder / "recordings").glob("*.part")
+    before = part.read_bytes()
+    rig.until(lambda s: "logger" not in s.peers)
+    rig.start("logger", "logger", "--once")
+    back = rig.until(lambda s: "logger" in s.peers)
+    rig.until(lambda s: s.tick > back.tick + 500)
+    (second,) = rig.finish()
+    assert part.read_bytes() == before
+    report = recover(part)
+    first_ticks, second_ticks = verified(report.output), verified(second)
+    assert second_ticks["tick"][0] <= first_ticks["tick"][-1] + 1
+    assert second_ticks["tick"].tolist() == list(range(second_ticks["tick"][0], second_ticks["tick"][-1] + 1))
+    assert first_ticks["tick"].tolist() == list(range(len(first_ticks)))
+
+
+def test_blocks_without_haptics_send_no_force(folder: Path) -> None:
+    with Rig(folder, (*SOON_LEVEL, "block.trials=50", "block.haptics=false")) as rig:
+        rig.start_all()
+        running = rig.until(lambda s: s.phase == "running")
+        rig.until(lambda s: s.tick > running.tick + 500)
+        (path,) = rig.finish()
+    ticks = verified(path)
+    assert not ticks["left_force"].any()
+    assert not ticks["left_rendered"].any()
+    assert np.any(ticks["left_coupling"] != 0)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_every_service_alone_waits_and_stops_cleanly(rig: Rig, number: signal.Signals) -> None:
+    rig.start("logger", "logger")
+    rig.start("left agent", "agent", "--side", "left")
+    rig.start("left display", "display", "--station", "left")
+    rig.start("server", "server")
+    rig.until(lambda s: {"agent.left", "display.left", "logger"} <= set(s.peers))
+    assert rig.stop("server", number) == 0, rig.said("server")
+    for name in ("left display", "left agent", "logger"):
+        assert rig.stop(name, number) == 0, rig.said(name)
+    (path,) = rig.recordings()
+    verified(path)
+
+
+def test_a_second_server_on_the_same_ports_says_so_and_ends(rig: Rig) -> None:
+    rig.start("server", "server")
+    rig.until(lambda s: True)
+    second = rig.start("second server", "server")
+    assert second.wait(60) == 1
+    assert "is another server running?" in rig.said("second server")
