@@ -3,7 +3,3 @@
 Two people at two stations, a curtain between them, balance a virtual ball on a board by lifting its two ends.
 Import from the module that defines a thing; this package re-exports nothing.
 """
-
-from netboard.kernel_cache import choose_folder
-
-choose_folder()

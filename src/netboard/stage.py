@@ -13,10 +13,10 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from netboard.compiled import kernel
 from netboard.config import Config
 from netboard.experiment.machine import (
     ACTION,
@@ -140,7 +140,7 @@ _PREPARE, _RELEASE, _MARK, _SUCCEED = int(Action.PREPARE), int(Action.RELEASE), 
 _FAIL, _ADVANCE, _RETRY, _HALT = int(Action.FAIL), int(Action.ADVANCE), int(Action.RETRY), int(Action.HALT)
 
 
-@numba.njit(cache=True)
+@kernel
 def _used(live: int, z: float, vz: float, age: float, last: float, limit: float) -> tuple[float, float]:
     """Height and rate of a stylus at the tick, extrapolated and clipped; the last one, at rest, without a sample."""
     if live == 0 or not np.isfinite(z) or not np.isfinite(vz):
@@ -153,14 +153,14 @@ def _used(live: int, z: float, vz: float, age: float, last: float, limit: float)
     return z, vz
 
 
-@numba.njit(cache=True)
+@kernel
 def _place_ball(s: Any, rules: Any) -> None:
     """Put the ball at rest opposite the target."""
     s["p"] = -s["target"] * rules["target_distance"]
     s["vp"] = 0.0
 
 
-@numba.njit(cache=True)
+@kernel
 def _act(s: Any, action: int, rules: Any) -> None:
     """Carry out the machine's action on the state."""
     if action == _RELEASE:
@@ -187,7 +187,7 @@ def _act(s: Any, action: int, rules: Any) -> None:
     s["counted"] = 0
 
 
-@numba.njit(cache=True)
+@kernel
 def _count(s: Any, rules: Any) -> None:
     """Count this tick for the trial: since the release, level, inside the target."""
     phase = s["phase"]
@@ -200,7 +200,7 @@ def _count(s: Any, rules: Any) -> None:
         s["counted"] += 1
 
 
-@numba.njit(cache=True)
+@kernel
 def _move(s: Any, cause: int, rules: Any) -> int:
     """Take the machine's edge for a cause and return the cause; without an edge do nothing and return 0."""
     phase = s["phase"]
@@ -211,7 +211,7 @@ def _move(s: Any, cause: int, rules: Any) -> int:
     return cause
 
 
-@numba.njit(cache=True)
+@kernel
 def _decide(s: Any, command: int, rules: Any) -> int:
     """Run the trial machine on the state; return the cause of the edge taken, 0 for none."""
     _count(s, rules)
@@ -223,7 +223,7 @@ def _decide(s: Any, command: int, rules: Any) -> int:
     return _move(s, sensed, rules)
 
 
-@numba.njit(cache=True)
+@kernel
 def _integrate(s: Any, left_vz: float, right_vz: float, ball: bool, scene: Any) -> bool:
     """Move the board and the ball by one tick; put the board at rest and return False if that is not finite."""
     z, vz, theta, omega, p, vp = s["z"], s["vz"], s["theta"], s["omega"], s["p"], s["vp"]
@@ -252,7 +252,7 @@ def _words(records: NDArray[Any]) -> NDArray[np.int64]:
     return records.view(np.int64).reshape(len(records), -1)
 
 
-@numba.njit(cache=True)
+@kernel
 def _tick(s: Any, row: Any, settings: Any, scene: Any, rules: Any) -> None:
     """Do one tick: read the inputs of the row, write the outputs to it, move the state on."""
     limit = settings["stylus_range"]
@@ -275,7 +275,7 @@ def _tick(s: Any, row: Any, settings: Any, scene: Any, rules: Any) -> None:
     row["event"] = cause
 
 
-@numba.njit(cache=True)
+@kernel
 def _ticks(
     state: Any,
     rows: Any,

@@ -2,13 +2,12 @@
 
 Reading it lets the hand's mechanics run up to the time asked for, under the force written last; so it needs no thread
 and is as repeatable as the times and forces it is given. What it reports is what such a device would: a position in
-whole encoder steps, and a velocity that is the difference of two such positions `VELOCITY_SPAN_NS` apart, which is
-late by half of that. Its motors saturate at their largest force, like real ones.
+whole encoder steps, and the velocity that `netboard.devices.velocity` makes of such positions. Its motors saturate at
+their largest force, like real ones.
 
 Options (``agents.<side>.options``): ``held = false`` for a stylus that nobody holds.
 """
 
-from collections import deque
 from collections.abc import Iterable
 from math import hypot
 from typing import final
@@ -17,20 +16,16 @@ import numpy as np
 
 from netboard.config import SIDES, Config, Side
 from netboard.devices.base import Device, DeviceInfo, Reading
+from netboard.devices.velocity import Velocimeter
 from netboard.errors import ConfigError
 from netboard.participants.hand import STEP_NS, Hand, pack_arm
 from netboard.participants.submovement import Submovement
-
-VELOCITY_SPAN_NS = 4_000_000
-"""The velocity is the difference of two positions so far apart; it is late by half of this [ns]."""
 
 CATCH_UP_NS = 50_000_000
 """After a longer pause between two readings the hand lives through only so much of it [ns]."""
 
 CONTINUOUS_SHARE = 0.88 / 3.3
 """Continuous to largest force of a Touch [1]."""
-
-_Place = tuple[float, float, float]
 
 
 @final
@@ -58,7 +53,7 @@ class VirtualTouch(Device):
         self._hand = Hand(pack_arm(config.participant, config.virtual, held), rng)
         self._force = (0.0, 0.0, 0.0)
         self._time_ns: int | None = None
-        self._past: deque[tuple[int, _Place]] = deque()
+        self._velocimeter = Velocimeter(config.virtual.resolution)
 
     @property
     def felt(self) -> float:
@@ -106,9 +101,8 @@ class VirtualTouch(Device):
 
     def _read(self, now_ns: int) -> Reading:
         self._live_until(now_ns)
-        place = self._encoder(now_ns)
-        x, y, z = place
-        vx, vy, vz = self._velocity(now_ns, place)
+        x, y, z = self._encoder(now_ns)
+        vx, vy, vz = self._velocimeter.update(now_ns, x, y, z)
         return Reading(now_ns, x, y, z, vx, vy, vz, 0, True)
 
     def _write(self, fx: float, fy: float, fz: float) -> None:
@@ -118,7 +112,7 @@ class VirtualTouch(Device):
 
     def _close(self) -> None:
         self._time_ns = None
-        self._past.clear()
+        self._velocimeter = Velocimeter(self._device.resolution)
 
     def _live_until(self, now_ns: int) -> None:
         """Let the hand's mechanics run in whole steps up to now."""
@@ -130,7 +124,7 @@ class VirtualTouch(Device):
             self._hand.advance(steps, self._time_ns * 1e-9, self._force)
             self._time_ns += steps * STEP_NS
 
-    def _encoder(self, now_ns: int) -> _Place:
+    def _encoder(self, now_ns: int) -> tuple[float, float, float]:
         """Position now, moved on from the last whole step, in encoder steps [m]."""
         rest = max(now_ns - (self._time_ns or now_ns), 0) * 1e-9
         step = self._device.resolution
@@ -138,17 +132,3 @@ class VirtualTouch(Device):
         if step == 0.0:
             return x, y, z
         return round(x / step) * step, round(y / step) * step, round(z / step) * step
-
-    def _velocity(self, now_ns: int, place: _Place) -> _Place:
-        """Difference to the position `VELOCITY_SPAN_NS` ago, or to the oldest there is [m/s]."""
-        past = self._past
-        while len(past) > 1 and past[1][0] <= now_ns - VELOCITY_SPAN_NS:
-            past.popleft()
-        while past and past[-1][0] >= now_ns:
-            past.pop()
-        past.append((now_ns, place))
-        then_ns, then = past[0]
-        if then_ns >= now_ns:
-            return 0.0, 0.0, 0.0
-        dt = (now_ns - then_ns) * 1e-9
-        return (place[0] - then[0]) / dt, (place[1] - then[1]) / dt, (place[2] - then[2]) / dt

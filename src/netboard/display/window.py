@@ -25,7 +25,7 @@ def _hear(kind: QtMsgType, _where: QMessageLogContext, words: str) -> None:
 
 
 def application() -> QApplication:
-    """Get the one Qt application of this process, made when it is first asked for; without a screen it draws offscreen."""
+    """Get the one Qt application of this process, made when first asked for; without a screen it draws offscreen."""
     existing = QApplication.instance()
     if existing is not None:
         return cast("QApplication", existing)

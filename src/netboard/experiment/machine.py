@@ -11,10 +11,10 @@ The diagram in the documentation is drawn from `TABLE`.
 from enum import IntEnum
 from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from netboard.compiled import kernel
 from netboard.config import Block, Config, Geometry, Task
 
 TICK_SECONDS = 1e-3
@@ -216,7 +216,7 @@ _HELD, _FELL, _TIMED_OUT = int(Cause.HELD), int(Cause.FELL), int(Cause.TIMED_OUT
 _NEXT, _LAST = int(Cause.NEXT), int(Cause.LAST)
 
 
-@numba.njit(cache=True)
+@kernel
 def is_active(phase: int) -> bool:
     """Tell whether a trial is going on, so that forces may be felt: neither before or after the block nor paused.
 
@@ -228,7 +228,7 @@ def is_active(phase: int) -> bool:
     return _LEVELLING <= phase <= _FAILED
 
 
-@numba.njit(cache=True)
+@kernel
 def is_level(z: float, theta: float, omega: float, rules: Any) -> bool:
     """Tell whether the board counts as level (reading B1).
 
@@ -247,7 +247,7 @@ def is_level(z: float, theta: float, omega: float, rules: Any) -> bool:
     return bool(flat and abs(omega) <= rules["level_rate"])
 
 
-@numba.njit(cache=True)
+@kernel
 def sense(phase: int, p: float, centre: float, counted: int, run_ticks: int, successes: int, rules: Any) -> int:
     """What the board and the ball give cause to in this phase.
 

@@ -265,13 +265,13 @@ class Brain:
         both = len(self._sides) == 2
         late = self._rng.choice(self._sides) if both else ""
         wait = abs(p.bimanual_async * float(self._rng.standard_normal())) if both else 0.0
+        uneven = p.bimanual_amplitude_cv / 2.0 * float(self._rng.standard_normal()) if both else 0.0
         planned, moves = [], []
         for side in self._sides:
             rise = SIGN[side] * self._physics.l * turn + lift
-            jitter = p.bimanual_amplitude_cv * float(self._rng.standard_normal()) if both else 0.0
             start = now + (wait if side == late else 0.0)
             planned.append(Submovement(side, start, duration, rise))
-            moves.append(Submovement(side, start, duration, rise * scale * (1.0 + jitter)))
+            moves.append(Submovement(side, start, duration, rise * scale * (1.0 + SIGN[side] * uneven)))
         self._moves.extend(planned)
         self._ready = now + max(p.refractory, duration if p.refractory == 0.0 else 0.0)
         return tuple(moves)

@@ -4,10 +4,10 @@ Samples arrive between ticks. Extrapolating them by their velocity makes the err
 smaller than holding them does, and bounding the reach of it keeps a late sample from flinging the stylus away.
 """
 
-import numba
+from netboard.compiled import kernel
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel
 def constant_velocity(z: float, vz: float, age: float, reach: float) -> float:
     """Return the height at the tick of a stylus that keeps its velocity.
 

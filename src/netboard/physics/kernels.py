@@ -13,12 +13,11 @@ no sample: a stylus moves with constant velocity through the step.
 
 from typing import Any
 
-import numba
-
+from netboard.compiled import inlined, kernel
 from netboard.physics.trig import sincos
 
 
-@numba.njit(cache=True, error_model="numpy", forceinline=True)
+@inlined
 def _forces(
     z: float,
     vz: float,
@@ -39,7 +38,7 @@ def _forces(
     return left, right
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel
 def coupling(
     z: float,
     vz: float,
@@ -73,7 +72,7 @@ def coupling(
     return _forces(z, vz, omega, s, c, left_z, left_vz, right_z, right_vz, scene)
 
 
-@numba.njit(cache=True, error_model="numpy", forceinline=True)
+@inlined
 def _accelerations(
     z: float,
     vz: float,
@@ -100,7 +99,7 @@ def _accelerations(
     return force * (1.0 / scene["M"]), torque * c * (1.0 / scene["I"]), scene["ball_gravity"] * s
 
 
-@numba.njit(cache=True, error_model="numpy", forceinline=True)
+@inlined
 def _rk4(
     z: float,
     vz: float,
@@ -175,7 +174,7 @@ def _rk4(
     )
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel
 def rk4_free(
     z: float,
     vz: float,
@@ -216,7 +215,7 @@ def rk4_free(
     return _rk4(z, vz, theta, omega, p, vp, left_z, left_vz, right_z, right_vz, h, weight, True, True, scene)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel
 def rk4_fixed(
     z: float,
     vz: float,
@@ -259,7 +258,7 @@ def rk4_fixed(
     return _rk4(z, vz, theta, omega, p, 0.0, left_z, left_vz, right_z, right_vz, h, weight, True, False, scene)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel
 def rk4_bare(
     z: float,
     vz: float,

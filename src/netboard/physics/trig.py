@@ -13,7 +13,7 @@ software is freely granted, provided that this notice is preserved.
 
 import math
 
-import numba
+from netboard.compiled import inlined
 
 LARGEST_ANGLE = 1.6e6
 """Angles beyond this give NaN: below it a multiple of pi/2 has at most 20 bits, so its products are exact [rad]."""
@@ -42,7 +42,7 @@ _C5 = 2.08757232129817482790e-09
 _C6 = -1.13596475577881948265e-11
 
 
-@numba.njit(cache=True, error_model="numpy", forceinline=True)
+@inlined
 def _small(x: float, tail: float) -> tuple[float, float]:
     """Return sine and cosine of ``x + tail``, for x within a quarter turn's half and a tail below its last digit."""
     z = x * x
@@ -57,7 +57,7 @@ def _small(x: float, tail: float) -> tuple[float, float]:
     return s, c
 
 
-@numba.njit(cache=True, error_model="numpy", forceinline=True)
+@inlined
 def _reduced(x: float, n: float) -> tuple[float, float]:
     """Return ``x - n pi/2`` as a number and its tail (Cody and Waite, in three parts)."""
     first = x - n * _HALF_PI_1
@@ -68,7 +68,7 @@ def _reduced(x: float, n: float) -> tuple[float, float]:
     return y, (rest - y) - w
 
 
-@numba.njit(cache=True, error_model="numpy", forceinline=True)
+@inlined
 def sincos(x: float) -> tuple[float, float]:
     """Return sine and cosine of an angle, the same bits on every machine.
 

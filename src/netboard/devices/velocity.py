@@ -1,0 +1,90 @@
+"""Velocity from encoder positions: first-order adaptive windowing (Janabi-Sharifi, Hayward, Chen 2000).
+
+The velocity is the slope from the newest position back to the oldest one for which all positions between lie within
+one encoder step of the straight line. So a fast movement is judged over few samples, with little delay, and a slow one
+over many, with little noise: one encoder step in `SAMPLES` readings at 1 kHz gives 3.4 mm/s for a Touch, where a fixed
+window of 4 ms gives 14 mm/s, which is enough to shake the paper's light board. The estimate is late by half the window
+it used, so by 0.5 to 7.5 ms.
+"""
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+SAMPLES = 16
+"""Positions remembered, so one more than the longest window [1]."""
+
+SLACK = 1.01
+"""Width of the band in encoder steps; a little more than one, for rounding [1]."""
+
+
+@numba.njit(cache=True)
+def slope(times: NDArray[np.float64], values: NDArray[np.float64], count: int, band: float) -> float:
+    """Slope over the longest window in which a straight line explains all values.
+
+    Parameters
+    ----------
+    times : ndarray, shape (n,)
+        When the values were read, newest first [s].
+    values : ndarray, shape (n,)
+        What was read, newest first.
+    count : int
+        How many of them are there [1].
+    band : float
+        How far a value may be off the line, in the unit of the values.
+
+    Returns
+    -------
+    float
+        In the unit of the values per second; 0 with fewer than two values.
+    """
+    best = 0.0
+    for last in range(1, count):
+        rate = (values[0] - values[last]) / (times[0] - times[last])
+        for i in range(1, last):
+            if abs(values[0] - rate * (times[0] - times[i]) - values[i]) > band:
+                return best
+        best = rate
+    return best
+
+
+class Velocimeter:
+    """Velocity of a stylus from its positions.
+
+    Parameters
+    ----------
+    resolution : float
+        Size of one encoder step, 0 for none [m].
+    """
+
+    def __init__(self, resolution: float) -> None:
+        self._band = SLACK * resolution
+        self._stamps_ns = np.zeros(SAMPLES, np.int64)
+        self._places = np.zeros((3, SAMPLES))
+        self._count = 0
+
+    def update(self, stamp_ns: int, x: float, y: float, z: float) -> tuple[float, float, float]:
+        """Take a position and estimate the velocity.
+
+        Parameters
+        ----------
+        stamp_ns : int
+            When the position was read; one not later than the newest known replaces it [ns].
+        x, y, z : float
+            The position [m].
+
+        Returns
+        -------
+        tuple of float
+            Velocity x, y, z; 0 before the second position [m/s].
+        """
+        stamps, places = self._stamps_ns, self._places
+        if self._count == 0 or stamp_ns > stamps[0]:
+            stamps[1:] = stamps[:-1]
+            places[:, 1:] = places[:, :-1]
+            self._count = min(self._count + 1, SAMPLES)
+            stamps[0] = stamp_ns
+        places[:, 0] = x, y, z
+        times = (stamps - stamps[0]) * 1e-9
+        n, band = self._count, self._band
+        return slope(times, places[0], n, band), slope(times, places[1], n, band), slope(times, places[2], n, band)
