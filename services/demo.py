@@ -1,9 +1,12 @@
 """A whole session on this machine: every process for real, the people simulated."""
 
 import socket as net
+import subprocess
+import sys
 import tempfile
 import time
 from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 
 from rich.console import Console
@@ -55,10 +58,21 @@ def main(config: Config, *, displays: bool = True) -> int:
     )
     with console.status("getting the kernels ready (compiled once, then kept)"):
         make_stage(config).warm()
-    words = Path(tempfile.mkdtemp(prefix="demo-", dir=directory))
+    if displays and (trouble := why_no_windows()):
+        console.print(f"[yellow]running without displays: Qt cannot be loaded ({trouble})[/yellow]")
+        displays = False
+    words = Path(tempfile.mkdtemp(prefix=f"demo_{datetime.now(UTC):%Y%m%dT%H%M%SZ}_", dir=directory))
     with Stopping() as stopping:
         session = play(config, words, displays, stopping)
     return show(directory, session, words, began) if session else 1
+
+
+def why_no_windows() -> str:
+    """Why Qt cannot be loaded on this machine; empty if it can."""
+    tried = subprocess.run(
+        [sys.executable, "-c", "import PySide6.QtWidgets"], capture_output=True, text=True, check=False
+    )
+    return tried.stderr.strip().splitlines()[-1] if tried.returncode else ""
 
 
 def free_port() -> int:

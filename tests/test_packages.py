@@ -37,7 +37,7 @@ def test_documents_beside_the_code_are_packaged() -> None:
 
 
 def test_init_holds_only_a_docstring() -> None:
-    for init in [*(ROOT / "src" / "netboard").glob("*/__init__.py"), ROOT / "services" / "__init__.py"]:
+    for init in [*(ROOT / "src" / "netboard").rglob("__init__.py"), ROOT / "services" / "__init__.py"]:
         assert re.fullmatch(r'"""[^"]+"""\n', init.read_text(encoding="utf-8")), init
 
 

@@ -179,7 +179,7 @@ class Brain:
         return ball, speed
 
     def _share_done(self, seen: Percept, when: float) -> float:
-        """Share of the change of tilt under way when seen that is done at a later time, by the own hands' course [1]."""
+        """Share of the change of tilt under way when seen that is done at a later time, judged by the own hands [1]."""
         shown = seen.glimpse.time - self._lag
         going = [(abs(m.displacement), m.progress(shown), m.progress(when - self._lag)) for m in self._moves]
         left = sum(size * (1.0 - before) for size, before, _ in going)
