@@ -134,7 +134,7 @@ EXTRAPOLATION_REACH = 0.005
 """A stylus sample is extrapolated by its velocity over at most this time [s]."""
 
 # Plain integers: what numba folds into the kernel below.
-_NONE, _FAULT = int(Cause.NONE), int(Cause.FAULT)
+_NONE, _START, _FAULT = int(Cause.NONE), int(Cause.START), int(Cause.FAULT)
 _LEVELLING, _RUNNING, _HOLDING = int(Phase.LEVELLING), int(Phase.RUNNING), int(Phase.HOLDING)
 _PREPARE, _RELEASE, _MARK, _SUCCEED = int(Action.PREPARE), int(Action.RELEASE), int(Action.MARK), int(Action.SUCCEED)
 _FAIL, _ADVANCE, _RETRY, _HALT = int(Action.FAIL), int(Action.ADVANCE), int(Action.RETRY), int(Action.HALT)
@@ -216,7 +216,7 @@ def _decide(s: Any, command: int, rules: Any) -> int:
     """Run the trial machine on the state; return the cause of the edge taken, 0 for none."""
     _count(s, rules)
     phase = s["phase"]
-    if HAS_EDGE[phase, command]:
+    if _START <= command <= _FAULT and HAS_EDGE[phase, command]:
         return _move(s, command, rules)
     centre = s["target"] * rules["target_distance"]
     sensed = sense(phase, s["p"], centre, s["counted"], s["run_ticks"], s["successes"], rules)

@@ -46,7 +46,7 @@ class Cause(IntEnum):
     TIMED_OUT = 6  # the trial took too long
     NEXT = 7  # another trial follows
     LAST = 8  # the block has all its successful trials
-    START = 9  # operator
+    START = 9  # operator; from here on a stage takes them as commands
     PAUSE = 10  # operator
     RESUME = 11  # operator
     ABORT = 12  # operator: give up this attempt, repeat the trial

@@ -34,12 +34,19 @@ TREMOR_TIME = 0.1
 FOREARM = 0.30
 """Elbow to stylus: a hand that is swung up or down by z comes nearer by about z^2 / (2 FOREARM) [m]."""
 
+FRICTION_SKILL = 0.8
+"""Share of the device's friction that a person used to it makes up for while moving on purpose [1]."""
+
+PURPOSE = 0.005
+"""Speed of the equilibrium point from which a movement counts as made on purpose [m/s]."""
+
 ARM = np.dtype(
     [
         ("mass", "<f8"),  # arm and device [kg]
         ("stiffness", "<f8"),  # towards the equilibrium point [N/m]
         ("damping", "<f8"),  # arm and device [N s/m]
         ("friction", "<f8"),  # Coulomb friction on each axis [N]
+        ("skill", "<f8"),  # force with which the arm makes up for it [N]
         ("lag", "<f8"),  # decay of a muscle stage in one step [1]
         ("calm", "<f8"),  # decay of the tremor in one step [1]
         ("tremor", "<f8"),  # what a standard normal number adds to it [N]
@@ -96,6 +103,7 @@ def pack_arm(participant: Participant, device: VirtualDevice, held: bool = True)
         arm["mass"] += participant.arm_mass
         arm["damping"] += participant.arm_damping
         arm["stiffness"] = participant.arm_stiffness
+        arm["skill"] = FRICTION_SKILL * device.friction
         arm["tremor"] = participant.force_noise * np.sqrt(1.0 - arm["calm"] ** 2)
     return arm
 
@@ -164,14 +172,17 @@ def swing(
     for k in range(white.shape[0]):
         asked = _aim(s, plan, origin + (k + 1) * STEP)
         s["muscle"] = asked + (s["muscle"] - asked) * arm["lag"]
-        s["equilibrium"] = s["muscle"] + (s["equilibrium"] - s["muscle"]) * arm["lag"]
+        before = s["equilibrium"]
+        s["equilibrium"] = s["muscle"] + (before - s["muscle"]) * arm["lag"]
+        effort = arm["skill"] * max(-1.0, min(1.0, (s["equilibrium"] - before) / (STEP * PURPOSE)))
         s["tremor_x"] = s["tremor_x"] * arm["calm"] + white[k, 0] * arm["tremor"]
         s["tremor_y"] = s["tremor_y"] * arm["calm"] + white[k, 1] * arm["tremor"]
         s["tremor_z"] = s["tremor_z"] * arm["calm"] + white[k, 2] * arm["tremor"]
         nearer = s["equilibrium"] * s["equilibrium"] / (2.0 * FOREARM)
         s["x"], s["vx"] = _push(s["x"], s["vx"], stiffness * (nearer - s["x"]) + s["tremor_x"] + fx, arm)
         s["y"], s["vy"] = _push(s["y"], s["vy"], -stiffness * s["y"] + s["tremor_y"] + fy, arm)
-        s["z"], s["vz"] = _push(s["z"], s["vz"], stiffness * (s["equilibrium"] - s["z"]) + s["tremor_z"] + fz, arm)
+        pull = stiffness * (s["equilibrium"] - s["z"]) + effort
+        s["z"], s["vz"] = _push(s["z"], s["vz"], pull + s["tremor_z"] + fz, arm)
 
 
 class Hand:
