@@ -55,7 +55,10 @@ def check(file: Path | None, overrides: Sequence[str]) -> str:
     ConfigError
         If anything is wrong with it.
     """
+    from netboard.stage import make_stage
+
     config = load(file, overrides)
+    make_stage(config)
     source = file or (DEFAULT_FILE if DEFAULT_FILE.exists() else "defaults")
     return f"{source}: in order ({config.block.configuration}, {config.block.trials} trials, {digest(config)[:12]})"
 
