@@ -27,10 +27,8 @@ def main(config: Config, *, side: Side) -> int:
         Exit code.
     """
     speak(f"agent {side}")
-    with Stopping() as stopping:
-        real_time(PRIORITY)
-        context = sockets.new_context()
-        with registry.make(side, config) as device:
-            companion = companion_of(config, device, context) if isinstance(device, VirtualTouch) else None
-            Agent(config, side, device, context, companion).run(stopping)
+    real_time(PRIORITY)
+    with Stopping() as stopping, sockets.open_context() as context, registry.make(side, config) as device:
+        companion = companion_of(config, device, context) if isinstance(device, VirtualTouch) else None
+        Agent(config, side, device, context, companion).run(stopping)
     return 0

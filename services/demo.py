@@ -92,7 +92,7 @@ def play(config: Config, words: Path, displays: bool, stopping: Stopping) -> str
     """Start everything, watch it play, end it in order; return the session's id, empty if it went wrong."""
     file = words / "demo.toml"
     file.write_text(resolve(config), encoding="utf-8")
-    with Launcher(words, {"PYTHONUNBUFFERED": "1"}) as launcher:
+    with Launcher(words, {"PYTHONUNBUFFERED": "1"}) as launcher, sockets.open_context() as context:
         launcher.start("logger", "logger", "--once", "-c", str(file))
         launcher.start("server", "server", "-c", str(file))
         for side in SIDES:
@@ -100,7 +100,7 @@ def play(config: Config, words: Path, displays: bool, stopping: Stopping) -> str
             if displays:
                 shot = ("--screenshot", str(words / f"display-{side}.png"), "--after", str(PICTURE_AFTER))
                 launcher.start(f"{side} display", "display", "--station", side, "-c", str(file), *shot)
-        operator = Operator(config.network, sockets.new_context())
+        operator = Operator(config.network, context)
         if not watch(operator, launcher, stopping):
             return ""
         session = operator.status.session if operator.status else ""

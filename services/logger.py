@@ -22,9 +22,5 @@ def main(config: Config, *, once: bool = False) -> int:
         Exit code: 1 if something could not be recorded.
     """
     speak("logger")
-    link = SocketLink(config, sockets.new_context())
-    try:
-        with Stopping() as stopping:
-            return Logger(config.recording, link, once=once).run(stopping)
-    finally:
-        link.close()
+    with Stopping() as stopping, sockets.open_context() as context:
+        return Logger(config.recording, SocketLink(config, context), once=once).run(stopping)

@@ -24,8 +24,7 @@ def main(config: Config, *, autostart: bool = True) -> int:
         Exit code.
     """
     speak("server")
-    with Stopping() as stopping:
-        real_time(PRIORITY)
-        server = Server(config, sockets.new_context(), autostart=autostart)
-        server.run(stopping)
+    real_time(PRIORITY)
+    with Stopping() as stopping, sockets.open_context() as context:
+        Server(config, context, autostart=autostart).run(stopping)
     return 0

@@ -17,7 +17,7 @@ class Made:
     """Makes sockets as `netboard.sockets` does, in one context, and closes them all in the end."""
 
     def __init__(self) -> None:
-        self.context = sockets.new_context()
+        self.context: sockets.Context = zmq.Context()
         self.sockets: list[Socket] = []
 
     def __getattr__(self, kind: str) -> Callable[..., Socket]:

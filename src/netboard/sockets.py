@@ -8,6 +8,8 @@ Sockets are used by the thread that made them.
 
 import select
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -30,6 +32,8 @@ MOTION_HWM = 4
 LOG_HWM = 64
 CONTROL_HWM = 1000
 LOG_LINGER_MS = 2000
+GOODBYE_LINGER_MS = 200
+"""Last words on a channel that else lets nothing linger are given so long [ms]."""
 HEARTBEAT_IVL_MS = 500
 HEARTBEAT_TIMEOUT_MS = 2000
 RECONNECT_IVL_MS = 100
@@ -68,11 +72,14 @@ def addresses(network: Network) -> Addresses:
     return Addresses(network.host, network.bind, network.port)
 
 
-def new_context() -> Context:
-    """Make a context whose sockets, unless told otherwise, do not hold up the end of the process."""
+@contextmanager
+def open_context() -> Iterator[Context]:
+    """Make a context; on leaving, its sockets are closed and what lingers is sent."""
     context: Context = zmq.Context()
-    context.linger = 0
-    return context
+    try:
+        yield context
+    finally:
+        context.destroy()
 
 
 def _make(context: Context, kind: int, hwm: int, linger_ms: int = 0) -> Socket:
@@ -211,6 +218,11 @@ def send_to(socket: Socket, peer: bytes, frame: bytes) -> bool:
             return False
         raise
     return True
+
+
+def close_after_goodbye(socket: Socket) -> None:
+    """Close a socket whose last words have just been sent."""
+    socket.close(linger=GOODBYE_LINGER_MS)
 
 
 def wait_readable(socket: Socket, timeout: float) -> bool:

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+import zmq
 
 from netboard import sockets
 from netboard.config import Config, Display, Network
@@ -73,7 +74,7 @@ class SmallServer:
     """The server as a display knows it: publishes views, hears and answers on the control channel."""
 
     def __init__(self, port: int) -> None:
-        self.context = context = sockets.new_context()
+        self.context = context = zmq.Context()
         where = sockets.Addresses("127.0.0.1", "127.0.0.1", port)
         self.views = sockets.view_publisher(context, where.listen(sockets.VIEW["left"]))
         self.control = sockets.control_server(context, where.listen(sockets.CONTROL))

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import pytest
+import zmq
 from display_parts import SmallServer, free_ports, local_config, until
 
 from netboard import sockets
@@ -23,7 +24,7 @@ class Rig:
 
         self.app = app
         self.port = free_ports()
-        self.context = sockets.new_context()
+        self.context: sockets.Context = zmq.Context()
         self.server = None
         self.window = BoardWindow("netboard: left station")
         config = local_config(self.port, link_timeout_ms)

@@ -10,6 +10,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Self
 
+import zmq
+
 from netboard import sockets
 from netboard.config import Config, parse, resolve
 from netboard.nodes.operator import Operator
@@ -33,7 +35,7 @@ class Rig:
         self.config: Config = parse("", "test", (*own, *self.settings))
         self.file = self.folder / "rig.toml"
         self.file.write_text(resolve(self.config))
-        self.context = sockets.new_context()
+        self.context: sockets.Context = zmq.Context()
         self.operator = Operator(self.config.network, self.context)
 
     def __enter__(self) -> Self:

@@ -99,7 +99,7 @@ class DisplayClient(QObject):
             self._report()
             sockets.send(self._control, encode(Goodbye("the display was closed")))
         self._views.close()
-        self._control.close(linger=100)
+        sockets.close_after_goodbye(self._control)
 
     # --- views -------------------------------------------------------------------------------------------------
 
@@ -309,23 +309,23 @@ def run(
     if picture is not None and picture.exists():
         raise NetboardError(f"{picture} exists; a screenshot never overwrites a file")
     app = application()
-    context = sockets.new_context()
     window = BoardWindow(f"netboard: {station} station")
     window.present(config.display)
-    client = DisplayClient(station, config, context, window)
-    photographer = None
-    if picture is not None:
-        photographer = _Photographer(client, picture, after or 0.0, (lambda: None) if after is not None else app.quit)
-    watch = QTimer(window, interval=ROUND_MS)
-    watch.timeout.connect(lambda: app.quit() if stopping() else None)
-    watch.start()
-    window.closed.connect(app.quit)
-    app.exec()
-    watch.stop()
-    if photographer is not None:
-        photographer.take()
-    client.close()
-    context.term()
+    with sockets.open_context() as context:
+        client = DisplayClient(station, config, context, window)
+        photographer = None
+        if picture is not None:
+            done = (lambda: None) if after is not None else app.quit
+            photographer = _Photographer(client, picture, after or 0.0, done)
+        watch = QTimer(window, interval=ROUND_MS)
+        watch.timeout.connect(lambda: app.quit() if stopping() else None)
+        watch.start()
+        window.closed.connect(app.quit)
+        app.exec()
+        watch.stop()
+        if photographer is not None:
+            photographer.take()
+        client.close()
     window.close()
     log.info("%d frames painted, %d dropped", client.tally.painted, client.tally.dropped)
     if photographer is not None and photographer.error is not None:

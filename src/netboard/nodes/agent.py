@@ -107,8 +107,9 @@ class Link:
         return sockets.wait_readable(self._socket, seconds)
 
     def leave(self, reason: str) -> None:
-        """Say goodbye."""
+        """Say goodbye and close."""
         sockets.send(self._socket, encode(Goodbye(reason)))
+        sockets.close_after_goodbye(self._socket)
 
     def _take(self, message: Force | Beat) -> bool:
         if not self._session or (self.newest is not None and message.tick <= self.newest.tick):

@@ -68,9 +68,10 @@ class ControlPort:
                 sockets.send_to(self._socket, peer, answer if isinstance(answer, bytes) else encode(answer))
 
     def goodbye(self, reason: str) -> None:
-        """Tell everybody that the session is over."""
+        """Tell everybody that the session is over, and close."""
         for peer in self._peers:
             sockets.send_to(self._socket, peer, encode(Goodbye(reason)))
+        sockets.close_after_goodbye(self._socket)
 
     def _answer(self, peer: bytes, message: Message) -> Message | bytes | None:
         hello = self._peers.get(peer)

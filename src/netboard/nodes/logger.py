@@ -97,10 +97,6 @@ class SocketLink:
         """Send without waiting; False if nobody is there."""
         return sockets.send(self._socket, frame)
 
-    def close(self) -> None:
-        """Close the socket; what was sent lingers until it is delivered, for a while."""
-        self._socket.close()
-
 
 def place(batch: LogBatch, expected: int | None) -> tuple[int, int] | None:
     """Decide what a batch means to a logger that expects a certain record next.

@@ -157,10 +157,11 @@ class MotionPort:
         return records
 
     def goodbye(self, reason: str) -> None:
-        """Tell both agents that the session is over."""
+        """Tell both agents that the session is over, and close."""
         for seat in self.seats.values():
             if seat.hello is not None:
                 sockets.send_to(self._socket, seat.agent, encode(Goodbye(reason)))
+        sockets.close_after_goodbye(self._socket)
 
     def _other(self, agent: bytes, seat: Seat | None, message: Message, now_ns: int) -> None:
         match message:

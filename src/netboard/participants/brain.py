@@ -41,10 +41,19 @@ LEVEL_MARGIN = 0.7
 
 
 @dataclass(frozen=True, slots=True)
-class _Issued:
-    """A submovement of an own hand that is not yet seen, or was meant to be exact where it was executed with noise."""
+class _Intent:
+    """A submovement as it was meant: what the brain expects of it until it is seen.
+
+    Attributes
+    ----------
+    move : Submovement
+        The movement, without the noise of its execution.
+    turn : float
+        The part of its displacement that turns the board; the rest lifts it [m].
+    """
 
     move: Submovement
+    turn: float
 
 
 class Brain:
@@ -82,7 +91,7 @@ class Brain:
         self._senses = Senses(person, rng)
         self._partner = Wander(person.partner_noise, PARTNER_TIME, rng)
         self._touch = Wander(person.haptic_noise, PARTNER_TIME, rng)
-        self._moves: list[Submovement] = []
+        self._intents: list[_Intent] = []
         self._thought = -np.inf
         self._ready = -np.inf
         self._threshold = self._draw_threshold()
@@ -116,7 +125,7 @@ class Brain:
         if seen is None:
             return ()
         self._notice(seen)
-        self._moves = [m for m in self._moves if m.progress(seen.glimpse.time - self._lag) < 1.0]
+        self._intents = [i for i in self._intents if i.move.progress(seen.glimpse.time - self._lag) < 1.0]
         if now < self._ready:
             return ()
         match seen.glimpse.phase:
@@ -154,7 +163,7 @@ class Brain:
         error = self._wanted_tilt(seen, expected) - expected
         if abs(error) <= self._threshold:
             return ()
-        lift = -self._person.centring * self._height(seen, expected)
+        lift = -self._person.centring * self._height(seen)
         return self._act(now, error, lift)
 
     def _wanted_tilt(self, seen: Percept, expected: float) -> float:
@@ -181,7 +190,8 @@ class Brain:
     def _share_done(self, seen: Percept, when: float) -> float:
         """Share of the change of tilt under way when seen that is done at a later time, judged by the own hands [1]."""
         shown = seen.glimpse.time - self._lag
-        going = [(abs(m.displacement), m.progress(shown), m.progress(when - self._lag)) for m in self._moves]
+        moves = [(abs(i.turn), i.move) for i in self._intents]
+        going = [(size, m.progress(shown), m.progress(when - self._lag)) for size, m in moves]
         left = sum(size * (1.0 - before) for size, before, _ in going)
         return sum(size * (then - before) for size, before, then in going) / left if left > 0.0 else 1.0
 
@@ -193,14 +203,21 @@ class Brain:
         if len(self._sides) == 2:
             return tilt
         (side,) = self._sides
-        mirrored = -own[side] * (1.0 + self._partner.value)
-        other = self._other_rise(now, seen, side, mirrored)
+        turn = self._turning(side, seen)
+        likely = own[side] - turn - turn * (1.0 + self._partner.value)
+        other = self._other_rise(now, seen, side, likely)
         return tilt - SIGN[side] * other / lever
 
     def _under_way(self, side: Side, seen: Percept) -> float:
         """How far an own hand will still move from where it was seen [m]."""
         when = seen.glimpse.time - self._lag
-        return sum(m.displacement * (1.0 - m.progress(when)) for m in self._moves if m.side == side)
+        moves = [i.move for i in self._intents if i.move.side == side]
+        return sum(m.displacement * (1.0 - m.progress(when)) for m in moves)
+
+    def _turning(self, side: Side, seen: Percept) -> float:
+        """The part of that movement that is meant to turn the board; the rest is meant to lift it [m]."""
+        when = seen.glimpse.time - self._lag
+        return sum(i.turn * (1.0 - i.move.progress(when)) for i in self._intents if i.move.side == side)
 
     def _other_rise(self, now: float, seen: Percept, side: Side, guess: float) -> float:
         """How far the partner's hand will have moved from where it was seen: a guess, corrected by what is felt [m]."""
@@ -225,7 +242,7 @@ class Brain:
     def _moved(self, side: Side, seen: Percept, when: float) -> float:
         """How far an own hand has moved from where it was seen to where it was at a later time [m]."""
         shown = seen.glimpse.time - self._lag
-        moves = [m for m in self._moves if m.side == side]
+        moves = [i.move for i in self._intents if i.move.side == side]
         return sum(m.displacement * (m.progress(when - self._lag) - m.progress(shown)) for m in moves)
 
     @staticmethod
@@ -233,21 +250,21 @@ class Brain:
         """Height of an own hand as seen [m]."""
         return seen.glimpse.left if side == "left" else seen.glimpse.right
 
-    def _height(self, seen: Percept, expected: float) -> float:
-        """Height of the own hands above where the expected tilt alone would have them, when all is done [m]."""
+    def _height(self, seen: Percept) -> float:
+        """Height of the middle between the hands when the lifting under way is done, by all hands alike [m]."""
         heights = []
         for side in self._sides:
             shown = self._own_height(seen, side)
             if shown is not None:
-                done = shown + self._under_way(side, seen)
-                heights.append(done - SIGN[side] * self._physics.l * expected)
+                lifting = self._under_way(side, seen) - self._turning(side, seen)
+                heights.append(shown - SIGN[side] * self._physics.l * seen.theta + lifting)
         return sum(heights) / len(heights) if heights else seen.glimpse.z
 
     def _level(self, now: float, seen: Percept) -> tuple[Submovement, ...]:
         """Make the board horizontal, at the height asked for."""
         task = self._task
         error = -self._expected_tilt(now, seen)
-        height = self._height(seen, -error)
+        height = self._height(seen)
         tilted = abs(error) > LEVEL_MARGIN * float(np.radians(task.level_angle_deg))
         off = abs(height) > LEVEL_MARGIN * task.level_height
         if not tilted and not off:
@@ -266,12 +283,11 @@ class Brain:
         late = self._rng.choice(self._sides) if both else ""
         wait = abs(p.bimanual_async * float(self._rng.standard_normal())) if both else 0.0
         uneven = p.bimanual_amplitude_cv / 2.0 * float(self._rng.standard_normal()) if both else 0.0
-        planned, moves = [], []
+        moves = []
         for side in self._sides:
-            rise = SIGN[side] * self._physics.l * turn + lift
+            share = SIGN[side] * self._physics.l * turn
             start = now + (wait if side == late else 0.0)
-            planned.append(Submovement(side, start, duration, rise))
-            moves.append(Submovement(side, start, duration, rise * scale * (1.0 + SIGN[side] * uneven)))
-        self._moves.extend(planned)
-        self._ready = now + max(p.refractory, duration if p.refractory == 0.0 else 0.0)
+            self._intents.append(_Intent(Submovement(side, start, duration, share + lift), share))
+            moves.append(Submovement(side, start, duration, (share + lift) * scale * (1.0 + SIGN[side] * uneven)))
+        self._ready = now + p.refractory
         return tuple(moves)
