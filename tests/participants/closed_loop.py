@@ -1,7 +1,8 @@
 """A block without network or clock: simulated people, their devices, the safety chain and the stage, in one thread.
 
 The delays of the real system are put in by hand: a stylus reading is used, and a force rendered, one tick later; views
-leave at 120 Hz and are seen 5 ms later.
+leave at 120 Hz and are seen 5 ms later. As in the real system nothing is felt before the block starts, and it starts
+when both devices are armed.
 """
 
 from collections import deque
@@ -11,7 +12,7 @@ import numpy as np
 
 from netboard.config import SIDES, Config, Side
 from netboard.devices.fixture import lateral_force
-from netboard.devices.safety import Safety
+from netboard.devices.safety import Guard, Safety
 from netboard.devices.virtual import VirtualTouch
 from netboard.experiment.machine import Cause, Phase
 from netboard.participants.brain import Brain
@@ -68,16 +69,17 @@ def play(config: Config, most_seconds: float) -> Played:
         now = now_ns * 1e-9
         last, row = row, rows[tick]
         row["tick"], row["time_ns"] = tick, now_ns
-        row["command"] = Cause.START if tick == 0 else Cause.NONE
+        armed = all(chain.guard is Guard.ARMED for chain in chains.values())
+        row["command"] = Cause.START if armed and state["phase"][0] == Phase.IDLE else Cause.NONE
         for side in SIDES:
             device, chain = devices[side], chains[side]
             reading = device.read(now_ns)
-            wanted = (*lateral_force(reading, config.fixture), float(last[f"{side}_force"]))
+            wanted = (*lateral_force(reading, config.fixture), float(last[f"{side}_force"]) if last["phase"] else 0.0)
             limited = chain.step(now_ns, wanted, now_ns - TICK_NS, (reading.vx, reading.vy, reading.vz))
             device.write(limited.fx, limited.fy, limited.fz)
             played.largest_force = max(played.largest_force, float(np.hypot(limited.fy, limited.fz)))
             played.lateral = max(played.lateral, abs(reading.x), abs(reading.y))
-            if tick > 2000:
+            if last["phase"]:
                 played.safeguards |= limited.safeguards
             used = readings.get(side, reading)
             row[f"{side}_live"], row[f"{side}_stamp_ns"] = 1, used.stamp_ns

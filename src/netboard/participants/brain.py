@@ -1,9 +1,10 @@
 """The controller of a simulated person: an intermittent, predictive, delayed PD controller of the ball.
 
-Ten times in 100 ms the brain looks one visual delay into the past, extrapolates the ball, and asks which tilt would
-bring it to rest in the target. It acts only where the tilt it expects anyway is off by more than a threshold and a
-refractory time has passed, and then by one ballistic submovement. A brain with one hand expects its partner to do the
-mirror image of what it does itself, unless the force on its hand says otherwise; a brain with both hands moves both.
+Every 10 ms the brain looks one visual delay into the past, extrapolates the ball, and asks which tilt would bring it to
+rest in the target. It acts only where the tilt it expects anyway is off by more than a threshold and a refractory time
+has passed, and then by one ballistic submovement of each own hand, which turns the board and lifts it towards its
+neutral height. A brain with one hand expects its partner to mirror most of its turning and to share its lifting, unless
+the force on its hand says otherwise; a brain with both hands moves both.
 
 Rule 1: the brain sees `Glimpse`, feels its own force, and knows the scene's constants; nothing else.
 Rule 2: time is an argument and randomness comes from the generator handed in, so a brain can be repeated.
@@ -27,8 +28,12 @@ FELT_AHEAD = 0.100
 FELT_SPAN = 0.030
 """The partner's velocity is judged over this time [s]."""
 
-PARTNER_TIME = 0.5
-"""Correlation time of what the partner does differently from what is expected of him [s]."""
+TOUCH_TIME = 0.5
+"""Correlation time of the error of a height that is inferred from a force [s]."""
+
+MIRROR = 0.65
+"""Share of one's own turning that one expects of the partner. With all of it two people who disagree about the tilt
+would answer each other's absence for ever: each takes back what the other did not mirror [1]."""
 
 REACTION_CV = 0.2
 """Variability of the reaction time [1]."""
@@ -50,10 +55,13 @@ class _Intent:
         The movement, without the noise of its execution.
     turn : float
         The part of its displacement that turns the board; the rest lifts it [m].
+    echo : float
+        How far the partner's hand is thought to go the other way to turn the board too [m].
     """
 
     move: Submovement
     turn: float
+    echo: float
 
 
 class Brain:
@@ -89,8 +97,7 @@ class Brain:
         self._sides = sides
         self._rng = rng
         self._senses = Senses(person, rng)
-        self._partner = Wander(person.partner_noise, PARTNER_TIME, rng)
-        self._touch = Wander(person.haptic_noise, PARTNER_TIME, rng)
+        self._touch = Wander(person.haptic_noise, TOUCH_TIME, rng)
         self._intents: list[_Intent] = []
         self._thought = -np.inf
         self._ready = -np.inf
@@ -119,7 +126,6 @@ class Brain:
         dt = min(now - self._thought, 1.0)
         self._thought = now
         self._senses.take(now, glimpse, felt)
-        self._partner.step(dt)
         self._touch.step(dt)
         seen = self._senses.look(now, dt)
         if seen is None:
@@ -203,8 +209,9 @@ class Brain:
         if len(self._sides) == 2:
             return tilt
         (side,) = self._sides
-        turn = self._turning(side, seen)
-        likely = own[side] - turn - turn * (1.0 + self._partner.value)
+        when = seen.glimpse.time - self._lag
+        echo = sum(i.echo * (1.0 - i.move.progress(when)) for i in self._intents)
+        likely = own[side] - self._turning(side, seen) - echo
         other = self._other_rise(now, seen, side, likely)
         return tilt - SIGN[side] * other / lever
 
@@ -283,11 +290,13 @@ class Brain:
         late = self._rng.choice(self._sides) if both else ""
         wait = abs(p.bimanual_async * float(self._rng.standard_normal())) if both else 0.0
         uneven = p.bimanual_amplitude_cv / 2.0 * float(self._rng.standard_normal()) if both else 0.0
+        trust = float(np.clip(p.partner_noise * self._rng.standard_normal(), -1.0, 1.0))
         moves = []
         for side in self._sides:
             share = SIGN[side] * self._physics.l * turn
             start = now + (wait if side == late else 0.0)
-            self._intents.append(_Intent(Submovement(side, start, duration, share + lift), share))
+            echo = MIRROR * share * (1.0 + trust)
+            self._intents.append(_Intent(Submovement(side, start, duration, share + lift), share, echo))
             moves.append(Submovement(side, start, duration, (share + lift) * scale * (1.0 + SIGN[side] * uneven)))
         self._ready = now + p.refractory
         return tuple(moves)

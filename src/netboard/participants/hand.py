@@ -34,6 +34,9 @@ TREMOR_TIME = 0.1
 FOREARM = 0.30
 """Elbow to stylus: a hand that is swung up or down by z comes nearer by about z^2 / (2 FOREARM) [m]."""
 
+GRASP = 0.002
+"""Standard deviation of where across its line a person holds the stylus, along x and y [m]."""
+
 FRICTION_SKILL = 0.8
 """Share of the device's friction that a person used to it makes up for while moving on purpose [1]."""
 
@@ -63,6 +66,8 @@ HAND = np.dtype(
         ("vx", "<f8"),  # velocity [m/s]
         ("vy", "<f8"),
         ("vz", "<f8"),
+        ("rest_x", "<f8"),  # where the arm would hold it across the line [m]
+        ("rest_y", "<f8"),
         ("tremor_x", "<f8"),  # force noise [N]
         ("tremor_y", "<f8"),
         ("tremor_z", "<f8"),
@@ -178,9 +183,9 @@ def swing(
         s["tremor_x"] = s["tremor_x"] * arm["calm"] + white[k, 0] * arm["tremor"]
         s["tremor_y"] = s["tremor_y"] * arm["calm"] + white[k, 1] * arm["tremor"]
         s["tremor_z"] = s["tremor_z"] * arm["calm"] + white[k, 2] * arm["tremor"]
-        nearer = s["equilibrium"] * s["equilibrium"] / (2.0 * FOREARM)
+        nearer = s["rest_x"] + s["equilibrium"] * s["equilibrium"] / (2.0 * FOREARM)
         s["x"], s["vx"] = _push(s["x"], s["vx"], stiffness * (nearer - s["x"]) + s["tremor_x"] + fx, arm)
-        s["y"], s["vy"] = _push(s["y"], s["vy"], -stiffness * s["y"] + s["tremor_y"] + fy, arm)
+        s["y"], s["vy"] = _push(s["y"], s["vy"], stiffness * (s["rest_y"] - s["y"]) + s["tremor_y"] + fy, arm)
         pull = stiffness * (s["equilibrium"] - s["z"]) + effort
         s["z"], s["vz"] = _push(s["z"], s["vz"], pull + s["tremor_z"] + fz, arm)
 
@@ -193,7 +198,7 @@ class Hand:
     arm : ndarray of ARM, shape (1,)
         Constants, from `pack_arm`.
     rng : numpy.random.Generator
-        Source of the tremor.
+        Source of the tremor, and of where the stylus is held.
     """
 
     def __init__(self, arm: NDArray[Any], rng: np.random.Generator) -> None:
@@ -202,6 +207,9 @@ class Hand:
         self._arm = arm[0]
         self._plan = np.zeros((CAPACITY, 3))
         self._rng = rng
+        if self._arm["stiffness"] > 0.0:
+            for axis in ("x", "y"):
+                self._record[axis] = self._record[f"rest_{axis}"] = GRASP * rng.standard_normal()
 
     def plan(self, moves: Iterable[Submovement]) -> None:
         """Add submovements to those under way.

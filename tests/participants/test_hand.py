@@ -1,0 +1,144 @@
+"""The hand against closed forms: statics, the damped oscillator, Coulomb decay, coloured noise."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from netboard.config import Participant, VirtualDevice
+from netboard.participants.hand import CAPACITY, GRASP, STEP, Hand, pack_arm
+from netboard.participants.submovement import Submovement
+
+PERSON = Participant(force_noise=0.0)
+SMOOTH = VirtualDevice(friction=0.0)
+NO_FORCE = (0.0, 0.0, 0.0)
+
+
+def make(person: Participant = PERSON, device: VirtualDevice = SMOOTH, held: bool = True, seed: int = 1) -> Hand:
+    return Hand(pack_arm(person, device, held), np.random.default_rng(seed))
+
+
+def heights(hand: Hand, steps: int, force: float = 0.0, every: int = 1) -> np.ndarray:
+    found = []
+    for k in range(0, steps, every):
+        hand.advance(every, k * STEP, (0.0, 0.0, force))
+        found.append(hand.position[2])
+    return np.array(found)
+
+
+def test_a_constant_force_deflects_the_arm_by_force_over_stiffness() -> None:
+    hand = make()
+    hand.advance(8000, 0.0, (0.0, 0.0, 0.3))
+    assert hand.position[2] == pytest.approx(0.3 / PERSON.arm_stiffness, rel=1e-6)
+
+
+def test_it_swings_like_a_damped_oscillator() -> None:
+    hand = make()
+    hand.state["z"] = 0.01
+    m, k = PERSON.arm_mass + SMOOTH.mass, PERSON.arm_stiffness
+    decay = (PERSON.arm_damping + SMOOTH.damping) / (2 * m)
+    swing = np.sqrt(k / m - decay**2)
+    t = STEP * np.arange(1, 2001)
+    theory = 0.01 * np.exp(-decay * t) * (np.cos(swing * t) + decay / swing * np.sin(swing * t))
+    assert np.abs(heights(hand, 2000) - theory).max() < 0.01 * 5e-3
+
+
+def test_the_error_of_the_swing_shrinks_with_the_first_power_of_the_step() -> None:
+    """The scheme is of first order; at 0.25 ms its error is below the encoder's step, which is what matters."""
+    hand = make()
+    hand.state["z"] = 0.01
+    assert np.abs(np.diff(heights(hand, 4000))).max() < 0.01 * 20 * STEP
+
+
+def test_friction_holds_a_resting_hand_exactly() -> None:
+    hand = make(device=VirtualDevice(friction=0.26))
+    hand.advance(40_000, 0.0, (0.0, 0.0, 0.2599))
+    assert hand.position[2] == 0.0
+    assert hand.velocity[2] == 0.0
+    hand.advance(4000, 0.0, (0.0, 0.0, 0.2701))
+    assert hand.position[2] > 0.0
+
+
+def test_friction_takes_four_breadths_of_its_dead_band_from_each_swing() -> None:
+    """Without damping the amplitude falls by ``4 F / K`` a period (Coulomb damping), and then the hand sticks."""
+    friction = 0.03
+    hand = make(replace(PERSON, arm_damping=0.0), VirtualDevice(friction=friction, damping=0.0))
+    hand.state["z"] = 0.01
+    course = heights(hand, 12_000)
+    peaks = course[1:-1][(course[1:-1] > course[:-2]) & (course[1:-1] >= course[2:])]
+    fall = 4 * friction / PERSON.arm_stiffness
+    steps = -np.diff(np.concatenate(([0.01], peaks[peaks > fall])))
+    assert len(steps) >= 7
+    assert steps == pytest.approx(fall, rel=0.05)
+    hand.advance(4 * 12_000, 0.0, NO_FORCE)
+    assert hand.velocity[2] == 0.0
+
+
+def test_a_stylus_nobody_holds_falls_freely_under_the_motors() -> None:
+    device = VirtualDevice(friction=0.0, damping=0.0, workspace=1.0)
+    hand = make(device=device, held=False)
+    hand.advance(400, 0.0, (0.0, 0.0, 0.05))
+    assert hand.position[:2] == (0.0, 0.0)
+    assert hand.position[2] == pytest.approx(0.05 / device.mass * 0.1**2 / 2, rel=5e-3)
+
+
+def test_the_mechanical_stop_ends_every_movement() -> None:
+    hand = make(held=False)
+    hand.advance(8000, 0.0, (3.0, -3.0, 3.0))
+    assert hand.position == (SMOOTH.workspace, -SMOOTH.workspace, SMOOTH.workspace)
+    assert hand.velocity == (0.0, 0.0, 0.0)
+
+
+def test_submovements_add_up_and_are_carried_out() -> None:
+    hand = make()
+    hand.plan([Submovement("left", 0.0, 0.3, 0.02), Submovement("left", 0.1, 0.3, -0.005)])
+    hand.advance(8000, 0.0, NO_FORCE)
+    assert hand.position[2] == pytest.approx(0.015, abs=1e-7)
+    assert hand.state["moves"][0] == 0
+
+
+def test_the_middle_of_a_movement_comes_late_by_the_muscles_and_the_arm() -> None:
+    hand = make()
+    hand.plan([Submovement("left", 0.0, 0.6, 0.02)])
+    course = heights(hand, 8000)
+    late = STEP * (1 + np.argmax(course >= 0.01)) - 0.3
+    assert late == pytest.approx(2 * PERSON.muscle_lag + PERSON.arm_damping / PERSON.arm_stiffness, abs=0.015)
+
+
+def test_practice_makes_up_for_most_of_the_friction() -> None:
+    """The arm ends nearer to where it was meant to go than the dead band of the friction alone would have it."""
+    device = VirtualDevice()
+    hand = make(device=device)
+    hand.plan([Submovement("left", 0.0, 0.4, 0.02)])
+    hand.advance(8000, 0.0, NO_FORCE)
+    assert abs(hand.position[2] - 0.02) < 0.7 * device.friction / PERSON.arm_stiffness
+
+
+def test_tremor_has_the_strength_asked_for() -> None:
+    hand = make(Participant(force_noise=0.02), seed=3)
+    samples = []
+    for _ in range(4000):
+        hand.advance(400, 0.0, NO_FORCE)
+        samples.append(float(hand.state["tremor_z"][0]))
+    assert np.std(samples) == pytest.approx(0.02, rel=0.06)
+    assert np.mean(samples) == pytest.approx(0.0, abs=0.002)
+
+
+def test_the_stylus_is_held_a_little_beside_the_line() -> None:
+    places = np.array([make(seed=seed).position[:2] for seed in range(400)])
+    assert places.std() == pytest.approx(GRASP, rel=0.1)
+
+
+def test_the_same_seed_gives_the_same_bits_however_time_is_cut() -> None:
+    whole, parts = make(Participant(), seed=5), make(Participant(), seed=5)
+    whole.advance(400, 0.0, (0.1, 0.2, 0.5))
+    for k in range(100):
+        parts.advance(4, k * 4 * STEP, (0.1, 0.2, 0.5))
+    assert whole.state.tobytes() == parts.state.tobytes()
+
+
+def test_too_many_plans_are_refused() -> None:
+    hand = make()
+    hand.plan(Submovement("left", 9.0, 0.3, 0.0) for _ in range(CAPACITY))
+    with pytest.raises(ValueError, match="at most"):
+        hand.plan([Submovement("left", 9.0, 0.3, 0.0)])

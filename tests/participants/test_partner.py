@@ -1,0 +1,36 @@
+"""What one's own force says of the partner, against the statics of the scene."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from netboard.config import Physics
+from netboard.participants.partner import partner_height, partner_seen
+from netboard.physics.scene import pack_scene
+from netboard.physics.statics import equilibrium
+
+PHYSICS = Physics()
+SCENE = pack_scene(PHYSICS)[0]
+
+height = st.floats(-0.02, 0.02)
+
+
+@given(height, height, st.floats(-0.3, 0.3))
+def test_the_force_at_rest_gives_the_partner_away(left: float, right: float, p: float) -> None:
+    rest = equilibrium(left, right, p, SCENE)
+    assert partner_height(-rest.left, left, p, "left", PHYSICS) == pytest.approx(right, abs=2e-4)
+    assert partner_height(-rest.right, right, p, "right", PHYSICS) == pytest.approx(left, abs=2e-4)
+
+
+def test_ten_millimetres_of_the_partner_are_a_quarter_of_a_newton() -> None:
+    """dF/dz of the partner is 25.93 N/m."""
+    lower = partner_height(-0.3, 0.0, 0.0, "left", PHYSICS)
+    higher = partner_height(-0.3 - 0.2593, 0.0, 0.0, "left", PHYSICS)
+    assert higher - lower == pytest.approx(0.010, rel=1e-3)
+
+
+@given(height, height)
+def test_the_tilt_shows_where_the_partner_is(left: float, right: float) -> None:
+    theta = (right - left) / (2 * PHYSICS.l)
+    assert partner_seen(left, theta, "left", PHYSICS) == pytest.approx(right, abs=1e-12)
+    assert partner_seen(right, theta, "right", PHYSICS) == pytest.approx(left, abs=1e-12)
