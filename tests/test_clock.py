@@ -6,7 +6,7 @@ import pytest
 
 from netboard import clock
 from netboard.clock import CATCH_UP_TICKS, Pacer
-from netboard.stage import TICK_NS
+from netboard.tick import TICK_NS
 
 
 class FakeTime:

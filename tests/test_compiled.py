@@ -15,7 +15,7 @@ from netboard.physics.kernels import rk4_free
 from netboard.stage import make_stage
 from netboard.config import Config
 import numpy as np
-from netboard.stage import TICK
+from netboard.tick import TICK
 stage = make_stage(Config())
 rows, state = np.zeros(3, TICK), stage.initial()
 stage.advance(state, rows, 0, 3)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from netboard.config import SIDES, parse
 from netboard.curtain import AGAIN, make_curtain, view_of
 from netboard.experiment.machine import Phase
-from netboard.stage import TICK
+from netboard.tick import TICK
 
 DYADIC = make_curtain(parse('[block]\nconfiguration = "dyadic"\ntrials = 6'))
 BIMANUAL = make_curtain(parse('[block]\nconfiguration = "bimanual"\ntrials = 6'))

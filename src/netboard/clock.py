@@ -7,7 +7,7 @@ falls far behind does not run a burst of ticks to catch up: it moves its deadlin
 
 import time
 
-from netboard.stage import TICK_NS
+from netboard.tick import TICK_NS
 
 CATCH_UP_TICKS = 20
 """A pacer further behind than this moves its deadlines instead of running ticks in a burst [1]."""

@@ -67,7 +67,7 @@ def view_of(curtain: Curtain, row: NDArray[Any] | np.void, station: Side, best: 
     ----------
     curtain : Curtain
         Who may see what.
-    row : netboard.stage.TICK record
+    row : netboard.tick.TICK record
         The tick.
     station : str
         ``left`` or ``right``.

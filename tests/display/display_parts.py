@@ -10,7 +10,7 @@ import zmq
 from netboard import sockets
 from netboard.config import Config, Display, Network
 from netboard.experiment.machine import Cause, Phase
-from netboard.stage import TICK, TICK_NS
+from netboard.tick import TICK, TICK_NS
 from netboard.wire.codec import decode, encode
 from netboard.wire.messages import View
 

@@ -14,7 +14,7 @@ from netboard.config import Recording as Settings
 from netboard.nodes.logger import Logger, place
 from netboard.recording.reader import Recording
 from netboard.recording.recovery import recover
-from netboard.stage import TICK
+from netboard.tick import TICK
 from netboard.wire.codec import encode
 from netboard.wire.messages import EventRecord, LogBatch, LogEnd, Refusal, TickRecord
 

@@ -8,7 +8,7 @@ import pytest
 from fake_router import WELCOME, FakeRouter, hello
 
 from netboard.nodes.motion_port import BEAT_TICKS, MotionPort
-from netboard.stage import TICK
+from netboard.tick import TICK
 from netboard.wire.messages import Beat, Force, Goodbye, Refusal, Safeguard, StatusRequest, Stylus, Welcome
 
 TIMEOUT_NS = 50_000_000

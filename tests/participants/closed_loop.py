@@ -17,7 +17,8 @@ from netboard.devices.virtual import VirtualTouch
 from netboard.experiment.machine import Cause, Phase
 from netboard.participants.brain import Brain
 from netboard.participants.senses import Glimpse
-from netboard.stage import TICK, TICK_NS, make_stage
+from netboard.stage import make_stage
+from netboard.tick import TICK, TICK_NS
 from netboard.wire.messages import Safeguard
 
 VIEW_EVERY = 1 / 120

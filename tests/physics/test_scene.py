@@ -10,8 +10,9 @@ import pytest
 from netboard.config import Physics
 from netboard.errors import ConfigError
 from netboard.physics.kernels import rk4_bare
-from netboard.physics.scene import LIVE_STEP, SCENE, pack_scene
+from netboard.physics.scene import SCENE, pack_scene
 from netboard.physics.stability import is_stable, rk4_factor, spectral_radius
+from netboard.tick import TICK_SECONDS
 
 
 def test_the_record_holds_the_configuration() -> None:
@@ -52,8 +53,8 @@ def test_largest_stable_step_is_the_tabulated_one(k: float, c: float, limit_ms: 
 
 @pytest.mark.parametrize(("k", "c"), [(138, 1), (1, 4.4), (31, 31**0.5)])
 def test_the_live_step_holds_couplings_up_to_the_tabulated_scale(k: float, c: float) -> None:
-    assert is_stable(scaled(0.97 * k, 0.97 * c), LIVE_STEP)
-    assert not is_stable(scaled(1.03 * k, 1.03 * c), LIVE_STEP)
+    assert is_stable(scaled(0.97 * k, 0.97 * c), TICK_SECONDS)
+    assert not is_stable(scaled(1.03 * k, 1.03 * c), TICK_SECONDS)
 
 
 @pytest.mark.parametrize(("k", "c"), [(1, 4.4), (138, 1)])
@@ -62,7 +63,7 @@ def test_the_kernel_itself_is_held_below_the_limit_and_lost_above(k: float, c: f
     scene = scaled(off * k, off * c)
     state = (0.0, 0.0, 0.1, 0.0, 0.0, 0.0)
     for _ in range(2000):
-        state = rk4_bare(*state, 0.0, 0.0, 0.0, 0.0, LIVE_STEP, scene)
+        state = rk4_bare(*state, 0.0, 0.0, 0.0, 0.0, TICK_SECONDS, scene)
     assert (abs(state[0]) + abs(state[2]) < 1e-3) == held
 
 
@@ -70,7 +71,7 @@ def test_a_scene_that_cannot_be_held_is_turned_down_with_what_would_be() -> None
     with pytest.raises(ConfigError) as caught:
         pack_scene(Physics(c_h=10.0))
     message = str(caught.value)
-    radius = spectral_radius(scaled(1, 5), LIVE_STEP)
+    radius = spectral_radius(scaled(1, 5), TICK_SECONDS)
     assert "physics.k_h = 200" in message
     assert "physics.c_h = 10" in message
     assert f"{radius:.3g} (spectral radius" in message

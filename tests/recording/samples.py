@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from netboard.config import Config, Recording
 from netboard.recording.provenance import provenance
 from netboard.recording.writer import RecordingWriter
-from netboard.stage import TICK
+from netboard.tick import TICK
 from netboard.wire.messages import ClockRecord, EventRecord, FrameRecord, TickRecord, Welcome
 
 SESSION = "3f2a9c1e00000000"

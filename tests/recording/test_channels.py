@@ -14,7 +14,7 @@ from samples import random_rows, records
 
 from netboard.errors import RecordingError
 from netboard.recording.channels import CHANNELS, IDS, decode_ticks, encode_tick, remark, stamped, unpack
-from netboard.stage import TICK
+from netboard.tick import TICK
 from netboard.wire.messages import ClockRecord, EventRecord, FrameRecord
 
 CLASSES = {"/event": EventRecord, "/clock": ClockRecord, "/frame": FrameRecord, "/logger": EventRecord}

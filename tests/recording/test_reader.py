@@ -12,7 +12,7 @@ from netboard.errors import RecordingError
 from netboard.recording.reader import Recording
 from netboard.recording.summary import Gap
 from netboard.recording.writer import RecordingWriter
-from netboard.stage import TICK
+from netboard.tick import TICK
 from netboard.wire.messages import ClockRecord, EventRecord, FrameRecord
 
 ROWS = random_rows(200, seed=1)

@@ -23,7 +23,7 @@ from netboard.errors import RecordingError
 from netboard.recording.reader import Recording
 from netboard.recording.recovery import Report, recover, recovered_path
 from netboard.recording.summary import Gap
-from netboard.stage import TICK
+from netboard.tick import TICK
 
 ROWS = random_rows(60, seed=2)
 

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from netboard.config import parse
 from netboard.experiment.machine import Cause, Phase
 from netboard.recording.summary import Gap, find_attempts, find_gaps, spread, summarise
-from netboard.stage import TICK, make_stage
+from netboard.stage import make_stage
+from netboard.tick import TICK
 from netboard.wire.messages import ClockRecord, EventRecord, FrameRecord, Safeguard
 
 

@@ -10,7 +10,7 @@ from netboard.config import Config, resolve
 from netboard.recording.provenance import provenance
 from netboard.recording.writer import RecordingWriter
 from netboard.services.cli import app
-from netboard.stage import TICK
+from netboard.tick import TICK
 from netboard.wire.messages import TickRecord, Welcome
 
 runner = CliRunner()

@@ -2,16 +2,17 @@
 
 The velocity is the slope from the newest position back to the oldest one for which all positions between lie within
 one encoder step of the straight line. So a fast movement is judged over few samples, with little delay, and a slow one
-over many, with little noise: one encoder step in `SAMPLES` readings at 1 kHz gives 3.4 mm/s for a Touch, where a fixed
-window of 4 ms gives 14 mm/s, which is enough to shake the paper's light board. The estimate is late by half the window
-it used, so by 0.5 to 7.5 ms.
+over many, with little noise. The estimate is late by half the window it used. The longest window is a compromise: at 1 kHz
+`SAMPLES` readings make a single encoder step of a Touch look like 7 mm/s, which no longer shakes the paper's light
+board, and the estimate is late by 4 ms at most, which leaves the virtual spring the delay it can stand (CHAI3D's
+15 ms window would halve that).
 """
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
-SAMPLES = 16
+SAMPLES = 9
 """Positions remembered, so one more than the longest window [1]."""
 
 SLACK = 1.01

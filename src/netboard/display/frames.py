@@ -9,7 +9,7 @@ painted, or if it was painted more than one such period after its view had come.
 from collections import deque
 
 from netboard.config import Side
-from netboard.stage import TICK_NS
+from netboard.tick import TICK_NS
 from netboard.wire.messages import Frames
 
 MOST_KEPT = 10_000

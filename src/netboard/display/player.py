@@ -38,7 +38,7 @@ class PlayerWindow(BoardWindow):
 
     Parameters
     ----------
-    ticks : ndarray of netboard.stage.TICK, shape (n,)
+    ticks : ndarray of netboard.tick.TICK, shape (n,)
         The recorded ticks; at least one.
     config : Config
         The recording's own configuration.

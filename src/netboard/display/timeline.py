@@ -155,7 +155,7 @@ def seconds(ticks: NDArray[Any]) -> NDArray[np.float64]:
 
     Parameters
     ----------
-    ticks : ndarray of netboard.stage.TICK, shape (n,)
+    ticks : ndarray of netboard.tick.TICK, shape (n,)
         The recorded ticks.
 
     Returns
@@ -171,7 +171,7 @@ def marks(ticks: NDArray[Any]) -> tuple[Mark, ...]:
 
     Parameters
     ----------
-    ticks : ndarray of netboard.stage.TICK, shape (n,)
+    ticks : ndarray of netboard.tick.TICK, shape (n,)
         The recorded ticks.
 
     Returns
@@ -193,7 +193,7 @@ def best_so_far(ticks: NDArray[Any]) -> NDArray[np.float64]:
 
     Parameters
     ----------
-    ticks : ndarray of netboard.stage.TICK, shape (n,)
+    ticks : ndarray of netboard.tick.TICK, shape (n,)
         The recorded ticks.
 
     Returns
@@ -210,7 +210,7 @@ def begin(ticks: NDArray[Any]) -> float:
 
     Parameters
     ----------
-    ticks : ndarray of netboard.stage.TICK, shape (n,)
+    ticks : ndarray of netboard.tick.TICK, shape (n,)
         The recorded ticks.
 
     Returns

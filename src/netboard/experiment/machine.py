@@ -16,9 +16,7 @@ from numpy.typing import NDArray
 
 from netboard.compiled import kernel
 from netboard.config import Block, Config, Geometry, Task
-
-TICK_SECONDS = 1e-3
-"""Length of a tick [s]."""
+from netboard.tick import TICK_SECONDS
 
 
 class Phase(IntEnum):

@@ -20,7 +20,7 @@ from netboard.devices.fixture import lateral_force
 from netboard.devices.safety import Guard, Safety
 from netboard.errors import WireError
 from netboard.process import steady_loop
-from netboard.stage import TICK_NS
+from netboard.tick import TICK_NS
 from netboard.wire.codec import decode, encode
 from netboard.wire.messages import PROTOCOL_VERSION, Beat, Force, Goodbye, Hello, Refusal, Stylus, Welcome
 

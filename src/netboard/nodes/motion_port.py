@@ -73,7 +73,7 @@ class Seat:
         return sample is not None and now_ns - self.stamp_ns < timeout_ns and bool(np.isfinite(sample.z + sample.vz))
 
     def fill(self, row: Any, live: bool) -> None:
-        """Write the sample to a row of `netboard.stage.TICK`."""
+        """Write the sample to a row of `netboard.tick.TICK`."""
         side, sample = self.side, self.sample
         row[f"{side}_live"] = live
         if sample is None:
@@ -129,7 +129,7 @@ class MotionPort:
                 self._other(agent, seat, message, now_ns)
 
     def fill(self, row: Any, now_ns: int) -> None:
-        """Write both seats' samples to a row of `netboard.stage.TICK`."""
+        """Write both seats' samples to a row of `netboard.tick.TICK`."""
         for seat in self.seats.values():
             seat.fill(row, seat.live(now_ns, self._timeout_ns))
 

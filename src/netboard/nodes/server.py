@@ -24,7 +24,8 @@ from netboard.nodes.log_port import LogPort
 from netboard.nodes.motion_port import MotionPort
 from netboard.nodes.watch import Watch
 from netboard.process import steady_loop
-from netboard.stage import TICK, TICK_NS, make_stage
+from netboard.stage import make_stage
+from netboard.tick import TICK, TICK_NS
 from netboard.wire.codec import encode
 from netboard.wire.messages import PROTOCOL_VERSION, EventRecord, Safeguard, Status, TickRecord, Welcome
 

@@ -12,9 +12,7 @@ from numpy.typing import NDArray
 from netboard.config import Physics
 from netboard.errors import ConfigError
 from netboard.physics.stability import is_stable, spectral_radius
-
-LIVE_STEP = 1e-3
-"""Length of the live step [s]."""
+from netboard.tick import TICK_SECONDS
 
 SCENE = np.dtype(
     [
@@ -64,12 +62,13 @@ def pack_scene(physics: Physics) -> NDArray[Any]:
         If the live step cannot hold the board between the hands.
     """
     scene = _packed(physics)
-    if not is_stable(scene[0], LIVE_STEP):
+    if not is_stable(scene[0], TICK_SECONDS):
+        growth = spectral_radius(scene[0], TICK_SECONDS)
         raise ConfigError(
             f"physics.k_h = {physics.k_h:g}, physics.c_h = {physics.c_h:g}: too stiff for a board of "
-            f"M = {physics.M:g} kg, I = {physics.I:g} kg m2 in steps of {LIVE_STEP * 1e3:g} ms: each step would "
-            f"multiply its motion by {spectral_radius(scene[0], LIVE_STEP):.3g} (spectral radius; at most 1 is stable)"
-            f"; accepted: {_accepted(physics)}"
+            f"M = {physics.M:g} kg, I = {physics.I:g} kg m2 in steps of {TICK_SECONDS * 1e3:g} ms: each step would "
+            f"multiply its motion by {growth:.3g} (spectral radius; at most 1 is stable); "
+            f"accepted: {_accepted(physics)}"
         )
     return scene
 
@@ -87,7 +86,7 @@ def _softened(physics: Physics, keys: tuple[str, ...]) -> str:
         return {key: scale * getattr(physics, key) for key in keys}
 
     def holds(scale: float) -> bool:
-        return is_stable(_packed(replace(physics, **scaled(scale)))[0], LIVE_STEP)
+        return is_stable(_packed(replace(physics, **scaled(scale)))[0], TICK_SECONDS)
 
     if not holds(0.0):
         return ""

@@ -1,7 +1,7 @@
 """What a recording holds: its channels, the fields of their messages, and how a record becomes bytes and back.
 
 This table is the format; FORMAT.md and the JSON schemas inside every recording are made from it, and a test holds it
-against `netboard.stage.TICK` and the record messages of the log channel. Channel ids are fixed: 1, 2, ... in the order
+against `netboard.tick.TICK` and the record messages of the log channel. Channel ids are fixed: 1, 2, ... in the order
 of `CHANNELS`. Every message is a flat msgpack map with the names of the fields as keys.
 
 Ticks are the many, so they have a fixed layout: keys in order, every value in msgpack's nine-byte int64 or float64
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from netboard.errors import RecordingError
 from netboard.experiment.machine import Cause, Phase
-from netboard.stage import TICK
+from netboard.tick import TICK
 from netboard.wire.messages import ClockRecord, EventRecord, FrameRecord, Safeguard, TickRecord
 
 FORMAT_VERSION = "1"
@@ -150,7 +150,7 @@ _SIDE_TEXTS: dict[str, tuple[str, str]] = {
 
 
 def _tick_field(name: str) -> Field:
-    """Describe one column of `netboard.stage.TICK`."""
+    """Describe one column of `netboard.tick.TICK`."""
     side, _, rest = name.partition("_")
     if side in ("left", "right"):
         text, unit = _SIDE_TEXTS[rest]

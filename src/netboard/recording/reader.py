@@ -26,7 +26,7 @@ from netboard.recording.chunks import MAGIC, RECORD_HEAD, UNSOUND, payloads, unp
 from netboard.recording.partfile import PROFILE
 from netboard.recording.provenance import CONFIG_NAME, METADATA, METADATA_END, config_sha256
 from netboard.recording.summary import Gap, find_gaps
-from netboard.stage import TICK
+from netboard.tick import TICK
 from netboard.wire.messages import ClockRecord, EventRecord, FrameRecord
 
 _RECORD_LIMIT = 2**30

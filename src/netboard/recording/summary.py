@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.experiment.machine import BALL_FREE, TICK_SECONDS, Cause
+from netboard.experiment.machine import BALL_FREE, Cause
+from netboard.tick import TICK_SECONDS
 from netboard.wire.messages import ClockRecord, EventRecord, FrameRecord, Safeguard
 
 LATE_NS = 500_000

@@ -361,7 +361,7 @@ class LogEnd:
 
 @dataclass(frozen=True, slots=True)
 class TickRecord:
-    """One tick: one row of `netboard.stage.TICK`.
+    """One tick: one row of `netboard.tick.TICK`.
 
     Attributes
     ----------

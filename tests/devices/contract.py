@@ -1,0 +1,104 @@
+"""What every device backend must do; each backend's test derives from `DeviceContract`."""
+
+from abc import ABC, abstractmethod
+from dataclasses import replace
+from math import inf, isfinite, nan
+
+import pytest
+
+from netboard.config import Config
+from netboard.devices.base import Device
+
+MS = 1_000_000
+
+
+class DeviceContract(ABC):
+    """Derive ``class TestMine(DeviceContract)`` and say how to make the device and how to see its motors."""
+
+    @abstractmethod
+    def make(self, config: Config) -> Device:
+        """The left device of a configuration, not yet open."""
+
+    @abstractmethod
+    def motor_force(self, device: Device) -> tuple[float, float, float]:
+        """The force the motors exert now, also after `Device.close` [N]."""
+
+    @pytest.fixture
+    def device(self):
+        device = self.make(Config())
+        yield device
+        device.close()
+
+    def test_it_says_what_it_is(self, device: Device) -> None:
+        info = device.open()
+        assert info.model
+        assert info.serial
+        assert 0 < info.continuous_force <= info.max_force < 50
+        assert info.resolution >= 0
+        assert device.info == info
+
+    def test_it_opens_without_a_force(self, device: Device) -> None:
+        device.open()
+        assert self.motor_force(device) == (0.0, 0.0, 0.0)
+
+    def test_readings_are_finite_and_in_time(self, device: Device) -> None:
+        device.open()
+        last = -1
+        for k in range(50):
+            now = 1000 * MS + k * MS
+            reading = device.read(now)
+            numbers = (reading.x, reading.y, reading.z, reading.vx, reading.vy, reading.vz)
+            assert all(map(isfinite, numbers))
+            assert last < reading.stamp_ns <= now
+            assert reading.buttons >= 0
+            last = reading.stamp_ns
+
+    def test_the_scene_s_origin_is_where_the_agent_says(self) -> None:
+        plain = Config()
+        shifted = replace(plain, agents=replace(plain.agents, left=replace(plain.agents.left, zero=0.02)))
+        with self.make(plain) as here, self.make(shifted) as there:
+            assert there.read(MS).z == pytest.approx(here.read(MS).z - 0.02, abs=1e-3)
+
+    def test_it_renders_no_more_than_it_says(self, device: Device) -> None:
+        limit = device.open().max_force
+        device.write(100.0, -100.0, 100.0)
+        fx, fy, fz = self.motor_force(device)
+        assert (fx * fx + fy * fy + fz * fz) ** 0.5 <= limit * (1 + 1e-9)
+
+    @pytest.mark.parametrize("bad", [nan, inf, -inf])
+    def test_it_takes_no_force_that_is_none(self, device: Device, bad: float) -> None:
+        device.open()
+        with pytest.raises(ValueError, match="not a force"):
+            device.write(0.0, bad, 0.0)
+        assert self.motor_force(device) == (0.0, 0.0, 0.0)
+
+    def test_closing_takes_the_force_away_and_may_be_done_twice(self, device: Device) -> None:
+        device.open()
+        device.write(0.1, 0.2, 0.3)
+        device.close()
+        assert self.motor_force(device) == (0.0, 0.0, 0.0)
+        device.close()
+
+    def test_a_closed_device_does_nothing(self, device: Device) -> None:
+        with pytest.raises(ValueError, match="closed"):
+            device.read(0)
+        with pytest.raises(ValueError, match="closed"):
+            device.write(0.0, 0.0, 0.0)
+        with pytest.raises(ValueError, match="closed"):
+            _ = device.info
+
+    def test_it_opens_only_once_at_a_time(self, device: Device) -> None:
+        device.open()
+        with pytest.raises(ValueError, match="open already"):
+            device.open()
+        device.close()
+        device.open()
+
+    def test_a_with_block_closes_it_when_something_goes_wrong(self) -> None:
+        device = self.make(Config())
+        with pytest.raises(RuntimeError, match="on purpose"), device:
+            device.write(0.0, 0.0, 0.5)
+            raise RuntimeError("on purpose")
+        assert self.motor_force(device) == (0.0, 0.0, 0.0)
+        with pytest.raises(ValueError, match="closed"):
+            device.read(0)

@@ -1,0 +1,42 @@
+"""The lateral fixture."""
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from netboard.config import Config, Fixture
+from netboard.devices.base import Reading
+from netboard.devices.fixture import lateral_force
+from netboard.devices.virtual import VirtualTouch
+
+number = st.floats(-0.1, 0.1)
+
+
+def reading(x: float, y: float, vx: float = 0.0, vy: float = 0.0) -> Reading:
+    return Reading(0, x, y, 0.05, vx, vy, 0.3, 0, True)
+
+
+def test_it_is_the_paper_s_limit_of_the_device() -> None:
+    assert lateral_force(reading(0.001, -0.002), Fixture()) == (-0.4, 0.8)
+
+
+@given(number, number, number, number)
+def test_it_pulls_to_the_line_and_takes_energy(x: float, y: float, vx: float, vy: float) -> None:
+    fx, fy = lateral_force(reading(x, y), Fixture())
+    assert fx * x <= 0
+    assert fy * y <= 0
+    dx, dy = lateral_force(reading(0.0, 0.0, vx, vy), Fixture())
+    assert dx * vx + dy * vy <= 0
+
+
+def test_it_holds_a_hand_near_the_line() -> None:
+    config = Config()
+    device = VirtualTouch("left", config)
+    device.open()
+    start = device.read(0)
+    for k in range(1, 1000):
+        now = device.read(k * 1_000_000)
+        device.write(*lateral_force(now, config.fixture), 0.0)
+    offset = (start.x**2 + start.y**2) ** 0.5
+    assert offset > 1e-4
+    assert (now.x**2 + now.y**2) ** 0.5 < offset
+    assert (now.vx, now.vy) == (0.0, 0.0)

@@ -1,0 +1,84 @@
+"""Backends by name, netboard's own and those of other packages."""
+
+from pathlib import Path
+
+import pytest
+
+from netboard.config import Agent, Agents, Config
+from netboard.devices import registry
+from netboard.devices.virtual import VirtualTouch
+from netboard.errors import DeviceNotFound
+
+PLUGIN = """
+from netboard.devices.virtual import VirtualTouch
+
+class Other(VirtualTouch.__mro__[1]):
+    def _open(self): ...
+    def _read(self, now_ns): ...
+    def _write(self, fx, fy, fz): ...
+    def _close(self): ...
+
+NO_DEVICE = 3
+"""
+
+ENTRY_POINTS = """
+[netboard.devices]
+other = a_lab_plugin:Other
+missing = a_lab_plugin:Missing
+broken = a_lab_plugin_that_is_not_there:Other
+no_device = a_lab_plugin:NO_DEVICE
+virtual = a_lab_plugin:Other
+"""
+
+
+@pytest.fixture
+def plugin(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Install a third-party distribution for this test."""
+    (tmp_path / "a_lab_plugin.py").write_text(PLUGIN)
+    info = tmp_path / "a_lab_plugin-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: a-lab-plugin\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text(ENTRY_POINTS)
+    monkeypatch.syspath_prepend(tmp_path)
+
+
+def test_the_virtual_device_is_there() -> None:
+    assert registry.find("virtual") is VirtualTouch
+    assert "virtual" in registry.names()
+
+
+def test_every_backend_of_netboard_can_be_loaded() -> None:
+    for name in registry.BACKENDS:
+        registry.find(name)
+
+
+def test_an_unknown_name_says_what_there_is() -> None:
+    with pytest.raises(DeviceNotFound, match=r"'vitual'.*there are: .*virtual"):
+        registry.find("vitual")
+
+
+def test_a_device_is_made_for_its_side() -> None:
+    config = Config(agents=Agents(right=Agent(zero=0.01)))
+    device = registry.make("right", config)
+    assert isinstance(device, VirtualTouch)
+    assert (device.side, device.agent.zero) == ("right", 0.01)
+
+
+@pytest.mark.usefixtures("plugin")
+def test_other_packages_add_theirs() -> None:
+    assert "other" in registry.names()
+    assert registry.find("other").__name__ == "Other"
+
+
+@pytest.mark.usefixtures("plugin")
+@pytest.mark.parametrize(
+    ("name", "why"), [("missing", "no attribute"), ("broken", "No module"), ("no_device", "is not a netboard")]
+)
+def test_a_backend_that_cannot_be_had_says_why(name: str, why: str) -> None:
+    with pytest.raises(DeviceNotFound, match=why):
+        registry.find(name)
+
+
+@pytest.mark.usefixtures("plugin")
+def test_netboard_s_own_come_first() -> None:
+    assert registry.find("virtual") is VirtualTouch

@@ -1,0 +1,303 @@
+"""The safety chain: each rule in a scene of its own, then every rule at once on any sequence of inputs."""
+
+from dataclasses import replace
+from math import hypot, inf, isfinite, nan
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from netboard.config import Safety as Limits
+from netboard.devices.safety import LIVE, LONGEST_STEP_NS, TABLE, Guard, Limited, Safety, Trip
+from netboard.wire.messages import Safeguard
+
+MS = 1_000_000
+LIMITS = Limits()
+STILL = (0.0, 0.0, 0.0)
+QUIET = (0.0, 0.0, 0.0)
+
+
+class Bench:
+    """A chain with a clock of 1 ms and a server that is heard every tick unless it is cut off."""
+
+    def __init__(self, limits: Limits = LIMITS, device: float = 3.3) -> None:
+        self.chain = Safety(limits, device)
+        self.now = 0
+        self.heard: int | None = None
+        self.history: list[Limited] = []
+
+    def run(self, ms: int, wanted=QUIET, velocity=STILL, cut: bool = False) -> Limited:
+        for _ in range(ms):
+            self.now += MS
+            if not cut:
+                self.heard = self.now
+            self.history.append(self.chain.step(self.now, wanted, self.heard, velocity))
+        return self.history[-1]
+
+    def armed(self, wanted=QUIET) -> "Bench":
+        """Armed, the ramp over, the wanted force reached."""
+        assert self.chain.arm()
+        self.run(1200)
+        self.run(60, wanted)
+        assert self.chain.guard is Guard.ARMED
+        return self
+
+    def largest_step(self) -> float:
+        pairs = zip(self.history, self.history[1:], strict=False)
+        return max(hypot(b.fx - a.fx, b.fy - a.fy, b.fz - a.fz) for a, b in pairs)
+
+
+SLEW = LIMITS.max_slew * 1e-3 + 1e-12
+
+
+def test_every_state_has_its_row_and_every_edge_leads_somewhere() -> None:
+    assert set(TABLE) == set(Guard)
+    for guard, edges in TABLE.items():
+        assert all(then in Guard and then is not guard for then in edges.values())
+        assert Trip.NONE not in edges
+        if guard is not Guard.FAULT:
+            assert edges[Trip.FAULT] is Guard.FAULT
+        if guard in LIVE:
+            assert {Trip.DISARM, Trip.EXPIRED, Trip.TOO_FAST} <= set(edges)
+
+
+def test_only_arming_leads_out_of_disarmed_and_only_disarming_out_of_a_fault() -> None:
+    assert {trip for trip in TABLE[Guard.DISARMED] if trip is not Trip.FAULT} == {Trip.ARM}
+    assert TABLE[Guard.FAULT] == {Trip.DISARM: Guard.DISARMED}
+
+
+def test_a_disarmed_device_gets_no_force() -> None:
+    bench = Bench()
+    last = bench.run(100, (1.0, 1.0, 1.0))
+    assert last == (0.0, 0.0, 0.0, Safeguard(0))
+
+
+def test_the_force_grows_by_the_ramp() -> None:
+    bench = Bench()
+    bench.chain.arm()
+    bench.run(1)
+    assert bench.chain.guard is Guard.RAMPING
+    half = bench.run(500, (0.0, 0.0, 1.0))
+    assert half.fz == pytest.approx(0.5, abs=0.005)
+    assert half.safeguards == Safeguard.ARMED | Safeguard.RAMPING
+    full = bench.run(600, (0.0, 0.0, 1.0))
+    assert full.fz == 1.0
+    assert full.safeguards == Safeguard.ARMED
+
+
+def test_it_waits_behind_the_gate_until_the_wanted_force_is_small() -> None:
+    bench = Bench()
+    bench.chain.arm()
+    bench.run(500, (0.0, 0.0, LIMITS.arm_gate * 1.01))
+    assert bench.chain.guard is Guard.WAITING
+    assert not any(h.safeguards & Safeguard.ARMED for h in bench.history)
+    bench.run(1, (0.0, 0.0, LIMITS.arm_gate * 0.99))
+    assert bench.chain.guard is Guard.RAMPING
+
+
+def test_the_gate_does_not_ask_for_a_stylus_in_the_line() -> None:
+    bench = Bench()
+    bench.chain.arm()
+    bench.run(1000, (-8.0, 4.0, 0.0))
+    assert bench.chain.guard in LIVE
+    assert bench.largest_step() <= SLEW
+
+
+def test_it_waits_for_the_server() -> None:
+    bench = Bench()
+    bench.chain.arm()
+    bench.run(3000, cut=True)
+    assert bench.chain.guard is Guard.WAITING
+
+
+def test_arming_twice_is_once() -> None:
+    bench = Bench().armed()
+    assert not bench.chain.arm()
+    assert bench.chain.guard is Guard.ARMED
+
+
+def test_a_stale_force_is_held_then_fades_then_the_device_is_disarmed() -> None:
+    bench = Bench().armed((0.0, 0.0, 1.0))
+    held = bench.run(int(LIMITS.stale_after_ms), (0.0, 0.0, 1.0), cut=True)
+    assert held.fz == 1.0
+    assert held.safeguards == Safeguard.ARMED
+    fading = bench.run(int(LIMITS.fade_ms) // 2, (0.0, 0.0, 1.0), cut=True)
+    assert fading.fz == pytest.approx(0.5, abs=0.03)
+    assert fading.safeguards & Safeguard.STALE
+    gone = bench.run(int(LIMITS.fade_ms) // 2, (0.0, 0.0, 1.0), cut=True)
+    assert gone.fz == pytest.approx(0.0, abs=1e-9)
+    bench.run(60, (0.0, 0.0, 1.0), cut=True)
+    assert bench.chain.guard is Guard.DISARMED
+    back = bench.run(5000, (0.0, 0.0, 0.1))
+    assert back == (0.0, 0.0, 0.0, Safeguard(0))
+    assert bench.largest_step() <= SLEW
+
+
+def test_after_a_short_outage_the_force_comes_back_by_the_ramp_from_where_it_was() -> None:
+    bench = Bench().armed((0.0, 0.0, 1.0))
+    left = bench.run(35, (0.0, 0.0, 1.0), cut=True).fz
+    assert left == pytest.approx(0.5, abs=0.03)
+    soon = bench.run(100, (0.0, 0.0, 1.0))
+    assert soon.fz == pytest.approx(left + 0.1 / LIMITS.arm_time, abs=0.01)
+    assert soon.safeguards & Safeguard.RAMPING
+    assert bench.run(600, (0.0, 0.0, 1.0)).fz == 1.0
+
+
+def test_the_lateral_force_does_not_fade_with_the_network() -> None:
+    bench = Bench().armed((0.4, 0.0, 1.0))
+    assert bench.run(90, (0.4, 0.0, 1.0), cut=True).fx == pytest.approx(0.4)
+
+
+def test_where_nothing_is_felt_a_silent_server_is_not_felt_either() -> None:
+    bench = Bench().armed()
+    assert bench.run(50, velocity=(0.0, 0.0, 0.3), cut=True).fz == 0.0
+
+
+@pytest.mark.parametrize("speed", [-0.9, -0.1, 0.1, 0.9])
+def test_damping_while_fading_brakes_and_never_exceeds_the_fading_force(speed: float) -> None:
+    still, moving = Bench().armed((0.0, 0.0, 0.5)), Bench().armed((0.0, 0.0, 0.5))
+    for _ in range(80):
+        plain = still.run(1, (0.0, 0.0, 0.5), cut=True).fz
+        braked = moving.run(1, (0.0, 0.0, 0.5), (0.0, 0.0, speed), cut=True).fz
+        assert (braked - plain) * speed <= 1e-12
+    assert moving.largest_step() <= SLEW
+    assert moving.history[-1].fz == pytest.approx(0.0, abs=1e-9)
+
+
+def test_beats_without_a_force_keep_the_fixture_alive() -> None:
+    bench = Bench().armed((0.3, 0.0, 0.0))
+    for _ in range(50):
+        bench.run(8, (0.3, 0.0, 0.0), cut=True)
+        bench.run(1, (0.3, 0.0, 0.0))
+    assert bench.history[-1].fx == pytest.approx(0.3)
+    assert not any(h.safeguards & Safeguard.STALE for h in bench.history)
+
+
+def test_a_stylus_that_is_too_fast_gets_no_force_until_gate_and_ramp() -> None:
+    bench = Bench().armed((0.0, 0.0, 2.0))
+    cut = bench.run(10, (0.0, 0.0, 2.0), (0.8, 0.8, 0.0))
+    assert cut[:3] == STILL
+    assert cut.safeguards == Safeguard.TOO_FAST
+    assert bench.run(500, (0.0, 0.0, 2.0))[:3] == STILL
+    bench.run(1, (0.0, 0.0, 0.0))
+    assert bench.run(100, (0.0, 0.0, 2.0)).fz == pytest.approx(0.2, abs=0.01)
+    assert bench.largest_step() <= SLEW
+
+
+@pytest.mark.parametrize("bad", [nan, inf, -inf])
+@pytest.mark.parametrize("place", range(6))
+def test_a_number_that_is_none_cuts_to_zero_at_once(bad: float, place: int) -> None:
+    bench = Bench().armed((0.5, 0.0, 2.0))
+    numbers = [0.5, 0.0, 2.0, 0.0, 0.0, 0.0]
+    numbers[place] = bad
+    cut = bench.run(1, tuple(numbers[:3]), tuple(numbers[3:]))
+    assert cut[:3] == STILL
+    assert cut.safeguards == Safeguard.NOT_FINITE
+    assert not bench.chain.arm()
+    assert bench.run(100, (0.0, 0.0, 0.0)).safeguards == Safeguard.NOT_FINITE
+    bench.chain.disarm()
+    assert bench.run(1).safeguards == Safeguard(0)
+    assert bench.chain.arm()
+
+
+def test_a_lost_device_cuts_to_zero_at_once() -> None:
+    bench = Bench().armed((0.0, 0.0, 2.0))
+    bench.chain.device_lost()
+    cut = bench.run(1, (0.0, 0.0, 2.0))
+    assert cut == (0.0, 0.0, 0.0, Safeguard.DEVICE_LOST)
+    assert bench.chain.guard is Guard.FAULT
+
+
+def test_disarming_goes_down_by_the_slew_limit_and_stays_down() -> None:
+    bench = Bench().armed((0.0, 0.0, 2.0))
+    bench.chain.disarm()
+    assert bench.chain.guard is Guard.RELEASING
+    assert bench.run(1, (0.0, 0.0, 2.0)).fz == pytest.approx(1.5)
+    bench.run(10, (0.0, 0.0, 2.0))
+    assert bench.chain.guard is Guard.DISARMED
+    assert bench.run(1000, (0.0, 0.0, 0.0))[:3] == STILL
+
+
+@pytest.mark.parametrize(("device", "most"), [(3.3, 3.0), (1.2, 1.2)])
+def test_the_clamp_is_the_smaller_limit_and_keeps_the_direction(device: float, most: float) -> None:
+    bench = Bench(device=device).armed()
+    clamped = bench.run(100, (3.0, 0.0, -4.0))
+    assert hypot(*clamped[:3]) == pytest.approx(most)
+    assert clamped.fx / clamped.fz == pytest.approx(-0.75)
+    assert clamped.safeguards == Safeguard.ARMED | Safeguard.CLAMPED
+
+
+def test_the_slew_limit_holds_a_step_back() -> None:
+    bench = Bench().armed()
+    first = bench.run(1, (0.0, 0.0, 2.0))
+    assert first.fz == pytest.approx(0.5)
+    assert first.safeguards == Safeguard.ARMED | Safeguard.SLEWED
+    assert bench.run(3, (0.0, 0.0, 2.0)).fz == pytest.approx(2.0)
+
+
+def test_a_late_step_earns_no_larger_change() -> None:
+    bench = Bench().armed()
+    bench.now += 500 * MS
+    bench.heard = bench.now
+    late = bench.chain.step(bench.now, (0.0, 0.0, 3.0), bench.heard, STILL)
+    assert late.fz == pytest.approx(LIMITS.max_slew * LONGEST_STEP_NS * 1e-9)
+
+
+def test_a_clock_that_runs_backwards_changes_nothing() -> None:
+    bench = Bench().armed((0.0, 0.0, 1.0))
+    before = bench.history[-1]
+    assert bench.chain.step(bench.now - 50 * MS, (0.0, 0.0, 3.0), bench.now, STILL)[:3] == before[:3]
+
+
+number = st.one_of(
+    st.floats(-5.0, 5.0), st.sampled_from([0.0, 0.1, -0.1, nan, inf, -inf, 1e308, -1e308, 5e-324]), st.floats()
+)
+tame = st.floats(-3.0, 3.0)
+vector = st.one_of(st.tuples(tame, tame, st.floats(-0.1, 0.1)), st.tuples(tame, tame, tame), st.tuples(*[number] * 3))
+velocity = st.one_of(st.just(STILL), st.tuples(*[st.floats(-0.5, 0.5)] * 3), st.tuples(*[number] * 3))
+moment = st.tuples(
+    st.sampled_from(["", "", "", "", "", "", "arm", "arm", "disarm", "lost"]),
+    st.sampled_from([0, 1, 1, 1, 1, 2, 5, 30, 300]),
+    vector,
+    st.sampled_from([0, 0, 0, 0, 11, 40, 150, None]),
+    velocity,
+    st.integers(1, 40),
+)
+limit = st.builds(
+    replace,
+    st.just(LIMITS),
+    max_force=st.floats(0.1, 10.0),
+    max_slew=st.floats(1.0, 5000.0),
+    arm_time=st.floats(0.01, 2.0),
+)
+
+
+@settings(max_examples=200)
+@given(limit, st.floats(0.1, 10.0), st.lists(moment, max_size=25))
+def test_no_sequence_of_inputs_breaks_a_rule(limits: Limits, device: float, moments: list) -> None:
+    chain, now, last = Safety(limits, device), 0, STILL
+    for action, dt, wanted, age, speed, times in moments:
+        before = chain.guard
+        if action == "arm":
+            armed = chain.arm()
+            assert armed == (before is Guard.DISARMED)
+        elif action == "disarm":
+            chain.disarm()
+        elif action == "lost":
+            chain.device_lost()
+        for _ in range(times):
+            was = chain.guard
+            now += dt * MS
+            force = chain.step(now, wanted, None if age is None else now - age * MS, speed)
+            out, guard = force[:3], chain.guard
+            assert all(map(isfinite, out))
+            assert hypot(*out) <= min(limits.max_force, device) * (1 + 1e-12)
+            if guard in (Guard.DISARMED, Guard.FAULT):
+                assert out == STILL
+            if guard is not Guard.FAULT:
+                most = limits.max_slew * min(dt * MS, LONGEST_STEP_NS) * 1e-9
+                assert hypot(*(b - a for a, b in zip(last, out, strict=True))) <= most * (1 + 1e-9) + 1e-12
+            assert bool(force.safeguards & Safeguard.ARMED) == (guard in LIVE)
+            assert guard is was or guard in TABLE[was].values()
+            assert not (was is Guard.DISARMED and guard in LIVE)
+            last = out

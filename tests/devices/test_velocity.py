@@ -1,0 +1,56 @@
+"""Adaptive windowing: exact on lines, quiet at rest, quick when it matters."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from netboard.devices.velocity import SAMPLES, Velocimeter
+
+STEP = 0.055e-3
+MS = 1_000_000
+
+
+def feed(heights: np.ndarray, resolution: float = STEP) -> np.ndarray:
+    meter = Velocimeter(resolution)
+    quantised = np.round(heights / resolution) * resolution if resolution else heights
+    return np.array([meter.update(k * MS, 0.0, 0.0, float(z))[2] for k, z in enumerate(quantised)])
+
+
+def test_the_first_position_says_nothing() -> None:
+    assert feed(np.array([0.01]))[0] == 0.0
+
+
+@given(st.floats(-0.5, 0.5))
+def test_a_steady_movement_is_told_to_a_step_over_the_window(speed: float) -> None:
+    velocity = feed(speed * 1e-3 * np.arange(60))
+    assert np.abs(velocity[20:] - speed).max() <= 2.1 * STEP / ((SAMPLES - 1) * 1e-3)
+
+
+def test_one_encoder_step_is_spread_over_the_whole_window() -> None:
+    heights = np.zeros(60)
+    heights[30:] = STEP
+    assert np.abs(feed(heights)).max() == pytest.approx(STEP / ((SAMPLES - 1) * 1e-3))
+
+
+def test_it_beats_a_fixed_window_of_the_same_noise_on_a_movement() -> None:
+    t = 1e-3 * np.arange(500)
+    speed = 0.02 * 4 * np.pi * 2 * np.cos(8 * np.pi * t)
+    heights = 0.02 * np.sin(8 * np.pi * t)
+    quantised = np.round(heights / STEP) * STEP
+    n = SAMPLES - 1
+    fixed = (quantised[n:] - quantised[:-n]) / (n * 1e-3)
+    adaptive = np.sqrt(np.mean((feed(heights)[n:] - speed[n:]) ** 2))
+    assert adaptive < 0.8 * np.sqrt(np.mean((fixed - speed[n:]) ** 2))
+
+
+def test_without_steps_it_is_the_last_difference_of_a_bent_path() -> None:
+    heights = np.array([0.0, 0.001, 0.003, 0.006])
+    assert feed(heights, 0.0)[-1] == pytest.approx(3.0)
+
+
+def test_a_second_reading_of_the_same_time_replaces_the_first() -> None:
+    meter = Velocimeter(0.0)
+    meter.update(0, 0.0, 0.0, 0.0)
+    meter.update(MS, 0.0, 0.0, 0.5)
+    assert meter.update(MS, 0.0, 0.0, 0.001)[2] == pytest.approx(1.0)
