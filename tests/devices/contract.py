@@ -96,9 +96,14 @@ class DeviceContract(ABC):
 
     def test_a_with_block_closes_it_when_something_goes_wrong(self) -> None:
         device = self.make(Config())
-        with pytest.raises(RuntimeError, match="on purpose"), device:
-            device.write(0.0, 0.0, 0.5)
-            raise RuntimeError("on purpose")
+
+        def fail() -> None:
+            with device:
+                device.write(0.0, 0.0, 0.5)
+                raise RuntimeError("on purpose")
+
+        with pytest.raises(RuntimeError, match="on purpose"):
+            fail()
         assert self.motor_force(device) == (0.0, 0.0, 0.0)
         with pytest.raises(ValueError, match="closed"):
             device.read(0)

@@ -2,9 +2,9 @@
 
 The velocity is the slope from the newest position back to the oldest one for which all positions between lie within
 one encoder step of the straight line. So a fast movement is judged over few samples, with little delay, and a slow one
-over many, with little noise. The estimate is late by half the window it used. The longest window is a compromise: at 1 kHz
-`SAMPLES` readings make a single encoder step of a Touch look like 7 mm/s, which no longer shakes the paper's light
-board, and the estimate is late by 4 ms at most, which leaves the virtual spring the delay it can stand (CHAI3D's
+over many, with little noise. The estimate is late by half the window it used. The longest window is a compromise: at
+1 kHz `SAMPLES` readings make a single encoder step of a Touch look like 7 mm/s, which no longer shakes the paper's
+light board, and the estimate is late by 4 ms at most, which leaves the virtual spring the delay it can stand (CHAI3D's
 15 ms window would halve that).
 """
 

@@ -165,7 +165,7 @@ def swing(
     arm : ARM record
         The constants.
     plan : ndarray, shape (CAPACITY, 3)
-        Start [s], duration [s] and displacement [m] of the submovements, changed in place.
+        Start, duration and displacement of each submovement, changed in place [s, s, m].
     origin : float
         Time of the state handed in, on the clock of the submovements [s].
     fx, fy, fz : float

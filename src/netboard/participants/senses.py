@@ -109,7 +109,7 @@ class Wander:
         Returns
         -------
         float
-            The new value, in the unit of the deviation.
+            The new value [unit of the deviation].
         """
         keep = float(np.exp(-dt / self._time))
         kick = self._deviation * float(np.sqrt(1.0 - keep * keep))
