@@ -189,13 +189,22 @@ class Agent:
         self._send(reading)
         if self._companion is not None:
             self._companion.step(reading.stamp_ns, isinstance(self._link.newest, Force))
-        if reading.ready and self._safety.guard is Guard.DISARMED:
-            self._safety.arm()
         self._link.receive()
+        self._arm(reading.ready)
         self._render(reading)
         while (left_ns := until_ns - now_ns()) > 0 and self._link.wait(left_ns * 1e-9):
             if self._link.receive():
                 self._render(reading)
+
+    def _arm(self, ready: bool) -> None:
+        """Arm the device only while the server says that nothing is to be felt: forces come back with the trial.
+
+        So a device that has lost the server in a trial stays without force until the trial has been paused and resumed.
+        """
+        if not ready:
+            self._safety.disarm()
+        elif self._safety.guard is Guard.DISARMED and isinstance(self._link.newest, Beat):
+            self._safety.arm()
 
     def _render(self, reading: Reading) -> None:
         """Hand the device the newest force and the fixture's, through the safety chain."""

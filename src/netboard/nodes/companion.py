@@ -8,7 +8,7 @@ the left agent to the right one.
 import numpy as np
 
 from netboard import sockets
-from netboard.config import Config, Side
+from netboard.config import SIDES, Config, Side
 from netboard.devices.virtual import VirtualTouch
 from netboard.errors import WireError
 from netboard.participants.brain import Brain
@@ -60,7 +60,7 @@ class Person:
         where = sockets.addresses(config.network)
         bimanual = config.block.configuration == "bimanual"
         sides: tuple[Side, ...] = ("left", "right") if bimanual else (device.side,)
-        rng = np.random.default_rng((config.block.seed, 2 + sides.index(device.side), len(sides)))
+        rng = np.random.default_rng((config.block.seed, len(SIDES) + SIDES.index(device.side)))
         self._brain = Brain(config.participant, config.physics, config.task, sides, rng)
         self._eye = Eye(sockets.view_subscriber(context, where.reach(sockets.VIEW[device.side])))
         self._device = device

@@ -21,6 +21,7 @@ from netboard.wire.messages import (
     Hello,
     Message,
     Refusal,
+    Safeguard,
     Stylus,
     Welcome,
 )
@@ -71,6 +72,11 @@ class Seat:
         """Whether there is a finite sample that is not too old."""
         sample = self.sample
         return sample is not None and now_ns - self.stamp_ns < timeout_ns and bool(np.isfinite(sample.z + sample.vz))
+
+    @property
+    def armed(self) -> bool:
+        """Whether the device may give forces, as the newest sample says."""
+        return self.sample is not None and bool(self.sample.safeguards & Safeguard.ARMED)
 
     def fill(self, row: Any, live: bool) -> None:
         """Write the sample to a row of `netboard.tick.TICK`."""

@@ -27,7 +27,7 @@ from netboard.process import steady_loop
 from netboard.stage import make_stage
 from netboard.tick import TICK, TICK_NS
 from netboard.wire.codec import encode
-from netboard.wire.messages import PROTOCOL_VERSION, EventRecord, Safeguard, Status, TickRecord, Welcome
+from netboard.wire.messages import PROTOCOL_VERSION, EventRecord, Status, TickRecord, Welcome
 
 log = logging.getLogger(__name__)
 
@@ -180,6 +180,8 @@ class Server:
         for side in SIDES:
             if not row[f"{side}_live"]:
                 return f"no sample from the {side} agent"
+            if not self._motion.seats[side].armed:
+                return f"the {side} device is not armed"
         if self._config.network.require_logger and self._log.backlog > BACKLOG_LIMIT * self._log.ring.capacity:
             return "the logger is too far behind"
         return ""
@@ -191,7 +193,7 @@ class Server:
             seat = self._motion.seats[side]
             if seat.sample is None:
                 lacking.append(f"the {side} agent")
-            elif not seat.sample.safeguards & Safeguard.ARMED:
+            elif not seat.armed:
                 lacking.append(f"the {side} device to be armed")
         if self._config.network.require_logger and not self._log.loggers:
             lacking.append("the logger")
