@@ -33,6 +33,9 @@ class Guarded(TyperGroup):
                 raise
             typer.secho(f"netboard: {error}", err=True, fg=typer.colors.RED)
             raise typer.Exit(WRONG if isinstance(error, ConfigError) else FAULT) from None
+        except KeyboardInterrupt:
+            typer.secho("netboard: interrupted", err=True, fg=typer.colors.RED)
+            raise typer.Exit(FAULT) from None
 
 
 def examples(*lines: str) -> str:

@@ -1,5 +1,6 @@
 """A whole session on this machine: every process for real, the people simulated."""
 
+import random
 import socket as net
 import subprocess
 import sys
@@ -13,14 +14,15 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from netboard import sockets
-from netboard.config import SIDES, Config, parse, resolve
+from netboard.config import SIDES, Config, resolve
 from netboard.errors import NetboardError
 from netboard.nodes.launcher import Launcher
 from netboard.nodes.operator import Operator
 from netboard.process import Stopping
 from netboard.recording.reader import Recording
+from netboard.recording.verification import verify_recording
 from netboard.report.tables import summary_of, summary_tables, verdict_line
-from netboard.stage import make_stage, verify
+from netboard.stage import make_stage
 
 CHANNELS = 6
 PICTURE_AFTER = 8.0
@@ -50,21 +52,28 @@ def main(config: Config, *, displays: bool = True) -> int:
     """
     began = time.monotonic()
     directory = Path(config.recording.directory).resolve()
-    directory.mkdir(parents=True, exist_ok=True)
-    config = replace(
+    with Stopping() as stopping:
+        with console.status("getting the kernels ready (compiled once, then kept)"):
+            make_stage(config).warm()
+        if displays and (trouble := why_no_windows()):
+            console.print(f"[yellow]running without displays: Qt cannot be loaded ({trouble})[/yellow]")
+            displays = False
+        try:
+            directory.mkdir(parents=True, exist_ok=True)
+            words = Path(tempfile.mkdtemp(prefix=f"demo_{datetime.now(UTC):%Y%m%dT%H%M%SZ}_", dir=directory))
+            session = play(on_this_machine(config, directory), words, displays, stopping)
+        except OSError as error:
+            raise NetboardError(f"{directory}: cannot be written to: {error.strerror}") from error
+    return show(directory, session, words, began) if session else 1
+
+
+def on_this_machine(config: Config, directory: Path) -> Config:
+    """Make a configuration one of this machine alone, with free ports."""
+    return replace(
         config,
         network=replace(config.network, host="127.0.0.1", bind="127.0.0.1", port=free_port()),
         recording=replace(config.recording, directory=str(directory)),
     )
-    with console.status("getting the kernels ready (compiled once, then kept)"):
-        make_stage(config).warm()
-    if displays and (trouble := why_no_windows()):
-        console.print(f"[yellow]running without displays: Qt cannot be loaded ({trouble})[/yellow]")
-        displays = False
-    words = Path(tempfile.mkdtemp(prefix=f"demo_{datetime.now(UTC):%Y%m%dT%H%M%SZ}_", dir=directory))
-    with Stopping() as stopping:
-        session = play(config, words, displays, stopping)
-    return show(directory, session, words, began) if session else 1
 
 
 def why_no_windows() -> str:
@@ -76,8 +85,9 @@ def why_no_windows() -> str:
 
 
 def free_port() -> int:
-    """First of enough free ports in a row."""
-    for port in range(5550, 65_000, CHANNELS):
+    """First of enough free ports in a row, looked for from anywhere, so that two demos do not look at the same."""
+    ports = range(5550, 32_000, CHANNELS)
+    for port in random.sample(ports, len(ports)):
         try:
             for channel in range(CHANNELS):
                 with net.socket() as probe:
@@ -106,9 +116,9 @@ def play(config: Config, words: Path, displays: bool, stopping: Stopping) -> str
         session = operator.status.session if operator.status else ""
         operator.command("shutdown")
         with console.status("bringing the last records to disk"):
-            clean = launcher.wait("server", END_SECONDS) and launcher.wait("logger", END_SECONDS)
-        if not clean:
-            console.print("[red]the server or the logger did not end by itself[/red]")
+            trouble = launcher.wait("server", END_SECONDS) or launcher.wait("logger", END_SECONDS)
+        if trouble:
+            console.print(f"[red]{trouble}[/red]")
             return ""
     return session
 
@@ -149,7 +159,7 @@ def show(directory: Path, session: str, words: Path, began: float) -> int:
     for path in paths:
         with Recording(path) as recording:
             summary = summary_of(recording)
-            verdict = verify(make_stage(parse(recording.config_text, str(path))), recording.ticks())
+            verdict = verify_recording(recording)
         console.print(summary_tables(summary))
         console.print(verdict_line(verdict))
         good &= verdict.identical and not summary.missing_ticks

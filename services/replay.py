@@ -4,11 +4,11 @@ from pathlib import Path
 
 from rich.console import Console
 
-from netboard.config import Side, parse
+from netboard.config import Side
 from netboard.process import Stopping
 from netboard.recording.reader import Recording
+from netboard.recording.verification import verify_recording
 from netboard.report.tables import verdict_line
-from netboard.stage import Verdict, make_stage, verify
 
 
 def main(
@@ -37,7 +37,8 @@ def main(
         Exit code: 1 if a tick is not identical.
     """
     if check:
-        verdict = verdict_of(path)
+        with Recording(path) as recording:
+            verdict = verify_recording(recording)
         Console(highlight=False).print(verdict_line(verdict))
         return 0 if verdict.identical else 1
     with Stopping() as stopping:
@@ -50,9 +51,3 @@ def main(
 
             run(path, station, stopping, speed, screenshot)
     return 0
-
-
-def verdict_of(path: Path) -> Verdict:
-    """Verify a recording with the stage of its own configuration."""
-    with Recording(path) as recording:
-        return verify(make_stage(parse(recording.config_text, str(path))), recording.ticks())

@@ -21,10 +21,11 @@ def main(config: Config, *, autostart: bool = True) -> int:
     Returns
     -------
     int
-        Exit code.
+        Exit code: 1 if records are not known to be on disk.
     """
     speak("server")
     real_time(PRIORITY)
     with Stopping() as stopping, sockets.open_context() as context:
-        Server(config, context, autostart=autostart).run(stopping)
-    return 0
+        server = Server(config, context, autostart=autostart)
+        server.run(stopping)
+    return 0 if server.everything_recorded else 1

@@ -57,7 +57,9 @@ def test_every_socket_has_the_options_its_channel_needs(made: Made) -> None:
     for socket in (agent, logger):
         assert socket.getsockopt(zmq.IMMEDIATE) == 1
     for socket in (motion, log, agent, logger, view, eye):
-        assert socket.getsockopt(zmq.HEARTBEAT_IVL) > 0
+        assert socket.getsockopt(zmq.HEARTBEAT_IVL) == 0
+        assert socket.getsockopt(zmq.TCP_KEEPALIVE) == 1
+        assert socket.getsockopt(zmq.MAXMSGSIZE) == sockets.LARGEST_FRAME
 
 
 def test_addresses_count_the_channels_from_the_first_port() -> None:

@@ -6,13 +6,21 @@ Nothing here is fatal: what a system does not offer or allow is said in one line
 import gc
 import logging
 import os
+import platform
 import signal
 import sys
 from types import FrameType, TracebackType
 from typing import Self
 
-STOP_SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGBREAK") if hasattr(signal, name))
-"""What asks a process to stop cleanly; the third is Windows' way."""
+_STOP_NAMES = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
+STOP_SIGNALS = tuple(getattr(signal, name) for name in _STOP_NAMES if hasattr(signal, name))
+"""What asks a process to stop cleanly, on one system or another."""
+
+NAME = f"{platform.node()}:{os.getpid()}"
+"""How this process is told from all others, for peers and people."""
+
+WITH_PARENT = "NETBOARD_STOP_WITH_PARENT"
+"""Set in the environment of a process that shall not outlive the one that started it."""
 
 log = logging.getLogger(__name__)
 
@@ -25,11 +33,12 @@ class Stopping:
 
     def __init__(self) -> None:
         self._asked = False
+        self._parent = os.getppid() if os.environ.get(WITH_PARENT) else None
         self._before: dict[int, object] = {}
 
     def __call__(self) -> bool:
-        """Whether the process has been asked to stop."""
-        return self._asked
+        """Whether the process has been asked to stop, or has lost the parent it shall not outlive."""
+        return self._asked or (self._parent is not None and os.getppid() != self._parent)
 
     def __enter__(self) -> Self:
         for number in STOP_SIGNALS:

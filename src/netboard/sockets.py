@@ -2,8 +2,9 @@
 
 Rules that hold here: options are set before bind or connect (later ones do not take hold); the motion channel keeps at
 most a few frames and never waits (the newest sample wins, an absent peer gets nothing stale); the log channel keeps
-many and lingers; views are single frames and conflated; every link has heartbeats, so that a cut cable is noticed.
-Sockets are used by the thread that made them.
+many and lingers; views are single frames and conflated. A cut cable is noticed by TCP keepalive and, much earlier, by
+silence; not by ZeroMQ's heartbeats: libzmq 4.3.5 aborts a process that was stopped for some seconds with full queues
+and heartbeats on. Sockets are used by the thread that made them.
 """
 
 import select
@@ -34,8 +35,10 @@ CONTROL_HWM = 1000
 LOG_LINGER_MS = 2000
 GOODBYE_LINGER_MS = 200
 """Last words on a channel that else lets nothing linger are given so long [ms]."""
-HEARTBEAT_IVL_MS = 500
-HEARTBEAT_TIMEOUT_MS = 2000
+LARGEST_FRAME = 2**20
+"""Whoever sends a larger frame is cut off, before it is received [bytes]."""
+KEEPALIVE_S = 1
+KEEPALIVE_PROBES = 3
 RECONNECT_IVL_MS = 100
 RECONNECT_IVL_MAX_MS = 1000
 
@@ -88,9 +91,11 @@ def _make(context: Context, kind: int, hwm: int, linger_ms: int = 0) -> Socket:
     socket.setsockopt(zmq.LINGER, linger_ms)
     socket.setsockopt(zmq.SNDHWM, hwm)
     socket.setsockopt(zmq.RCVHWM, hwm)
-    socket.setsockopt(zmq.HEARTBEAT_IVL, HEARTBEAT_IVL_MS)
-    socket.setsockopt(zmq.HEARTBEAT_TIMEOUT, HEARTBEAT_TIMEOUT_MS)
-    socket.setsockopt(zmq.HEARTBEAT_TTL, HEARTBEAT_TIMEOUT_MS)
+    socket.setsockopt(zmq.MAXMSGSIZE, LARGEST_FRAME)
+    socket.setsockopt(zmq.TCP_KEEPALIVE, 1)
+    socket.setsockopt(zmq.TCP_KEEPALIVE_IDLE, KEEPALIVE_S)
+    socket.setsockopt(zmq.TCP_KEEPALIVE_INTVL, KEEPALIVE_S)
+    socket.setsockopt(zmq.TCP_KEEPALIVE_CNT, KEEPALIVE_PROBES)
     socket.setsockopt(zmq.RECONNECT_IVL, RECONNECT_IVL_MS)
     socket.setsockopt(zmq.RECONNECT_IVL_MAX, RECONNECT_IVL_MAX_MS)
     return socket
@@ -103,6 +108,16 @@ def _bind(socket: Socket, endpoint: str) -> Socket:
     except ZMQError as error:
         socket.close()
         raise NetboardError(f"cannot listen on {endpoint}: {error.strerror}; is another server running?") from error
+    return socket
+
+
+def _connect(socket: Socket, endpoint: str) -> Socket:
+    """Connect, or say in words why not; that nobody is there yet is no error."""
+    try:
+        socket.connect(endpoint)
+    except ZMQError as error:
+        socket.close()
+        raise NetboardError(f"cannot connect to {endpoint}: {error.strerror}") from error
     return socket
 
 
@@ -119,8 +134,7 @@ def _dealer(context: Context, endpoint: str, identity: str, hwm: int, linger_ms:
     socket = _make(context, zmq.DEALER, hwm, linger_ms)
     socket.setsockopt(zmq.IDENTITY, identity.encode())
     socket.setsockopt(zmq.IMMEDIATE, 1)
-    socket.connect(endpoint)
-    return socket
+    return _connect(socket, endpoint)
 
 
 def motion_server(context: Context, endpoint: str) -> Socket:
@@ -165,8 +179,7 @@ def view_subscriber(context: Context, endpoint: str) -> Socket:
     socket = _make(context, zmq.SUB, 1)
     socket.setsockopt(zmq.CONFLATE, 1)
     socket.setsockopt(zmq.SUBSCRIBE, b"")
-    socket.connect(endpoint)
-    return socket
+    return _connect(socket, endpoint)
 
 
 def nerve_sender(context: Context, endpoint: str) -> Socket:
@@ -177,8 +190,7 @@ def nerve_sender(context: Context, endpoint: str) -> Socket:
 def nerve_receiver(context: Context, endpoint: str) -> Socket:
     """Where that other hand receives it."""
     socket = _make(context, zmq.PULL, CONTROL_HWM)
-    socket.connect(endpoint)
-    return socket
+    return _connect(socket, endpoint)
 
 
 def receive(socket: Socket) -> bytes | None:

@@ -78,7 +78,7 @@ def test_it_waits_in_words_then_greets_then_shows_and_reports(rig):
     rig.welcome()
     hello = next(message for message in server.heard if isinstance(message, Hello))
     assert (hello.role, hello.side, hello.protocol) == ("display", "left", PROTOCOL_VERSION)
-    assert server.peer == b"display.left"
+    assert server.peer.startswith(b"display.left@")
     assert rig.shows(Mood.RUN, tick=77)
     assert until(rig.app, lambda: server.hear(Frames))
     frames = next(message for message in server.heard if isinstance(message, Frames))

@@ -12,7 +12,7 @@ from netboard.config import parse
 from netboard.experiment.machine import Cause, Phase
 from netboard.recording.reader import Recording
 from netboard.recording.recovery import recover
-from netboard.stage import make_stage, verify
+from netboard.recording.verification import verify_recording
 
 pytestmark = [pytest.mark.integration, pytest.mark.slow, pytest.mark.timeout(240)]
 
@@ -35,7 +35,7 @@ def verified(path: Path) -> np.ndarray:
     """Ticks of a recording that verifies to the bit."""
     with Recording(path) as recording:
         ticks = recording.ticks()
-        verdict = verify(make_stage(parse(recording.config_text)), ticks)
+        verdict = verify_recording(recording)
     assert verdict.identical, verdict
     return ticks
 

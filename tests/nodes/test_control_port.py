@@ -31,7 +31,7 @@ class Rig:
 
     def say(self, peer: bytes, message: Message | bytes) -> list[Message]:
         self.router.say(peer, message)
-        self.port.drain()
+        self.port.drain(0)
         return self.router.heard(peer)
 
 
@@ -74,11 +74,14 @@ def test_a_stranger_must_say_hello_and_nonsense_is_refused() -> None:
     assert rig.say(b"x", hello("logger")) == [Refusal("this is the control channel, not one for a logger")]
 
 
-def test_who_is_there_is_listed_and_a_new_display_replaces_the_old_one_of_its_station() -> None:
+def test_who_is_there_is_listed_and_the_last_display_of_a_station_reports() -> None:
     rig = Rig()
     assert rig.port.peers == ("console", "display.left")
     rig.say(b"display.left@2", hello("display", "left", "host:2"))
     assert rig.port.peers == ("console", "display.left")
-    assert rig.say(D, Frames("left", (), 0)) == [Refusal("say hello first")]
+    assert rig.say(D, Frames("left", ((1, 2, 3),), 0)) == []
+    assert rig.port.frames == []
+    rig.say(b"display.left@2", Frames("left", ((4, 5, 6),), 0))
+    assert [frame.tick for frame in rig.port.frames] == [4]
     rig.say(C, Goodbye("off"))
     assert rig.port.peers == ("display.left",)

@@ -119,12 +119,13 @@ def test_the_end_is_told_once_all_records_are_sent_and_done_once_they_are_on_dis
     assert rig.port.done
 
 
-def test_without_a_logger_there_is_nobody_to_wait_for() -> None:
+def test_a_logger_that_leaves_is_noted_and_what_it_has_not_got_stays() -> None:
     rig = Rig()
     rig.record(3)
     rig.pump(L, hello("logger"))
     rig.pump(L, LogRequest(-1), Goodbye("done"))
-    assert rig.port.done
+    assert not rig.port.done
+    assert [name for name, _ in rig.port.news] == ["logger_joined", "logger_left"]
     assert rig.port.backlog == 3
 
 

@@ -10,7 +10,6 @@ done by the clock, and drains too. Everything runs in Qt's thread.
 """
 
 import logging
-import platform
 from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
@@ -25,6 +24,7 @@ from netboard.display.scene import Picture, blank, compose
 from netboard.display.widget import screenshot
 from netboard.display.window import BoardWindow, application, screen_of
 from netboard.errors import ConfigError, NetboardError, WireError
+from netboard.process import NAME
 from netboard.wire.codec import decode, encode
 from netboard.wire.messages import PROTOCOL_VERSION, Goodbye, Hello, Message, Refusal, View, Welcome
 
@@ -71,7 +71,9 @@ class DisplayClient(QObject):
         self.tally = FrameTally(station, self._refresh_ns)
         self._address = sockets.addresses(config.network)
         self._views = sockets.view_subscriber(context, self._address.reach(sockets.VIEW[station]))
-        self._control = sockets.control_client(context, self._address.reach(sockets.CONTROL), f"display.{station}")
+        self._control = sockets.control_client(
+            context, self._address.reach(sockets.CONTROL), f"display.{station}@{NAME}"
+        )
         self._notifiers = [self._notify(self._views, self._take_views), self._notify(self._control, self._take_words)]
         self._turn = QTimer(self, singleShot=True, timerType=Qt.TimerType.PreciseTimer)
         self._turn.timeout.connect(self._paint_pending)
@@ -194,9 +196,8 @@ class DisplayClient(QObject):
     def _hello(self) -> None:
         """Ask to be welcomed."""
         details = {"refresh_hz": f"{1e9 / self._refresh_ns:.2f}", "platform": application().platformName()}
-        name = f"{platform.node()} display"
         sockets.send(
-            self._control, encode(Hello("display", self.station, PROTOCOL_VERSION, name, version("netboard"), details))
+            self._control, encode(Hello("display", self.station, PROTOCOL_VERSION, NAME, version("netboard"), details))
         )
 
     def _report(self) -> None:

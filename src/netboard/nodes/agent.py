@@ -6,8 +6,6 @@ the force fades, and on every way out the device gets zero force first.
 """
 
 import logging
-import os
-import socket as host
 from collections.abc import Callable
 from importlib.metadata import version
 from typing import Protocol
@@ -19,7 +17,7 @@ from netboard.devices.base import Device, DeviceInfo, Reading
 from netboard.devices.fixture import lateral_force
 from netboard.devices.safety import Guard, Safety
 from netboard.errors import WireError
-from netboard.process import steady_loop
+from netboard.process import NAME, steady_loop
 from netboard.tick import TICK_NS
 from netboard.wire.codec import decode, encode
 from netboard.wire.messages import PROTOCOL_VERSION, Beat, Force, Goodbye, Hello, Refusal, Stylus, Welcome
@@ -150,10 +148,9 @@ class Agent:
         context: sockets.Context,
         companion: Companion | None = None,
     ) -> None:
-        name = f"{host.gethostname()}:{os.getpid()}"
         where = sockets.addresses(config.network)
-        socket = sockets.motion_agent(context, where.reach(sockets.MOTION), f"agent.{side}@{name}")
-        self._link = Link(socket, introduction(side, name, config, device.info))
+        socket = sockets.motion_agent(context, where.reach(sockets.MOTION), f"agent.{side}@{NAME}")
+        self._link = Link(socket, introduction(side, config, device.info))
         self._device = device
         self._safety = Safety(config.safety, device.info.max_force)
         self._fixture = config.fixture
@@ -245,7 +242,7 @@ class Agent:
         self._safeguards = 0
 
 
-def introduction(side: Side, name: str, config: Config, info: DeviceInfo) -> Hello:
+def introduction(side: Side, config: Config, info: DeviceInfo) -> Hello:
     """How an agent introduces itself, with what is worth recording of its device."""
     agent = config.agents.left if side == "left" else config.agents.right
     details = {
@@ -255,4 +252,4 @@ def introduction(side: Side, name: str, config: Config, info: DeviceInfo) -> Hel
         "max_force": f"{info.max_force!r} N",
         "resolution": f"{info.resolution!r} m",
     }
-    return Hello("agent", side, PROTOCOL_VERSION, name, version("netboard"), details)
+    return Hello("agent", side, PROTOCOL_VERSION, NAME, version("netboard"), details)

@@ -1,13 +1,14 @@
 """The server's end of the control channel: displays that report their frames, and operators.
 
 It only collects what they say; the server decides. A display's word goes no further than its own frames: it cannot
-command.
+command. A station may have several displays, of which the one that came last tells what was shown.
 """
 
 from collections.abc import Callable
 
 from netboard import sockets
 from netboard.errors import WireError
+from netboard.nodes.refusals import Refusals
 from netboard.wire.codec import decode, encode
 from netboard.wire.messages import (
     Command,
@@ -24,6 +25,11 @@ from netboard.wire.messages import (
 from netboard.wire.session import admit
 
 ROLES = ("display", "console")
+MOST_FRAMES = 16
+"""Frames taken in one go [1]."""
+
+MOST_PEERS = 32
+"""Peers remembered: the oldest makes room for one more [1]."""
 
 
 class ControlPort:
@@ -47,24 +53,29 @@ class ControlPort:
         self._welcome = encode(welcome)
         self._status = status
         self._peers: dict[bytes, Hello] = {}
+        self._refusals = Refusals(socket, self.news)
+        self._reporting: dict[str, bytes] = {}
         self._shown = {"left": 0, "right": 0}
 
     @property
     def peers(self) -> tuple[str, ...]:
         """Names of the displays and consoles that have said hello."""
-        return tuple(sorted(f"{hello.role}.{hello.side}".rstrip(".") for hello in self._peers.values()))
+        return tuple(sorted({f"{hello.role}.{hello.side}".rstrip(".") for hello in self._peers.values()}))
 
-    def drain(self) -> None:
-        """Take everything that has arrived and answer it."""
-        while (received := sockets.receive_from(self._socket)) is not None:
+    def drain(self, now_ns: int) -> None:
+        """Take what has arrived and answer it."""
+        for _ in range(MOST_FRAMES):
+            received = sockets.receive_from(self._socket)
+            if received is None:
+                return
             peer, frame = received
             try:
                 answer = self._answer(peer, decode(frame))
             except WireError as error:
                 answer = Refusal(str(error))
             if isinstance(answer, Refusal):
-                self.news.append(("refused", {"peer": peer.decode(errors="replace"), "reason": answer.reason}))
-            if answer is not None:
+                self._refusals.refuse(peer, answer.reason, now_ns)
+            elif answer is not None:
                 sockets.send_to(self._socket, peer, answer if isinstance(answer, bytes) else encode(answer))
 
     def goodbye(self, reason: str) -> None:
@@ -84,7 +95,8 @@ class ControlPort:
             case _ if hello is None:
                 return Refusal("say hello first")
             case Frames() if hello.role == "display" and message.station == hello.side:
-                self._note(message)
+                if self._reporting[hello.side] == peer:
+                    self._note(message)
                 return None
             case StatusRequest() if hello.role == "console":
                 return self._status()
@@ -98,16 +110,12 @@ class ControlPort:
         if hello.role not in ROLES:
             return Refusal(f"this is the control channel, not one for a {hello.role}")
         if peer not in self._peers:
-            self._replace(hello)
             self.news.append((f"{hello.role}_joined", {"side": hello.side, "name": hello.name, **hello.details}))
         self._peers[peer] = hello
+        self._reporting[hello.side] = peer
+        if len(self._peers) > MOST_PEERS:
+            del self._peers[next(iter(self._peers))]
         return self._welcome
-
-    def _replace(self, hello: Hello) -> None:
-        """A station has one display: one that comes takes the place of one that has gone without a word."""
-        for peer, other in list(self._peers.items()):
-            if hello.role == "display" and (other.role, other.side) == (hello.role, hello.side):
-                del self._peers[peer]
 
     def _note(self, frames: Frames) -> None:
         for tick, received_ns, painted_ns in frames.shown:

@@ -13,6 +13,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
+from netboard.process import WITH_PARENT
+
 STOP_SECONDS = 15.0
 """Processes get this long to end cleanly before they are killed [s]."""
 
@@ -53,7 +55,7 @@ class Launcher:
 
     def __init__(self, folder: Path, environment: dict[str, str]) -> None:
         self._folder = folder
-        self._environment = os.environ | environment
+        self._environment = os.environ | environment | {WITH_PARENT: "1"}
         self._running: dict[str, subprocess.Popen[bytes]] = {}
 
     def __enter__(self) -> Self:
@@ -93,14 +95,14 @@ class Launcher:
                 return Ended(name, code, self._last_words(name))
         return None
 
-    def wait(self, name: str, seconds: float) -> bool:
-        """Wait for a process to end by itself, at most so long [s]; True if it has."""
+    def wait(self, name: str, seconds: float) -> str:
+        """Wait for a process to end cleanly by itself, at most so long [s]; what went wrong, or nothing."""
         try:
-            self._running[name].wait(seconds)
+            code = self._running[name].wait(seconds)
         except subprocess.TimeoutExpired:
-            return False
+            return f"the {name} did not end by itself within {seconds:.0f} s"
         del self._running[name]
-        return True
+        return str(Ended(name, code, self._last_words(name))) if code else ""
 
     def stop(self, *names: str) -> None:
         """Ask processes to stop, all at once, and kill what does not."""

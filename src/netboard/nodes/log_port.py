@@ -7,6 +7,7 @@ what a logger's queue does not take now is sent later.
 
 from netboard import sockets
 from netboard.errors import WireError
+from netboard.nodes.refusals import Refusals
 from netboard.wire.codec import decode, encode
 from netboard.wire.messages import (
     Goodbye,
@@ -15,7 +16,6 @@ from netboard.wire.messages import (
     LogEnd,
     LogRequest,
     Message,
-    Refusal,
     Welcome,
 )
 from netboard.wire.ring import LogRing
@@ -31,6 +31,8 @@ GONE_NS = 2_000_000_000
 """A logger that has said nothing for so long is gone [ns]."""
 
 MOST_LOGGERS = 8
+MOST_FRAMES = 16
+"""Frames taken in one go [1]."""
 
 
 class LogPort:
@@ -49,12 +51,14 @@ class LogPort:
     def __init__(self, socket: sockets.Socket, welcome: Welcome, capacity: int) -> None:
         self.ring = LogRing(capacity)
         self.free_bytes = 0
+        self.news: list[tuple[str, dict[str, str]]] = []
         self._socket = socket
         self._welcome = encode(welcome)
         self._cursors: dict[bytes, int | None] = {}
         self._alive: dict[bytes, Liveness] = {}
         self._ended = False
         self._told_end: set[bytes] = set()
+        self._refusals = Refusals(socket, self.news)
 
     @property
     def loggers(self) -> int:
@@ -72,13 +76,16 @@ class LogPort:
 
     def pump(self, now_ns: int) -> None:
         """Answer the loggers and send them what their queues take."""
-        while (received := sockets.receive_from(self._socket)) is not None:
-            self._take(*received)
+        for _ in range(MOST_FRAMES):
+            received = sockets.receive_from(self._socket)
+            if received is None:
+                break
+            self._take(*received, now_ns)
             if received[0] in self._alive:
                 self._alive[received[0]].hear(now_ns)
         for logger, cursor in list(self._cursors.items()):
             if self._alive[logger].gone(now_ns):
-                self._forget(logger)
+                self._forget(logger, "fell silent")
             elif cursor is not None:
                 self._feed(logger, cursor)
 
@@ -88,8 +95,8 @@ class LogPort:
 
     @property
     def done(self) -> bool:
-        """Whether everything is safely on disk, or there is nobody to bring it to."""
-        return self.loggers == 0 or self.backlog == 0
+        """Whether everything is safely on disk."""
+        return self.backlog == 0
 
     def _feed(self, logger: bytes, cursor: int) -> None:
         for _ in range(BATCHES):
@@ -103,45 +110,45 @@ class LogPort:
         if over and sockets.send_to(self._socket, logger, encode(LogEnd(self.ring.next - 1))):
             self._told_end.add(logger)
 
-    def _take(self, logger: bytes, frame: bytes) -> None:
+    def _take(self, logger: bytes, frame: bytes, now_ns: int) -> None:
         try:
             message = decode(frame)
         except WireError as error:
-            self._refuse(logger, str(error))
+            self._refusals.refuse(logger, str(error), now_ns)
             return
         match message:
             case Hello():
-                self._greet(logger, message)
+                self._greet(logger, message, now_ns)
             case _ if logger not in self._cursors:
-                self._refuse(logger, "say hello first")
+                self._refusals.refuse(logger, "say hello first", now_ns)
             case LogRequest(first=first):
                 self._cursors[logger] = self.ring.start(first)
                 self._told_end.discard(logger)
             case LogAck(durable=durable, free_bytes=free_bytes):
                 self.ring.acknowledge(durable)
                 self.free_bytes = free_bytes
-            case Goodbye():
-                self._forget(logger)
+            case Goodbye(reason=reason):
+                self._forget(logger, reason)
             case _:
-                self._refuse(logger, f"a logger does not send {type(message).__name__}")
+                self._refusals.refuse(logger, f"a logger does not send {type(message).__name__}", now_ns)
 
-    def _greet(self, logger: bytes, hello: Hello) -> None:
+    def _greet(self, logger: bytes, hello: Hello, now_ns: int) -> None:
         try:
             admit(hello)
         except WireError as error:
-            self._refuse(logger, str(error))
+            self._refusals.refuse(logger, str(error), now_ns)
             return
         if hello.role != "logger":
-            self._refuse(logger, f"this is the log channel, not one for a {hello.role}")
+            self._refusals.refuse(logger, f"this is the log channel, not one for a {hello.role}", now_ns)
         elif len(self._cursors) >= MOST_LOGGERS and logger not in self._cursors:
-            self._refuse(logger, "too many loggers")
+            self._refusals.refuse(logger, "too many loggers", now_ns)
         elif sockets.send_to(self._socket, logger, self._welcome):
+            if logger not in self._cursors:
+                self.news.append(("logger_joined", {"name": hello.name}))
             self._cursors[logger] = None
             self._alive[logger] = Liveness(GONE_NS)
 
-    def _forget(self, logger: bytes) -> None:
+    def _forget(self, logger: bytes, reason: str) -> None:
         del self._cursors[logger], self._alive[logger]
         self._told_end.discard(logger)
-
-    def _refuse(self, logger: bytes, reason: str) -> None:
-        sockets.send_to(self._socket, logger, encode(Refusal(reason)))
+        self.news.append(("logger_left", {"peer": logger.decode(errors="replace"), "reason": reason}))

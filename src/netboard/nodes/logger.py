@@ -6,8 +6,6 @@ anew goes on with the first record that is not, in the next part.
 """
 
 import logging
-import os
-import platform
 import time
 from collections.abc import Callable
 from importlib.metadata import version
@@ -18,6 +16,7 @@ from netboard import sockets
 from netboard.clock import now_ns
 from netboard.config import Config, Recording, parse
 from netboard.errors import NetboardError, WireError
+from netboard.process import NAME
 from netboard.recording.provenance import next_recording, provenance
 from netboard.recording.writer import RecordingWriter
 from netboard.wire.codec import decode, encode
@@ -40,7 +39,6 @@ from netboard.wire.messages import (
 
 log = logging.getLogger(__name__)
 
-NAME = f"{platform.node()}:{os.getpid()}"
 """Host and process."""
 
 HELLO_NS = 500_000_000
@@ -258,9 +256,13 @@ class Logger:
         self._refused = ""
         if welcome.session == self._ended:
             return
+        if self._ended and self._once:
+            return
         if self._writer is not None and welcome.session != self._session:
             # Not yet welcomed: the numbers of the old session must not be acknowledged in the new one.
             self._close("the server began another session")
+            if self._once:
+                return
         self._welcomed = True
         if self._writer is None:
             self._open(welcome)

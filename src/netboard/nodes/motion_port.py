@@ -12,6 +12,7 @@ import numpy as np
 from netboard import sockets
 from netboard.config import SIDES, Side
 from netboard.errors import WireError
+from netboard.nodes.refusals import Refusals
 from netboard.wire.codec import decode, encode
 from netboard.wire.messages import (
     Beat,
@@ -20,12 +21,17 @@ from netboard.wire.messages import (
     Goodbye,
     Hello,
     Message,
-    Refusal,
     Safeguard,
     Stylus,
     Welcome,
 )
 from netboard.wire.session import ClockEstimator, SequenceGuard, admit
+
+MOST_FRAMES = 64
+"""Frames taken in one tick: whoever sends more must not hold it up [1]."""
+
+SANE_NS = 2**60
+"""Stamps beyond this, 36 years, are nonsense, and their arithmetic would leave 64 bits [ns]."""
 
 BEAT_TICKS = 4
 """Without forces every so many ticks a beat is sent: often enough that nothing counts as stale [1]."""
@@ -58,10 +64,11 @@ class Seat:
 
     def take(self, stylus: Stylus, received_ns: int) -> None:
         """Take a sample: the newest wins, the link is measured."""
+        stamps = (stylus.stamp_ns, stylus.force_sent_ns, stylus.force_received_ns, stylus.sent_ns)
+        if max(map(abs, stamps)) > SANE_NS or not self.guard.fresh(stylus.seq):
+            return
         self.heard_ns = received_ns
         self.safeguards |= stylus.safeguards
-        if not self.guard.fresh(stylus.seq):
-            return
         if stylus.force_tick >= 0:
             self.probe = (stylus.force_sent_ns, stylus.force_received_ns, stylus.sent_ns, received_ns)
             self.clock.add(*self.probe)
@@ -69,9 +76,11 @@ class Seat:
         self.stamp_ns = self.clock.to_server(stylus.stamp_ns) if self.clock.known else received_ns
 
     def live(self, now_ns: int, timeout_ns: int) -> bool:
-        """Whether there is a finite sample that is not too old."""
+        """Whether there is a finite sample that is neither too old nor from the future, and the agent still speaks."""
         sample = self.sample
-        return sample is not None and now_ns - self.stamp_ns < timeout_ns and bool(np.isfinite(sample.z + sample.vz))
+        if sample is None or now_ns - self.heard_ns >= timeout_ns or abs(now_ns - self.stamp_ns) >= timeout_ns:
+            return False
+        return bool(np.isfinite(sample.z + sample.vz))
 
     @property
     def armed(self) -> bool:
@@ -118,15 +127,19 @@ class MotionPort:
         self._welcome = encode(welcome)
         self._timeout_ns = timeout_ns
         self._by_agent: dict[bytes, Seat] = {}
+        self._refusals = Refusals(socket, self.news)
 
     def drain(self, now_ns: int) -> None:
-        """Take everything that has arrived."""
-        while (received := sockets.receive_from(self._socket)) is not None:
+        """Take what has arrived."""
+        for _ in range(MOST_FRAMES):
+            received = sockets.receive_from(self._socket)
+            if received is None:
+                return
             agent, frame = received
             try:
                 message = decode(frame)
             except WireError as error:
-                self._refuse(agent, str(error))
+                self._refusals.refuse(agent, str(error), now_ns)
                 continue
             seat = self._by_agent.get(agent)
             if isinstance(message, Stylus) and seat is not None:
@@ -178,23 +191,24 @@ class MotionPort:
                 seat.leave()
                 del self._by_agent[agent]
             case _ if seat is None:
-                self._refuse(agent, "say hello first")
+                self._refusals.refuse(agent, "say hello first", now_ns)
             case _:
-                self._refuse(agent, f"an agent does not send {type(message).__name__}")
+                self._refusals.refuse(agent, f"an agent does not send {type(message).__name__}", now_ns)
 
     def _greet(self, agent: bytes, hello: Hello, now_ns: int) -> None:
         try:
             admit(hello)
         except WireError as error:
-            self._refuse(agent, str(error))
+            self._refusals.refuse(agent, str(error), now_ns)
             return
         if hello.role != "agent":
-            self._refuse(agent, f"this is the motion channel, not one for a {hello.role}")
+            self._refusals.refuse(agent, f"this is the motion channel, not one for a {hello.role}", now_ns)
             return
         seat = next(seat for seat in self.seats.values() if seat.side == hello.side)
         taken = seat.hello is not None and now_ns - seat.heard_ns < self._timeout_ns
-        if taken and seat.hello != hello:
-            self._refuse(agent, f"the {seat.side} side already has an agent: {seat.hello.name if seat.hello else ''}")
+        if taken and seat.hello is not None and seat.hello != hello:
+            reason = f"the {seat.side} side already has an agent: {seat.hello.name}"
+            self._refusals.refuse(agent, reason, now_ns)
             return
         if not sockets.send_to(self._socket, agent, self._welcome):
             return
@@ -203,7 +217,3 @@ class MotionPort:
         self._by_agent.pop(seat.agent, None)
         seat.sit(agent, hello, now_ns)
         self._by_agent[agent] = seat
-
-    def _refuse(self, agent: bytes, reason: str) -> None:
-        self.news.append(("refused", {"peer": agent.decode(errors="replace"), "reason": reason}))
-        sockets.send_to(self._socket, agent, encode(Refusal(reason)))

@@ -1,13 +1,12 @@
 """The operator's end of the control channel: ask how the server is, tell it what to do."""
 
-import os
-import socket as host
 from importlib.metadata import version
 
 from netboard import sockets
 from netboard.clock import now_ns
 from netboard.config import Network
 from netboard.errors import NetboardError, WireError
+from netboard.process import NAME
 from netboard.wire.codec import decode, encode
 from netboard.wire.messages import PROTOCOL_VERSION, Command, Hello, Refusal, Status, StatusRequest, Welcome
 
@@ -27,11 +26,10 @@ class Operator:
     """
 
     def __init__(self, network: Network, context: sockets.Context) -> None:
-        name = f"{host.gethostname()}:{os.getpid()}"
         where = sockets.addresses(network)
         self.status: Status | None = None
-        self._socket = sockets.control_client(context, where.reach(sockets.CONTROL), f"console@{name}")
-        self._hello = encode(Hello("console", "", PROTOCOL_VERSION, name, version("netboard"), {}))
+        self._socket = sockets.control_client(context, where.reach(sockets.CONTROL), f"console@{NAME}")
+        self._hello = encode(Hello("console", "", PROTOCOL_VERSION, NAME, version("netboard"), {}))
         self._said_hello_ns = -HELLO_NS
         self._welcomed = False
 

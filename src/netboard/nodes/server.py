@@ -59,6 +59,7 @@ class Server:
 
     def __init__(self, config: Config, context: sockets.Context, *, autostart: bool) -> None:
         self.session = uuid.uuid4().hex
+        self.everything_recorded = False
         self._config = config
         self._stage = make_stage(config)
         self._stage.warm()
@@ -74,10 +75,15 @@ class Server:
         self._completions: list[float] = []
         self._missing: tuple[str, ...] = ()
         self._shutdown = False
+        self._started = False
+        self._stood_still_ns = 0
+        self._gap = ""
         where = sockets.addresses(config.network)
         welcome = Welcome(self.session, PROTOCOL_VERSION, now_ns(), resolve(config))
-        timeout_ns = int(config.network.sample_timeout_ms * 1e6)
-        self._motion = MotionPort(sockets.motion_server(context, where.listen(sockets.MOTION)), welcome, timeout_ns)
+        self._timeout_ns = int(config.network.sample_timeout_ms * 1e6)
+        self._motion = MotionPort(
+            sockets.motion_server(context, where.listen(sockets.MOTION)), welcome, self._timeout_ns
+        )
         ring = int(config.network.log_ring_s * 1000 * 1.5)
         self._log = LogPort(sockets.log_server(context, where.listen(sockets.LOG)), welcome, ring)
         self._control = ControlPort(
@@ -125,6 +131,8 @@ class Server:
         pacer = Pacer(now_ns() + TICK_NS)
         while not (stopping() or self._shutdown):
             late_ns = pacer.wait()
+            if pacer.moved_ns > self._stood_still_ns:
+                self._stood_still(pacer.moved_ns)
             self.tick(pacer.due_ns, late_ns)
         if self.phase != Phase.FINISHED:
             self._control.wishes.append("stop")
@@ -163,7 +171,7 @@ class Server:
         if number % LOG_TICKS == 0:
             self._keep()
         if number % CONTROL_TICKS == CONTROL_TICKS // 2:
-            self._control.drain()
+            self._control.drain(now_ns())
             self._missing = self._lacks()
 
     def _command(self, row: Any) -> Cause:
@@ -175,8 +183,18 @@ class Server:
             wish = ""
         return self._watch.command(self.phase, wish, self._missing, self._trouble(row))
 
+    def _stood_still(self, moved_ns: int) -> None:
+        """Note that the loop was held up for so long that its time had to be moved: the trial is spoiled."""
+        held_up_ms = (moved_ns - self._stood_still_ns) / TICK_NS
+        self._stood_still_ns = moved_ns
+        self._gap = f"the server stood still for {held_up_ms:.0f} ms"
+        self._note("stood_still", {"milliseconds": f"{held_up_ms:.0f}"})
+
     def _trouble(self, row: Any) -> str:
         """Why a running trial cannot go on, or nothing."""
+        if self._gap:
+            gap, self._gap = self._gap, ""
+            return gap
         for side in SIDES:
             if not row[f"{side}_live"]:
                 return f"no sample from the {side} agent"
@@ -191,7 +209,7 @@ class Server:
         lacking = []
         for side in SIDES:
             seat = self._motion.seats[side]
-            if seat.sample is None:
+            if not seat.live(now_ns(), self._timeout_ns):
                 lacking.append(f"the {side} agent")
             elif not seat.armed:
                 lacking.append(f"the {side} device to be armed")
@@ -203,6 +221,7 @@ class Server:
         """Note what the stage has decided."""
         cause = Cause(int(row["event"]))
         state = self._state[0]
+        self._started = self._started or cause == Cause.START
         if cause == Cause.HELD:
             self._completions.append(float(state["completion"]))
         details = {
@@ -234,11 +253,11 @@ class Server:
         for frame in self._control.frames:
             self._log.append(frame)
         self._control.frames.clear()
-        for name, details in (*self._motion.news, *self._control.news):
-            self._note(name, details)
-        self._motion.news.clear()
-        self._control.news.clear()
         self._log.pump(now_ns())
+        for port in (self._motion, self._control, self._log):
+            for name, details in port.news:
+                self._note(name, details)
+            port.news.clear()
 
     def _note(self, name: str, details: dict[str, str]) -> None:
         """Record an event and tell the operator."""
@@ -253,9 +272,11 @@ class Server:
         self._note("session_ended", {"late_ticks": str(self._late_ticks)})
         self._keep()
         self._log.end()
+        expected = self._config.network.require_logger and self._started
         until = now_ns() + FINISH_NS
-        while not self._log.done and now_ns() < until:
+        while not self._log.done and (expected or self._log.loggers) and now_ns() < until:
             self._log.pump(now_ns())
             time.sleep(TICK_NS * 1e-9)
         if not self._log.done:
-            log.warning("%d records are not known to be on disk: no logger took them", self._log.backlog)
+            log.error("%d records are not known to be on disk: no logger took them", self._log.backlog)
+        self.everything_recorded = self._log.done or not expected
