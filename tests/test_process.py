@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from netboard.process import STOP_SIGNALS, Stopping, real_time, steady_loop
+from netboard.process import STOP_SIGNALS, WITH_PARENT, Stopping, real_time, steady_loop
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
@@ -72,3 +72,15 @@ def test_a_system_without_real_time_scheduling_is_said_too(
     with caplog.at_level(logging.INFO):
         real_time(50)
     assert "not offered" in caplog.text
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="POSIX processes")
+def test_a_process_that_shall_not_outlive_its_parent_stops_when_it_is_gone(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(WITH_PARENT, "1")
+    with Stopping() as stopping:
+        assert not stopping()
+        monkeypatch.setattr(os, "getppid", lambda: 1)
+        assert stopping()
+    monkeypatch.delenv(WITH_PARENT)
+    with Stopping() as stopping:
+        assert not stopping()

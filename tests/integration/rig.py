@@ -79,6 +79,10 @@ class Rig:
         """What a process has said so far."""
         return (self.folder / f"{name}.log").read_text()
 
+    def send_signal(self, name: str, number: signal.Signals) -> None:
+        """Send a process a signal."""
+        self.running[name].send_signal(number)
+
     def kill(self, name: str) -> None:
         """Kill a process the hard way."""
         process = self.running.pop(name)

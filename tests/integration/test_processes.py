@@ -1,6 +1,7 @@
 """Real processes on real sockets: a session from start to verified recording, and what goes wrong in between."""
 
 import signal
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 from rig import Rig
 
+from netboard import sockets
 from netboard.config import parse
 from netboard.experiment.machine import Cause, Phase
 from netboard.recording.reader import Recording
@@ -160,3 +162,74 @@ def test_a_second_server_on_the_same_ports_says_so_and_ends(rig: Rig) -> None:
     second = rig.start("second server", "server")
     assert second.wait(60) == 1
     assert "is another server running?" in rig.said("second server")
+
+
+def test_a_stopped_agent_pauses_the_trial_and_comes_back_by_itself(rig: Rig) -> None:
+    rig.start_all()
+    rig.until(lambda s: s.phase == "running")
+    rig.send_signal("left agent", signal.SIGSTOP)
+    rig.until(lambda s: s.phase == "paused")
+    time.sleep(6)  # as long as would abort it with ZeroMQ's heartbeats on
+    rig.send_signal("left agent", signal.SIGCONT)
+    rig.until(lambda s: s.phase == "running")
+    (path,) = rig.finish()
+    ticks = verified(path)
+    assert ticks["tick"].tolist() == list(range(len(ticks)))
+    assert rig.stop("left agent") == 0
+
+
+def test_a_server_that_stood_still_says_so_and_spoils_the_trial(rig: Rig) -> None:
+    rig.start_all()
+    rig.until(lambda s: s.phase == "running")
+    rig.send_signal("server", signal.SIGSTOP)
+    time.sleep(0.3)
+    rig.send_signal("server", signal.SIGCONT)
+    rig.until(lambda s: s.phase == "paused" or s.failures > 0)
+    rig.until(lambda s: s.phase == "running")
+    (path,) = rig.finish()
+    ticks = verified(path)
+    with Recording(path) as recording:
+        stood_still = [event for event in recording.events() if event.name == "stood_still"]
+    assert any(int(event.details["milliseconds"]) >= 250 for event in stood_still)
+    assert np.any(ticks["event"] == Cause.FAULT)
+
+
+def test_the_server_waits_for_a_logger_that_is_held_up_at_the_end(rig: Rig) -> None:
+    rig.start_all()
+    status = rig.until(lambda s: s.phase == "running")
+    rig.send_signal("logger", signal.SIGSTOP)
+    rig.until(lambda s: s.tick > status.tick + 500)
+    rig.operator.command("shutdown")
+    time.sleep(3)
+    rig.send_signal("logger", signal.SIGCONT)
+    assert rig.running.pop("server").wait(60) == 0, rig.said("server")
+    assert rig.running.pop("logger").wait(60) == 0, rig.said("logger")
+    ticks = np.concatenate([verified(path) for path in rig.recordings()])
+    assert np.array_equal(np.unique(ticks["tick"]), np.arange(ticks["tick"].max() + 1))
+    assert ticks["tick"].max() > status.tick + 500
+
+
+def test_a_server_left_by_its_logger_in_a_block_says_what_is_not_on_disk(rig: Rig) -> None:
+    rig.start_all()
+    rig.until(lambda s: s.phase == "running")
+    rig.kill("logger")
+    assert rig.stop("server") == 1
+    assert "records are not known to be on disk" in rig.said("server")
+
+
+def test_a_flood_of_nonsense_does_not_hold_up_the_ticks(rig: Rig) -> None:
+    rig.start_all()
+    before = rig.until(lambda s: s.phase == "running")
+    where = sockets.addresses(rig.config.network)
+    flood = sockets.motion_agent(rig.context, where.reach(sockets.MOTION), "flood")
+    end = time.monotonic() + 2.0
+    while time.monotonic() < end:
+        sockets.send(flood, b"nonsense")
+    flood.close()
+    after = rig.until(lambda s: s.phase == "running")
+    assert after.tick > before.tick + 1000
+    (path,) = rig.finish()
+    verified(path)
+    with Recording(path) as recording:
+        refused = [event for event in recording.events() if event.name == "refused"]
+    assert 1 <= len(refused) <= 5

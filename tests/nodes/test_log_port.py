@@ -119,6 +119,18 @@ def test_the_end_is_told_once_all_records_are_sent_and_done_once_they_are_on_dis
     assert rig.port.done
 
 
+def test_a_logger_that_has_been_told_the_end_may_take_its_time() -> None:
+    rig = Rig()
+    rig.record(3)
+    rig.pump(L, hello("logger"))
+    rig.port.end()
+    rig.pump(L, LogRequest(-1))
+    rig.now_ns = 3 * GONE_NS
+    rig.pump(L)
+    assert rig.pump(L, LogAck(3, 0)) == []
+    assert rig.port.done
+
+
 def test_a_logger_that_leaves_is_noted_and_what_it_has_not_got_stays() -> None:
     rig = Rig()
     rig.record(3)

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from fake_router import WELCOME, FakeRouter, hello
 
-from netboard.nodes.motion_port import BEAT_TICKS, MotionPort
+from netboard.nodes.motion_port import BEAT_TICKS, MOST_FRAMES, SANE_NS, MotionPort
+from netboard.nodes.refusals import AGAIN_NS, REMEMBERED
 from netboard.tick import TICK
 from netboard.wire.messages import Beat, Force, Goodbye, Refusal, Safeguard, StatusRequest, Stylus, Welcome
 
@@ -154,3 +155,48 @@ def test_an_agent_cannot_ask_what_only_an_operator_may() -> None:
     rig.router.say(A, StatusRequest())
     rig.port.drain(MS)
     assert rig.router.heard(A) == [Refusal("an agent does not send StatusRequest")]
+
+
+@pytest.mark.parametrize("field", ["stamp_ns", "force_sent_ns", "force_received_ns", "sent_ns"])
+@pytest.mark.parametrize("value", [2**63 - 1, -(2**63), SANE_NS + 1])
+def test_nonsense_stamps_are_no_sample_and_do_no_harm(field: str, value: int) -> None:
+    rig = Rig().seated()
+    rig.router.say(A, replace(STYLUS, force_tick=0, **{field: value}))  # type: ignore[arg-type]
+    rig.port.drain(MS)
+    assert rig.row(MS)["left_live"] == 0
+    assert rig.port.clock_records(0) == []
+
+
+def test_a_sample_from_the_future_does_not_stay_live_when_its_agent_falls_silent() -> None:
+    rig = Rig().seated()
+    probe = {"force_tick": 1, "force_sent_ns": 0, "force_received_ns": MS, "sent_ns": MS}
+    rig.router.say(A, replace(STYLUS, stamp_ns=MS, **probe))  # type: ignore[arg-type]
+    rig.port.drain(2 * MS)
+    assert rig.row(2 * MS)["left_live"] == 1
+    rig.router.say(A, replace(STYLUS, seq=1, stamp_ns=10_000 * 10**9, **probe))  # type: ignore[arg-type]
+    rig.port.drain(3 * MS)
+    assert rig.row(3 * MS)["left_live"] == 0
+
+
+def test_a_flood_is_taken_bit_by_bit_answered_once_a_second_and_noted_with_its_number() -> None:
+    rig = Rig().seated()
+    for _ in range(10 * MOST_FRAMES):
+        rig.router.say(b"flood", b"\x00")
+    rig.router.say(A, STYLUS)
+    for tick in range(11):
+        rig.port.drain(tick * MS)
+    assert rig.row(11 * MS)["left_live"] == 1
+    assert len(rig.router.heard(b"flood")) == 1
+    assert [name for name, _ in rig.port.news] == ["refused"]
+    rig.router.say(b"flood", b"\x00")
+    rig.port.drain(AGAIN_NS)
+    assert rig.port.news[-1][1]["times"] == str(10 * MOST_FRAMES + 1)
+
+
+def test_however_many_strangers_there_are_only_so_many_are_told_apart() -> None:
+    rig = Rig()
+    for number in range(2000):
+        rig.router.say(b"stranger %d" % number, b"\x00")
+    for tick in range(40):
+        rig.port.drain(tick)
+    assert len(rig.port.news) == REMEMBERED + 1

@@ -28,7 +28,7 @@ BATCH_RECORDS = 256
 BATCH_BYTES = 65_536
 
 GONE_NS = 2_000_000_000
-"""A logger that has said nothing for so long is gone [ns]."""
+"""A logger that has said nothing for so long is gone; one that has been told the end may still be writing [ns]."""
 
 MOST_LOGGERS = 8
 MOST_FRAMES = 16
@@ -84,7 +84,7 @@ class LogPort:
             if received[0] in self._alive:
                 self._alive[received[0]].hear(now_ns)
         for logger, cursor in list(self._cursors.items()):
-            if self._alive[logger].gone(now_ns):
+            if self._alive[logger].gone(now_ns) and logger not in self._told_end:
                 self._forget(logger, "fell silent")
             elif cursor is not None:
                 self._feed(logger, cursor)
