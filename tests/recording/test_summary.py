@@ -77,6 +77,8 @@ def test_counts() -> None:
     rows = np.delete(ticks(100), [40, 41])
     rows["late_ns"][[3, 4, 5]] = 500_000, 500_001, 2_000_000
     rows["left_loop_ns"][50:] = 1_500_000
+    rows["left_loop_ns"][60:] = 2_500_000
+    rows["left_loop_ns"][70:90] = 0
     rows["left_safeguards"][10:20] = Safeguard.ARMED | Safeguard.CLAMPED
     rows["left_safeguards"][15:18] |= Safeguard.SLEWED
     rows["left_rendered"][7] = -2.5
@@ -90,7 +92,7 @@ def test_counts() -> None:
     assert (summary.ticks, summary.duration) == (98, pytest.approx(0.1))
     assert (summary.missing, summary.missing_ticks, summary.lost_records) == ((Gap(40, 2),), 2, 12)
     assert (summary.late_ticks, summary.lateness.largest) == (2, pytest.approx(2e-3))
-    assert (summary.left.loop.count, summary.left.loop.p50) == (48, pytest.approx(1.5e-3))
+    assert (summary.left.loop.count, summary.left.loop.p50) == (3, pytest.approx(2.5e-3))
     assert summary.left.safeguards == {"armed": 10, "clamped": 10, "slewed": 3}
     assert summary.left.limited_ticks == 10
     assert summary.left.largest_force == 2.5

@@ -193,13 +193,19 @@ def summarise_side(ticks: NDArray[Any], side: str) -> SideSummary:
     steps = np.diff(seqs[seqs >= 0])
     counts = {str(guard.name).lower(): int(np.count_nonzero(bits & guard.value)) for guard in Safeguard}
     return SideSummary(
-        loop=spread(loop[loop > 0]),
+        loop=spread(_closed_loops(loop)),
         largest_force=float(np.max(np.abs(ticks[f"{side}_rendered"]), initial=0.0)),
         safeguards={name: count for name, count in counts.items() if count},
         limited_ticks=int(np.count_nonzero(bits & (Safeguard.CLAMPED | Safeguard.SLEWED).value)),
         stale_ticks=int(np.count_nonzero(ticks[f"{side}_live"] == 0)),
         skipped_samples=int(np.sum(steps[steps > 1] - 1)),
     )
+
+
+def _closed_loops(loop_ns: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Each loop once: an agent repeats the newest one with every sample until the next is closed."""
+    new = np.diff(loop_ns, prepend=0) != 0
+    return loop_ns[new & (loop_ns > 0)]
 
 
 @dataclass(frozen=True, slots=True)
