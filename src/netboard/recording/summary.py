@@ -204,8 +204,8 @@ def summarise_side(ticks: NDArray[Any], side: str) -> SideSummary:
 
 def _closed_loops(loop_ns: NDArray[np.int64]) -> NDArray[np.int64]:
     """Each loop once: an agent repeats the newest one with every sample until the next is closed."""
-    new = np.diff(loop_ns, prepend=0) != 0
-    return loop_ns[new & (loop_ns > 0)]
+    new = (np.diff(loop_ns, prepend=0) != 0) & (loop_ns > 0)
+    return np.compress(new, loop_ns)
 
 
 @dataclass(frozen=True, slots=True)
