@@ -64,7 +64,12 @@ def main(config: Config, *, displays: bool = True) -> int:
             session = play(on_this_machine(config, directory), words, displays, stopping)
         except OSError as error:
             raise NetboardError(f"{directory}: cannot be written to: {error.strerror}") from error
-    return show(directory, session, words, began) if session else 1
+    if session:
+        return show(directory, session, words, began)
+    for part in sorted(directory.glob("*.mcap.part")):
+        console.print(f"unfinished recording {part}; make it whole with: netboard recover {part}")
+    console.print(f"logs {words}")
+    return 1
 
 
 def on_this_machine(config: Config, directory: Path) -> Config:
