@@ -6,7 +6,7 @@ from netboard.devices import registry
 from netboard.devices.virtual import VirtualTouch
 from netboard.nodes.agent import Agent
 from netboard.nodes.companion import companion_of
-from netboard.process import Stopping, real_time, speak
+from netboard.process import Stopping, lock_memory, real_time, speak
 
 PRIORITY = 50
 
@@ -28,6 +28,7 @@ def main(config: Config, *, side: Side) -> int:
     """
     speak(f"agent {side}")
     real_time(PRIORITY)
+    lock_memory()
     with Stopping() as stopping, sockets.open_context() as context, registry.make(side, config) as device:
         companion = companion_of(config, device, context) if isinstance(device, VirtualTouch) else None
         Agent(config, side, device, context, companion).run(stopping)

@@ -3,7 +3,7 @@
 from netboard import sockets
 from netboard.config import Config
 from netboard.nodes.server import Server
-from netboard.process import Stopping, real_time, speak
+from netboard.process import Stopping, lock_memory, real_time, speak
 
 PRIORITY = 60
 
@@ -25,6 +25,7 @@ def main(config: Config, *, autostart: bool = True) -> int:
     """
     speak("server")
     real_time(PRIORITY)
+    lock_memory()
     with Stopping() as stopping, sockets.open_context() as context:
         server = Server(config, context, autostart=autostart)
         server.run(stopping)

@@ -8,7 +8,16 @@ import sys
 
 import pytest
 
-from netboard.process import STOP_SIGNALS, WITH_PARENT, Stopping, real_time, steady_loop
+from netboard.process import (
+    MCL_CURRENT,
+    MCL_FUTURE,
+    STOP_SIGNALS,
+    WITH_PARENT,
+    Stopping,
+    lock_memory,
+    real_time,
+    steady_loop,
+)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
@@ -84,3 +93,29 @@ def test_a_process_that_shall_not_outlive_its_parent_stops_when_it_is_gone(monke
     monkeypatch.delenv(WITH_PARENT)
     with Stopping() as stopping:
         assert not stopping()
+
+
+class Library:
+    """A C library whose mlockall answers as it is told."""
+
+    def __init__(self, answer: int) -> None:
+        self.answer = answer
+
+    def mlockall(self, flags: int) -> int:
+        assert flags == MCL_CURRENT | MCL_FUTURE
+        return self.answer
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="mlockall of Linux")
+@pytest.mark.parametrize(
+    ("answer", "said"),
+    [(0, "memory locked"), (-1, "locking memory refused (Operation not permitted); going on without it")],
+)
+def test_locked_memory_is_said_and_refusal_is_not_fatal(
+    answer: int, said: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr("netboard.process.ctypes.CDLL", lambda name, use_errno: Library(answer))
+    monkeypatch.setattr("netboard.process.ctypes.get_errno", lambda: 1)
+    with caplog.at_level(logging.INFO):
+        lock_memory()
+    assert caplog.messages == [said]

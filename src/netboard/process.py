@@ -3,6 +3,7 @@
 Nothing here is fatal: what a system does not offer or allow is said in one line, and the process goes on without it.
 """
 
+import ctypes
 import gc
 import logging
 import os
@@ -18,6 +19,9 @@ STOP_SIGNALS = tuple(getattr(signal, name) for name in _STOP_NAMES if hasattr(si
 
 NAME = f"{platform.node()}:{os.getpid()}"
 """How this process is told from all others, for peers and people."""
+
+MCL_CURRENT, MCL_FUTURE = 1, 2
+"""Flags of mlockall on Linux."""
 
 WITH_PARENT = "NETBOARD_STOP_WITH_PARENT"
 """Set in the environment of a process that shall not outlive the one that started it."""
@@ -88,6 +92,17 @@ def real_time(priority: int) -> None:
         log.info("real-time scheduling refused (%s); going on without it", error.strerror)
     else:
         log.info("real-time scheduling: SCHED_FIFO %d", priority)
+
+
+def lock_memory() -> None:
+    """Ask that no page of this process is ever taken out of memory, now or later; say what came of it."""
+    if sys.platform != "linux":
+        log.info("memory is not locked on %s; going on without it", sys.platform)
+        return
+    if ctypes.CDLL(None, use_errno=True).mlockall(MCL_CURRENT | MCL_FUTURE):
+        log.info("locking memory refused (%s); going on without it", os.strerror(ctypes.get_errno()))
+    else:
+        log.info("memory locked")
 
 
 def speak(name: str) -> None:
