@@ -212,8 +212,11 @@ class Recording:
         return self._records("/logger", EventRecord)
 
     def _records(self, topic: str, kind: type[T]) -> tuple[T, ...]:
-        with self._sound():
-            return tuple(kind(**unpack(message)) for messages in self._by_chunk(topic) for message in messages)
+        records: list[T] = []
+        for messages in self._by_chunk(topic):
+            with self._sound():
+                records.extend(kind(**unpack(message)) for message in messages)
+        return tuple(records)
 
     def _by_chunk(self, topic: str) -> Iterator[list[bytes]]:
         """Yield the messages of a stream, one list for each chunk that has any."""
