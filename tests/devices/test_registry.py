@@ -6,6 +6,7 @@ import pytest
 
 from netboard.config import Agent, Agents, Config
 from netboard.devices import registry
+from netboard.devices.base import Device
 from netboard.devices.virtual import VirtualTouch
 from netboard.errors import DeviceNotFound
 
@@ -48,8 +49,7 @@ def test_the_virtual_device_is_there() -> None:
 
 
 def test_every_backend_of_netboard_can_be_loaded() -> None:
-    for name in registry.BACKENDS:
-        registry.find(name)
+    assert all(issubclass(registry.find(name), Device) for name in registry.BACKENDS)
 
 
 def test_an_unknown_name_says_what_there_is() -> None:

@@ -123,6 +123,8 @@ def test_it_greets_again_when_the_server_does_not_know_it(rig):
     server.heard.clear()
     server.tell(Refusal("say hello first"))
     rig.welcome(session="s2")
+    assert any(isinstance(message, Hello) for message in server.heard)
+    assert rig.client.session == "s2"
 
 
 def test_a_refusal_is_shown_while_there_is_nothing_else(rig):

@@ -107,4 +107,5 @@ def test_every_offer_is_accepted(wrong: dict[str, float]) -> None:
     "free", [{"k_h": 0.0}, {"c_h": 0.0}, {"k_h": 0.0, "c_h": 0.0}, {"k_h": 0.0, "c_h": 0.0, "k_s": 0.0}]
 )
 def test_missing_springs_and_dampers_are_no_reason_to_refuse(free: dict[str, float]) -> None:
-    pack_scene(replace(Physics(), **free))  # type: ignore[arg-type]
+    scene = pack_scene(replace(Physics(), **free))[0]  # type: ignore[arg-type]
+    assert {name: scene[name] for name in free} == free
