@@ -45,10 +45,11 @@ def test_a_wish_that_does_not_fit_the_phase_is_refused_in_words(wish: str) -> No
 
 
 @pytest.mark.parametrize("phase", [Phase.LEVELLING, Phase.RUNNING, Phase.HOLDING])
-def test_trouble_pauses_a_trial_at_once_before_any_wish(phase: Phase) -> None:
+def test_trouble_pauses_a_trial_at_once_before_any_wish_but_the_last(phase: Phase) -> None:
     watch = Watch(autostart=True)
     assert watch.command(phase, "abort", ALL_THERE, "no sample from the left agent") is Cause.FAULT
     assert watch.notice == "paused: no sample from the left agent"
+    assert Watch(autostart=True).command(phase, "stop", ALL_THERE, "no sample from the left agent") is Cause.STOP
 
 
 @pytest.mark.parametrize("phase", [Phase.IDLE, Phase.PAUSED, Phase.FINISHED])

@@ -135,7 +135,7 @@ class Server:
                 self._stood_still(pacer.moved_ns)
             self.tick(pacer.due_ns, late_ns)
         if self.phase != Phase.FINISHED:
-            self._control.wishes.append("stop")
+            self._control.wishes[:] = ["stop"]
             late_ns = pacer.wait()
             self.tick(pacer.due_ns, late_ns)
         self._finish()

@@ -62,7 +62,7 @@ class Watch:
             `Cause.NONE` if there is nothing to do.
         """
         self._ready_ticks = 0 if missing or trouble else self._ready_ticks + 1
-        if trouble and Cause.FAULT in TABLE[phase]:
+        if trouble and wish != "stop" and Cause.FAULT in TABLE[phase]:
             self._faulted = True
             self.notice = f"paused: {trouble}"
             return Cause.FAULT
