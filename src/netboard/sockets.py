@@ -168,7 +168,10 @@ def control_client(context: Context, endpoint: str, identity: str) -> Socket:
 
 
 def view_publisher(context: Context, endpoint: str) -> Socket:
-    """Server end of one station's view channel: the newest view only."""
+    """Server end of one station's view channel: the newest view only.
+
+    A view written while the one before is being read is lost (libzmq's conflated pipe); the next one makes up for it.
+    """
     socket = _make(context, zmq.PUB, 1)
     socket.setsockopt(zmq.CONFLATE, 1)
     return _bind(socket, endpoint)
