@@ -67,7 +67,7 @@ def test_no_completion_time_is_shown_before_there_is_one(completion: float, show
 
 
 def test_without_a_ball_there_is_none_to_see() -> None:
-    bare = make_curtain(parse("[physics]\nball = false"))
+    bare = make_curtain(parse("[physics]\nballs = 0"))
     assert view_of(bare, row(2)[0], "left", None, 0).p is None
 
 

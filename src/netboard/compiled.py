@@ -36,10 +36,21 @@ def _choose_folder() -> None:
 _choose_folder()
 
 import numba  # noqa: E402  (reads the choice when it is imported)
+from numba.extending import overload  # noqa: E402
+
+
+STRICT = {"error_model": "numpy"}
+"""IEEE arithmetic as written; it never raises: x / 0 is infinite."""
+
+INLINED = {**STRICT, "forceinline": True}
+"""The same, compiled into every caller."""
 
 
 def kernel(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a function on its first call, or take it from those kept. It never raises: x / 0 is infinite.
+
+    What a function made within another one finds there (numbers, named tuples of them) are constants to the compiler:
+    what they make needless falls away.
 
     Parameters
     ----------
@@ -47,7 +58,7 @@ def kernel(function: Callable[P, R]) -> Callable[P, R]:
         Of scalars, arrays and records, in the part of Python that numba knows; it also runs as it stands, with
         NUMBA_DISABLE_JIT=1.
     """
-    compiled: Callable[P, R] = numba.njit(cache=True, error_model="numpy")(function)
+    compiled: Callable[P, R] = numba.njit(cache=True, **STRICT)(function)
     return compiled
 
 
@@ -59,5 +70,27 @@ def inlined(function: Callable[P, R]) -> Callable[P, R]:
     function : callable
         As for `kernel`.
     """
-    compiled: Callable[P, R] = numba.njit(cache=True, error_model="numpy", forceinline=True)(function)
+    compiled: Callable[P, R] = numba.njit(cache=True, **INLINED)(function)
     return compiled
+
+
+def specialised(function: Callable[..., object]) -> Callable[[Callable[..., object]], None]:
+    """Let the decorated function choose, by the types of the arguments, what is compiled in place of a plain one.
+
+    Parameters
+    ----------
+    function : callable
+        Plain Python; what it does, the chosen text must do in the same order.
+
+    Returns
+    -------
+    callable
+        Decorator of a function of the same arguments, which gets numba's types (an `IntegerLiteral` where the compiler
+        knows a number) and returns a function of the same arguments.
+    """
+
+    def register(choose: Callable[..., object]) -> None:
+        choose.__annotations__ = {}  # numba compares them with those of what is returned
+        overload(function, jit_options=INLINED, prefer_literal=True)(choose)
+
+    return register

@@ -62,7 +62,40 @@ class Physics:
         Literal["loads_board", "carried"],
         about("a fixed ball's weight loads the board, or is carried by the fixture (a force step at release)"),
     ] = "loads_board"
-    ball: Annotated[StrictBool, about("false: a board without a ball")] = True
+    model: Annotated[
+        Literal["paper", "lagrangian"],
+        about("the paper's equations, or those of Lagrange for the same scene: with the ball's inertia on the board"),
+    ] = "paper"
+    board: Annotated[
+        Literal["free", "hinged", "level"],
+        about("free: it heaves and tilts; hinged: it tilts about its fixed centre; level: it heaves and cannot tilt"),
+    ] = "free"
+    coupling: Annotated[
+        Literal["both", "left", "right", "none"], about("which hands are coupled to the board")
+    ] = "both"
+    balls: Annotated[int, about("how many balls, each of mass m; they pass each other", ge=0, le=4)] = 1
+    ball_inertia: Annotated[
+        float,
+        about("moment of inertia of a ball over m r2: 0 slides, 0.4 a solid sphere rolls, 0.667 a hollow one", ge=0, le=1),
+    ] = 0.0
+    ball_height: Annotated[
+        float, about("height of a ball's centre above the board, in the lagrangian model", "m", ge=0, le=0.2)
+    ] = 0.0
+    ball_stop: Annotated[
+        float, about("where stops turn a ball back, from the board's centre; 0: there are none", "m", ge=0, le=2)
+    ] = 0.0
+    restitution: Annotated[float, about("share of its speed that a stop gives back to a ball", ge=0, le=1)] = 0.0
+    b_z: Annotated[float, about("damping of the board's heave", "N s/m", ge=0, le=100)] = 0.0
+    b_theta: Annotated[float, about("damping of the board's tilt", "N m s/rad", ge=0, le=100)] = 0.0
+    hold: Annotated[
+        Literal["zoh", "cv", "ca"],
+        about("how a stylus moves after its last sample: not at all, with its velocity, or with its acceleration too"),
+    ] = "ca"
+    method: Annotated[
+        Literal["auto", "euler", "semi_implicit", "heun", "verlet", "midpoint", "rk4", "etd2rk", "etdrk4", "dop853"],
+        about("how the board is stepped; auto: whatever holds the scene, rk4 if it does"),
+    ] = "auto"
+    substeps: Annotated[int, about("steps in a tick; 0: as many as the scene needs", ge=0, le=1000)] = 0
 
 
 @dataclass(frozen=True, slots=True)

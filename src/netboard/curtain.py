@@ -54,7 +54,7 @@ def make_curtain(config: Config) -> Curtain:
     """
     return Curtain(
         dyadic=config.block.configuration == "dyadic",
-        ball=config.physics.ball,
+        ball=config.physics.balls,
         target_distance=config.geometry.target_distance,
         trials=config.block.trials,
     )

@@ -291,7 +291,7 @@ def make_stage(config: Config) -> Stage:
     """
     settings = np.zeros(1, SETTINGS)
     settings["stylus_range"] = config.task.stylus_range
-    settings["ball"] = config.physics.ball
+    settings["ball"] = config.physics.balls
     settings["haptics"] = config.block.haptics
     return Stage(
         scene=pack_scene(config.physics),

@@ -114,7 +114,7 @@ def glimpse_of(when: float, shown: dict[str, object], sides: tuple[Side, ...], c
         phase=Phase(int(shown["phase"])).name.lower(),
         z=float(shown["z"]),
         theta=float(shown["theta"]),
-        p=float(shown["p"]) if config.physics.ball else None,
+        p=float(shown["p"]) if config.physics.balls else None,
         target=float(shown["target"]) * config.geometry.target_distance,
         left=float(shown["left_z"]) if "left" in sides else None,
         right=float(shown["right_z"]) if "right" in sides else None,

@@ -148,7 +148,7 @@ def test_the_same_seed_gives_the_same_person() -> None:
 
 @pytest.mark.parametrize("physics", [Physics(g=0.0), Physics(ball=False), Physics(k_s=0.0)])
 def test_odd_scenes_do_no_harm(physics: Physics) -> None:
-    p = -0.15 if physics.ball else None
+    p = -0.15 if physics.balls else None
     moves = moves_of(make(("left",), Participant(), physics), scene(p=p), 2.0, felt=-0.2)
     assert all(np.isfinite(m.displacement) for m in moves)
 

@@ -71,7 +71,7 @@ class TimeBar(pg.PlotWidget):  # type: ignore[misc]  # pyqtgraph has no type hin
         for mark in marks(ticks):
             colour, style = MARKS[mark.kind]
             self.addItem(pg.InfiniteLine(mark.time, pen=pg.mkPen(colour, width=1.5, style=style)), ignoreBounds=True)
-        if config.physics.ball:
+        if config.physics.balls:
             self.plot(times, ticks["p"][::every], pen=pg.mkPen(colours.ball, width=1.5))
 
     def point_at(self, time: float) -> None:

@@ -34,7 +34,7 @@ def partner_height(force: float, own: float, p: float, side: Side, physics: Phys
     float
         Height of the other hand [m].
     """
-    ball = physics.m if physics.ball else 0.0
+    ball = physics.m if physics.balls else 0.0
     weight = (physics.M + ball) * physics.g
     load = -2.0 * force - weight - SIGN[side] * ball * physics.g * p / physics.l
     z = load / physics.k_s

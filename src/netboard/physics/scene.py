@@ -1,50 +1,77 @@
-"""A scene: the constants of board, ball and couplings as the kernels read them, one packed record.
+"""A scene: what is simulated, as data. Its constants are one packed record, and what it has are constants of kernels.
 
-A scene that the live tick cannot hold is turned down here, before anybody sits in front of it.
+Everything comes from the table ``[physics]`` of the configuration. `SCENE` holds the numbers, `Parts` says which parts
+of the equations there are: kernels are compiled for a `Parts`, and compute nothing that it does not need.
 """
 
-from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from netboard.config import Physics
-from netboard.errors import ConfigError
-from netboard.physics.stability import is_stable, spectral_radius
-from netboard.tick import TICK_SECONDS
 
 SCENE = np.dtype(
     [
         ("M", "<f8"),  # mass of the board [kg]
-        ("m", "<f8"),  # mass of the ball [kg]
+        ("m", "<f8"),  # mass of each ball [kg]
         ("g", "<f8"),  # gravitational acceleration [m/s2]
-        ("k_h", "<f8"),  # stiffness of the coupling between stylus and board [N/m]
-        ("c_h", "<f8"),  # its damping [N s/m]
+        ("k_left", "<f8"),  # stiffness of the coupling between left stylus and board [N/m]
+        ("c_left", "<f8"),  # its damping [N s/m]
+        ("k_right", "<f8"),  # stiffness of the right coupling [N/m]
+        ("c_right", "<f8"),  # its damping [N s/m]
         ("k_s", "<f8"),  # stiffness of the spring from the board's centre to the origin [N/m]
         ("l", "<f8"),  # control point to the board's centre [m]
         ("I", "<f8"),  # moment of inertia of the board [kg m2]
-        ("ball_gravity", "<f8"),  # what multiplies sin(theta) in the ball's equation: -g downhill, +g as printed [m/s2]
+        ("b_z", "<f8"),  # damping of the board's heave [N s/m]
+        ("b_theta", "<f8"),  # damping of its tilt [N m s/rad]
+        ("ball_gravity", "<f8"),  # paper's model: acceleration of a ball over sin(theta), - is downhill [m/s2]
+        ("ease", "<f8"),  # mass of a ball over its inertia against rolling along: 1 slides, 5/7 a solid sphere rolls [1]
+        ("ball_height", "<f8"),  # height of a ball's centre above the board [m]
         ("fixed_load", "<f8"),  # share of a fixed ball's weight that loads the board [1]
+        ("stop", "<f8"),  # where stops turn a ball back, from the board's centre [m]
+        ("restitution", "<f8"),  # share of its speed that a stop gives back [1]
     ]
 )
 """One scene."""
 
-_SAME_NAME = ("M", "m", "g", "k_h", "c_h", "k_s", "l", "I")
+
+class Parts(NamedTuple):
+    """What a scene has, for the compiler.
+
+    Attributes
+    ----------
+    lagrangian : bool
+        Lagrange's equations; otherwise the paper's.
+    heaves, tilts : bool
+        What the board can do.
+    even : bool
+        Both couplings are alike.
+    damped : bool
+        The tilt has a damping of its own.
+    loaded : bool
+        There are balls, and they press on the board.
+    free : bool
+        They roll; otherwise they are fixed to the board.
+    stops : bool
+        Stops turn them back.
+    """
+
+    lagrangian: bool
+    heaves: bool
+    tilts: bool
+    even: bool
+    damped: bool
+    loaded: bool
+    free: bool
+    stops: bool
 
 
-def _packed(physics: Physics) -> NDArray[Any]:
-    """Return the record of a scene, whether or not a step can hold it."""
-    scene = np.zeros(1, SCENE)
-    for name in _SAME_NAME:
-        scene[name] = getattr(physics, name)
-    scene["ball_gravity"] = -physics.g if physics.ball_sign == "downhill" else physics.g
-    scene["fixed_load"] = 1.0 if physics.fixed_ball == "loads_board" else 0.0
-    return scene
+_SAME_NAME = ("M", "m", "g", "k_s", "l", "I", "b_z", "b_theta", "ball_height", "restitution")
 
 
 def pack_scene(physics: Physics) -> NDArray[Any]:
-    """Return the scene of a configuration, for the kernels.
+    """Return the numbers of a scene, for the kernels.
 
     Parameters
     ----------
@@ -55,44 +82,59 @@ def pack_scene(physics: Physics) -> NDArray[Any]:
     -------
     ndarray of SCENE, shape (1,)
         The packed record, SI units.
-
-    Raises
-    ------
-    ConfigError
-        If the live step cannot hold the board between the hands.
     """
-    scene = _packed(physics)
-    if not is_stable(scene[0], TICK_SECONDS):
-        growth = spectral_radius(scene[0], TICK_SECONDS)
-        raise ConfigError(
-            f"physics.k_h = {physics.k_h:g}, physics.c_h = {physics.c_h:g}: too stiff for a board of "
-            f"M = {physics.M:g} kg, I = {physics.I:g} kg m2 in steps of {TICK_SECONDS * 1e3:g} ms: each step would "
-            f"multiply its motion by {growth:.3g} (spectral radius; at most 1 is stable); "
-            f"accepted: {_accepted(physics)}"
-        )
+    scene = np.zeros(1, SCENE)
+    for name in _SAME_NAME:
+        scene[name] = getattr(physics, name)
+    for side in ("left", "right"):
+        if physics.coupling in (side, "both"):
+            scene[f"k_{side}"], scene[f"c_{side}"] = physics.k_h, physics.c_h
+    scene["ease"] = 1.0 / (1.0 + physics.ball_inertia)
+    scene["ball_gravity"] = scene["ease"] * (-physics.g if physics.ball_sign == "downhill" else physics.g)
+    scene["fixed_load"] = 1.0 if physics.fixed_ball == "loads_board" else 0.0
+    scene["stop"] = physics.ball_stop
     return scene
 
 
-def _accepted(physics: Physics) -> str:
-    """Return, in words, changes of the couplings that the live step can hold."""
-    offers = [_softened(physics, keys) for keys in (("c_h",), ("k_h",), ("k_h", "c_h"), ("k_h", "c_h", "k_s"))]
-    return next(offer for offer in (" or ".join(filter(None, offers[:2])), *offers[2:]) if offer)
+def parts_of(physics: Physics, free: bool = True) -> Parts:
+    """Return what a scene has.
+
+    Parameters
+    ----------
+    physics : Physics
+        The configuration's table.
+    free : bool
+        The balls roll; otherwise they are fixed.
+
+    Returns
+    -------
+    Parts
+        The constants to compile kernels for.
+    """
+    there = physics.balls > 0
+    return Parts(
+        lagrangian=physics.model == "lagrangian",
+        heaves=physics.board != "hinged",
+        tilts=physics.board != "level",
+        even=physics.coupling in ("both", "none"),
+        damped=physics.b_theta > 0 and physics.board != "level",
+        loaded=there,
+        free=there and free,
+        stops=there and free and physics.ball_stop > 0,
+    )
 
 
-def _softened(physics: Physics, keys: tuple[str, ...]) -> str:
-    """Return the largest values that the live step can hold, scaling these keys alone; empty if there are none."""
+def state_length(physics: Physics) -> int:
+    """Return how many numbers a state of the scene has.
 
-    def scaled(scale: float) -> dict[str, Any]:
-        return {key: scale * getattr(physics, key) for key in keys}
+    Parameters
+    ----------
+    physics : Physics
+        The configuration's table.
 
-    def holds(scale: float) -> bool:
-        return is_stable(_packed(replace(physics, **scaled(scale)))[0], TICK_SECONDS)
-
-    if not holds(0.0):
-        return ""
-    good, bad = 0.0, 1.0
-    while bad - good > 1e-3:
-        middle = (good + bad) / 2
-        good, bad = (middle, bad) if holds(middle) else (good, middle)
-    # Rounded down to three digits or so, that what is offered is accepted.
-    return ", ".join(f"physics.{key} = {0.99 * value:.3g}" for key, value in scaled(good).items())
+    Returns
+    -------
+    int
+        Four for the board and two for each ball [1].
+    """
+    return 4 + 2 * physics.balls

@@ -1,0 +1,98 @@
+"""The one-step methods by name: order, nodes, tables; and `advance`, which compiles to the one that is asked for.
+
+Kernels name a method by its number in `METHODS`, a constant of theirs, so that only that method is compiled into them.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numba import types
+from numpy.typing import NDArray
+
+from netboard.compiled import specialised
+from netboard.methods.one_step import euler, rk4
+from netboard.physics.scene import Parts
+from netboard.physics.vectors import State
+
+Step = Callable[[State, float, Any, Any, Parts, Any], State]
+Tables = Callable[[Any, Parts, int, float], NDArray[np.float64]]
+"""Of a scene's record, its parts, the length of its state and the length of the step [s]."""
+
+
+def _no_tables(scene: Any, parts: Parts, length: int, h: float) -> NDArray[np.float64]:
+    """Return the tables of a method that needs none."""
+    return np.zeros((0, 0, 0))
+
+
+@dataclass(frozen=True)
+class Method:
+    """A one-step method.
+
+    Attributes
+    ----------
+    name : str
+        What it is called in configurations.
+    order : int
+        Order of convergence [1].
+    nodes : tuple of float
+        Where in a step it asks for the hands, in lengths of the step [1].
+    step : callable
+        ``step(x, h, hands, tables, parts, scene)``.
+    tables : callable
+        Makes what it needs to know beforehand.
+    """
+
+    name: str
+    order: int
+    nodes: tuple[float, ...]
+    step: Step
+    tables: Tables = _no_tables
+
+
+METHODS = (
+    Method("euler", 1, (0.0,), euler),
+    Method("rk4", 4, (0.0, 0.5, 1.0), rk4),
+)
+"""All of them; a method's number is its place."""
+
+NUMBER = {method.name: i for i, method in enumerate(METHODS)}
+"""Number of each method by its name."""
+
+
+def advance(method: int, x: State, h: float, hands: Any, tables: Any, parts: Parts, scene: Any) -> State:
+    """Return the state after one step.
+
+    Parameters
+    ----------
+    method : int
+        Number of the method, a constant of the kernel that calls this [1].
+    x : tuple of float
+        The state [SI].
+    h : float
+        Length of the step [s].
+    hands : tuple of float, length 8, or ndarray of float64, shape (nodes, 2)
+        The hands through the step, as `netboard.physics.hold.drives` takes them [N].
+    tables : ndarray of float64
+        What `Method.tables` made for this scene and step.
+    parts : Parts
+        What the scene has; a constant at the call.
+    scene : SCENE record
+        The scene.
+
+    Returns
+    -------
+    tuple of float
+        The state at the end of the step [SI].
+    """
+    return METHODS[method].step(x, h, hands, tables, parts, scene)
+
+
+@specialised(advance)
+def _advance(method: Any, x: Any, h: Any, hands: Any, tables: Any, parts: Any, scene: Any) -> Any:
+    """Choose, when a kernel is compiled."""
+    if not isinstance(method, types.IntegerLiteral):
+        return None
+    step = METHODS[method.literal_value].step
+    return lambda method, x, h, hands, tables, parts, scene: step(x, h, hands, tables, parts, scene)

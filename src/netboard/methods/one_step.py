@@ -1,0 +1,77 @@
+"""One-step methods of Runge-Kutta's kind, explicit: a state goes in with a step's hands, the state after it comes out.
+
+Every method is a function ``step(x, h, hands, tables, parts, scene)`` of the same arguments: the state, the length of
+the step, the hands through it (`netboard.physics.hold.drives`), the method's tables for this scene and length (an array
+without elements if it needs none), and the scene. `netboard.methods.catalogue` lists them, with their orders and nodes.
+"""
+
+from typing import Any
+
+from netboard.compiled import inlined
+from netboard.physics.hold import drives
+from netboard.physics.models import rates
+from netboard.physics.scene import Parts
+from netboard.physics.vectors import State, blend, plus
+
+
+@inlined
+def euler(x: State, h: float, hands: Any, tables: Any, parts: Parts, scene: Any) -> State:
+    """Return the state after one step of Euler's explicit method (order 1).
+
+    Parameters
+    ----------
+    x : tuple of float
+        The state [SI].
+    h : float
+        Length of the step [s].
+    hands : tuple of float, length 8, or ndarray of float64, shape (nodes, 2)
+        The hands through the step, as `netboard.physics.hold.drives` takes them [N].
+    tables : ndarray of float64, shape (0, 0, 0)
+        Not used.
+    parts : Parts
+        What the scene has; a constant at the call.
+    scene : SCENE record
+        The scene.
+
+    Returns
+    -------
+    tuple of float
+        The state at the end of the step [SI].
+    """
+    left, right = drives(hands, 0, 0.0)
+    return plus(x, h, rates(x, left, right, parts, scene))
+
+
+@inlined
+def rk4(x: State, h: float, hands: Any, tables: Any, parts: Parts, scene: Any) -> State:
+    """Return the state after one step of the classical Runge-Kutta method (order 4).
+
+    Parameters
+    ----------
+    x : tuple of float
+        The state [SI].
+    h : float
+        Length of the step [s].
+    hands : tuple of float, length 8, or ndarray of float64, shape (nodes, 2)
+        The hands through the step, as `netboard.physics.hold.drives` takes them [N].
+    tables : ndarray of float64, shape (0, 0, 0)
+        Not used.
+    parts : Parts
+        What the scene has; a constant at the call.
+    scene : SCENE record
+        The scene.
+
+    Returns
+    -------
+    tuple of float
+        The state at the end of the step [SI].
+    """
+    half = 0.5 * h
+    left, right = drives(hands, 0, 0.0)
+    k1 = rates(x, left, right, parts, scene)
+    left, right = drives(hands, 1, half)
+    k2 = rates(plus(x, half, k1), left, right, parts, scene)
+    k3 = rates(plus(x, half, k2), left, right, parts, scene)
+    left, right = drives(hands, 2, h)
+    k4 = rates(plus(x, h, k3), left, right, parts, scene)
+    return blend(x, h / 6.0, (1.0, 2.0, 2.0, 1.0), (k1, k2, k3, k4))
