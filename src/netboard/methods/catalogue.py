@@ -72,10 +72,10 @@ def advance(method: int, x: State, h: float, hands: Any, tables: Any, parts: Par
         The state [SI].
     h : float
         Length of the step [s].
-    hands : tuple of float, length 8, or ndarray of float64, shape (nodes, 2)
+    hands : tuple
         The hands through the step, as `netboard.physics.hold.drives` takes them [N].
-    tables : ndarray of float64
-        What `Method.tables` made for this scene and step.
+    tables : tuple of ndarray of float64, shape (kinds, k, n, n), and int
+        What `Method.tables` made for this scene and each length of step, and which of them this is.
     parts : Parts
         What the scene has; a constant at the call.
     scene : SCENE record

@@ -87,10 +87,10 @@ def hands_at(hands: Any, i: int) -> Any:
 
     Returns
     -------
-    tuple of float, length 8, or ndarray of float64, shape (nodes, 2)
+    tuple of float, length 8, or tuple of ndarray and int
         Those of the interval [N].
     """
-    return tuple(hands[i].tolist()) if hands.ndim == 2 else hands[i]
+    return tuple(hands[i].tolist()) if hands.ndim == 2 else (hands, i)
 
 
 @specialised(hands_at)
@@ -106,7 +106,7 @@ def _hands_at(hands: Any, i: Any) -> Any:
             hands[i, 6],
             hands[i, 7],
         )
-    return lambda hands, i: hands[i]
+    return lambda hands, i: (hands, i)
 
 
 def moved_on(hands: Any, t: float) -> Any:
@@ -114,17 +114,17 @@ def moved_on(hands: Any, t: float) -> Any:
 
     Parameters
     ----------
-    hands : tuple of float, length 8, or ndarray of float64, shape (nodes, 2)
+    hands : tuple of float, length 8, or tuple of ndarray and int
         The hands through the interval; values at nodes are for intervals of one step and stay [N].
     t : float
         How much later [s].
     """
-    return later(hands, t) if isinstance(hands, tuple) else hands
+    return later(hands, t) if len(hands) == 8 else hands
 
 
 @specialised(moved_on)
 def _moved_on(hands: Any, t: Any) -> Any:
-    if isinstance(hands, types.BaseTuple):
+    if isinstance(hands, types.UniTuple):
         return lambda hands, t: later(hands, t)
     return lambda hands, t: hands
 
@@ -151,16 +151,17 @@ def make_march(METHOD: int, PARTS: Parts) -> Callable[..., State]:
     def march(
         x: State, hands: Any, lengths: Any, counts: Any, kinds: Any, tables: Any, scene: Any, out: Any
     ) -> State:
-        keep = len(out) > 0
+        keep, one = len(out) > 0, scene[0]
         if keep:
             for j in range(len(x)):
                 out[0, j] = x[j]
         for i in range(len(lengths)):
             drive = hands_at(hands, i)
             h = lengths[i] / counts[i]
-            for _ in range(counts[i]):
-                x = stopped(advance(METHOD, x, h, drive, tables[kinds[i]], PARTS, scene[0]), PARTS, scene[0])
-                drive = moved_on(drive, h)
+            for step in range(counts[i]):
+                if step > 0:
+                    drive = moved_on(drive, h)
+                x = stopped(advance(METHOD, x, h, drive, (tables, kinds[i]), PARTS, one), PARTS, one)
             if keep:
                 for j in range(len(x)):
                     out[i + 1, j] = x[j]

@@ -1,8 +1,8 @@
 """One-step methods of Runge-Kutta's kind, explicit: a state goes in with a step's hands, the state after it comes out.
 
 Every method is a function ``step(x, h, hands, tables, parts, scene)`` of the same arguments: the state, the length of
-the step, the hands through it (`netboard.physics.hold.drives`), the method's tables for this scene and length (an array
-without elements if it needs none), and the scene. `netboard.methods.catalogue` lists them, with their orders and nodes.
+the step, the hands through it (`netboard.physics.hold.drives`), the method's tables and which of them are for this length (an
+array without elements if it needs none), and the scene. `netboard.methods.catalogue` lists them, with their orders and nodes.
 """
 
 from typing import Any
@@ -24,9 +24,9 @@ def euler(x: State, h: float, hands: Any, tables: Any, parts: Parts, scene: Any)
         The state [SI].
     h : float
         Length of the step [s].
-    hands : tuple of float, length 8, or ndarray of float64, shape (nodes, 2)
+    hands : tuple
         The hands through the step, as `netboard.physics.hold.drives` takes them [N].
-    tables : ndarray of float64, shape (0, 0, 0)
+    tables : tuple of ndarray of float64, shape (kinds, k, n, n), and int
         Not used.
     parts : Parts
         What the scene has; a constant at the call.
@@ -52,9 +52,9 @@ def rk4(x: State, h: float, hands: Any, tables: Any, parts: Parts, scene: Any) -
         The state [SI].
     h : float
         Length of the step [s].
-    hands : tuple of float, length 8, or ndarray of float64, shape (nodes, 2)
+    hands : tuple
         The hands through the step, as `netboard.physics.hold.drives` takes them [N].
-    tables : ndarray of float64, shape (0, 0, 0)
+    tables : tuple of ndarray of float64, shape (kinds, k, n, n), and int
         Not used.
     parts : Parts
         What the scene has; a constant at the call.

@@ -139,8 +139,8 @@ def drives(hands: Any, node: int, t: float) -> tuple[float, float]:
 
     Parameters
     ----------
-    hands : tuple of float, length 8, or ndarray of float64, shape (nodes, 2)
-        The polynomials of both, or the drives evaluated beforehand at the nodes of the method.
+    hands : tuple of float, length 8, or tuple of ndarray of float64, shape (steps, nodes, 2), and int
+        The polynomials of both; or the drives evaluated beforehand at the nodes of the method, and which step this is.
     node : int
         Number of the node [1].
     t : float
@@ -151,9 +151,10 @@ def drives(hands: Any, node: int, t: float) -> tuple[float, float]:
     left, right : float
         Drives [N].
     """
-    if isinstance(hands, tuple):
+    if len(hands) == 8:
         return _polynomials(hands, t)
-    return hands[node, 0], hands[node, 1]
+    table, step = hands
+    return table[step, node, 0], table[step, node, 1]
 
 
 @inlined
@@ -165,6 +166,6 @@ def _polynomials(u: State, t: float) -> tuple[float, float]:
 @specialised(drives)
 def _drives(hands: Any, node: Any, t: Any) -> Any:
     """Choose, when a kernel is compiled."""
-    if isinstance(hands, types.BaseTuple):
+    if isinstance(hands, types.UniTuple):
         return lambda hands, node, t: _polynomials(hands, t)
-    return lambda hands, node, t: (hands[node, 0], hands[node, 1])
+    return lambda hands, node, t: (hands[0][hands[1], node, 0], hands[0][hands[1], node, 1])
