@@ -16,7 +16,7 @@ from typer.core import TyperGroup
 
 from netboard.config import Config, Side
 from netboard.errors import ConfigError, NetboardError
-from netboard.services import configuration
+from netboard.services import bench, configuration
 
 OK, FAULT, WRONG = 0, 1, 2
 
@@ -57,6 +57,7 @@ app = typer.Typer(
 )
 config_app = typer.Typer(help="Check, show or write the configuration file.", no_args_is_help=True)
 app.add_typer(config_app, name="config")
+app.add_typer(bench.app, name="bench")
 
 ConfigFile = Annotated[
     Path | None,

@@ -161,12 +161,59 @@ def test_nothing_is_felt_before_the_block_nor_paused() -> None:
     assert not felt[2001:].any()
 
 
-def test_a_sample_is_extrapolated_by_its_velocity_over_at_most_5_ms() -> None:
+def test_a_sample_is_extrapolated_by_its_velocity_over_at_most_10_ms() -> None:
     rows = inputs(3, 0.010, 0.0)
     rows["left_sent_vz"] = 0.1
-    rows["left_stamp_ns"] = rows["time_ns"] - np.array([2_000_000, 5_000_000, 40_000_000])
+    rows["left_stamp_ns"] = rows["time_ns"] - np.array([2_000_000, 10_000_000, 40_000_000])
     play(make_stage(Config()), rows)
-    assert rows["left_used_z"] == pytest.approx([0.0102, 0.0105, 0.0105], abs=1e-15)
+    assert rows["left_used_z"] == pytest.approx([0.0102, 0.011, 0.011], abs=1e-15)
+
+
+def speeding_up(count: int, acceleration: float = 4.0) -> NDArray[Any]:
+    """Samples of a left stylus that speeds up from rest, each read 0.4 ms before its tick."""
+    rows = inputs(count, age_ns=400_000)
+    t = (rows["left_stamp_ns"] - rows["left_stamp_ns"][0]) * 1e-9
+    rows["left_sent_z"], rows["left_sent_vz"] = acceleration * t**2 / 2, acceleration * t
+    return rows
+
+
+def test_a_stylus_that_speeds_up_is_met_where_it_is_from_the_second_sample_on() -> None:
+    rows = speeding_up(6)
+    play(make_stage(Config()), rows)
+    t = np.arange(6) * 1e-3 + 0.4e-3
+    assert rows["left_used_z"][1:] == pytest.approx(2.0 * t[1:] ** 2, rel=1e-12)
+    assert rows["left_used_vz"][1:] == pytest.approx(4.0 * t[1:], rel=1e-12)
+    assert rows["left_used_az"].tolist() == pytest.approx([0.0, *[4.0] * 5], rel=1e-9)
+
+
+def test_a_hold_can_be_simpler() -> None:
+    rows = speeding_up(4)
+    play(make_stage(parse('[physics]\nhold = "cv"')), rows)
+    assert rows["left_used_z"] == pytest.approx(rows["left_sent_z"] + 0.4e-3 * rows["left_sent_vz"], rel=1e-12)
+    assert not rows["left_used_az"].any()
+    play(make_stage(parse('[physics]\nhold = "zoh"')), rows)
+    assert rows["left_used_z"].tolist() == rows["left_sent_z"].tolist()
+
+
+def test_in_a_burst_of_loss_the_acceleration_counts_for_5_ms_and_the_velocity_for_10() -> None:
+    rows = speeding_up(24)
+    for name in ("left_stamp_ns", "left_sent_z", "left_sent_vz"):
+        rows[name][9:] = rows[name][8]
+    play(make_stage(Config()), rows)
+    since = np.minimum((rows["time_ns"] - rows["left_stamp_ns"])[8:] * 1e-9, 0.010)
+    quick, z, vz = np.minimum(since, 0.005), rows["left_sent_z"][8], rows["left_sent_vz"][8]
+    expected = z + vz * since + 4.0 * quick * (since - quick / 2)
+    assert rows["left_used_z"][8:] == pytest.approx(expected, rel=1e-12)
+    assert rows["left_used_vz"][20:] == pytest.approx([vz + 0.020] * 4, rel=1e-12)
+
+
+@pytest.mark.parametrize(("gap_ns", "slope"), [(6_000_000, 0.0), (100_000, 0.0), (-1_000_000, 0.0), (1_000_000, 50.0)])
+def test_an_acceleration_is_told_from_neighbours_alone_and_bounded(gap_ns: int, slope: float) -> None:
+    rows = inputs(2)
+    rows["left_sent_vz"] = 0.0, 0.2
+    rows["left_stamp_ns"][1] = rows["left_stamp_ns"][0] + gap_ns
+    play(make_stage(Config()), rows)
+    assert rows["left_used_az"][1] == slope
 
 
 def test_a_stylus_is_clipped_to_its_range_and_then_at_rest() -> None:

@@ -9,18 +9,22 @@ A tick is one row of `TICK`: what went in, the state it found, and what came out
 `advance` made of row k, so any row can start a verification.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.compiled import kernel
+from netboard.compiled import inlined, kernel, specialised
 from netboard.config import Config
+from netboard.errors import ConfigError
 from netboard.experiment.machine import (
     ACTION,
     HAS_EDGE,
+    RULES,
     SUCCESSOR,
     Action,
     Cause,
@@ -31,13 +35,28 @@ from netboard.experiment.machine import (
     pack_rules,
     sense,
 )
-from netboard.physics.hold import constant_velocity
-from netboard.physics.kernels import coupling, rk4_bare, rk4_fixed, rk4_free
-from netboard.physics.scene import pack_scene
+from netboard.methods.catalogue import METHODS, NUMBER, advance
+from netboard.methods.choice import Choice, choose
+from netboard.physics.hold import later, moving, reached, resting
+from netboard.physics.models import coupling, stopped
+from netboard.physics.scene import SCENE, Parts, pack_scene, parts_of
+from netboard.physics.vectors import State, calm
 from netboard.tick import INPUT, OUTPUT, STATE, TICK, TICK_SECONDS
 
-EXTRAPOLATION_REACH = 0.005
+VELOCITY_REACH = 0.010
 """A stylus sample is extrapolated by its velocity over at most this time [s]."""
+
+ACCELERATION_REACH = 0.005
+"""Its acceleration counts for at most this time, and is known only from samples at most so far apart [s]."""
+
+SHORTEST_GAP = 0.25e-3
+"""Two samples closer than this tell no acceleration: what their velocities differ by is noise [s]."""
+
+LARGEST_ACCELERATION = 50.0
+"""No hand that holds a stylus is quicker: what is measured beyond it counts as this [m/s2]."""
+
+HOLDS = ("zoh", "cv", "ca")
+"""How a stylus moves after its last sample; a hold's number is its place."""
 
 # Plain integers: what numba folds into the kernel below.
 _NONE, _START, _FAULT = int(Cause.NONE), int(Cause.START), int(Cause.FAULT)
@@ -46,17 +65,85 @@ _PREPARE, _RELEASE, _MARK, _SUCCEED = int(Action.PREPARE), int(Action.RELEASE), 
 _FAIL, _ADVANCE, _RETRY, _HALT = int(Action.FAIL), int(Action.ADVANCE), int(Action.RETRY), int(Action.HALT)
 
 
+@inlined
+def _slope(vz: float, stamp_ns: int, seen_vz: float, seen_ns: int) -> float:
+    """Return the acceleration of a stylus from its two newest samples; 0 if they are too close, or too far apart."""
+    gap = (stamp_ns - seen_ns) * 1e-9
+    if SHORTEST_GAP <= gap <= ACCELERATION_REACH:
+        return min(max((vz - seen_vz) / gap, -LARGEST_ACCELERATION), LARGEST_ACCELERATION)
+    return 0.0
+
+
+@inlined
+def _used(
+    live: int, z: float, vz: float, az: float, age: float, last: float, limit: float, hold: int
+) -> tuple[float, float, float]:
+    """Return a stylus at the tick: height, rate, acceleration; the last height, at rest, without a sample."""
+    if live == 0:
+        return last, 0.0, 0.0
+    if hold == 1:
+        az = 0.0
+    if hold != 0:
+        z, vz = reached(z, vz, az, age, ACCELERATION_REACH, VELOCITY_REACH)
+    if abs(z) > limit:
+        return limit if z > 0.0 else -limit, 0.0, 0.0
+    return z, vz, az
+
+
 @kernel
-def _used(live: int, z: float, vz: float, age: float, last: float, limit: float) -> tuple[float, float]:
-    """Height and rate of a stylus at the tick, extrapolated and clipped; the last one, at rest, without a sample."""
-    if live == 0 or not np.isfinite(z) or not np.isfinite(vz):
-        return last, 0.0
-    z = constant_velocity(z, vz, age, EXTRAPOLATION_REACH)
-    if z > limit:
-        return limit, 0.0
-    if z < -limit:
-        return -limit, 0.0
-    return z, vz
+def _sense_left(s: Any, row: Any, limit: float, hold: int) -> None:
+    """Take the left stylus into the state and the row."""
+    z, vz, stamp_ns = row["left_sent_z"], row["left_sent_vz"], row["left_stamp_ns"]
+    live = row["left_live"] != 0 and np.isfinite(z) and np.isfinite(vz)
+    if live and stamp_ns != s["left_seen_ns"]:
+        s["left_az"] = _slope(vz, stamp_ns, s["left_seen_vz"], s["left_seen_ns"])
+        s["left_seen_ns"], s["left_seen_vz"] = stamp_ns, vz
+    age = (row["time_ns"] - stamp_ns) * 1e-9
+    used = _used(live, z, vz, s["left_az"], age, s["left_z"], limit, hold)
+    row["left_used_z"], row["left_used_vz"], row["left_used_az"] = used
+    s["left_z"] = used[0]
+
+
+@kernel
+def _sense_right(s: Any, row: Any, limit: float, hold: int) -> None:
+    """Take the right stylus into the state and the row."""
+    z, vz, stamp_ns = row["right_sent_z"], row["right_sent_vz"], row["right_stamp_ns"]
+    live = row["right_live"] != 0 and np.isfinite(z) and np.isfinite(vz)
+    if live and stamp_ns != s["right_seen_ns"]:
+        s["right_az"] = _slope(vz, stamp_ns, s["right_seen_vz"], s["right_seen_ns"])
+        s["right_seen_ns"], s["right_seen_vz"] = stamp_ns, vz
+    age = (row["time_ns"] - stamp_ns) * 1e-9
+    used = _used(live, z, vz, s["right_az"], age, s["right_z"], limit, hold)
+    row["right_used_z"], row["right_used_vz"], row["right_used_az"] = used
+    s["right_z"] = used[0]
+
+
+@inlined
+def _drives(row: Any, hold: int, scene: Any) -> State:
+    """Return the drives of both hands through the tick, as polynomials of the time."""
+    left_z, left_vz, right_z, right_vz = (
+        row["left_used_z"],
+        row["left_used_vz"],
+        row["right_used_z"],
+        row["right_used_vz"],
+    )
+    k_left, c_left, k_right, c_right = scene["k_left"], scene["c_left"], scene["k_right"], scene["c_right"]
+    if hold == 0:
+        return (*resting(left_z, left_vz, k_left, c_left), *resting(right_z, right_vz, k_right, c_right))
+    left = moving(left_z, left_vz, row["left_used_az"], k_left, c_left)
+    right = moving(right_z, right_vz, row["right_used_az"], k_right, c_right)
+    return (*left, *right)
+
+
+@inlined
+def _force(s: Any, row: Any, hands: State, parts: Parts, settings: Any, scene: Any) -> None:
+    """Write the forces of the couplings, and those that the hands are to feel."""
+    x = (s["z"], s["vz"], s["theta"], s["omega"])
+    on_left, on_right = coupling(x, hands[0], hands[4], parts, scene)
+    row["left_coupling"], row["right_coupling"] = on_left, on_right
+    felt = settings["haptics"] != 0 and is_active(s["phase"])
+    row["left_force"] = -on_left if felt and row["left_live"] != 0 else 0.0
+    row["right_force"] = -on_right if felt and row["right_live"] != 0 else 0.0
 
 
 @kernel
@@ -129,88 +216,78 @@ def _decide(s: Any, command: int, rules: Any) -> int:
     return _move(s, sensed, rules)
 
 
-@kernel
-def _integrate(s: Any, left_vz: float, right_vz: float, ball: bool, scene: Any) -> bool:
-    """Move the board and the ball by one tick; put the board at rest and return False if that is not finite."""
-    z, vz, theta, omega, p, vp = s["z"], s["vz"], s["theta"], s["omega"], s["p"], s["vp"]
-    left_z, right_z, h = s["left_z"], s["right_z"], TICK_SECONDS
-    if not ball:
-        z, vz, theta, omega, p, vp = rk4_bare(z, vz, theta, omega, p, vp, left_z, left_vz, right_z, right_vz, h, scene)
-    elif s["phase"] == _RUNNING or s["phase"] == _HOLDING:
-        z, vz, theta, omega, p, vp = rk4_free(z, vz, theta, omega, p, vp, left_z, left_vz, right_z, right_vz, h, scene)
-    else:
-        z, vz, theta, omega, p, vp = rk4_fixed(z, vz, theta, omega, p, vp, left_z, left_vz, right_z, right_vz, h, scene)
-    finite = bool(np.isfinite(z + vz + theta + omega + p + vp))
+@inlined
+def _settle(s: Any, x: State) -> bool:
+    """Take over the state of board and ball; put them at rest and return False if that is not finite."""
+    finite = bool(np.isfinite(x[0] + x[1] + x[2] + x[3] + x[4] + x[5]))
     if finite:
-        s["z"], s["vz"], s["theta"], s["omega"], s["p"], s["vp"] = z, vz, theta, omega, p, vp
+        s["z"], s["vz"], s["theta"], s["omega"], s["p"], s["vp"] = x
     else:
         s["z"], s["vz"], s["theta"], s["omega"], s["vp"] = 0.0, 0.0, 0.0, 0.0, 0.0
     return finite
 
 
 _STATE_NAMES = tuple(STATE.names or ())
-_STATE_WORD = len(INPUT.names or ())
-"""The state begins in a row after so many words: every field is one word of 64 bits [1]."""
 
 
-def _words(records: NDArray[Any]) -> NDArray[np.int64]:
-    """The same memory as 64-bit words, shape (records, words)."""
-    return records.view(np.int64).reshape(len(records), -1)
+def _keep(row: Any, s: Any) -> None:
+    """Copy the state found to its place in the row."""
+    for name in _STATE_NAMES:
+        row[name] = s[name]
 
 
-@kernel
-def _tick(s: Any, row: Any, settings: Any, scene: Any, rules: Any) -> None:
-    """Do one tick: read the inputs of the row, write the outputs to it, move the state on."""
-    limit = settings["stylus_range"]
-    left_age = (row["time_ns"] - row["left_stamp_ns"]) * 1e-9
-    right_age = (row["time_ns"] - row["right_stamp_ns"]) * 1e-9
-    left_z, left_vz = _used(row["left_live"], row["left_sent_z"], row["left_sent_vz"], left_age, s["left_z"], limit)
-    right_z, right_vz = _used(
-        row["right_live"], row["right_sent_z"], row["right_sent_vz"], right_age, s["right_z"], limit
-    )
-    s["left_z"], s["right_z"] = left_z, right_z
-    on_left, on_right = coupling(s["z"], s["vz"], s["theta"], s["omega"], left_z, left_vz, right_z, right_vz, scene)
-    row["left_used_z"], row["left_used_vz"], row["left_coupling"] = left_z, left_vz, on_left
-    row["right_used_z"], row["right_used_vz"], row["right_coupling"] = right_z, right_vz, on_right
-    felt = settings["haptics"] != 0 and is_active(s["phase"])
-    row["left_force"] = -on_left if felt and row["left_live"] != 0 else 0.0
-    row["right_force"] = -on_right if felt and row["right_live"] != 0 else 0.0
-    cause = _decide(s, row["command"], rules)
-    if not _integrate(s, left_vz, right_vz, settings["ball"] != 0, scene):
-        cause = _move(s, _FAULT, rules) or cause
-    row["event"] = cause
+@specialised(_keep)
+def _keep_compiled(row: Any, s: Any) -> Any:
+    """Write the same out, field by field."""
+    made: dict[str, Any] = {}
+    exec("def keep(row, s):\n" + "".join(f"    row[{name!r}] = s[{name!r}]\n" for name in _STATE_NAMES), made)
+    return made["keep"]
 
 
-@kernel
-def _ticks(
-    state: Any,
-    rows: Any,
-    state_words: Any,
-    row_words: Any,
-    first: int,
-    count: int,
-    settings: Any,
-    scene: Any,
-    rules: Any,
-) -> None:
-    """Do `count` ticks on the rows from `first`, round the end of the array.
+@cache
+def _make_ticks(METHOD: int, SUBSTEPS: int, HOLD: int, FREE: Parts, FIXED: Parts) -> Callable[..., None]:
+    """Compile the ticks for a kind of scene: its method, and its parts while the ball rolls and while it is fixed."""
+    STEP = TICK_SECONDS / SUBSTEPS
 
-    The state found is copied to its place in the row word by word, through views of the same memory.
-    """
-    for number in range(first, first + count):
-        i = number % len(rows)
-        row_words[i, _STATE_WORD : _STATE_WORD + len(state_words)] = state_words
-        _tick(state[0], rows[i], settings[0], scene[0], rules[0])
+    @kernel
+    def ticks(state: Any, rows: Any, first: int, count: int, book: Any, tables: Any) -> None:
+        s, scene, rules, settings = state[0], book[0]["scene"], book[0]["rules"], book[0]["settings"]
+        limit = settings["stylus_range"]
+        for number in range(first, first + count):
+            row = rows[number % len(rows)]
+            _keep(row, s)
+            _sense_left(s, row, limit, HOLD)
+            _sense_right(s, row, limit, HOLD)
+            hands = _drives(row, HOLD, scene)
+            _force(s, row, hands, FIXED, settings, scene)
+            cause = _decide(s, row["command"], rules)
+            rolls = s["phase"] == _RUNNING or s["phase"] == _HOLDING
+            x = (s["z"], s["vz"], s["theta"], s["omega"], s["p"], s["vp"] if rolls else 0.0)
+            for step in range(SUBSTEPS):
+                if step > 0:
+                    hands = later(hands, STEP)
+                if rolls:
+                    x = stopped(advance(METHOD, x, STEP, hands, (tables, 0), FREE, scene), FREE, scene)
+                else:
+                    x = advance(METHOD, x, STEP, hands, (tables, 1), FIXED, scene)
+            if not _settle(s, calm(x)):
+                cause = _move(s, _FAULT, rules) or cause
+            row["event"] = cause
+
+    return ticks
 
 
 SETTINGS = np.dtype(
     [
         ("stylus_range", "<f8"),  # stylus heights are clipped to +- this [m]
-        ("ball", "<i8"),  # 1: there is a ball
+        ("balls", "<i8"),  # 1: there is a ball
         ("haptics", "<i8"),  # 1: the hands feel the board
     ]
 )
 """What the stage itself needs to know of the block: one record."""
+
+BOOK = np.dtype([("scene", SCENE), ("rules", RULES), ("settings", SETTINGS)])
+"""Everything the ticks of a block go by: one record."""
 
 
 @dataclass(frozen=True)
@@ -219,19 +296,22 @@ class Stage:
 
     Attributes
     ----------
-    scene : ndarray of SCENE, shape (1,)
-        The physics.
-    rules : ndarray of RULES, shape (1,)
-        The trial.
-    settings : ndarray of SETTINGS, shape (1,)
-        The rest.
+    book : ndarray of BOOK, shape (1,)
+        The scene, the rules of the trial, and the rest.
+    choice : Choice
+        How the scene is stepped, and why.
+    tables : ndarray of float64, shape (2, k, 6, 6)
+        What its method needs for a ball that rolls, and for one that is fixed.
+    ticks : callable
+        The compiled ticks.
     first_target : int
         Side of the first target: -1 left, +1 right [1].
     """
 
-    scene: NDArray[Any]
-    rules: NDArray[Any]
-    settings: NDArray[Any]
+    book: NDArray[Any]
+    choice: Choice
+    tables: NDArray[np.float64]
+    ticks: Callable[..., None]
     first_target: int
 
     def initial(self) -> NDArray[Any]:
@@ -246,8 +326,8 @@ class Stage:
         state["phase"] = Phase.IDLE
         state["target"] = self.first_target
         state["trial"] = state["attempt"] = 1
-        if self.settings["ball"][0]:
-            state["p"] = -self.first_target * self.rules["target_distance"]
+        if self.book["settings"]["balls"][0]:
+            state["p"] = -self.first_target * self.book["rules"]["target_distance"]
         return state
 
     def advance(self, state: NDArray[Any], rows: NDArray[Any], first: int = 0, count: int = 1) -> None:
@@ -264,7 +344,7 @@ class Stage:
         count : int
             How many ticks [1].
         """
-        _ticks(state, rows, _words(state)[0], _words(rows), first, count, self.settings, self.scene, self.rules)
+        self.ticks(state, rows, first, count, self.book, self.tables)
 
     def warm(self) -> None:
         """Compile (or load from the cache) everything `advance` needs, so that no first tick is late."""
@@ -289,14 +369,24 @@ def make_stage(config: Config) -> Stage:
     ConfigError
         If the live tick cannot hold the scene.
     """
-    settings = np.zeros(1, SETTINGS)
-    settings["stylus_range"] = config.task.stylus_range
-    settings["ball"] = config.physics.balls
-    settings["haptics"] = config.block.haptics
+    physics = config.physics
+    if physics.balls > 1:
+        raise ConfigError(
+            f"[physics] balls: found {physics.balls}, expected 0 or 1: a trial is about one ball "
+            "(scenes of several are for `netboard simulate`)"
+        )
+    book = np.zeros(1, BOOK)
+    book["scene"] = pack_scene(physics)
+    book["rules"] = pack_rules(config.task, config.geometry, config.block)
+    book["settings"] = (config.task.stylus_range, physics.balls, config.block.haptics)
+    choice = choose(physics, TICK_SECONDS)
+    method, kinds = NUMBER[choice.method], (parts_of(physics), parts_of(physics, free=False))
+    step = TICK_SECONDS / choice.substeps
     return Stage(
-        scene=pack_scene(config.physics),
-        rules=pack_rules(config.task, config.geometry, config.block),
-        settings=settings,
+        book=book,
+        choice=choice,
+        tables=np.stack([METHODS[method].tables(book["scene"][0], parts, 6, step) for parts in kinds]),
+        ticks=_make_ticks(method, choice.substeps, HOLDS.index(physics.hold), *kinds),
         first_target=first_target(config),
     )
 

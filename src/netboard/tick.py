@@ -27,6 +27,15 @@ STATE = np.dtype(
         ("vp", "<f8"),  # its rate [m/s]
         ("left_z", "<f8"),  # height of the left stylus as last used [m]
         ("right_z", "<f8"),  # of the right one [m]
+        *(
+            field
+            for side in _BOTH
+            for field in (
+                (f"{side}_seen_ns", "<i8"),  # when the newest sample was read, server time; 0 before the first [ns]
+                (f"{side}_seen_vz", "<f8"),  # rate of the stylus in it [m/s]
+                (f"{side}_az", "<f8"),  # change of that rate since the sample before, over the time between [m/s2]
+            )
+        ),
         ("completion", "<f8"),  # completion time of the last successful trial, 0 before the first [s]
         ("phase", "<i8"),  # netboard.experiment.machine.Phase
         ("target", "<i8"),  # side of the target: -1 left, +1 right
@@ -70,6 +79,7 @@ OUTPUT = np.dtype(
             for field in (
                 (f"{side}_used_z", "<f8"),  # stylus height used: extrapolated to the tick and clipped [m]
                 (f"{side}_used_vz", "<f8"),  # its rate used [m/s]
+                (f"{side}_used_az", "<f8"),  # the rate of that used, kept through the tick [m/s2]
                 (f"{side}_coupling", "<f8"),  # force of the coupling on the board, + = up [N]
                 (f"{side}_force", "<f8"),  # force sent to the hand; 0 without haptics, a trial or a live stylus [N]
             )

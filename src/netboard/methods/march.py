@@ -14,7 +14,7 @@ from netboard.methods.catalogue import METHODS, NUMBER, advance
 from netboard.physics.hold import later
 from netboard.physics.models import coupling, stopped
 from netboard.physics.scene import Parts
-from netboard.physics.vectors import State
+from netboard.physics.vectors import State, calm
 
 
 @dataclass(frozen=True)
@@ -162,6 +162,7 @@ def make_march(METHOD: int, PARTS: Parts) -> Callable[..., State]:
                 if step > 0:
                     drive = moved_on(drive, h)
                 x = stopped(advance(METHOD, x, h, drive, (tables, kinds[i]), PARTS, one), PARTS, one)
+            x = calm(x)
             if keep:
                 for j in range(len(x)):
                     out[i + 1, j] = x[j]

@@ -9,6 +9,7 @@ import logging
 import time
 import uuid
 from collections.abc import Callable
+from dataclasses import asdict
 from math import ceil
 from typing import Any
 
@@ -126,7 +127,7 @@ class Server:
         stopping : callable
             Whether the process has been asked to stop.
         """
-        self._note("session_started", {"session": self.session})
+        self._note("session_started", {"session": self.session, **asdict(self._stage.choice)})
         steady_loop()
         pacer = Pacer(now_ns() + TICK_NS)
         while not (stopping() or self._shutdown):

@@ -63,8 +63,8 @@ def scene_matrix(parts: Parts, scene: Any, length: int) -> NDArray[np.float64]:
     torque[:4] = (
         -(k_right - k_left) * arm,
         -(c_right - c_left) * arm,
-        -(k_right + k_left) * arm**2,
-        -(c_right + c_left) * arm**2 - float(scene["b_theta"]),
+        -(k_right + k_left) * (arm * arm),
+        -(c_right + c_left) * (arm * arm) - float(scene["b_theta"]),
     )
     heavy, turning = float(scene["M"]), float(scene["I"])
     balls = range(4, length, 2)

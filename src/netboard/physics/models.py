@@ -14,7 +14,7 @@ no sample and no step.
 
 from typing import Any
 
-from netboard.compiled import inlined, kernel
+from netboard.compiled import inlined
 from netboard.physics.scene import Parts
 from netboard.physics.trig import sincos
 from netboard.physics.vectors import State, affine, alike, dot, joined, places, replaced, speeds, total
@@ -39,7 +39,7 @@ def turned(theta: float, parts: Parts) -> tuple[float, float]:
     return sincos(theta) if parts.tilts else (0.0, 1.0)
 
 
-@kernel
+@inlined
 def coupling(x: State, left: float, right: float, parts: Parts, scene: Any) -> tuple[float, float]:
     """Return the forces of the two hands on the board; the hands feel their opposites (paper eq. 1-2).
 
@@ -105,10 +105,26 @@ def _paper(x: State, left: float, right: float, parts: Parts, scene: Any) -> Sta
 
 
 @inlined
-def _masses(x: State, s: float, c: float, parts: Parts, scene: Any) -> tuple[float, float, float]:
-    """Return the inertia against heave, heave with tilt, and tilt, of the board and what moves with it [kg, kg m, kg m2].
+def masses(x: State, s: float, c: float, parts: Parts, scene: Any) -> tuple[float, float, float]:
+    """Return the inertia of the board and what moves with it, by Lagrange.
 
     Balls that roll are eliminated: what their momentum along the board takes away is taken away here.
+
+    Parameters
+    ----------
+    x : tuple of float
+        The state [SI].
+    s, c : float
+        Sine and cosine of the tilt [1].
+    parts : Parts
+        What the scene has; a constant at the call.
+    scene : SCENE record
+        The scene.
+
+    Returns
+    -------
+    a11, a12, a22 : float
+        Inertia against heave, heave with tilt, and tilt [kg, kg m, kg m2].
     """
     p = places(x)
     n = len(p)
@@ -126,10 +142,25 @@ def _masses(x: State, s: float, c: float, parts: Parts, scene: Any) -> tuple[flo
 
 
 @inlined
-def _solved(
+def solved(
     a11: float, a12: float, a22: float, force: float, torque: float, parts: Parts
 ) -> tuple[float, float]:
-    """Return the accelerations of heave and tilt that inertias and loads give, of those that the board can make."""
+    """Return the accelerations of heave and tilt that a force and a torque give, of those that the board can make.
+
+    Parameters
+    ----------
+    a11, a12, a22 : float
+        Inertia against heave, heave with tilt, and tilt [kg, kg m, kg m2].
+    force, torque : float
+        What acts on heave and tilt [N, N m].
+    parts : Parts
+        What the scene has; a constant at the call.
+
+    Returns
+    -------
+    az, ao : float
+        Accelerations of heave and tilt [m/s2, rad/s2].
+    """
     if not parts.tilts:
         return force / a11, 0.0
     if not parts.heaves:
@@ -158,8 +189,8 @@ def _lagrangian(x: State, left: float, right: float, parts: Parts, scene: Any) -
         m = scene["m"] * scene["fixed_load"]
         force -= m * (n * g - spin * (s * total(p) + n * r * c))
         torque -= m * g * (c * total(p) - n * r * s)
-    a11, a12, a22 = _masses(x, s, c, parts, scene)
-    az, ao = _solved(a11, a12, a22, force, torque, parts)
+    a11, a12, a22 = masses(x, s, c, parts, scene)
+    az, ao = solved(a11, a12, a22, force, torque, parts)
     if parts.free:
         ease = scene["ease"]
         return joined(x[1], az, omega, ao, vp, affine(r * ao - ease * s * (g + az), ease * spin, p))
@@ -199,9 +230,9 @@ def _struck(x: State, i: int, parts: Parts, scene: Any) -> State:
         return replaced(x, 5 + 2 * i, x[5 + 2 * i] + back)
     s, c = turned(x[2], parts)
     r, ease = scene["ball_height"], scene["ease"]
-    a11, a12, a22 = _masses(x, s, c, parts, scene)
+    a11, a12, a22 = masses(x, s, c, parts, scene)
     # Answers to a unit blow along the board, over ball i; as large a blow as gives ball i the change it needs.
-    vz, omega = _solved(a11, a12, a22, -s * ease, r, parts)
+    vz, omega = solved(a11, a12, a22, -s * ease, r, parts)
     others = r * omega - s * ease * vz
     blow = back / (others + ease / scene["m"])
     x = replaced(replaced(x, 1, x[1] + blow * vz), 3, x[3] + blow * omega)

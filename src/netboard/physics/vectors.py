@@ -80,6 +80,24 @@ _unrolled(
 )
 
 
+def row(table: Any, i: int, like: State) -> State:
+    """Return a row of a table as a tuple.
+
+    Parameters
+    ----------
+    table : ndarray of float64, shape (n, length)
+        The table [SI].
+    i : int
+        Number of the row [1].
+    like : tuple of float
+        Any tuple as long as the row [SI].
+    """
+    return tuple(table[i, : len(like)].tolist())
+
+
+_unrolled(row, "table, i, like", lambda table, i, like: _listed(like.count, "table[i, #]"))
+
+
 def places(x: State) -> State:
     """Return where the balls are.
 
@@ -206,6 +224,25 @@ _unrolled(
         "(vz, az, omega, ao, " + "".join(f"vp[{i}], ap[{i}], " for i in range(vp.count)) + ")"
     ),
 )
+
+
+TINY = 1e-200
+"""Nothing so small matters, in any unit, and its products are denormal numbers: processors are many times slower
+with those, and a board between two still hands would come to them [SI]."""
+
+
+def calm(x: State) -> State:
+    """Return the state with numbers that are too small to matter put to 0.
+
+    Parameters
+    ----------
+    x : tuple of float
+        A state [SI].
+    """
+    return tuple([0.0 if abs(a) < TINY else a for a in x])
+
+
+_unrolled(calm, "x", lambda x: _listed(x.count, f"0.0 if abs(x[#]) < {TINY} else x[#]"))
 
 
 def replaced(x: State, i: int, value: float) -> State:

@@ -1,0 +1,298 @@
+"""Where the energy of a scene is, and what it flows through: in strict arithmetic, and along a whole trajectory.
+
+The flows add up to the rate of what is stored, exactly. By Lagrange, energy comes from the hands and goes into dampers
+alone. The paper's equations are not quite those of a mechanical system; what they add or take has a flow of its own. A
+stop that turns a ball back takes energy in no time, which no flow has: along a trajectory it is what is missing.
+docs/physics.md derives it all; `netboard.physics.models` has the symbols.
+"""
+
+from collections.abc import Callable
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.polynomial.polynomial import polyder, polyval
+from numpy.typing import NDArray
+
+from netboard.compiled import inlined, kernel
+from netboard.physics.models import rates, turned
+from netboard.physics.scene import Parts
+from netboard.physics.vectors import State, affine, alike, dot, places, row, speeds, total
+
+
+class Stored(NamedTuple):
+    """Energies; gravity counts from the height of the origin.
+
+    Attributes
+    ----------
+    kinetic : float
+        Of the motion of board and balls [J].
+    gravity : float
+        Of their heights [J].
+    spring_left, spring_right : float
+        In the couplings to the hands [J].
+    spring_board : float
+        In the spring from the board to the origin [J].
+    """
+
+    kinetic: float
+    gravity: float
+    spring_left: float
+    spring_right: float
+    spring_board: float
+
+
+class Flows(NamedTuple):
+    """Powers, + = into the scene.
+
+    Attributes
+    ----------
+    hand_left, hand_right : float
+        From the hands [W].
+    damper_left, damper_right : float
+        Into the dampers of the couplings, never positive [W].
+    damper_board : float
+        Into the damping of the board's heave and tilt, never positive [W].
+    model : float
+        What the paper's equations add; 0 by Lagrange [W].
+    """
+
+    hand_left: float
+    hand_right: float
+    damper_left: float
+    damper_right: float
+    damper_board: float
+    model: float
+
+
+@inlined
+def _moving(x: State, s: float, c: float, parts: Parts, scene: Any) -> float:
+    """Return the kinetic energy of the balls [J]; by the paper they move along the board, and that is all."""
+    p, m, ease = places(x), scene["m"], scene["ease"]
+    if not parts.lagrangian:
+        return 0.5 * (m / ease) * dot(speeds(x), speeds(x)) if parts.free else 0.0
+    omega, lever = x[3], scene["ball_height"] * x[3]
+    if parts.free:
+        along = affine(-lever, 1.0, speeds(x))
+    else:
+        m *= scene["fixed_load"]
+        along = alike(-lever, p)
+    lifted = s * total(along) + omega * c * total(p)
+    return 0.5 * m * (dot(along, along) / ease + omega * omega * dot(p, p) + x[1] * (len(p) * x[1] + 2.0 * lifted))
+
+
+@inlined
+def stored(x: State, left_z: float, right_z: float, parts: Parts, scene: Any) -> Stored:
+    """Return the energies of the scene.
+
+    Parameters
+    ----------
+    x : tuple of float
+        The state [SI].
+    left_z, right_z : float
+        Heights of the styluses [m].
+    parts : Parts
+        What the scene has.
+    scene : SCENE record
+        The scene.
+
+    Returns
+    -------
+    Stored
+        Their sum is all that the scene has [J].
+    """
+    s, c = turned(x[2], parts)
+    z, arm = x[0], scene["l"] * s
+    kinetic = 0.5 * (scene["M"] * (x[1] * x[1]) + scene["I"] * (x[3] * x[3]))
+    gravity = scene["M"] * scene["g"] * z
+    if parts.loaded:
+        kinetic += _moving(x, s, c, parts, scene)
+        weight = scene["m"] * scene["g"]
+        if not parts.free:
+            weight *= scene["fixed_load"]
+        above = z + scene["ball_height"] * c if parts.lagrangian else z
+        gravity += weight * (len(places(x)) * above + s * total(places(x)))
+    left, right = left_z - (z - arm), right_z - (z + arm)
+    return Stored(
+        kinetic,
+        gravity,
+        0.5 * scene["k_left"] * (left * left),
+        0.5 * scene["k_right"] * (right * right),
+        0.5 * scene["k_s"] * (z * z),
+    )
+
+
+@inlined
+def flows(
+    x: State, left_z: float, left_vz: float, right_z: float, right_vz: float, parts: Parts, scene: Any
+) -> Flows:
+    """Return the powers through which the energy of the scene changes.
+
+    Parameters
+    ----------
+    x : tuple of float
+        The state [SI].
+    left_z, left_vz, right_z, right_vz : float
+        Heights of the styluses and their rates [m, m/s].
+    parts : Parts
+        What the scene has.
+    scene : SCENE record
+        The scene.
+
+    Returns
+    -------
+    Flows
+        Their sum is the rate of the sum of `stored` [W].
+    """
+    s, c = turned(x[2], parts)
+    z, vz, omega = x[0], x[1], x[3]
+    arm, arm_rate = scene["l"] * s, scene["l"] * omega * c
+    left, left_slip = left_z - (z - arm), left_vz - (vz - arm_rate)
+    right, right_slip = right_z - (z + arm), right_vz - (vz + arm_rate)
+    odd = 0.0
+    if parts.loaded and not parts.lagrangian:
+        # The board carries only c^2 of a ball's weight, and a ball may be told to roll uphill.
+        g, load = scene["g"], scene["m"]
+        odd = len(places(x)) * (g * s) * vz
+        if parts.free:
+            odd += (g + scene["ball_gravity"] / scene["ease"]) * total(speeds(x))
+        else:
+            load *= scene["fixed_load"]
+        odd *= load * s
+    return Flows(
+        (scene["k_left"] * left + scene["c_left"] * left_slip) * left_vz,
+        (scene["k_right"] * right + scene["c_right"] * right_slip) * right_vz,
+        -scene["c_left"] * (left_slip * left_slip),
+        -scene["c_right"] * (right_slip * right_slip),
+        -(scene["b_z"] * (vz * vz) + scene["b_theta"] * (omega * omega)),
+        odd,
+    )
+
+
+@cache
+def _make_along(PARTS: Parts) -> tuple[Callable[..., None], Callable[..., None], Callable[..., None]]:
+    """Compile rates, energies and flows of many states."""
+
+    @kernel
+    def all_rates(like: State, states: Any, hands: Any, scene: Any, out: Any) -> None:
+        one = scene[0]
+        for i in range(len(states)):
+            left = one["k_left"] * hands[i, 0] + one["c_left"] * hands[i, 1]
+            right = one["k_right"] * hands[i, 2] + one["c_right"] * hands[i, 3]
+            rate = rates(row(states, i, like), left, right, PARTS, one)
+            for j in range(len(like)):
+                out[i, j] = rate[j]
+
+    @kernel
+    def all_stored(like: State, states: Any, hands: Any, scene: Any, out: Any) -> None:
+        for i in range(len(states)):
+            held = stored(row(states, i, like), hands[i, 0], hands[i, 2], PARTS, scene[0])
+            for j in range(len(held)):
+                out[i, j] = held[j]
+
+    @kernel
+    def all_flows(like: State, states: Any, hands: Any, scene: Any, out: Any) -> None:
+        for i in range(len(states)):
+            flow = flows(row(states, i, like), hands[i, 0], hands[i, 1], hands[i, 2], hands[i, 3], PARTS, scene[0])
+            for j in range(len(flow)):
+                out[i, j] = flow[j]
+
+    return all_rates, all_stored, all_flows
+
+
+def stored_along(
+    states: NDArray[np.float64], hands: NDArray[np.float64], parts: Parts, scene: NDArray[Any]
+) -> NDArray[np.float64]:
+    """Return the energies of the scene at each state.
+
+    Parameters
+    ----------
+    states : ndarray of float64, shape (n, length)
+        The states [SI].
+    hands : ndarray of float64, shape (n, 4)
+        left_z, left_vz, right_z, right_vz of the styluses at the same times [m, m/s].
+    parts : Parts
+        What the scene has.
+    scene : ndarray of SCENE, shape (1,)
+        The scene.
+
+    Returns
+    -------
+    ndarray of float64, shape (n, 5)
+        As in `Stored` [J].
+    """
+    out = np.empty((len(states), len(Stored._fields)))
+    _make_along(parts)[1]((0.0,) * states.shape[1], states, hands, scene, out)
+    return out
+
+
+# A quintic of 0..1 by what it is at both ends: differences of values, two rates, two second rates (Hermite).
+_QUINTIC = np.array(
+    [
+        [0.0, 0.0, 0.0, 10.0, -15.0, 6.0],
+        [0.0, 1.0, 0.0, -6.0, 8.0, -3.0],
+        [0.0, 0.0, 0.0, -4.0, 7.0, -3.0],
+        [0.0, 0.0, 0.5, -1.5, 1.5, -0.5],
+        [0.0, 0.0, 0.0, 0.5, -1.0, 0.5],
+    ]
+).T
+_CUBIC = np.array([[0.0, 0.0, 3.0, -2.0], [0.0, 1.0, -2.0, 1.0], [0.0, 0.0, -1.0, 1.0]]).T
+_GAUSS, _WEIGHTS = (0.5 - np.sqrt(0.15), 0.5, 0.5 + np.sqrt(0.15)), (5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0)
+
+
+def _meeting(
+    basis: NDArray[np.float64], t: float, h: NDArray[np.float64], start: NDArray[np.float64], *ends: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return place and rate, t of the way through each interval, of the polynomial that meets what is known of its ends."""
+    at, rate = polyval(t, basis), polyval(t, polyder(basis))
+    place = start + sum(weight * end for weight, end in zip(at, ends, strict=True))
+    return place, sum(weight * end for weight, end in zip(rate, ends, strict=True)) / h
+
+
+def work_along(
+    times: NDArray[np.float64],
+    states: NDArray[np.float64],
+    hands: NDArray[np.float64],
+    parts: Parts,
+    scene: NDArray[Any],
+) -> NDArray[np.float64]:
+    """Return the work done through each flow since the start of a trajectory.
+
+    Between two states the board moves by the quintic that meets both with their rates, a stylus by the cubic, and the
+    power is integrated by Gauss with three nodes: the error falls with the sixth power of the interval.
+
+    Parameters
+    ----------
+    times : ndarray of float64, shape (n,)
+        When the states are, ascending [s].
+    states : ndarray of float64, shape (n, length)
+        The states [SI].
+    hands : ndarray of float64, shape (n, 4)
+        left_z, left_vz, right_z, right_vz of the styluses at the same times [m, m/s].
+    parts : Parts
+        What the scene has.
+    scene : ndarray of SCENE, shape (1,)
+        The scene.
+
+    Returns
+    -------
+    ndarray of float64, shape (n, 6)
+        As in `Flows`, since the first state [J].
+    """
+    all_rates, _, all_flows = _make_along(parts)
+    like = (0.0,) * states.shape[1]
+    rate = np.empty_like(states)
+    all_rates(like, states, hands, scene, rate)
+    h = np.diff(times)[:, None]
+    place, speed, bend = states[:, 0::2], states[:, 1::2], rate[:, 1::2]
+    moved = (np.diff(place, axis=0), h * speed[:-1], h * speed[1:], h**2 * bend[:-1], h**2 * bend[1:])
+    hand, pace = hands[:, 0::2], hands[:, 1::2]
+    waved = (np.diff(hand, axis=0), h * pace[:-1], h * pace[1:])
+    between, held = np.empty((len(h), states.shape[1])), np.empty((len(h), 4))
+    power, work = np.empty((len(h), len(Flows._fields))), np.zeros((len(states), len(Flows._fields)))
+    for t, weight in zip(_GAUSS, _WEIGHTS, strict=True):
+        between[:, 0::2], between[:, 1::2] = _meeting(_QUINTIC, t, h, place[:-1], *moved)
+        held[:, 0::2], held[:, 1::2] = _meeting(_CUBIC, t, h, hand[:-1], *waved)
+        all_flows(like, between, held, scene, power)
+        work[1:] += weight * h * power
+    return np.cumsum(work, axis=0)

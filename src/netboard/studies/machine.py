@@ -1,0 +1,124 @@
+"""What machine a study ran on, for the head of its results: timings mean little without it."""
+
+import os
+import platform
+from dataclasses import asdict, dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+LIBRARIES = ("netboard", "numba", "llvmlite", "numpy", "scipy")
+"""Those whose version can change a figure."""
+
+
+@dataclass(frozen=True)
+class Machine:
+    """A machine and the software that a study ran with.
+
+    Attributes
+    ----------
+    system : str
+        Operating system and its version.
+    cpu : str
+        Model of the processor.
+    cores : int
+        Cores that this process may use [1].
+    vectors : str
+        Widest vector instructions that numba compiles for.
+    load : float
+        Processes that wanted a core in the last minute, on average; NaN where the system does not say [1].
+    python : str
+        Version of Python.
+    libraries : dict of str to str
+        Version of each library.
+    """
+
+    system: str
+    cpu: str
+    cores: int
+    vectors: str
+    load: float
+    python: str
+    libraries: dict[str, str]
+
+    def as_dict(self) -> dict[str, object]:
+        """Return the same as plain data, for JSON.
+
+        Returns
+        -------
+        dict
+            By name.
+        """
+        return asdict(self)
+
+    def lines(self) -> list[str]:
+        """Return the same for people.
+
+        Returns
+        -------
+        list of str
+            Three lines.
+        """
+        return [
+            f"{self.cpu}, {self.cores} cores, {self.vectors}, load {self.load:.2f}",
+            f"{self.system}, Python {self.python}",
+            ", ".join(f"{name} {number}" for name, number in self.libraries.items()),
+        ]
+
+
+def describe() -> Machine:
+    """Return what machine this is, now.
+
+    Returns
+    -------
+    Machine
+        The description.
+    """
+    return Machine(
+        system=platform.platform(),
+        cpu=_cpu(),
+        cores=_cores(),
+        vectors=_vectors(),
+        load=os.getloadavg()[0] if hasattr(os, "getloadavg") else float("nan"),
+        python=platform.python_version(),
+        libraries={name: _version(name) for name in LIBRARIES},
+    )
+
+
+def _version(library: str) -> str:
+    """Return the version of a library that may not be installed as a package."""
+    try:
+        return version(library)
+    except PackageNotFoundError:
+        return "not installed"
+
+
+def _cores() -> int:
+    """Return how many cores this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def _cpu() -> str:
+    """Return the model of the processor, with the family and model that a virtual machine may hide in its name."""
+    listing = Path("/proc/cpuinfo")
+    if not listing.exists():
+        return platform.processor() or platform.machine()
+    said: dict[str, str] = {}
+    for line in listing.read_text(encoding="utf-8").splitlines():
+        name, _, value = line.partition(":")
+        said.setdefault(name.strip(), value.strip())
+    if "model name" not in said:
+        return platform.machine()
+    return f"{said['model name']} (family {said.get('cpu family', '?')}, model {said.get('model', '?')})"
+
+
+def _vectors() -> str:
+    """Return the widest vector instructions of the processor."""
+    from llvmlite.binding import get_host_cpu_features
+
+    has = get_host_cpu_features()
+    for name in ("avx512f", "avx2", "avx", "sse2", "sve", "neon"):
+        if has.get(name):
+            return name
+    return "no vector instructions"

@@ -1,0 +1,220 @@
+"""The equations of motion derived anew with sympy, and the kernels' own text run on the same symbols.
+
+Run without compilation (``NUMBA_DISABLE_JIT=1 python derivation.py``), the kernels are plain Python, and take symbols as
+they take numbers. What they return is put into Lagrange's equations, derived here from the energies alone; every
+difference must cancel to nothing, identically. Prints each claim with what is left of it: all must be 0.
+"""
+
+import json
+from collections.abc import Iterator
+from typing import Any
+
+import sympy as sp
+
+from netboard.physics import energy, models
+from netboard.physics.scene import SCENE, Parts
+
+# Symbols of one scene; sine and cosine are symbols too, with s^2 = 1 - c^2 used at the end.
+s, c = sp.symbols("s c", real=True)
+SYMBOLS = {name: sp.Symbol(name, positive=True) for name in SCENE.names or ()}
+M, m, g, k_s, l, I = (SYMBOLS[name] for name in ("M", "m", "g", "k_s", "l", "I"))  # noqa: E741
+r, restitution = SYMBOLS["ball_height"], SYMBOLS["restitution"]
+beta = 1 / SYMBOLS["ease"] - 1
+z, vz, theta, omega, az, ao = sp.symbols("z vz theta omega az ao", real=True)
+left, right = sp.symbols("u_left u_right", real=True)
+
+models.sincos = lambda angle: (s, c)  # type: ignore[assignment]
+
+WHOLE = Parts(
+    lagrangian=True, heaves=True, tilts=True, even=False, damped=True, loaded=True, free=True, stops=True
+)
+
+
+def state(balls: int) -> tuple[Any, ...]:
+    """A state of symbols."""
+    along = [sp.symbols(f"p{i} w{i}", real=True) for i in range(balls)]
+    return (z, vz, theta, omega, *(value for pair in along for value in pair))
+
+
+def record(parts: Parts) -> dict[str, Any]:
+    """The scene as symbols, as far as its parts leave it free."""
+    values = dict(SYMBOLS)
+    if parts.even:
+        values |= {"k_right": values["k_left"], "c_right": values["c_left"]}
+    if not parts.damped:
+        values |= {"b_theta": sp.Integer(0)}
+    return values
+
+
+def is_zero(expression: Any) -> bool:
+    """Whether an expression in the symbols vanishes identically, with s^2 + c^2 = 1."""
+    top, _ = sp.fraction(sp.together(sp.nsimplify(expression, rational=True)))
+    return sp.rem(sp.expand(top), s**2 + c**2 - 1, s).expand() == 0
+
+
+# --- the scene by Lagrange -----------------------------------------------------------------------------------------
+
+
+def ball_energies(place: Any, speed: Any, height: Any, rise: Any, tilt: Any, turn: Any, sphere: Any) -> tuple[Any, Any]:
+    """Kinetic and potential energy of one ball on the board, from where it is."""
+    time = sp.Symbol("t")
+    q, h, a = (sp.Function(name)(time) for name in "qha")
+    x = q * sp.cos(a) - r * sp.sin(a)
+    y = h + q * sp.sin(a) + r * sp.cos(a)
+    back = {q.diff(time): speed, h.diff(time): rise, a.diff(time): turn}
+    moved = (x.diff(time) ** 2 + y.diff(time) ** 2).subs(back)
+    # A ball that rolls turns with the board, less p'/r: (r theta' - p')^2 stays finite where r is 0.
+    kinetic = m * moved / 2 + sphere * m * (r * turn - speed) ** 2 / 2
+    return tuple(e.subs({q: place, h: height, a: tilt}) for e in (kinetic, m * g * y))
+
+
+def energies(parts: Parts, x: tuple[Any, ...]) -> tuple[Any, Any]:
+    """Kinetic energy, and potential energy without the couplings, of the whole scene."""
+    kinetic, potential = M * vz**2 / 2 + I * omega**2 / 2, M * g * z + k_s * z**2 / 2
+    for place, speed in zip(x[4::2], x[5::2], strict=True):
+        share = 1 if parts.free else SYMBOLS["fixed_load"]
+        moved, lifted = ball_energies(place, speed if parts.free else 0, z, vz, theta, omega, beta)
+        kinetic, potential = kinetic + share * moved, potential + share * lifted
+    return kinetic, potential
+
+
+def hands(scene: dict[str, Any]) -> tuple[Any, Any]:
+    """Forces of the hands on the board, as the paper prints them."""
+    sine, cosine = sp.sin(theta), sp.cos(theta)
+    return tuple(
+        u - scene[f"k_{side}"] * (z + sign * l * sine) - scene[f"c_{side}"] * (vz + sign * l * omega * cosine)
+        for u, side, sign in ((left, "left", -1), (right, "right", 1))
+    )
+
+
+def coordinates(parts: Parts, x: tuple[Any, ...]) -> list[tuple[Any, Any, Any, Any]]:
+    """Each coordinate that moves: itself, its rate, and the generalised force on it."""
+    scene = record(parts)
+    f_left, f_right = hands(scene)
+    found = []
+    if parts.heaves:
+        found.append((z, vz, f_left + f_right - scene["b_z"] * vz, 0))
+    if parts.tilts:
+        found.append((theta, omega, (f_right - f_left) * l * sp.cos(theta) - scene["b_theta"] * omega, 2))
+    if parts.free:
+        found += [(x[i], x[i + 1], sp.Integer(0), i) for i in range(4, len(x), 2)]
+    return found
+
+
+def bound(parts: Parts, expression: Any) -> Any:
+    """An expression with sine and cosine as the kernels have them, on the board as it can move."""
+    if not parts.heaves:
+        expression = expression.subs(vz, 0)
+    if not parts.tilts:
+        return expression.subs({theta: 0, omega: 0})
+    return expression.subs({sp.sin(theta): s, sp.cos(theta): c})
+
+
+def still(parts: Parts, x: tuple[Any, ...]) -> tuple[Any, ...]:
+    """The state with 0 for the rates of what the board cannot do."""
+    gone = {1: parts.heaves, 2: parts.tilts, 3: parts.tilts}
+    return tuple(value if gone.get(i, True) else sp.Integer(0) for i, value in enumerate(x))
+
+
+def lagrange(parts: Parts, balls: int) -> bool:
+    """Whether the kernel's rates satisfy Lagrange's equations of the scene."""
+    x = state(balls)
+    kinetic, potential = energies(parts, x)
+    out = models.rates(still(parts, x), left, right, parts, record(parts))
+    moving = coordinates(parts, x)
+    good = all(is_zero(bound(parts, out[i] - rate)) for _, rate, _, i in moving)
+    held = {0, 2, *range(4, 4 + 2 * balls, 2)} - {i for *_, i in moving}
+    good &= all(out[i + 1] == 0 for i in held)
+    rates_of = {q: rate for q, rate, _, _ in moving} | {rate: out[i + 1] for _, rate, _, i in moving}
+    for q, rate, force, _ in moving:
+        momentum = kinetic.diff(rate)
+        change = sum(momentum.diff(variable) * value for variable, value in rates_of.items())
+        good &= is_zero(bound(parts, change - (kinetic - potential).diff(q) - force))
+    return good
+
+
+def paper(parts: Parts, balls: int) -> bool:
+    """Whether the kernel's rates are the paper's equations 3 to 5, with what was added to them."""
+    x, scene = state(balls), record(parts)
+    out = models.rates(still(parts, x), left, right, parts, scene)
+    f_left, f_right = hands(scene)
+    load = 1 if parts.free else SYMBOLS["fixed_load"]
+    weight = load * m * g
+    cosine = sp.cos(theta)
+    heave = f_left + f_right - M * g - balls * weight * cosine**2 - k_s * z - scene["b_z"] * vz
+    turn = (f_right - f_left) * l * cosine - weight * sum(x[4::2]) * cosine - scene["b_theta"] * omega
+    roll = SYMBOLS["ball_gravity"] * sp.sin(theta)
+    wanted = [vz, heave / M if parts.heaves else sp.S(0), omega, turn / I if parts.tilts else sp.S(0)]
+    for speed in x[5::2]:
+        wanted += [speed, roll] if parts.free else [sp.S(0), sp.S(0)]
+    return all(is_zero(bound(parts, a - b)) for a, b in zip(out, wanted, strict=True))
+
+
+def blow(parts: Parts, balls: int) -> bool:
+    """Whether a stop turns a ball back as momentum demands: one blow between ball and board, along the board."""
+    x, scene = state(balls), record(parts)
+    before = still(parts, x)
+    after = models._struck(before, 4 - 4, parts, scene)  # the first ball
+    kinetic, _ = energies(parts, x)
+    jump = {rate: after[i + 1] - before[i + 1] for _, rate, _, i in coordinates(parts, x)}
+    good = is_zero(after[5] + restitution * before[5])
+    for q, rate, _, _ in coordinates(parts, x):
+        # Momentum is linear in the rates; the blow itself is what the first ball's momentum changed by.
+        change = sum(kinetic.diff(rate).diff(other) * by for other, by in jump.items())
+        good &= q == x[4] or is_zero(bound(parts, change))
+    lost = kinetic - kinetic.subs(dict(zip(x, after, strict=True)), simultaneous=True)
+    good &= is_zero(bound(parts, lost).subs(restitution, 1))
+    return good
+
+
+def balance(parts: Parts, balls: int) -> bool:
+    """Whether the energy stored changes by what flows, and by Lagrange nothing flows from nowhere."""
+    x, scene = still(parts, state(balls)), record(parts)
+    at = sp.symbols("left_z right_z left_vz right_vz", real=True)
+    u_left = scene["k_left"] * at[0] + scene["c_left"] * at[2]
+    u_right = scene["k_right"] * at[1] + scene["c_right"] * at[3]
+    out = models.rates(x, u_left, u_right, parts, scene)
+    stored = sum(energy.stored(x, at[0], at[1], parts, scene))
+    change = stored.diff(at[0]) * at[2] + stored.diff(at[1]) * at[3]
+    change += (stored.diff(s) * c - stored.diff(c) * s) * out[2]
+    for i, variable in enumerate(x):
+        if variable.is_Symbol and i != 2:
+            change += stored.diff(variable) * out[i]
+    flows = energy.flows(x, at[0], at[2], at[1], at[3], parts, scene)
+    if not parts.tilts:
+        change, flows = (sp.sympify(e).subs({s: 0, c: 1}) for e in (change, sum(flows))), flows
+        change, total = change
+    else:
+        total = sum(flows)
+    return is_zero(change - total) and (not parts.lagrangian or flows[-1] == 0)
+
+
+# --- which scenes ----------------------------------------------------------------------------------------------------
+
+KINDS = {
+    "free": WHOLE,
+    "even": WHOLE._replace(even=True, damped=False),
+    "hinged": WHOLE._replace(heaves=False),
+    "level": WHOLE._replace(tilts=False, damped=False),
+    "fixed": WHOLE._replace(free=False),
+    "fixed, hinged": WHOLE._replace(free=False, heaves=False),
+    "fixed, level": WHOLE._replace(free=False, tilts=False, damped=False),
+    "bare": WHOLE._replace(free=False, loaded=False),
+}
+
+
+def claims() -> Iterator[tuple[str, bool]]:
+    """Every claim, and whether it holds."""
+    for name, parts in KINDS.items():
+        for balls in (1, 2) if parts.loaded else (0,):
+            printed = parts._replace(lagrangian=False)
+            yield f"Lagrange's equations, {name}, {balls}", lagrange(parts, balls)
+            yield f"the paper's equations, {name}, {balls}", paper(printed, balls)
+            yield f"energy by Lagrange, {name}, {balls}", balance(parts, balls)
+            yield f"energy by the paper, {name}, {balls}", balance(printed, balls)
+            if parts.free:
+                yield f"a blow by Lagrange, {name}, {balls}", blow(parts, balls)
+
+
+if __name__ == "__main__":
+    print(json.dumps(dict(claims())))  # noqa: T201
