@@ -185,6 +185,16 @@ def test_all_problems_are_listed() -> None:
         ("[task]\nlevel_height = 0.08", "[task] level_height"),
         ("[safety]\nfade_ms = 95", "[safety] disarm_after_ms"),
         ("[safety]\nmax_force = 0.1", "[safety] arm_gate"),
+        ("[physics]\nballs = 0\nball_inertia = 0.4", "[physics] ball_inertia"),
+        ("[physics]\nballs = 0\nball_stop = 0.3", "[physics] ball_stop"),
+        ("[physics]\nball_stop = 0.1", "[physics] ball_stop"),
+        ("[physics]\nrestitution = 0.5", "[physics] restitution"),
+        ("[physics]\nball_height = 0.02", "[physics] ball_height"),
+        ("[physics]\nmodel = 'lagrangian'\nballs = 0\nball_height = 0.02", "[physics] ball_height"),
+        ("[physics]\nmodel = 'lagrangian'\nball_sign = 'printed'", "[physics] ball_sign"),
+        ("[physics]\nboard = 'hinged'\nb_z = 0.1", "[physics] b_z"),
+        ("[physics]\nboard = 'level'\nb_theta = 0.1", "[physics] b_theta"),
+        ("[physics]\nmethod = 'exact'", "[physics] method"),
     ],
 )
 def test_keys_that_contradict_each_other(text: str, key: str) -> None:

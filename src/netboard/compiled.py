@@ -9,14 +9,17 @@ own, and the folders of other states are removed.
 """
 
 import hashlib
+import inspect
 import os
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import ParamSpec, TypeVar
+from types import CellType, FunctionType
+from typing import Any, ParamSpec, TypeVar
 
 P = ParamSpec("P")
 R = TypeVar("R")
+A = TypeVar("A")
 
 PREFIX = "kernels-"
 
@@ -36,7 +39,8 @@ def _choose_folder() -> None:
 _choose_folder()
 
 import numba  # noqa: E402  (reads the choice when it is imported)
-from numba.extending import overload  # noqa: E402
+from numba.core import cgutils  # noqa: E402
+from numba.extending import intrinsic, overload  # noqa: E402
 
 
 STRICT = {"error_model": "numpy"}
@@ -44,6 +48,10 @@ STRICT = {"error_model": "numpy"}
 
 INLINED = {**STRICT, "forceinline": True}
 """The same, compiled into every caller."""
+
+FAST = {**STRICT, "fastmath": {"contract"}}
+"""A product and a sum may be rounded once, as one (fused multiply-add), which not every machine does. Nothing else is
+let go: a sum keeps its order, and what is not finite is still found out."""
 
 
 def kernel(function: Callable[P, R]) -> Callable[P, R]:
@@ -74,6 +82,22 @@ def inlined(function: Callable[P, R]) -> Callable[P, R]:
     return compiled
 
 
+def fast(function: Callable[P, R]) -> Callable[P, R]:
+    """Compile a function as `kernel` does, with fused multiply-adds: never for what must verify to the bit.
+
+    Parameters
+    ----------
+    function : callable
+        As for `kernel`; what it calls is as strict as it was, but for what `loosened` makes.
+    """
+    compiled: Callable[P, R] = numba.njit(cache=True, **FAST)(function)
+    return compiled
+
+
+_CHOICES: dict[Any, Callable[..., object]] = {}
+"""What `specialised` was given for each function."""
+
+
 def specialised(function: Callable[..., object]) -> Callable[[Callable[..., object]], None]:
     """Let the decorated function choose, by the types of the arguments, what is compiled in place of a plain one.
 
@@ -92,5 +116,88 @@ def specialised(function: Callable[..., object]) -> Callable[[Callable[..., obje
     def register(choose: Callable[..., object]) -> None:
         choose.__annotations__ = {}  # numba compares them with those of what is returned
         overload(function, jit_options=INLINED, prefer_literal=True)(choose)
+        _CHOICES[function] = choose
 
     return register
+
+
+def loosened(function: Callable[P, R], instead: Mapping[Any, Any]) -> Callable[P, R]:
+    """Return the text of a strict kernel, and of all that it calls, compiled anew for a `fast` one.
+
+    So the equations are written once. It is compiled into its caller, and kept with that.
+
+    Parameters
+    ----------
+    function : callable
+        A kernel or a plain function that has been `specialised`.
+    instead : mapping of callable to callable
+        What to call in place of some of the functions that it calls.
+    """
+    done = dict(instead)
+
+    def again(found: Any) -> Any:
+        text = getattr(found, "py_func", found)
+        if not isinstance(text, FunctionType) or not text.__module__.startswith("netboard."):
+            return found
+        if found not in done:
+            done[found] = _copied(text, again)
+            if found in _CHOICES:
+                _choose_again(done[found], _CHOICES[found], again)
+            elif found is not text:
+                done[found] = numba.njit(**INLINED, fastmath=FAST["fastmath"])(done[found])
+        return done[found]
+
+    copy: Callable[P, R] = again(function)
+    return copy
+
+
+def _copied(text: Any, again: Callable[[Any], Any]) -> FunctionType:
+    """Return the same text with other functions under the names that it uses."""
+    known = {name: again(text.__globals__[name]) for name in text.__code__.co_names if name in text.__globals__}
+    cells = tuple(CellType(again(cell.cell_contents)) for cell in text.__closure__ or ())
+    return FunctionType(text.__code__, {**text.__globals__, **known}, text.__name__, text.__defaults__, cells or None)
+
+
+def _choose_again(copy: FunctionType, choose: Callable[..., object], again: Callable[[Any], Any]) -> None:
+    """Let numba choose for the copy as for the function, and copy what was chosen."""
+
+    def chosen(*arguments: Any) -> Any:
+        text = choose(*arguments)
+        return text and _copied(text, again)
+
+    names = ", ".join(inspect.signature(choose).parameters)
+    options = {**INLINED, "fastmath": FAST["fastmath"]}
+    overload(copy, jit_options=options, prefer_literal=True)(eval(f"lambda {names}: chosen({names})", {"chosen": chosen}))
+
+
+def borrowed(array: A) -> A:
+    """Return the same array for use in a kernel that does not count who holds it: counting costs more than a step.
+
+    Every tuple made of an array, and every function given that tuple, would count up and down, 5 ns each.
+
+    Parameters
+    ----------
+    array : ndarray
+        An argument of the kernel: its caller holds it for as long as the kernel runs.
+    """
+    return array
+
+
+def _uncounted(context: Any, array: Any) -> Any:
+    """Write the array's structure without its owner."""
+
+    def write(target: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        made = cgutils.create_struct_proxy(array)(target, builder, arguments[0])
+        made.meminfo = cgutils.get_null_value(made.meminfo.type)
+        made.parent = cgutils.get_null_value(made.parent.type)
+        return made._getvalue()
+
+    return array(array), write
+
+
+_borrow = intrinsic(_uncounted)
+
+
+@specialised(borrowed)
+def _borrowed(array: Any) -> Any:
+    return lambda array: _borrow(array)

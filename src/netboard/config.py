@@ -70,13 +70,13 @@ class Physics:
         Literal["free", "hinged", "level"],
         about("free: it heaves and tilts; hinged: it tilts about its fixed centre; level: it heaves and cannot tilt"),
     ] = "free"
-    coupling: Annotated[
-        Literal["both", "left", "right", "none"], about("which hands are coupled to the board")
-    ] = "both"
+    coupling: Annotated[Literal["both", "left", "right", "none"], about("which hands are coupled to the board")] = (
+        "both"
+    )
     balls: Annotated[int, about("how many balls, each of mass m; they pass each other", ge=0, le=4)] = 1
     ball_inertia: Annotated[
         float,
-        about("moment of inertia of a ball over m r2: 0 slides, 0.4 a solid sphere rolls, 0.667 a hollow one", ge=0, le=1),
+        about("moment of inertia of a ball over m r2: 0 slides, 0.4 rolls (solid sphere), 0.667 (hollow)", ge=0, le=1),
     ] = 0.0
     ball_height: Annotated[
         float, about("height of a ball's centre above the board, in the lagrangian model", "m", ge=0, le=0.2)
@@ -92,8 +92,20 @@ class Physics:
         about("how a stylus moves after its last sample: not at all, with its velocity, or with its acceleration too"),
     ] = "ca"
     method: Annotated[
-        Literal["auto", "euler", "semi_implicit", "heun", "verlet", "midpoint", "rk4", "etd2rk", "etdrk4", "dop853"],
-        about("how the board is stepped; auto: whatever holds the scene, rk4 if it does"),
+        Literal[
+            "auto",
+            "euler",
+            "semi_implicit",
+            "heun",
+            "verlet",
+            "midpoint",
+            "rk4",
+            "etd2rk",
+            "etdrk4",
+            "dop853",
+            "exact",
+        ],
+        about("how the board is stepped; auto: whatever holds the scene, rk4 if it does; exact: for a level board"),
     ] = "auto"
     substeps: Annotated[int, about("steps in a tick; 0: as many as the scene needs", ge=0, le=1000)] = 0
 
@@ -404,6 +416,7 @@ def contradictions(config: Config) -> Iterator[str]:
         One sentence for each, with table, key, value and what is expected.
     """
     geometry, task, physics, safety = config.geometry, config.task, config.physics, config.safety
+    yield from _contradictory_scene(physics)
     edge, half = geometry.board_length / 2, geometry.target_width / 2
     outer = geometry.target_distance + half
     if outer > edge:
@@ -432,6 +445,11 @@ def contradictions(config: Config) -> Iterator[str]:
             f"[task] stylus_range: found {task.stylus_range:g}, expected less than {physics.l:g} m ([physics] l), "
             "or the board could stand upright"
         )
+    if 0 < physics.ball_stop < geometry.target_distance:
+        yield (
+            f"[physics] ball_stop: found {physics.ball_stop:g}, expected at least {geometry.target_distance:g} m "
+            "([geometry] target_distance), or the ball could not reach the target; 0 for no stops"
+        )
     if task.level_height > task.stylus_range:
         yield (
             f"[task] level_height: found {task.level_height:g}, expected at most {task.stylus_range:g} m "
@@ -444,3 +462,27 @@ def contradictions(config: Config) -> Iterator[str]:
         )
     if safety.arm_gate > safety.max_force:
         yield f"[safety] arm_gate: found {safety.arm_gate:g}, expected at most {safety.max_force:g} N (max_force)"
+
+
+def _contradictory_scene(physics: Physics) -> Iterator[str]:
+    """Find parts of a scene that do not go together."""
+    needs: dict[str, tuple[bool, str]] = {
+        "ball_inertia": (physics.balls > 0, "balls = 1 or more"),
+        "ball_stop": (physics.balls > 0, "balls = 1 or more"),
+        "restitution": (physics.ball_stop > 0, "a ball_stop"),
+        "ball_height": (physics.model == "lagrangian", 'model = "lagrangian": in the paper\'s a ball is a point'),
+        "b_z": (physics.board != "hinged", "a board that heaves"),
+        "b_theta": (physics.board != "level", "a board that tilts"),
+    }
+    for key, (there, what) in needs.items():
+        if getattr(physics, key) > 0 and not there:
+            yield f"[physics] {key}: found {getattr(physics, key):g}, which needs {what}; expected 0"
+    if physics.ball_height > 0 and physics.balls == 0:
+        yield f"[physics] ball_height: found {physics.ball_height:g}, which needs balls = 1 or more; expected 0"
+    if physics.model == "lagrangian" and physics.ball_sign == "printed":
+        yield (
+            '[physics] ball_sign: found "printed", expected "downhill": only the paper\'s model can have a ball '
+            "that rolls uphill"
+        )
+    if physics.method == "exact" and physics.board != "level":
+        yield '[physics] method: found "exact", expected another one: it is for board = "level"'

@@ -41,7 +41,7 @@ from netboard.physics.hold import later, moving, reached, resting
 from netboard.physics.models import coupling, stopped
 from netboard.physics.scene import SCENE, Parts, pack_scene, parts_of
 from netboard.physics.vectors import State, calm
-from netboard.tick import INPUT, OUTPUT, STATE, TICK, TICK_SECONDS
+from netboard.tick import OUTPUT, STATE, TICK, TICK_SECONDS
 
 VELOCITY_REACH = 0.010
 """A stylus sample is extrapolated by its velocity over at most this time [s]."""
@@ -253,8 +253,10 @@ def _make_ticks(METHOD: int, SUBSTEPS: int, HOLD: int, FREE: Parts, FIXED: Parts
     def ticks(state: Any, rows: Any, first: int, count: int, book: Any, tables: Any) -> None:
         s, scene, rules, settings = state[0], book[0]["scene"], book[0]["rules"], book[0]["settings"]
         limit = settings["stylus_range"]
-        for number in range(first, first + count):
-            row = rows[number % len(rows)]
+        place = first % len(rows)
+        for _ in range(count):
+            row = rows[place]
+            place = place + 1 if place + 1 < len(rows) else 0
             _keep(row, s)
             _sense_left(s, row, limit, HOLD)
             _sense_right(s, row, limit, HOLD)
@@ -262,7 +264,7 @@ def _make_ticks(METHOD: int, SUBSTEPS: int, HOLD: int, FREE: Parts, FIXED: Parts
             _force(s, row, hands, FIXED, settings, scene)
             cause = _decide(s, row["command"], rules)
             rolls = s["phase"] == _RUNNING or s["phase"] == _HOLDING
-            x = (s["z"], s["vz"], s["theta"], s["omega"], s["p"], s["vp"] if rolls else 0.0)
+            x: State = (s["z"], s["vz"], s["theta"], s["omega"], s["p"], s["vp"] if rolls else 0.0)
             for step in range(SUBSTEPS):
                 if step > 0:
                     hands = later(hands, STEP)

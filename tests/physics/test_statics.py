@@ -1,31 +1,38 @@
-"""Closed forms against the printed acceptance values, and the kernels against the closed forms."""
+"""Closed forms against the printed acceptance values, against the kernels at rest, and against the scene's matrix."""
 
 import math
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
-from scipy.optimize import approx_fprime
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from independent import still, waving
+from trajectories import drive, scene_of, trajectory
 
-from netboard.config import Physics
-from netboard.physics.kernels import coupling, rk4_bare, rk4_fixed, rk4_free
-from netboard.physics.scene import pack_scene
-from netboard.physics.stability import rk4_factor
+from netboard.physics.linear import scene_matrix
+from netboard.physics.models import coupling, rates
 from netboard.physics.statics import ball_poles, equilibrium, heave_poles, rotation_poles
 
-H = 1e-3
 MM = 1e-3
+PAPER, BARE = scene_of(), scene_of(balls=0)
 
 
-def test_bare_board_hangs_by_the_printed_amount(scene: Any) -> None:
-    rest = equilibrium(0.0, 0.0, 0.0, scene, load=0.0)
+def rest_of(scene: Any, left_z: float, right_z: float, *p: float) -> Any:
+    return equilibrium(left_z, right_z, p, scene.parts, scene.record)
+
+
+# --- rest ------------------------------------------------------------------------------------------------------------
+
+
+def test_bare_board_hangs_by_the_printed_amount() -> None:
+    rest = rest_of(BARE, 0.0, 0.0)
     assert rest.z == pytest.approx(-0.1817 * MM, abs=5e-5 * MM)
     assert rest.theta == 0
 
 
-def test_ball_at_the_target_tilts_the_board_by_the_printed_amount(scene: Any) -> None:
-    rest = equilibrium(0.0, 0.0, 0.15, scene)
+def test_ball_at_the_target_tilts_the_board_by_the_printed_amount() -> None:
+    rest = rest_of(PAPER, 0.0, 0.0, 0.15)
     assert rest.z == pytest.approx(-1.0900 * MM, abs=5e-5 * MM)
     assert math.sin(rest.theta) == pytest.approx(-0.002943, abs=5e-7)
     assert math.degrees(rest.theta) == pytest.approx(-0.1686, abs=5e-5)
@@ -33,86 +40,180 @@ def test_ball_at_the_target_tilts_the_board_by_the_printed_amount(scene: Any) ->
     assert rest.right - rest.left == pytest.approx(0.05 * 9.81 * 0.15 / 0.25, rel=1e-12)
 
 
-def settled(step: Any, left_z: float, right_z: float, p: float, scene: Any) -> tuple[float, ...]:
-    state = (0.0, 0.0, 0.0, 0.0, p, 0.0)
-    for _ in range(500):
-        state = step(*state, left_z, 0.0, right_z, 0.0, H, scene)
-    return state
-
-
-@pytest.mark.parametrize(("left_z", "right_z", "p"), [(0, 0, 0.15), (0, 0, -0.35), (0.03, -0.04, 0.1), (0.07, 0.05, 0)])
-def test_fixed_ball_comes_to_rest_where_it_must(left_z: float, right_z: float, p: float, scene: Any) -> None:
-    z, vz, theta, omega, *_ = settled(rk4_fixed, left_z, right_z, p, scene)
-    rest = equilibrium(left_z, right_z, p, scene)
-    assert (z, theta, vz, omega) == pytest.approx((rest.z, rest.theta, 0, 0), abs=1e-14)
-    forces = coupling(z, vz, theta, omega, left_z, 0.0, right_z, 0.0, scene)
-    assert forces == pytest.approx((rest.left, rest.right), abs=1e-12)
-
-
-def test_bare_board_and_carried_ball_come_to_rest_without_its_weight(scene: Any) -> None:
-    rest = equilibrium(0.01, 0.02, 0.15, scene, load=0.0)
-    carried = pack_scene(Physics(fixed_ball="carried"))[0]
-    for step, record in ((rk4_bare, scene), (rk4_fixed, carried)):
-        state = settled(step, 0.01, 0.02, 0.15, record)
-        assert (state[0], state[2]) == pytest.approx((rest.z, rest.theta), abs=1e-14)
-
-
-def test_height_follows_the_hands_and_hands_feel_each_other_as_derived(scene: Any) -> None:
-    none, right_up, both_up = (
-        equilibrium(left, right, 0.0, scene, load=0.0) for left, right in ((0, 0), (0, 0.01), (0.01, 0.01))
-    )
+def test_height_follows_the_hands_and_hands_feel_each_other_as_derived() -> None:
+    none, right_up, both_up = (rest_of(BARE, left, right) for left, right in ((0, 0), (0, 0.01), (0.01, 0.01)))
     assert (both_up.z - none.z) / 0.02 == pytest.approx(0.3704, abs=5e-5)
     # When only the partner's hand rises, one's own carries more of the spring at the centre: 0.26 N for 10 mm.
     assert (right_up.left - none.left) / 0.01 == pytest.approx(25.93, abs=5e-3)
 
 
-def test_there_is_no_rest_without_springs_or_beyond_the_upright(scene: Any) -> None:
-    loose = pack_scene(Physics(k_h=0.0))[0]
-    with pytest.raises(ValueError, match="nowhere"):
-        equilibrium(0.0, 0.0, 0.0, loose)
-    with pytest.raises(ValueError, match="no tilt"):
-        equilibrium(-0.3, 0.3, 0.0, scene)
+def test_by_lagrange_a_fixed_ball_on_the_board_rests_as_by_the_paper_but_for_all_of_its_weight() -> None:
+    scene = scene_of(False, model="lagrangian")
+    rest, printed = rest_of(scene, 0.0, 0.0, 0.15), rest_of(PAPER, 0.0, 0.0, 0.15)
+    assert rest.theta == printed.theta
+    assert rest.z - printed.z == pytest.approx(-0.05 * 9.81 * math.sin(rest.theta) ** 2 / 540, rel=1e-3)
 
 
-def test_poles_are_the_printed_ones(scene: Any) -> None:
-    fast, slow = heave_poles(scene)
+boards = st.sampled_from(["free", "hinged", "level"])
+couplings = st.sampled_from(["both", "left", "right"])
+heights = st.floats(-0.05, 0.05)
+
+
+@given(
+    boards,
+    couplings,
+    st.booleans(),
+    st.sampled_from(["paper", "lagrangian"]),
+    st.sampled_from([0.0, 0.03]),
+    st.sampled_from([0.0, 0.4]),
+    st.tuples(heights, heights),
+    st.lists(st.floats(-0.3, 0.3), max_size=2),
+)
+def test_at_rest_nothing_accelerates_the_board_and_what_tilts_it_is_turned_back(
+    board: Any, side: Any, free: bool, model: Any, above: float, beta: float, hands: Any, p: list[float]
+) -> None:
+    scene = scene_of(
+        free, board=board, coupling=side, model=model, ball_height=above, ball_inertia=beta, balls=len(p)
+    )
+    try:
+        rest = rest_of(scene, *hands, *p)
+    except ValueError:
+        assume(False)
+    left, right = drive((hands[0], 0.0, hands[1], 0.0), scene.record)
+    x = (rest.z, 0.0, rest.theta, 0.0, *(value for place in p for value in (place, 0.0)))
+    out = rates(x, left, right, scene.parts, scene.record)
+    assert (out[1], out[3]) == pytest.approx((0, 0), abs=1e-9)
+    assert coupling(x, left, right, scene.parts, scene.record) == pytest.approx((rest.left, rest.right), abs=1e-12)
+    if board == "hinged":
+        for off in (1e-4, -1e-4):
+            tilted = rates((*x[:2], x[2] + off, *x[3:]), left, right, scene.parts, scene.record)
+            assert tilted[3] * off < 0
+
+
+@pytest.mark.parametrize("model", ["paper", "lagrangian"])
+@pytest.mark.parametrize(("left_z", "right_z", "p"), [(0, 0, 0.15), (0, 0, -0.35), (0.03, -0.04, 0.1), (0.07, 0.05, 0)])
+def test_fixed_ball_comes_to_rest_where_it_must(left_z: float, right_z: float, p: float, model: Any) -> None:
+    scene = scene_of(False, model=model, b_z=1.0)
+    x = trajectory(scene, (0, 0, 0, 0, p, 0), lambda t: (left_z, 0, right_z, 0), 1e-3, 1500)[-1]
+    rest = rest_of(scene, left_z, right_z, p)
+    assert x[:4] == pytest.approx((rest.z, 0, rest.theta, 0), abs=1e-14)
+
+
+@pytest.mark.parametrize("scene", [BARE, scene_of(False, fixed_ball="carried")], ids=["bare", "carried"])
+def test_bare_board_and_carried_ball_come_to_rest_without_its_weight(scene: Any) -> None:
+    start = (0.0, 0.0, 0.0, 0.0, 0.15, 0.0)[: scene.length]
+    x = trajectory(scene, start, lambda t: (0.01, 0, 0.02, 0), 1e-3, 500)[-1]
+    rest = rest_of(BARE, 0.01, 0.02)
+    assert (x[0], x[2]) == pytest.approx((rest.z, rest.theta), abs=1e-14)
+    assert rest_of(scene, 0.01, 0.02, *start[4::2]) == rest
+
+
+@pytest.mark.parametrize(
+    ("values", "hands", "p", "why"),
+    [
+        ({"k_h": 0.0}, (0.0, 0.0), 0.0, "no tilt"),
+        ({"k_h": 0.0, "k_s": 0.0}, (0.0, 0.0), 0.0, "no height"),
+        ({"coupling": "none", "board": "hinged"}, (0.0, 0.0), 0.0, "no tilt"),
+        ({"coupling": "left", "k_s": 0.0}, (0.0, 0.0), 0.0, "no tilt"),
+        ({}, (-0.3, 0.3), 0.0, "balances the torques"),
+        ({"coupling": "left", "k_h": 10.0, "k_s": 1.0}, (0.0, 0.0), 0.3, "balances the torques"),
+        ({"model": "lagrangian", "ball_height": 0.2, "k_h": 0.5}, (0.0, 0.0), 0.0, "tip the board over"),
+        ({"model": "lagrangian", "ball_height": 0.2, "k_h": 20.0}, (-0.2, 0.2), 0.3, "tip the board over"),
+    ],
+)
+def test_there_is_no_rest_without_springs_or_beyond_the_upright(
+    values: dict[str, Any], hands: tuple[float, float], p: float, why: str
+) -> None:
+    scene = scene_of(False, **values)
+    with pytest.raises(ValueError, match=why):
+        rest_of(scene, *hands, p)
+
+
+# --- poles -----------------------------------------------------------------------------------------------------------
+
+
+def test_poles_are_the_printed_ones() -> None:
+    fast, slow = heave_poles(1, PAPER.parts, PAPER.record)
     assert (fast, slow) == pytest.approx((-200 - 118.3j, -200 + 118.3j), abs=0.05)
     assert abs(fast) / (2 * math.pi) == pytest.approx(37.0, abs=0.05)
     assert -fast.real / abs(fast) == pytest.approx(0.86, abs=0.005)
-    fast, slow = rotation_poles(scene)
+    fast, slow = rotation_poles(1, PAPER.parts, PAPER.record)
     assert (fast, slow) == pytest.approx((-500, -125), rel=1e-12)
     assert math.sqrt(abs(fast * slow)) / (2 * math.pi) == pytest.approx(39.8, abs=0.05)
     assert abs(fast + slow) / 2 / math.sqrt(abs(fast * slow)) == pytest.approx(1.25, rel=1e-12)
 
 
-def test_ball_is_a_saddle_downhill_and_an_oscillator_as_printed(scene: Any) -> None:
-    assert ball_poles(scene)[1].real == pytest.approx(1 / 2.28, abs=0.001)
-    assert abs(ball_poles(scene)[0]) ** 2 == pytest.approx(0.1925, abs=5e-5)
-    assert abs(ball_poles(pack_scene(Physics(ball_sign="printed"))[0])[0]) / (2 * math.pi) == pytest.approx(
-        0.070, abs=5e-4
-    )
+def test_ball_is_a_saddle_downhill_and_an_oscillator_as_printed() -> None:
+    printed = scene_of(ball_sign="printed")
+    assert ball_poles(1, PAPER.parts, PAPER.record)[1].real == pytest.approx(1 / 2.28, abs=0.001)
+    assert abs(ball_poles(1, PAPER.parts, PAPER.record)[0]) ** 2 == pytest.approx(0.1925, abs=5e-5)
+    turns = abs(ball_poles(1, printed.parts, printed.record)[0]) / (2 * math.pi)
+    assert turns == pytest.approx(0.070, abs=5e-4)
 
 
-@pytest.mark.parametrize("change", [{}, {"c_h": 0.0}, {"k_h": 900.0, "c_h": 0.5}, {"M": 0.1, "I": 0.01}])
-def test_a_step_of_the_kernel_multiplies_each_mode_by_its_factor(change: dict[str, float]) -> None:
-    scene = pack_scene(replace(Physics(), **change))[0]  # type: ignore[arg-type]
-    rest = equilibrium(0.0, 0.0, 0.0, scene, load=0.0)
-    at_rest = np.array([rest.z, 0.0, 0.0, 0.0])
-    jacobian = approx_fprime(at_rest, lambda x: np.array(rk4_bare(*x, 0, 0, 0, 0, 0, 0, H, scene)[:4]), 1e-7)
-    found = np.sort_complex(np.linalg.eigvals(jacobian))
-    poles = (*heave_poles(scene), *rotation_poles(scene))
-    assert found == pytest.approx(np.sort_complex([rk4_factor(H * pole) for pole in poles]), abs=1e-6)
+@pytest.mark.parametrize("free", [True, False])
+@pytest.mark.parametrize(
+    "values",
+    [
+        {},
+        {"balls": 0},
+        {"b_z": 0.5, "b_theta": 0.01},
+        {"model": "lagrangian"},
+        {"model": "lagrangian", "balls": 3, "ball_inertia": 0.4},
+        {"model": "lagrangian", "balls": 2, "ball_height": 0.05, "ball_inertia": 0.4},
+    ],
+    ids=str,
+)
+def test_poles_are_eigenvalues_of_the_scene(values: dict[str, Any], free: bool) -> None:
+    scene = scene_of(free, **values)
+    found = np.linalg.eigvals(scene_matrix(scene.parts, scene.record, scene.length))
+    balls = scene.physics.balls
+    heave = heave_poles(balls, scene.parts, scene.record)
+    rotation = rotation_poles(balls, scene.parts, scene.record)
+    # Balls that are free couple to the tilt, but some thousand times slower.
+    for pole in (*heave, *rotation):
+        assert abs(found - pole).min() < (5e-3 if scene.parts.free else 1e-9) * abs(pole)
+    if scene.parts.free:
+        assert abs(found - ball_poles(balls, scene.parts, scene.record)[1]).min() < 3e-3
+
+
+def test_poles_of_mixed_modes_and_of_loose_boards_are_refused() -> None:
+    left = scene_of(coupling="left")
+    with pytest.raises(ValueError, match="mix heave and tilt"):
+        heave_poles(1, left.parts, left.record)
+    with pytest.raises(ValueError, match="mix heave and tilt"):
+        rotation_poles(1, left.parts, left.record)
+    loose = scene_of(k_h=0.0)
+    with pytest.raises(ValueError, match="no tilt"):
+        ball_poles(1, loose.parts, loose.record)
+
+
+def test_with_one_hand_the_ball_tilts_the_board_more() -> None:
+    """Springs in series: the one hand's at its end, and that at the board's centre."""
+    left = scene_of(coupling="left")
+    growth = ball_poles(1, left.parts, left.record)[1].real
+    stiffness = 0.25**2 / (1 / 200 + 1 / 140)
+    assert growth**2 == pytest.approx(9.81 * 0.05 * 9.81 / stiffness)
+
+
+def test_on_a_level_board_balls_do_not_speed_up() -> None:
+    level = scene_of(board="level")
+    assert ball_poles(1, level.parts, level.record) == (0, 0)
 
 
 @pytest.mark.parametrize(("sign", "spec_mm", "motion"), [("downhill", 21.6, math.cosh), ("printed", 18.5, math.cos)])
 def test_ball_rolls_from_20_mm_as_derived(sign: Any, spec_mm: float, motion: Any) -> None:
-    scene = pack_scene(Physics(ball_sign=sign))[0]
-    rest = equilibrium(0.0, 0.0, 0.02, scene)
-    state = (rest.z, 0.0, rest.theta, 0.0, 0.02, 0.0)
-    path = [0.02]
-    for _ in range(1000):
-        state = rk4_free(*state, 0.0, 0.0, 0.0, 0.0, H, scene)
-        path.append(state[4])
+    scene = scene_of(ball_sign=sign)
+    rest = rest_of(scene, 0.0, 0.0, 0.02)
+    path = trajectory(scene, (rest.z, 0.0, rest.theta, 0.0, 0.02, 0.0), still, 1e-3, 1000)[:, 4]
     assert path[900] / MM == pytest.approx(spec_mm, abs=0.05)
     # The board follows the ball some 10 ms late, which the closed form leaves out.
-    assert path[1000] == pytest.approx(0.02 * motion(abs(ball_poles(scene)[0])), rel=2e-3)
+    pole = abs(ball_poles(1, scene.parts, scene.record)[0])
+    assert path[1000] == pytest.approx(0.02 * motion(pole), rel=2e-3)
+
+
+def test_the_board_follows_the_hands_within_its_time_constants() -> None:
+    """Moving hands, and the rest that belongs to where they are: never far from each other."""
+    path = trajectory(BARE, (0.0, 0.0, 0.0, 0.0), waving, 1e-3, 1000)
+    gaps = [abs(path[i, 2] - rest_of(BARE, *waving(i * 1e-3)[0::2]).theta) for i in range(100, 1000, 50)]
+    assert 1e-4 < max(gaps) < 0.01

@@ -12,7 +12,10 @@ from numba import types
 from numpy.typing import NDArray
 
 from netboard.compiled import specialised
-from netboard.methods.one_step import euler, rk4
+from netboard.methods.dop853 import NODES, dop853
+from netboard.methods.exponential import etd2rk, etd2rk_tables, etdrk4, etdrk4_tables, exact, exact_tables
+from netboard.methods.implicit import midpoint, verlet
+from netboard.methods.one_step import euler, heun, rk4, semi_implicit
 from netboard.physics.scene import Parts
 from netboard.physics.vectors import State
 
@@ -53,7 +56,15 @@ class Method:
 
 METHODS = (
     Method("euler", 1, (0.0,), euler),
+    Method("semi_implicit", 1, (0.0,), semi_implicit),
+    Method("heun", 2, (0.0, 1.0), heun),
+    Method("verlet", 2, (0.5,), verlet),
+    Method("midpoint", 2, (0.5,), midpoint),
     Method("rk4", 4, (0.0, 0.5, 1.0), rk4),
+    Method("dop853", 8, NODES, dop853),
+    Method("etd2rk", 2, (0.0, 1.0), etd2rk, etd2rk_tables),
+    Method("etdrk4", 4, (0.0, 0.5, 1.0), etdrk4, etdrk4_tables),
+    Method("exact", 4, (0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0), exact, exact_tables),
 )
 """All of them; a method's number is its place."""
 

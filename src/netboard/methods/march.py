@@ -9,7 +9,7 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from netboard.compiled import kernel, specialised
+from netboard.compiled import borrowed, kernel, specialised
 from netboard.methods.catalogue import METHODS, NUMBER, advance
 from netboard.physics.hold import later
 from netboard.physics.models import coupling, stopped
@@ -125,7 +125,7 @@ def moved_on(hands: Any, t: float) -> Any:
 @specialised(moved_on)
 def _moved_on(hands: Any, t: Any) -> Any:
     if isinstance(hands, types.UniTuple):
-        return lambda hands, t: later(hands, t)
+        return lambda hands, t: later(hands, t)  # noqa: PLW0108  (numba takes no compiled function here)
     return lambda hands, t: hands
 
 
@@ -152,6 +152,7 @@ def make_march(METHOD: int, PARTS: Parts) -> Callable[..., State]:
         x: State, hands: Any, lengths: Any, counts: Any, kinds: Any, tables: Any, scene: Any, out: Any
     ) -> State:
         keep, one = len(out) > 0, scene[0]
+        hands, tables = borrowed(hands), borrowed(tables)
         if keep:
             for j in range(len(x)):
                 out[0, j] = x[j]

@@ -127,7 +127,8 @@ class Server:
         stopping : callable
             Whether the process has been asked to stop.
         """
-        self._note("session_started", {"session": self.session, **asdict(self._stage.choice)})
+        stepping = {name: str(value) for name, value in asdict(self._stage.choice).items()}
+        self._note("session_started", {"session": self.session, **stepping})
         steady_loop()
         pacer = Pacer(now_ns() + TICK_NS)
         while not (stopping() or self._shutdown):

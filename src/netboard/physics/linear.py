@@ -12,9 +12,7 @@ from netboard.physics.scene import Parts
 
 
 def board_matrix(parts: Parts, scene: Any) -> NDArray[np.float64]:
-    """Return the matrix of the board alone: heave and tilt, with balls only as a load that does not move.
-
-    By Lagrange, balls at the board's centre weigh on its heave; elsewhere they make the tilt slower too.
+    """Return the matrix of the bare board: heave and tilt, as if there were no balls.
 
     Parameters
     ----------
@@ -75,7 +73,7 @@ def scene_matrix(parts: Parts, scene: Any, length: int) -> NDArray[np.float64]:
             heavy += load * len(balls)
             if not parts.free:
                 radius = float(scene["ball_height"])
-                turning += load * len(balls) * radius**2 / float(scene["ease"])
+                turning += load * len(balls) * (radius * radius) / float(scene["ease"])
                 torque[2] += load * len(balls) * float(scene["g"]) * radius
     if parts.heaves:
         a[0, 1] = 1.0

@@ -26,7 +26,7 @@ SCENE = np.dtype(
         ("b_z", "<f8"),  # damping of the board's heave [N s/m]
         ("b_theta", "<f8"),  # damping of its tilt [N m s/rad]
         ("ball_gravity", "<f8"),  # paper's model: acceleration of a ball over sin(theta), - is downhill [m/s2]
-        ("ease", "<f8"),  # mass of a ball over its inertia against rolling along: 1 slides, 5/7 a solid sphere rolls [1]
+        ("ease", "<f8"),  # mass of a ball over its inertia against being moved along: 1 slides, 5/7 a sphere rolls [1]
         ("ball_height", "<f8"),  # height of a ball's centre above the board [m]
         ("fixed_load", "<f8"),  # share of a fixed ball's weight that loads the board [1]
         ("stop", "<f8"),  # where stops turn a ball back, from the board's centre [m]

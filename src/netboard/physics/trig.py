@@ -18,7 +18,9 @@ from netboard.compiled import inlined
 LARGEST_ANGLE = 1.6e6
 """Angles beyond this give NaN: below it a multiple of pi/2 has at most 20 bits, so its products are exact [rad]."""
 
-_QUARTER_PI = 0.7853981633974483
+EIGHTH_TURN = 0.7853981633974483
+"""Up to here the polynomials do without reduction: pi/4 [rad]."""
+
 _TWO_OVER_PI = 0.6366197723675814
 _NEAREST = 6755399441055744.0  # 1.5 * 2**52: adding and subtracting it rounds to the nearest whole number
 
@@ -43,8 +45,21 @@ _C6 = -1.13596475577881948265e-11
 
 
 @inlined
-def _small(x: float, tail: float) -> tuple[float, float]:
-    """Return sine and cosine of ``x + tail``, for x within a quarter turn's half and a tail below its last digit."""
+def small(x: float, tail: float) -> tuple[float, float]:
+    """Return sine and cosine of ``x + tail``, up to `EIGHTH_TURN`.
+
+    Parameters
+    ----------
+    x : float
+        Angle [rad].
+    tail : float
+        What belongs to it below its last digit [rad].
+
+    Returns
+    -------
+    s, c : float
+        Sine and cosine [1].
+    """
     z = x * x
     w = z * z
     v = z * x
@@ -58,14 +73,28 @@ def _small(x: float, tail: float) -> tuple[float, float]:
 
 
 @inlined
-def _reduced(x: float, n: float) -> tuple[float, float]:
-    """Return ``x - n pi/2`` as a number and its tail (Cody and Waite, in three parts)."""
+def reduced(x: float) -> tuple[float, float, float]:
+    """Return what an angle is beyond the nearest multiple of a quarter turn (Cody and Waite, in three parts).
+
+    Parameters
+    ----------
+    x : float
+        Angle, up to `LARGEST_ANGLE` [rad].
+
+    Returns
+    -------
+    y, tail : float
+        The remainder, and what belongs to it below its last digit [rad].
+    n : float
+        How many quarter turns are left out, a whole number [1].
+    """
+    n = (x * _TWO_OVER_PI + _NEAREST) - _NEAREST
     first = x - n * _HALF_PI_1
     w = n * _HALF_PI_2
     rest = first - w
     w = n * _HALF_PI_3 - ((first - rest) - w)
     y = rest - w
-    return y, (rest - y) - w
+    return y, (rest - y) - w, n
 
 
 @inlined
@@ -82,13 +111,12 @@ def sincos(x: float) -> tuple[float, float]:
     s, c : float
         Sine and cosine, within 1 ulp up to `LARGEST_ANGLE`; NaN beyond it [1].
     """
-    if abs(x) <= _QUARTER_PI:
-        return _small(x, 0.0)
+    if abs(x) <= EIGHTH_TURN:
+        return small(x, 0.0)
     if not abs(x) <= LARGEST_ANGLE:
         return math.nan, math.nan
-    n = (x * _TWO_OVER_PI + _NEAREST) - _NEAREST
-    y, tail = _reduced(x, n)
-    s, c = _small(y, tail)
+    y, tail, n = reduced(x)
+    s, c = small(y, tail)
     quarter = int(n) & 3
     if quarter == 0:
         return s, c

@@ -1,0 +1,154 @@
+"""Thousands of simulations of one kind of scene, side by side, a step at a time: for studies, never for a recording.
+
+The text of the strict step is compiled once more, loosely, and the processor does several simulations at once with it:
+each column of an array is contiguous (Fortran's order), and nothing in a step branches. The results are those of the
+strict step to roundoff, not to the bit.
+
+Sine and cosine have two forms. The short one is good for tilts up to an eighth of a turn and gives NaN beyond; if it
+did, for any simulation, the long one does the step again for all. So no step is wrong for being quick.
+"""
+
+import math
+import operator
+from collections.abc import Callable
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import types
+from numpy.typing import NDArray
+
+from netboard.compiled import fast, inlined, loosened, specialised
+from netboard.methods.one_step import rk4
+from netboard.physics.models import stopped
+from netboard.physics.scene import SCENE, Parts
+from netboard.physics.trig import EIGHTH_TURN, LARGEST_ANGLE, reduced, sincos, small
+from netboard.physics.vectors import calm
+
+Array = NDArray[np.float64]
+
+_small, _reduced, _calm = loosened(small, {}), loosened(reduced, {}), loosened(calm, {})
+
+
+@inlined
+def _short(x: float) -> tuple[float, float]:
+    """Return sine and cosine up to an eighth of a turn, NaN beyond."""
+    s, c = _small(x, 0.0)
+    fine = abs(x) <= EIGHTH_TURN
+    return s if fine else math.nan, c if fine else math.nan
+
+
+@inlined
+def _long(x: float) -> tuple[float, float]:
+    """Return sine and cosine up to `LARGEST_ANGLE`, NaN beyond; the same work for every angle."""
+    y, tail, n = _reduced(x)
+    s, c = _small(y, tail)
+    half = np.floor(0.5 * n)
+    odd, turned = n - 2.0 * half, half - 2.0 * np.floor(0.5 * half)
+    sine, cosine = c if odd > 0.0 else s, s if odd > 0.0 else c
+    sine, cosine = -sine if turned > 0.0 else sine, -cosine if odd != turned else cosine
+    fine = abs(x) <= LARGEST_ANGLE
+    return sine if fine else math.nan, cosine if fine else math.nan
+
+
+_short_step, _long_step = loosened(rk4, {sincos: _short}), loosened(rk4, {sincos: _long})
+_stopped = loosened(stopped, {sincos: _long})
+
+LANES = 64
+_NAMES = SCENE.names or ()
+_Numbers = NamedTuple("_Numbers", [(name, float) for name in _NAMES])  # type: ignore[misc]
+"""The numbers of a scene, out of any array, so that a kernel need not read them again after each write to one."""
+
+
+def _numbers(scenes: Array, b: int, j: int) -> Any:
+    """Return the numbers of one scene, by name."""
+    return dict(zip(_NAMES, scenes[b, :, j].tolist(), strict=True))
+
+
+@specialised(_numbers)
+def _compiled_numbers(scenes: Any, b: Any, j: Any) -> Any:
+    values = ", ".join(f"scenes[b, {k}, j]" for k in range(len(_NAMES)))
+    return eval(f"lambda scenes, b, j: _Numbers({values})", {"_Numbers": _Numbers})
+
+
+@specialised(operator.getitem)
+def _number(scene: Any, name: Any) -> Any:
+    """Let compiled text say ``scene["M"]`` of them too."""
+    if isinstance(scene, types.BaseNamedTuple) and scene.instance_class is _Numbers:
+        if isinstance(name, types.StringLiteral):
+            place = _NAMES.index(name.literal_value)
+            return lambda scene, name: scene[place]
+    return None
+
+
+def _column(a: Array, b: int, j: int, length: int) -> tuple[float, ...]:
+    """Return what an array holds for a simulation, as a tuple."""
+    return tuple(a[b, :length, j].tolist())
+
+
+@specialised(_column)
+def _compiled_column(a: Any, b: Any, j: Any, length: Any) -> Any:
+    if not isinstance(length, types.IntegerLiteral):
+        return None
+    return eval("lambda a, b, j, length: (" + "".join(f"a[b, {k}, j], " for k in range(length.literal_value)) + ")")
+
+
+def _put(done: Array, j: int, x: tuple[float, ...]) -> None:
+    """Write a state to its column."""
+    done[:, j] = x
+
+
+@specialised(_put)
+def _compiled_put(done: Any, j: Any, x: Any) -> Any:
+    known: dict[str, Any] = {}
+    exec("\n".join(["def put(done, j, x):", *(f"    done[{k}, j] = x[{k}]" for k in range(x.count))]), known)
+    return known["put"]
+
+
+@cache
+def make_batch(PARTS: Parts, LENGTH: int, OWN: bool) -> Callable[..., None]:
+    """Compile a step of the classical Runge-Kutta method for many simulations of one kind of scene.
+
+    Parameters
+    ----------
+    PARTS : Parts
+        What the scenes have.
+    LENGTH : int
+        Length of a state [1].
+    OWN : bool
+        Every simulation has numbers of its own; otherwise all share those of one scene.
+
+    Returns
+    -------
+    callable
+        ``step(x, hands, scenes, h, out)``: the states, of shape (n, `LENGTH`), the polynomials of both drives through
+        the step, of shape (n, 8), what `scene_columns` makes of the scenes, the length of the step, and other memory
+        for the states after it; all arrays of float64 in Fortran's order.
+    """
+
+    @fast
+    def step(x: Any, hands: Any, scenes: Any, h: float) -> None:
+        done = np.empty((LENGTH, LANES))
+        shared = _numbers(scenes, 0, 0)
+        lanes = x.shape[2]
+        for b in range(len(x)):
+            beyond = 0
+            for j in range(lanes):
+                scene = _numbers(scenes, b, j) if OWN else shared
+                y = _short_step(_column(x, b, j, LENGTH), h, _column(hands, b, j, 8), 0, PARTS, scene)
+                _put(done, j, _calm(_stopped(y, PARTS, scene)))
+                beyond += 0 if y[3] == y[3] else 1
+            if beyond > 0:
+                for j in range(lanes):
+                    scene = _numbers(scenes, b, j) if OWN else shared
+                    y = _long_step(_column(x, b, j, LENGTH), h, _column(hands, b, j, 8), 0, PARTS, scene)
+                    _put(done, j, _calm(_stopped(y, PARTS, scene)))
+            for k in range(LENGTH):
+                for j in range(lanes):
+                    x[b, k, j] = done[k, j]
+
+    return step
+
+
+def scene_columns(scenes):
+    return np.ascontiguousarray(np.ascontiguousarray(scenes).view(np.float64).reshape(-1,min(len(scenes),LANES),18).transpose(0,2,1))

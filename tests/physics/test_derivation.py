@@ -1,0 +1,25 @@
+"""The kernels' text, run on symbols, against the equations derived anew (see ``derivation.py``)."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+SCRIPT = Path(__file__).with_name("derivation.py")
+
+
+@pytest.mark.slow
+def test_the_kernels_are_the_equations_identically() -> None:
+    done = subprocess.run(
+        [sys.executable, str(SCRIPT)],
+        env=os.environ | {"NUMBA_DISABLE_JIT": "1"},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    claims = json.loads(done.stdout)
+    assert len(claims) > 50
+    assert [claim for claim, holds in claims.items() if not holds] == []

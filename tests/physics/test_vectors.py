@@ -1,0 +1,81 @@
+"""Arithmetic on states: what numba compiles does what the plain functions do, to the bit."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from netboard.compiled import kernel
+from netboard.physics.vectors import (
+    affine,
+    alike,
+    blend,
+    dot,
+    joined,
+    places,
+    plus,
+    replaced,
+    row,
+    speeds,
+    total,
+)
+
+WEIGHTS = (0.3, 1.7, -0.9)
+
+
+def everything(x: Any, y: Any, w: Any, h: float, table: Any) -> Any:
+    p, vp = places(x), speeds(x)
+    return (
+        plus(x, h, y),
+        blend(x, h, (0.3, 1.7, -0.9), (x, y, w)),
+        p,
+        vp,
+        total(p),
+        dot(p, vp),
+        alike(h, p),
+        affine(h, 1.3, vp),
+        joined(x[0], y[0], x[1], y[1], vp, p),
+        replaced(x, 3, h),
+        row(table, 1, x),
+    )
+
+
+compiled = kernel(everything)
+
+
+@pytest.mark.parametrize("length", [4, 6, 8, 12])
+def test_compiled_and_plain_give_the_same_bits(length: int) -> None:
+    table = np.random.default_rng(length).normal(size=(3, length))
+    x, y, w = (tuple(values) for values in table.tolist())
+    assert compiled(x, y, w, 0.37, table) == everything(x, y, w, 0.37, table)
+
+
+STATE = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0)
+
+
+def test_they_do_what_they_say() -> None:
+    assert plus(STATE, 2.0, STATE) == tuple(3 * value for value in STATE)
+    assert blend(STATE, 2.0, (0.5, 0.25), (STATE, STATE)) == tuple(2.5 * value for value in STATE)
+    assert (places(STATE), speeds(STATE)) == ((5, 7), (6, 8))
+    assert (total((1.0, 2.0, 4.0)), dot((1.0, 2.0), (3.0, 5.0))) == (7, 13)
+    assert alike(3.0, (1.0, 2.0)) == (3, 3)
+    assert affine(1.0, 2.0, (1.0, 2.0)) == (3, 5)
+    assert joined(1.0, 2.0, 3.0, 4.0, (5.0, 7.0), (6.0, 8.0)) == STATE
+    assert replaced(STATE, 5, 0.0) == (1, 2, 3, 4, 5, 0, 7, 8)
+    assert row(np.array([[0.0] * 8, STATE]), 1, STATE) == STATE
+
+
+def test_without_balls_there_is_nothing_to_add() -> None:
+    board = STATE[:4]
+    assert (places(board), speeds(board)) == ((), ())
+    assert (total(()), dot((), ())) == (0, 0)
+    assert joined(1.0, 2.0, 3.0, 4.0, (), ()) == board
+
+
+def test_sums_are_from_the_first_to_the_last() -> None:
+    """One order of operations, seen in the rounding."""
+    values = (1.0, 2.0**-53, 2.0**-53)
+    assert total(values) == 1.0
+    assert total(values[::-1]) == math.nextafter(1.0, 2.0)
+    assert dot(values, (1.0, 1.0, 1.0)) == 1.0

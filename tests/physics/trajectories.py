@@ -1,0 +1,69 @@
+"""Scenes of the kernels, and steps along them, as the tests here need them."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from independent import Hands
+from numpy.typing import NDArray
+
+from netboard.config import Physics
+from netboard.methods.catalogue import METHODS, NUMBER
+from netboard.methods.march import make_grid, run
+from netboard.physics.scene import Parts, pack_scene, parts_of, state_length
+
+
+class Scene(NamedTuple):
+    """A scene as the kernels take it."""
+
+    physics: Physics
+    parts: Parts
+    packed: NDArray[Any]
+    length: int
+
+    @property
+    def record(self) -> Any:
+        """The one record."""
+        return self.packed[0]
+
+
+def scene_of(free: bool = True, **values: Any) -> Scene:
+    """The paper's scene with other values."""
+    physics = Physics(**values)
+    return Scene(physics, parts_of(physics, free), pack_scene(physics), state_length(physics))
+
+
+def changed(record: Any, **values: float) -> Any:
+    """A record with other numbers."""
+    other = record.copy()
+    for name, value in values.items():
+        other[name] = value
+    return other
+
+
+def drive(hand: tuple[float, float, float, float], record: Any) -> tuple[float, float]:
+    """The drives of two hands."""
+    left_z, left_vz, right_z, right_vz = hand
+    return (
+        float(record["k_left"]) * left_z + float(record["c_left"]) * left_vz,
+        float(record["k_right"]) * right_z + float(record["c_right"]) * right_vz,
+    )
+
+
+def trajectory(
+    scene: Scene, start: tuple[float, ...], hands: Hands, h: float, steps: int, method: str = "rk4"
+) -> NDArray[np.float64]:
+    """States at the start and after each step; the method sees the hands where they are at its nodes."""
+    nodes = METHODS[NUMBER[method]].nodes
+    table = [[drive(hands((i + node) * h), scene.record) for node in nodes] for i in range(steps)]
+    grid = make_grid(method, np.full(steps, h), np.ones(steps, np.int64), scene.parts, scene.length, scene.packed)
+    return run(method, start, np.array(table), grid, scene.parts, scene.packed)
+
+
+def samples(hands: Hands, times: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The styluses at these times."""
+    return np.array([hands(float(t)) for t in times])
+
+
+def falling(values: list[float]) -> float:
+    """By which power of the step the values fall; each has half the step of the one before."""
+    return float(-np.polyfit(np.arange(len(values)), np.log2(values), 1)[0])
