@@ -17,7 +17,7 @@ Quick = Annotated[bool, typer.Option("--quick", help="A short form, in less than
 Force = Annotated[bool, typer.Option("--force", help="Write into a folder that is already there.")]
 
 
-@app.command(epilog="Examples:\n\n  netboard bench stability --quick\n\n  netboard bench stability --soak --output soak")
+@app.command(epilog="Examples:\n\n  netboard bench stability --quick\n\n  netboard bench stability --soak -o results")
 def stability(
     output: Output = None,
     quick: Quick = False,

@@ -226,6 +226,114 @@ def demo_settings(*, trials: int, haptics: str, bimanual: bool, seed: int, direc
     ]
 
 
+@app.command(
+    epilog=examples(
+        "netboard simulate --input stylus.csv --output out.csv",
+        "netboard simulate --input stylus.csv --output out.parquet --model lagrangian --set physics.k_h=300 --p0 -0.15",
+        "netboard simulate --input stylus.csv --output live.csv --hold ca --method rk4 --dt 0.001",
+        "netboard simulate --input hands/ --output results/",
+        "netboard simulate --input 'hands/*.csv' --output 'results/{}.parquet' --scene rig.toml --gaps hold",
+    )
+)
+def simulate(
+    inputs: Annotated[
+        list[str],
+        typer.Option(
+            "--input",
+            "-i",
+            metavar="FILE",
+            help="Hands: .csv or .parquet with the columns t, z_left, v_left, z_right, v_right (s, m, m/s), at any rate. "
+            "A folder or a pattern stands for all its files; may be given again.",
+        ),
+    ],
+    output: Annotated[
+        str,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="FILE|FOLDER",
+            help="The result: .csv or .parquet with the columns t, z, vz, theta, omega, p, vp, f_left, f_right (SI; the "
+            "forces are those of the hands on the board, + = up: the hands feel the opposite). For several inputs a "
+            "folder, or a name with {} for that of the input.",
+        ),
+    ],
+    more: Annotated[
+        list[str] | None, typer.Argument(metavar="[FILE]...", help="More inputs, so that --input hands/*.csv works.")
+    ] = None,
+    scene: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="A configuration, of which the table \\[physics] counts; else the paper's."),
+    ] = None,
+    overrides: Overrides = None,
+    model: Annotated[
+        Literal["paper", "lagrangian"] | None, typer.Option(help="Short for --set physics.model=...")
+    ] = None,
+    hold: Annotated[
+        Literal["zoh", "cv", "ca", "hermite"],
+        typer.Option(
+            help="How a hand moves between its samples: hermite, a smooth curve through heights and rates; or what the "
+            "live server makes of the last one: it rests (zoh), keeps its rate (cv), or its acceleration too (ca)."
+        ),
+    ] = "hermite",
+    gaps: Annotated[
+        Literal["refuse", "hold"],
+        typer.Option(
+            help="Samples more than 3 times as far apart as usual: refuse the file, or go on across (hermite), or let "
+            "the stylus rest where it got to (zoh, cv, ca)."
+        ),
+    ] = "refuse",
+    dt: Annotated[
+        float, typer.Option(metavar="S", help="Time from row to row of the result; no step is longer (s).")
+    ] = 0.001,
+    method: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME",
+            help="auto: as good as exact, in as many steps as the scene needs; or one of the server's (euler, rk4, "
+            "etdrk4 ...), one step from each sample or row to the next.",
+        ),
+    ] = "auto",
+    substeps: Annotated[int, typer.Option(min=1, metavar="N", help="At least so many steps in place of one.")] = 1,
+    ball: Annotated[Literal["free", "fixed"], typer.Option(help="It rolls, or stays where it is put.")] = "free",
+    z0: Annotated[float, typer.Option("--z0", metavar="M", help="Height of the board at the first sample (m).")] = 0.0,
+    vz0: Annotated[float, typer.Option("--vz0", metavar="M/S", help="Its rate (m/s).")] = 0.0,
+    theta0: Annotated[float, typer.Option("--theta0", metavar="RAD", help="Tilt, + = right end up (rad).")] = 0.0,
+    omega0: Annotated[float, typer.Option("--omega0", metavar="RAD/S", help="Its rate (rad/s).")] = 0.0,
+    p0: Annotated[
+        list[str] | None,
+        typer.Option("--p0", metavar="M", help="Ball along the board, + = right (m); for each ball, as 0.1,-0.1."),
+    ] = None,
+    v0: Annotated[list[str] | None, typer.Option("--v0", metavar="M/S", help="Its rate (m/s); likewise.")] = None,
+    energy: Annotated[
+        bool,
+        typer.Option(
+            "--energy", help="Add columns: energies (E_...) and works done since the first row (W_...), in J."
+        ),
+    ] = False,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite results that are there.")] = False,
+) -> None:
+    """Move a scene by the hands in a file, offline and as exactly as the samples allow."""
+    if energy and hold != "hermite":
+        raise ConfigError(f"--energy: found --hold {hold}, expected hermite: otherwise the hands jump from row to row")
+    wishes = {"hold": hold, "gaps": gaps, "method": method, "dt": dt, "substeps": substeps, "ball": ball}
+    start = {"board0": (z0, vz0, theta0, omega0), "p0": numbers("--p0", p0), "v0": numbers("--v0", v0)}
+    from netboard.services import simulate as service
+
+    settings = service.load_scene(scene, [*(overrides or ()), *([f"physics.model={model}"] if model else ())])
+    asked = service.Wishes(**wishes, **start, energy=energy)
+    raise typer.Exit(service.main([*inputs, *(more or ())], output, settings, asked, force=force))
+
+
+def numbers(option: str, words: list[str] | None) -> tuple[float, ...]:
+    """Read the numbers of an option that may be given again, or with commas."""
+    try:
+        return tuple(float(word) for given in words or () for word in given.split(","))
+    except ValueError:
+        raise ConfigError(
+            f"{option}: found {' '.join(words or ())}, expected numbers with commas between them"
+        ) from None
+
+
 @app.command(epilog=examples("netboard info recordings/S01.mcap"))
 def info(recording: RecordingFile) -> None:
     """Say what is in a recording: trials, completion times, losses, latencies."""

@@ -42,7 +42,6 @@ import numba  # noqa: E402  (reads the choice when it is imported)
 from numba.core import cgutils  # noqa: E402
 from numba.extending import intrinsic, overload  # noqa: E402
 
-
 STRICT = {"error_model": "numpy"}
 """IEEE arithmetic as written; it never raises: x / 0 is infinite."""
 
@@ -52,6 +51,9 @@ INLINED = {**STRICT, "forceinline": True}
 FAST = {**STRICT, "fastmath": {"contract"}}
 """A product and a sum may be rounded once, as one (fused multiply-add), which not every machine does. Nothing else is
 let go: a sum keeps its order, and what is not finite is still found out."""
+
+LOOSE = {**INLINED, **FAST}
+"""The same, compiled into every caller."""
 
 
 def kernel(function: Callable[P, R]) -> Callable[P, R]:
@@ -144,7 +146,7 @@ def loosened(function: Callable[P, R], instead: Mapping[Any, Any]) -> Callable[P
             if found in _CHOICES:
                 _choose_again(done[found], _CHOICES[found], again)
             elif found is not text:
-                done[found] = numba.njit(**INLINED, fastmath=FAST["fastmath"])(done[found])
+                done[found] = numba.njit(**LOOSE)(done[found])
         return done[found]
 
     copy: Callable[P, R] = again(function)
@@ -166,8 +168,8 @@ def _choose_again(copy: FunctionType, choose: Callable[..., object], again: Call
         return text and _copied(text, again)
 
     names = ", ".join(inspect.signature(choose).parameters)
-    options = {**INLINED, "fastmath": FAST["fastmath"]}
-    overload(copy, jit_options=options, prefer_literal=True)(eval(f"lambda {names}: chosen({names})", {"chosen": chosen}))
+    alike = eval(f"lambda {names}: chosen({names})", {"chosen": chosen})
+    overload(copy, jit_options=LOOSE, prefer_literal=True)(alike)
 
 
 def borrowed(array: A) -> A:

@@ -18,6 +18,7 @@ from netboard.config import Physics
 from netboard.errors import ConfigError
 from netboard.methods.catalogue import METHODS, NUMBER
 from netboard.methods.march import Grid, forces_along, make_grid, run
+from netboard.physics.energy import Flows, Stored, stored_along, work_along
 from netboard.physics.hold import between, later, moving, resting
 from netboard.physics.linear import board_matrix
 from netboard.physics.scene import Parts, pack_scene, parts_of, state_length
@@ -275,6 +276,59 @@ def simulate(
     return Motion(line.times, states, forces, steps, int(grid.counts.sum()), longest)
 
 
+def columns_of(motion: Motion) -> dict[str, NDArray[np.float64]]:
+    """Name the columns of a result.
+
+    Parameters
+    ----------
+    motion : Motion
+        The result.
+
+    Returns
+    -------
+    dict of str to ndarray of float64, shape (n,)
+        t, z, vz, theta, omega, then p, vp of the first ball, p2, vp2 of the second, and f_left, f_right [SI].
+    """
+    names = ["z", "vz", "theta", "omega"]
+    for ball in range(1, motion.states.shape[1] // 2 - 1):
+        names += ["p", "vp"] if ball == 1 else [f"p{ball}", f"vp{ball}"]
+    columns = {"t": motion.t, **dict(zip(names, motion.states.T, strict=True))}
+    return {**columns, "f_left": motion.forces[:, 0], "f_right": motion.forces[:, 1]}
+
+
+def energies_of(motion: Motion, hands: Hands, physics: Physics, free: bool = True) -> dict[str, NDArray[np.float64]]:
+    """Say where the energy of a result is, and what it went through since the first row.
+
+    Parameters
+    ----------
+    motion : Motion
+        The result, with "hermite".
+    hands : Hands
+        The styluses that it is of.
+    physics : Physics
+        The scene that it is of.
+    free : bool
+        The balls roll; otherwise they are fixed.
+
+    Returns
+    -------
+    dict of str to ndarray of float64, shape (n,)
+        E_ and the fields of `netboard.physics.energy.Stored`, W_ and those of `netboard.physics.energy.Flows`: but for
+        the error, and for what stops take, the sum of all E less that of all W stays what it is [J].
+    """
+    parts, scene, scale = parts_of(physics, free), pack_scene(physics), _scale_of(hands.t)
+    source, rows = _make_source(hands, "hermite", scale), np.rint(motion.t * scale).astype(np.int64)
+    styluses = np.empty((len(rows), 4))
+    for first, k, c in ((0, 1.0, 0.0), (1, 0.0, 1.0)):  # the drives of a coupling of only k = 1 are heights, of c rates
+        unit = np.zeros_like(scene)
+        unit["k_left"], unit["k_right"], unit["c_left"], unit["c_right"] = k, k, c, c
+        styluses[:, first::2] = _drives_along(source, rows, scale, _HERMITE, unit)[:, (0, 4)]
+    stored = stored_along(motion.states, styluses, parts, scene)
+    works = work_along(motion.t, motion.states, styluses, parts, scene)
+    columns = {f"E_{name}": stored[:, i] for i, name in enumerate(Stored._fields)}
+    return {**columns, **{f"W_{name}": works[:, i] for i, name in enumerate(Flows._fields)}}
+
+
 # --- hands -------------------------------------------------------------------------------------------------------
 
 
@@ -339,7 +393,16 @@ def _filled(source: _Source, gaps: NDArray[np.int64], scale: float) -> _Source:
 
 @kernel
 def _fill(
-    ticks: Any, z: Any, vz: Any, parts: Any, first: Any, ends: Any, scale: float, out_ticks: Any, out_z: Any, out_vz: Any
+    ticks: Any,
+    z: Any,
+    vz: Any,
+    parts: Any,
+    first: Any,
+    ends: Any,
+    scale: float,
+    out_ticks: Any,
+    out_z: Any,
+    out_vz: Any,
 ) -> None:
     """Write the samples and what is between them: osculating polynomials through four (Newton's form, nodes twice)."""
     x, c = np.empty(8), np.empty(8)
@@ -420,9 +483,10 @@ class _Timeline:
 
 def _make_timeline(samples: NDArray[np.int64], dt: float, scale: float) -> _Timeline:
     """Lay out samples and rows."""
-    if not dt * scale >= 100.0:
-        raise ConfigError(f"dt: found {dt:g}, expected at least {100.0 / scale:g} s")
-    count = np.floor((samples[-1] - samples[0]) / (dt * scale) + 1e-6) + 1
+    span = samples[-1] - samples[0]
+    if not 100.0 <= dt * scale <= span + 0.5:
+        raise ConfigError(f"dt: found {dt:g}, expected from {100.0 / scale:g} s to the {span / scale:g} s of the hands")
+    count = np.floor(span / (dt * scale) + 1e-6) + 1
     if count > MOST_ROWS:
         raise ConfigError(f"dt: found {dt:g}, which makes {count:.3g} rows, expected at most {MOST_ROWS:.3g}")
     rows = samples[0] + np.rint(np.arange(int(count)) * (dt * scale)).astype(np.int64)

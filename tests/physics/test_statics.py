@@ -94,9 +94,9 @@ def test_at_rest_nothing_accelerates_the_board_and_what_tilts_it_is_turned_back(
 @pytest.mark.parametrize(("left_z", "right_z", "p"), [(0, 0, 0.15), (0, 0, -0.35), (0.03, -0.04, 0.1), (0.07, 0.05, 0)])
 def test_fixed_ball_comes_to_rest_where_it_must(left_z: float, right_z: float, p: float, model: Any) -> None:
     scene = scene_of(False, model=model, b_z=1.0)
-    x = trajectory(scene, (0, 0, 0, 0, p, 0), lambda t: (left_z, 0, right_z, 0), 1e-3, 1500)[-1]
+    x = trajectory(scene, (0, 0, 0, 0, p, 0), lambda t: (left_z, 0, right_z, 0), 1e-3, 3000)[-1]
     rest = rest_of(scene, left_z, right_z, p)
-    assert x[:4] == pytest.approx((rest.z, 0, rest.theta, 0), abs=1e-14)
+    assert x[:4] == pytest.approx((rest.z, 0, rest.theta, 0), abs=1e-12)
 
 
 @pytest.mark.parametrize("scene", [BARE, scene_of(False, fixed_ball="carried")], ids=["bare", "carried"])
@@ -118,7 +118,7 @@ def test_bare_board_and_carried_ball_come_to_rest_without_its_weight(scene: Any)
         ({}, (-0.3, 0.3), 0.0, "balances the torques"),
         ({"coupling": "left", "k_h": 10.0, "k_s": 1.0}, (0.0, 0.0), 0.3, "balances the torques"),
         ({"model": "lagrangian", "ball_height": 0.2, "k_h": 0.5}, (0.0, 0.0), 0.0, "tip the board over"),
-        ({"model": "lagrangian", "ball_height": 0.2, "k_h": 20.0}, (-0.2, 0.2), 0.3, "tip the board over"),
+        ({"model": "lagrangian", "ball_height": 0.2, "k_h": 4.0}, (-0.25, 0.25), 0.3, "tip the board over"),
     ],
 )
 def test_there_is_no_rest_without_springs_or_beyond_the_upright(
@@ -212,8 +212,7 @@ def test_ball_rolls_from_20_mm_as_derived(sign: Any, spec_mm: float, motion: Any
     assert path[1000] == pytest.approx(0.02 * motion(pole), rel=2e-3)
 
 
-def test_the_board_follows_the_hands_within_its_time_constants() -> None:
-    """Moving hands, and the rest that belongs to where they are: never far from each other."""
+def test_the_board_follows_slow_hands_as_if_at_rest() -> None:
     path = trajectory(BARE, (0.0, 0.0, 0.0, 0.0), waving, 1e-3, 1000)
     gaps = [abs(path[i, 2] - rest_of(BARE, *waving(i * 1e-3)[0::2]).theta) for i in range(100, 1000, 50)]
-    assert 1e-4 < max(gaps) < 0.01
+    assert 1e-6 < max(gaps) < 1e-4

@@ -1,5 +1,6 @@
 """Scenes of the kernels, and steps along them, as the tests here need them."""
 
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 from netboard.config import Physics
 from netboard.methods.catalogue import METHODS, NUMBER
 from netboard.methods.march import make_grid, run
+from netboard.physics.hold import between
 from netboard.physics.scene import Parts, pack_scene, parts_of, state_length
 
 
@@ -56,7 +58,21 @@ def trajectory(
     nodes = METHODS[NUMBER[method]].nodes
     table = [[drive(hands((i + node) * h), scene.record) for node in nodes] for i in range(steps)]
     grid = make_grid(method, np.full(steps, h), np.ones(steps, np.int64), scene.parts, scene.length, scene.packed)
-    return run(method, start, np.array(table), grid, scene.parts, scene.packed)
+    return run(method, tuple(float(value) for value in start), np.array(table), grid, scene.parts, scene.packed)
+
+
+def sampled(
+    scene: Scene, start: tuple[float, ...], hands: Hands, h: float, steps: int, method: str = "dop853", counts: int = 1
+) -> NDArray[np.float64]:
+    """The same, of hands that move by the cubic between their samples at the ends of the steps."""
+    record, ends = scene.record, [hands(i * h) for i in range(steps + 1)]
+    table = []
+    for now, then in pairwise(ends):
+        left = between(now[0], now[1], then[0], then[1], h, float(record["k_left"]), float(record["c_left"]))
+        right = between(now[2], now[3], then[2], then[3], h, float(record["k_right"]), float(record["c_right"]))
+        table.append((*left, *right))
+    grid = make_grid(method, np.full(steps, h), np.full(steps, counts), scene.parts, scene.length, scene.packed)
+    return run(method, tuple(float(value) for value in start), np.array(table), grid, scene.parts, scene.packed)
 
 
 def samples(hands: Hands, times: NDArray[np.float64]) -> NDArray[np.float64]:

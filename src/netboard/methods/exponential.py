@@ -15,6 +15,7 @@ from numba import types
 from numpy.typing import NDArray
 
 from netboard.compiled import inlined, specialised
+from netboard.methods.lanes import gathered, lane, lanes_at
 from netboard.methods.phi import phi
 from netboard.physics.hold import drives
 from netboard.physics.linear import scene_matrix
@@ -23,134 +24,147 @@ from netboard.physics.scene import Parts
 from netboard.physics.vectors import State, joined, places, plus, speeds
 
 _EVEN, _FIXED, _PAPER = 1, 2, 4
-"""What is known of a scene, for the products: heave is apart; balls do not roll; they do not touch each other's motion."""
+"""What is known of a scene: heave moves apart from the rest; the balls are fixed; they weigh on the board, and no more."""
 
 
-def _columns(row: int, length: int, known: int) -> list[int]:
-    """Return which columns of a table can have something other than 0 to add to a row."""
-    if known & _FIXED and row >= 4:
-        return [row]
+def _blocks(length: int, known: int) -> list[tuple[range, list[int]]]:
+    """Return which rows of a table belong together, and which columns have something other than 0 for them."""
+    rows = 4 if known & _FIXED else length
+    columns = [j for j in range(length) if j < 4 or j % 2 == 0 or not known & _FIXED]
     if known & _EVEN:
-        return list(range(2)) if row < 2 else list(range(2, length))
-    return list(range(length))
+        return [(range(2), columns[:2]), (range(2, rows), columns[2:])]
+    return [(range(rows), columns)]
 
 
-def _kicked(row: int, length: int, known: int) -> list[int]:
-    """Return which of them meet a rest N: those of rates that it changes."""
-    if known & _FIXED:
-        return [j for j in _columns(row, length, known) if j in (1, 3)]
-    return [j for j in _columns(row, length, known) if j % 2 == 1]
+def _kicks(columns: list[int]) -> list[int]:
+    """Return which columns meet a rest N: it changes rates alone."""
+    return [j for j in columns if j % 2 == 1]
 
 
 def _pulled(row: int, length: int, known: int) -> list[int]:
-    """Return which columns of A can have something other than 0 in a row of accelerations."""
-    if known & _FIXED and row >= 4:
-        return []
-    if known & _PAPER and row >= 4:
-        return [2]
-    return [j for j in _columns(row, length, known) if j < 4 or j % 2 == 0]
-
-
-def _term(tables: Any, k: int, i: int, j: int, x: State) -> float:
-    return float(tables[0][tables[1], k, i, j]) * x[j]
+    """Return which columns of A have something other than 0 for an acceleration."""
+    for rows, columns in _blocks(length, known):
+        if row in rows:
+            return [2] if known & _PAPER and row > 4 else [j for j in columns if j < 4 or j % 2 == 0]
+    return []
 
 
 def _times(tables: Any, k: int, x: State, known: int) -> State:
-    """Return the product of table k and a state, each sum from the left."""
-    results = []
-    for i in range(len(x)):
-        first, *others = _columns(i, len(x), known)
-        result = _term(tables, k, i, first, x)
-        for j in others:
-            result += _term(tables, k, i, j, x)
-        results.append(result)
-    return tuple(results)
+    """Return the product of table k and a state; each sum goes from the left to the right."""
+    table = tables[0][tables[1], k]
+    result = list(x)
+    for rows, columns in _blocks(len(x), known):
+        for i in rows:
+            result[i] = float(table[columns[0], i]) * x[columns[0]]
+            for j in columns[1:]:
+                result[i] += float(table[j, i]) * x[j]
+    return tuple(result)
 
 
 def _pushed(base: State, tables: Any, k: int, rest: State, known: int) -> State:
-    """Return a state and the product of table k and a rest N, added from the left."""
-    results = []
-    for i, result in enumerate(base):
-        for j in _kicked(i, len(base), known):
-            result += _term(tables, k, i, j, rest)
-        results.append(result)
-    return tuple(results)
+    """Return a state and what table k makes of a rest N, added from the left to the right."""
+    table = tables[0][tables[1], k]
+    result = list(base)
+    for rows, columns in _blocks(len(base), known):
+        for i in rows:
+            for j in _kicks(columns):
+                result[i] += float(table[j, i]) * rest[j]
+    return tuple(result)
 
 
-def _remainder(rate: State, tables: Any, x: State, known: int) -> State:
-    """Return N: the accelerations less what A, table 0, makes of the state."""
-    results = [0.0] * len(x)
+def _left_over(rate: State, tables: Any, x: State, known: int) -> State:
+    """Return N: the accelerations less what A, table 0, makes of the state; 0 in place of the rest of a rate."""
+    a = tables[0][tables[1], 0]
+    result = [0.0] * len(x)
     for i in range(1, len(x), 2):
-        linear = 0.0
-        for j in _pulled(i, len(x), known):
-            linear += _term(tables, 0, i, j, x)
-        results[i] = rate[i] - linear
-    return tuple(results)
+        columns = _pulled(i, len(x), known)
+        if columns:
+            linear = float(a[columns[0], i]) * x[columns[0]]
+            for j in columns[1:]:
+                linear += float(a[j, i]) * x[j]
+            result[i] = rate[i] - linear
+    return tuple(result)
 
 
-def _sum(k: object, row: int, columns: list[int], vector: str) -> str:
-    """Write one row of a product."""
-    return " + ".join(f"tables[0][tables[1], {k}, {row}, {j}] * {vector}[{j}]" for j in columns)
+def _written(arguments: str, lines: list[str], results: list[str]) -> Any:
+    """Make a function of its text."""
+    text = [f"def written({arguments}):", *lines, f"return ({', '.join(results)},)"]
+    known: dict[str, Any] = {"lanes_at": lanes_at, "lane": lane, "gathered": gathered}
+    exec("\n    ".join(text), known)
+    return known["written"]
+
+
+def _sum(rows: range, columns: list[int], k: object, length: int, x: str, base: str = "") -> tuple[list[str], list[str]]:
+    """Write the sums of some rows: lines, and where in them the results are. Three rows or more are done at once."""
+    if len(rows) < 3:
+        starts = [[base.replace("#", str(i))] if base else [] for i in rows]
+        return [], [
+            " + ".join(start + [f"tables[0][tables[1], {k}, {j}, {i}] * {x}[{j}]" for j in columns])
+            for i, start in zip(rows, starts, strict=True)
+        ]
+    place = f"(tables[1] * tables[0].shape[1] + {k}) * {length * length} + {rows.start}"
+    terms = [f"lanes_at(tables[0], {place} + {j * length}, {len(rows)}) * {x}[{j}]" for j in columns]
+    if base:
+        terms.insert(0, "gathered((" + ", ".join(base.replace("#", str(i)) for i in rows) + f"), {len(rows)})")
+    return ["block = " + " + ".join(terms)], [f"lane(block, {i})" for i in range(len(rows))]
 
 
 @specialised(_times)
 def _write_times(tables: Any, k: Any, x: Any, known: Any) -> Any:
-    n, flags = x.count, known.literal_value
-    rows = [_sum("k", i, _columns(i, n, flags), "x") for i in range(n)]
-    return eval(f"lambda tables, k, x, known: ({', '.join(rows)})")
+    n, lines, results = x.count, [], [f"x[{i}]" for i in range(x.count)]
+    for rows, columns in _blocks(n, known.literal_value):
+        more, results[rows.start : rows.stop] = _sum(rows, columns, "k", n, "x")
+        lines += more
+    return _written("tables, k, x, known", lines, results)
 
 
 @specialised(_pushed)
 def _write_pushed(base: Any, tables: Any, k: Any, rest: Any, known: Any) -> Any:
-    n, flags = base.count, known.literal_value
-    sums = [_sum("k", i, _kicked(i, n, flags), "rest") for i in range(n)]
-    rows = [f"base[{i}]" + (f" + {row}" if row else "") for i, row in enumerate(sums)]
-    return eval(f"lambda base, tables, k, rest, known: ({', '.join(rows)})")
+    n, lines, results = base.count, [], [f"base[{i}]" for i in range(base.count)]
+    for rows, columns in _blocks(n, known.literal_value):
+        more, results[rows.start : rows.stop] = _sum(rows, _kicks(columns), "k", n, "rest", "base[#]")
+        lines += more
+    return _written("base, tables, k, rest, known", lines, results)
 
 
-@specialised(_remainder)
-def _write_remainder(rate: Any, tables: Any, x: Any, known: Any) -> Any:
-    n, flags = x.count, known.literal_value
-    rows = ["0.0"] * n
+@specialised(_left_over)
+def _write_left_over(rate: Any, tables: Any, x: Any, known: Any) -> Any:
+    n, results = x.count, ["0.0"] * x.count
     for i in range(1, n, 2):
-        columns = _pulled(i, n, flags)
-        rows[i] = f"rate[{i}] - (" + (_sum(0, i, columns, "x") if columns else "0.0") + ")"
-    return eval(f"lambda rate, tables, x, known: ({', '.join(rows)})")
+        columns = _pulled(i, n, known.literal_value)
+        if columns:
+            results[i] = f"rate[{i}] - (" + _sum(range(i, i + 1), columns, 0, n, "x")[1][0] + ")"
+    return _written("rate, tables, x, known", [], results)
 
 
 @inlined
 def times(tables: Any, k: int, x: State, parts: Parts) -> State:
     """Return the product of a table and a state."""
+    fixed = parts.loaded and not parts.free
     if parts.even:
-        if parts.free or not parts.loaded:
-            return _times(tables, k, x, 1)
-        return _times(tables, k, x, 3)
-    if parts.free or not parts.loaded:
-        return _times(tables, k, x, 0)
-    return _times(tables, k, x, 2)
+        return _times(tables, k, x, 3) if fixed else _times(tables, k, x, 1)
+    return _times(tables, k, x, 2) if fixed else _times(tables, k, x, 0)
 
 
 @inlined
 def pushed(base: State, tables: Any, k: int, rest: State, parts: Parts) -> State:
     """Return a state and the product of a table and a rest N."""
+    fixed = parts.loaded and not parts.free
     if parts.even:
-        if parts.free or not parts.loaded:
-            return _pushed(base, tables, k, rest, 1)
-        return _pushed(base, tables, k, rest, 3)
-    if parts.free or not parts.loaded:
-        return _pushed(base, tables, k, rest, 0)
-    return _pushed(base, tables, k, rest, 2)
+        return _pushed(base, tables, k, rest, 3) if fixed else _pushed(base, tables, k, rest, 1)
+    return _pushed(base, tables, k, rest, 2) if fixed else _pushed(base, tables, k, rest, 0)
 
 
 @inlined
 def remainder(x: State, left: float, right: float, tables: Any, parts: Parts, scene: Any) -> State:
     """Return N."""
     rate = rates(x, left, right, parts, scene)
-    if parts.even:
-        if not parts.lagrangian:
-            return _remainder(rate, tables, x, 5)
-        return _remainder(rate, tables, x, 1)
-    return _remainder(rate, tables, x, 0)
+    fixed = parts.loaded and not parts.free
+    if fixed:
+        return _left_over(rate, tables, x, 3) if parts.even else _left_over(rate, tables, x, 2)
+    if parts.lagrangian:
+        return _left_over(rate, tables, x, 1) if parts.even else _left_over(rate, tables, x, 0)
+    return _left_over(rate, tables, x, 5) if parts.even else _left_over(rate, tables, x, 4)
 
 
 @inlined
@@ -195,15 +209,14 @@ def etd2rk_tables(scene: Any, parts: Parts, length: int, h: float) -> NDArray[np
     """Return A and, of the step's length, phi_0, h phi_1, h phi_2."""
     a = scene_matrix(parts, scene, length)
     full = phi(a, h, 2)
-    return np.stack([a, full[0], h * full[1], h * full[2]])
+    return np.stack([m.T for m in (a, full[0], h * full[1], h * full[2])])
 
 
 def etdrk4_tables(scene: Any, parts: Parts, length: int, h: float) -> NDArray[np.float64]:
     a = scene_matrix(parts, scene, length)
     half, full = phi(a, 0.5 * h, 2), phi(a, h, 3)
-    return np.stack(
-        [a, half[0], 0.5 * h * half[1], h * half[2], full[0], h * full[1], h * full[2], 4.0 * (h * full[3])]
-    )
+    first = [a, half[0], 0.5 * h * half[1], h * half[2]]
+    return np.stack([m.T for m in (*first, full[0], h * full[1], h * full[2], 4.0 * (h * full[3]))])
 
 
 @inlined

@@ -18,8 +18,11 @@ from netboard.physics.vectors import State, affine, alike, joined, plus, speeds
 SWEEPS = 50
 """At most this many; where nothing is extreme, three to eight are needed."""
 
-CLOSE = 1e-17
-"""The sweeps end when they move the board by less than this in a step [m]."""
+CLOSE = 1e-16
+"""The sweeps end when they move the board by no more than this in a step [m]."""
+
+FIRST = 2
+"""After this many sweeps those that no longer bring it closer end them too; the very first need not."""
 
 
 @inlined
@@ -79,7 +82,7 @@ def _settled(
     last = 0.0
     for sweep in range(1 if straight or not parts.tilts else SWEEPS):
         y, change = _swept(x, y, t, reach, left, right, parts, scene)
-        if t * change <= CLOSE or (sweep > 0 and not change < last):
+        if t * change <= CLOSE or (sweep > FIRST and not change < last):
             break
         last = change
     return y

@@ -120,7 +120,7 @@ def step_matrix(method: str, a: Matrix, h: float, solved: Matrix | None = None) 
 def _polynomial(x: Matrix, coefficients: tuple[float, ...]) -> Matrix:
     """Return a polynomial of a matrix, by Horner's rule."""
     one = np.eye(len(x))
-    result = coefficients[-1] * one
+    result: Matrix = coefficients[-1] * one
     for coefficient in reversed(coefficients[:-1]):
         result = coefficient * one + x @ result
     return result
@@ -129,7 +129,7 @@ def _polynomial(x: Matrix, coefficients: tuple[float, ...]) -> Matrix:
 def _midpoint(a: Matrix, h: float) -> Matrix:
     """Return (1 - hA/2)^-1 (1 + hA/2), Cayley's transform."""
     one = np.eye(len(a))
-    return np.linalg.solve(one - h / 2 * a, one + h / 2 * a)
+    return np.array(np.linalg.solve(one - h / 2 * a, one + h / 2 * a), np.float64)
 
 
 def _kick(a: Matrix, h: float) -> Matrix:
@@ -239,9 +239,9 @@ def spectral_radius(method: str, a: Matrix, h: float, solved: Matrix | None = No
 
 
 def _moving(a: Matrix) -> Matrix:
-    """Return a basis of the states without those where the board can rest anywhere, which every step leaves as they are.
+    """Return a basis of the states without the places that nothing pulls back from, which every step leaves alone.
 
-    Their factor is exactly 1. Beside it the same factor of their velocity would be half lost to rounding.
+    Their factor is exactly 1. Beside it, the same factor of their velocity would lose half its digits to rounding.
     """
     _, sizes, rows = np.linalg.svd(a[1::2, 0::2])
     kept = rows[sizes > 1e-13 * max(sizes[0], 1e-300)]

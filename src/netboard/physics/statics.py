@@ -212,7 +212,7 @@ def rotation_poles(balls: int, parts: Parts, scene: Any) -> tuple[complex, compl
         If the couplings are uneven.
     """
     square, above = float(scene["l"]) ** 2, float(scene["ball_height"])
-    stirred = 0.0 if parts.free else _stirred(balls, parts, scene)
+    stirred = _stirred(0 if parts.free else balls, parts, scene)
     return _poles(
         float(scene["I"]) + stirred * above**2 / float(scene["ease"]),
         (float(scene["c_left"]) + float(scene["c_right"])) * square + float(scene["b_theta"]),

@@ -6,6 +6,8 @@ from dataclasses import asdict, dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
+from llvmlite.binding import get_host_cpu_features
+
 LIBRARIES = ("netboard", "numba", "llvmlite", "numpy", "scipy")
 """Those whose version can change a figure."""
 
@@ -115,8 +117,6 @@ def _cpu() -> str:
 
 def _vectors() -> str:
     """Return the widest vector instructions of the processor."""
-    from llvmlite.binding import get_host_cpu_features
-
     has = get_host_cpu_features()
     for name in ("avx512f", "avx2", "avx", "sse2", "sve", "neon"):
         if has.get(name):

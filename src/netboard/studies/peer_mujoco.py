@@ -4,9 +4,9 @@ The couplings are actuators between a site of the board and one of the world, al
 paper's spring and damper, driven by ``k z_s + c vz_s``. The equations are the same as ours, so that errors can be
 compared; MuJoCo knows no others, so that it takes part in the Lagrangian problems alone.
 
-Who steps MuJoCo sets its controls once per step. It is also shown with the controls of every stage, which only a
-callback can give: for the error, while the time is that of steps in C without any call. Times are the least that can be
-had: one call that steps in C, many times, with controls that never change.
+Who steps MuJoCo sets its controls once per step: that is run, and timed, by its own rollout, in C, the controls given as
+an array. It is also shown with the controls of every stage, which only a callback can give: for the error, while the
+time is the least that can be had, one call that steps in C many times with controls that never change.
 """
 
 from collections.abc import Callable
@@ -145,6 +145,22 @@ class Scene:
         self._rewind()
         mujoco.mj_step(self.model, self.data, nstep=TIMED)
 
+    def bare_held(self) -> None:
+        """Step in C by rollout, controls that change between steps given as an array."""
+        self._rollout(self._controls[:TIMED])
+
+    @cached_property
+    def _controls(self) -> Array:
+        """Controls for timing."""
+        return drives_at(self.problem.waves, np.arange(self.steps) * self.step)
+
+    def _rollout(self, controls: Array) -> Array:
+        """Step through controls, and return MuJoCo's full states."""
+        from mujoco import rollout
+
+        states: Array = rollout.rollout(self.model, self.data, self._rewind(), controls)[0][0]
+        return states
+
     def held(self, ahead: float) -> Solution:
         """Step through the run with controls that change between steps only.
 
@@ -158,12 +174,8 @@ class Scene:
         Solution
             The states.
         """
-        from mujoco import rollout
-
-        controls = drives_at(self.problem.waves, (np.arange(self.steps) + ahead) * self.step)
-        first = self._rewind()
-        states = rollout.rollout(self.model, self.data, first, controls)[0][0]
-        return self._solution(np.concatenate([first[None], states])[:, 1:7], self.steps)
+        states = self._rollout(drives_at(self.problem.waves, (np.arange(self.steps) + ahead) * self.step))
+        return self._solution(np.concatenate([self._rewind()[np.newaxis], states])[:, 1:7], self.steps)
 
     def sampled(self) -> Solution:
         """Step through the run with the controls of each stage, by a callback.
@@ -226,7 +238,6 @@ def contenders(problem: Problem, coarse: bool) -> list[Contender]:
 def _contender(method: str, scene: Scene, solve: Callable[[], Solution], held: bool) -> Contender:
     """Describe one setting."""
     share = TIMED / scene.steps
-    return Contender(
-        FAMILY, method, f"{scene.step * 1e3:g} ms", solve, scene.bare, inputs=False, held=held, share=share
-    )
+    bare = scene.bare_held if held else scene.bare
+    return Contender(FAMILY, method, f"{scene.step * 1e3:g} ms", solve, bare, inputs=False, held=held, share=share)
 

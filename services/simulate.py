@@ -1,0 +1,210 @@
+"""Simulates a scene offline, moved by the hands in files; the result of each file goes into one of its own."""
+
+import hashlib
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from functools import partial
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.table import Table
+
+from netboard.config import ADAPTER, Config, Physics, resolve
+from netboard.errors import ConfigError
+from netboard.settings import read
+from netboard.simulation import Hands, Motion, Steps, check_start, choose_steps, columns_of, energies_of, simulate
+from netboard.studies.hand_files import doubts, find_inputs, plan_outputs, read_hands, write_table
+
+console = Console(highlight=False)
+
+SHOWN = {"z": "m", "theta": "rad", "p": "m", "f_left": "N", "f_right": "N"}
+"""Signals whose range is shown, with their units."""
+
+
+@dataclass(frozen=True)
+class Wishes:
+    """What was asked for: the options of ``netboard simulate``; `board0` is z0, vz0, theta0, omega0."""
+
+    hold: str
+    gaps: str
+    method: str
+    dt: float
+    substeps: int
+    ball: str
+    board0: tuple[float, ...]
+    p0: tuple[float, ...]
+    v0: tuple[float, ...]
+    energy: bool
+
+    def start(self, balls: int) -> tuple[float, ...]:
+        """Put the initial state together; balls rest at the centre unless it is said otherwise."""
+        if any(len(given) not in (0, balls) for given in (self.p0, self.v0)):
+            raise ConfigError(
+                f"--p0, --v0: found {len(self.p0)} and {len(self.v0)} values, expected none or one for each ball; "
+                f"the scene has {balls} (physics.balls)"
+            )
+        pairs = zip(self.p0 or (0.0,) * balls, self.v0 or (0.0,) * balls, strict=True)
+        return (*self.board0, *(value for pair in pairs for value in pair))
+
+
+def load_scene(file: Path | None, overrides: Sequence[str]) -> Config:
+    """Read a scene: a configuration, of which only the table [physics] counts; without a file, the paper's."""
+    try:
+        text = file.read_text(encoding="utf-8") if file else ""
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{file}: cannot be read: {getattr(error, 'strerror', None) or error}") from error
+    return read(ADAPTER, Config, text, str(file or "defaults"), overrides)
+
+
+def main(words: Sequence[str], output: str, config: Config, wishes: Wishes, *, force: bool = False) -> int:
+    """Simulate every file.
+
+    Parameters
+    ----------
+    words : sequence of str
+        Files of hands, folders of them, patterns.
+    output : str
+        Where the results go.
+    config : Config
+        The scene is its table [physics].
+    wishes : Wishes
+        How.
+    force : bool
+        Results may take the place of files that are there.
+
+    Returns
+    -------
+    int
+        Exit code.
+
+    Raises
+    ------
+    ConfigError
+        If anything is wrong with a file; the others are simulated all the same.
+    """
+    physics, free = config.physics, wishes.ball == "free"
+    check_start(physics, wishes.start(physics.balls), free)
+    steps = choose_steps(physics, free, wishes.method, wishes.substeps)
+    plan = plan_outputs(find_inputs(words), output, force)
+    sheets: list[Sheet] = []
+    faults: list[str] = []
+    bar = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
+    with Progress(*bar, console=console, transient=True, disable=not console.is_terminal) as progress:
+        task = progress.add_task("", total=len(plan))
+        for number, (path, result) in enumerate(plan.items()):
+            tell = partial(_tell, progress, task, number, path)
+            try:
+                sheets.append(one(path, result, config, steps, wishes, force, tell))
+            except ConfigError as fault:
+                faults.append(str(fault))
+    if sheets:
+        console.print(scene_in_words(physics, free))
+        console.print(steps_in_words(steps, wishes))
+        console.print(table_of(sheets))
+    if faults:
+        raise ConfigError("\n".join(faults))
+    return 0
+
+
+Tell = Callable[..., None]
+Sheet = dict[str, str]
+
+
+def _tell(progress: Progress, task: TaskID, number: int, path: Path, share: float, what: str = "simulating") -> None:
+    """Show how far the file of this number is."""
+    progress.update(task, completed=number + share, description=escape(f"{what} {path.name}"))
+
+
+def one(path: Path, result: Path, config: Config, steps: Steps, wishes: Wishes, force: bool, tell: Tell) -> Sheet:
+    """Simulate one file, and say what came of it."""
+    began, physics, free = time.monotonic(), config.physics, wishes.ball == "free"
+    tell(0.0, "reading")
+    hands = read_hands(path, wishes.gaps)
+    start = wishes.start(physics.balls)
+    try:
+        motion = simulate(hands, physics, start, free=free, hold=wishes.hold, dt=wishes.dt, steps=steps, progress=tell)
+    except ConfigError as fault:
+        raise ConfigError(f"{path}: {fault}") from None
+    columns, sheet = columns_of(motion), sheet_of(path, hands, motion)
+    if wishes.energy:
+        energies = energies_of(motion, hands, physics, free)
+        columns.update(energies)
+        sheet["energy"] = balance(energies)
+    tell(1.0, "writing")
+    write_table(result, columns, provenance(path, config, wishes), force)
+    for doubt in doubts(hands):
+        console.print(f"{path}: {doubt}", style="yellow", markup=False)
+    return {**sheet, "took": f"{time.monotonic() - began:.2f} s", "result": str(result)}
+
+
+def provenance(path: Path, config: Config, wishes: Wishes) -> dict[str, str]:
+    """Say how a result was made, for whoever finds it."""
+    options = {name: str(value) for name, value in asdict(wishes).items()}
+    made = {"made_by": f"netboard {version('netboard')} simulate", "input": str(path)}
+    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    return {**made, "input_sha256": digest, **options, "configuration": resolve(config)}
+
+
+# --- in words ----------------------------------------------------------------------------------------------------
+
+
+def scene_in_words(physics: Physics, free: bool) -> str:
+    """Say what was simulated."""
+    balls = f"{physics.balls} {'free' if free else 'fixed'} ball{'' if physics.balls == 1 else 's'}"
+    return f"{physics.model} model, {physics.board} board, {balls if physics.balls else 'no ball'}"
+
+
+def steps_in_words(steps: Steps, wishes: Wishes) -> str:
+    """Say how it was stepped, and why so."""
+    if wishes.method != "auto":
+        return f"{steps.method}, as asked for"
+    why = f", {steps.longest * steps.fastest:.2g} of its shortest time constant" if steps.fastest else ""
+    return f"{steps.method} in steps of at most {steps.longest * 1e3:.3g} ms{why}"
+
+
+def sheet_of(path: Path, hands: Hands, motion: Motion) -> Sheet:
+    """Say what went in and what came out."""
+    intervals = np.diff(hands.t) * 1e3
+    low, high, usual = intervals.min(), intervals.max(), np.median(intervals)
+    columns = columns_of(motion)
+    return {
+        "input": str(path),
+        "samples": str(len(hands.t)),
+        "lasts": f"{hands.t[-1] - hands.t[0]:.6g} s",
+        "every": f"{usual:.4g} ms" if high - low < 1e-3 * usual else f"{low:.4g} to {high:.4g} ms",
+        "rows": str(len(motion.t)),
+        "steps": f"{motion.count}, at most {motion.longest * 1e3:.3g} ms",
+        **{f"{name} [{unit}]": range_of(columns[name]) for name, unit in SHOWN.items() if name in columns},
+    }
+
+
+def range_of(column: NDArray[np.float64]) -> str:
+    """Say between which values a signal is."""
+    return f"{column.min():.3g} to {column.max():.3g}"
+
+
+def balance(energies: Mapping[str, NDArray[np.float64]]) -> str:
+    """Say how well energies and works agree."""
+    stored = np.sum([column for name, column in energies.items() if name.startswith("E_")], axis=0)
+    worked = np.sum([column for name, column in energies.items() if name.startswith("W_")], axis=0)
+    return f"balanced to {np.abs(stored - stored[0] - worked).max():.2g} J; it varies by {np.ptp(stored):.3g} J"
+
+
+def table_of(sheets: Sequence[Sheet]) -> Table:
+    """Show one sheet from top to bottom; of several, what may be odd about one of them, a row for each."""
+    if len(sheets) == 1:
+        table = Table(show_header=False)
+        for name, value in sheets[0].items():
+            table.add_row(escape(name), escape(value))
+        return table
+    names = [name for name in sheets[0] if name in ("input", "samples", "lasts", "theta [rad]", "p [m]", "took")]
+    table = Table(*map(escape, names))
+    for sheet in sheets:
+        table.add_row(*(escape(sheet[name]) for name in names))
+    return table
