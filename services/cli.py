@@ -242,8 +242,8 @@ def simulate(
             "--input",
             "-i",
             metavar="FILE",
-            help="Hands: .csv or .parquet with the columns t, z_left, v_left, z_right, v_right (s, m, m/s), at any rate. "
-            "A folder or a pattern stands for all its files; may be given again.",
+            help="Hands: .csv or .parquet with the columns t, z_left, v_left, z_right, v_right (s, m, m/s), at any "
+            "rate. A folder or a pattern stands for all its files; may be given again.",
         ),
     ],
     output: Annotated[
@@ -252,9 +252,9 @@ def simulate(
             "--output",
             "-o",
             metavar="FILE|FOLDER",
-            help="The result: .csv or .parquet with the columns t, z, vz, theta, omega, p, vp, f_left, f_right (SI; the "
-            "forces are those of the hands on the board, + = up: the hands feel the opposite). For several inputs a "
-            "folder, or a name with {} for that of the input.",
+            help="The result: .csv or .parquet with the columns t, z, vz, theta, omega, p, vp, f_left, f_right (SI; "
+            "the forces are those of the hands on the board, + = up: the hands feel the opposite). For several inputs "
+            "a folder, or a name with {} for that of the input.",
         ),
     ],
     more: Annotated[
@@ -306,22 +306,29 @@ def simulate(
     v0: Annotated[list[str] | None, typer.Option("--v0", metavar="M/S", help="Its rate (m/s); likewise.")] = None,
     energy: Annotated[
         bool,
-        typer.Option(
-            "--energy", help="Add columns: energies (E_...) and works done since the first row (W_...), in J."
-        ),
+        typer.Option("--energy", help="Add columns: energies (E_...) and work since the first row (W_...), in J."),
     ] = False,
     force: Annotated[bool, typer.Option("--force", help="Overwrite results that are there.")] = False,
 ) -> None:
     """Move a scene by the hands in a file, offline and as exactly as the samples allow."""
     if energy and hold != "hermite":
         raise ConfigError(f"--energy: found --hold {hold}, expected hermite: otherwise the hands jump from row to row")
-    wishes = {"hold": hold, "gaps": gaps, "method": method, "dt": dt, "substeps": substeps, "ball": ball}
-    start = {"board0": (z0, vz0, theta0, omega0), "p0": numbers("--p0", p0), "v0": numbers("--v0", v0)}
     from netboard.services import simulate as service
 
     settings = service.load_scene(scene, [*(overrides or ()), *([f"physics.model={model}"] if model else ())])
-    asked = service.Wishes(**wishes, **start, energy=energy)
-    raise typer.Exit(service.main([*inputs, *(more or ())], output, settings, asked, force=force))
+    wishes = service.Wishes(
+        hold=hold,
+        gaps=gaps,
+        method=method,
+        dt=dt,
+        substeps=substeps,
+        ball=ball,
+        board0=(z0, vz0, theta0, omega0),
+        p0=numbers("--p0", p0),
+        v0=numbers("--v0", v0),
+        energy=energy,
+    )
+    raise typer.Exit(service.main([*inputs, *(more or ())], output, settings, wishes, force=force))
 
 
 def numbers(option: str, words: list[str] | None) -> tuple[float, ...]:
@@ -329,9 +336,7 @@ def numbers(option: str, words: list[str] | None) -> tuple[float, ...]:
     try:
         return tuple(float(word) for given in words or () for word in given.split(","))
     except ValueError:
-        raise ConfigError(
-            f"{option}: found {' '.join(words or ())}, expected numbers with commas between them"
-        ) from None
+        raise ConfigError(f"{option}: found {' '.join(words or ())}, expected numbers, with commas between") from None
 
 
 @app.command(epilog=examples("netboard info recordings/S01.mcap"))

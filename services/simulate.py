@@ -17,8 +17,9 @@ from rich.table import Table
 
 from netboard.config import ADAPTER, Config, Physics, resolve
 from netboard.errors import ConfigError
+from netboard.physics.sampled import Hands
 from netboard.settings import read
-from netboard.simulation import Hands, Motion, Steps, check_start, choose_steps, columns_of, energies_of, simulate
+from netboard.simulation import Motion, Steps, check_start, choose_steps, columns_of, energies_of, simulate
 from netboard.studies.hand_files import doubts, find_inputs, plan_outputs, read_hands, write_table
 
 console = Console(highlight=False)

@@ -17,6 +17,10 @@ from pathlib import Path
 from types import CellType, FunctionType
 from typing import Any, ParamSpec, TypeVar
 
+import numba
+from numba.core import cgutils
+from numba.extending import intrinsic, overload
+
 P = ParamSpec("P")
 R = TypeVar("R")
 A = TypeVar("A")
@@ -25,22 +29,21 @@ PREFIX = "kernels-"
 
 
 def _choose_folder() -> None:
-    """Tell numba, before it is imported, where to keep kernels; a folder the user has chosen stays."""
+    """Tell numba where to keep kernels, in this process and those it starts; a folder the user has chosen stays."""
     package = Path(__file__).parent
     state = hashlib.sha256()
     for source in sorted(package.rglob("*.py")):
         state.update(source.read_bytes())
     folder = package / "__pycache__" / f"{PREFIX}{state.hexdigest()[:16]}"
-    if os.environ.setdefault("NUMBA_CACHE_DIR", str(folder)) == str(folder) and not folder.exists():
+    chosen = os.environ.setdefault("NUMBA_CACHE_DIR", str(folder))
+    if chosen == str(folder) and not folder.exists():
         for other in folder.parent.glob(f"{PREFIX}*"):
             shutil.rmtree(other, ignore_errors=True)
+    # Numba read the environment when it was imported, which may have been by someone else.
+    numba.config.CACHE_DIR = chosen
 
 
 _choose_folder()
-
-import numba  # noqa: E402  (reads the choice when it is imported)
-from numba.core import cgutils  # noqa: E402
-from numba.extending import intrinsic, overload  # noqa: E402
 
 STRICT = {"error_model": "numpy"}
 """IEEE arithmetic as written; it never raises: x / 0 is infinite."""

@@ -303,7 +303,7 @@ class Stage:
     choice : Choice
         How the scene is stepped, and why.
     tables : ndarray of float64, shape (2, k, 6, 6)
-        What its method needs for a ball that rolls, and for one that is fixed.
+        What its method needs for a ball that rolls, and for one that is fixed [SI].
     ticks : callable
         The compiled ticks.
     first_target : int

@@ -146,7 +146,7 @@ def test_the_same_seed_gives_the_same_person() -> None:
     assert a != moves_of(make(("left",), Participant(), seed=8), scene(), 4.0)
 
 
-@pytest.mark.parametrize("physics", [Physics(g=0.0), Physics(ball=False), Physics(k_s=0.0)])
+@pytest.mark.parametrize("physics", [Physics(g=0.0), Physics(balls=0), Physics(k_s=0.0)])
 def test_odd_scenes_do_no_harm(physics: Physics) -> None:
     p = -0.15 if physics.balls else None
     moves = moves_of(make(("left",), Participant(), physics), scene(p=p), 2.0, felt=-0.2)

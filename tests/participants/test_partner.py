@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from netboard.config import Physics
 from netboard.participants.partner import partner_height, partner_seen
-from netboard.physics.scene import pack_scene
+from netboard.physics.scene import pack_scene, parts_of
 from netboard.physics.statics import equilibrium
 
 PHYSICS = Physics()
@@ -17,7 +17,7 @@ height = st.floats(-0.02, 0.02)
 
 @given(height, height, st.floats(-0.3, 0.3))
 def test_the_force_at_rest_gives_the_partner_away(left: float, right: float, p: float) -> None:
-    rest = equilibrium(left, right, p, SCENE)
+    rest = equilibrium(left, right, (p,), parts_of(PHYSICS), SCENE)
     assert partner_height(-rest.left, left, p, "left", PHYSICS) == pytest.approx(right, abs=2e-4)
     assert partner_height(-rest.right, right, p, "right", PHYSICS) == pytest.approx(left, abs=2e-4)
 

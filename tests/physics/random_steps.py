@@ -5,45 +5,77 @@ Run in another way (without compilation, for another processor) it must print th
 
 import hashlib
 import json
-import math
+from typing import Any
 
 import numpy as np
+from trajectories import Scene, scene_of
 
-from netboard.config import Physics
-from netboard.physics.hold import constant_velocity
-from netboard.physics.kernels import coupling, rk4_bare, rk4_fixed, rk4_free
-from netboard.physics.scene import pack_scene
+from netboard.methods.catalogue import NUMBER
+from netboard.methods.march import make_grid, make_march, run
+from netboard.physics.energy import stored_along, work_along
+from netboard.physics.hold import between, drives, later, moving, reached, resting
+from netboard.physics.models import coupling, rates, stopped
 from netboard.physics.trig import sincos
 
-STEPS = [rk4_free, rk4_fixed, rk4_bare]
+ABOVE: dict[str, Any] = {"model": "lagrangian", "ball_height": 0.03, "ball_inertia": 0.4}
+SCENES = {
+    "paper": scene_of(ball_stop=0.3, restitution=0.5),
+    "fixed": scene_of(False, coupling="right", b_theta=0.001),
+    "bare": scene_of(balls=0),
+    "lagrangian": scene_of(balls=2, ball_stop=0.3, restitution=0.5, **ABOVE),
+    "lagrangian, fixed": scene_of(False, board="hinged", b_z=0.1, **ABOVE),
+}
 
 
-def digest(rounds: int) -> str:
-    """Hash of every result of so many rounds of three steps, a coupling and a hold each."""
-    scene = pack_scene(Physics())[0]
-    spread = np.array([0.1, 1.0, 7.0, 20.0, 0.35, 1.0, 0.1, 1.0, 0.1, 1.0])
-    hashed = hashlib.sha256()
-    for row in (np.random.default_rng(7).uniform(-1, 1, (rounds, 10)) * spread).tolist():
-        state, stylus = row[:6], row[6:]
-        for step in STEPS:
-            hashed.update(np.array(step(*state, *stylus, 1e-3, scene)).tobytes())
-        hashed.update(np.array(coupling(*state[:4], *stylus, scene)).tobytes())
-        hashed.update(np.array(sincos(1e4 * row[2])).tobytes())
-        hashed.update(np.array(constant_velocity(stylus[0], stylus[1], row[4], 0.1)).tobytes())
-    # The same state carried on, as in a trial: here a difference in the last digit grows.
-    state = [0.0, 0.0, 0.0, 0.0, 0.05, 0.0]
-    for i in range(rounds):
-        wave = 0.01 * math.sin(0.004 * i)
-        state = list(rk4_free(*state, -wave, 0.1, wave, -0.1, 1e-3, scene))
-        hashed.update(np.array(state).tobytes())
-    return hashed.hexdigest()
+def drives_of(row: list[float]) -> tuple[float, ...]:
+    """The drives of both hands through a step, by the ways there are to hold a stylus."""
+    z, vz, az, age = 0.1 * row[0], row[1], 20 * row[2], 0.01 * row[3]
+    z, vz = reached(z, vz, az, age, 0.004, 0.008)
+    left = moving(z, vz, az, 200.0, 2.0) if row[4] > 0 else resting(z, vz, 200.0, 2.0)
+    return later((*left, *between(0.1 * row[5], row[6], 0.1 * row[7], row[8], 1e-2, 200.0, 2.0)), 1e-3 * row[9])
+
+
+def result_of(scene: Scene, row: list[float]) -> list[float]:
+    """Numbers of everything that is done with a state."""
+    spread = (0.1, 1.0, 7.0, 20.0, *(0.35, 1.0) * scene.physics.balls)
+    x = tuple(a * b for a, b in zip(row, spread, strict=False))
+    left, right = drives(drives_of(row), 0, 1e-3 * row[0])
+    rate = rates(x, left, right, scene.parts, scene.record)
+    return [*rate, *coupling(x, left, right, scene.parts, scene.record), *stopped(x, scene.parts, scene.record)]
+
+
+def path_of(scene: Scene, rows: list[list[float]]) -> Any:
+    """The same scene carried on, as in a trial: here a difference in the last digit grows."""
+    n = len(rows)
+    grid = make_grid("rk4", np.full(n, 1e-3), np.full(n, 2), scene.parts, scene.length, scene.packed)
+    start = (0.0, 0.0, 0.0, 0.0, 0.05, 0.1, -0.05, 0.2)[: scene.length]
+    return run("rk4", start, np.array([drives_of(row) for row in rows]), grid, scene.parts, scene.packed)
+
+
+def digests(rounds: int) -> dict[str, str]:
+    """Hash of every result of so many rounds, for each scene."""
+    rows = np.random.default_rng(7).uniform(-1, 1, (rounds, 10)).tolist()
+    found = {"sincos": hashlib.sha256(np.array([sincos(1e4 * row[2]) for row in rows]).tobytes()).hexdigest()}
+    for name, scene in SCENES.items():
+        path = path_of(scene, rows)
+        hands = np.array(rows + rows[:1])[:, :4]
+        work = work_along(np.arange(rounds + 1) * 1e-3, path, hands, scene.parts, scene.packed)
+        numbers = (
+            np.array([result_of(scene, row) for row in rows]),
+            path,
+            stored_along(path, hands, scene.parts, scene.packed),
+            work,
+        )
+        found[name] = hashlib.sha256(b"".join(each.tobytes() for each in numbers)).hexdigest()
+    return found
 
 
 def cache_counts() -> list[tuple[int, int]]:
-    """Hits and misses of the disk cache, for each step; nothing when nothing is compiled."""
-    stats = [step.stats for step in STEPS if hasattr(step, "stats")]
+    """Hits and misses of the disk cache, for each scene's march; nothing when nothing is compiled."""
+    marches: list[Any] = [make_march(NUMBER["rk4"], scene.parts) for scene in SCENES.values()]
+    stats = [march.stats for march in marches if hasattr(march, "stats")]
     return [(sum(each.cache_hits.values()), sum(each.cache_misses.values())) for each in stats]
 
 
 if __name__ == "__main__":
-    print(json.dumps({"digest": digest(1500), "cache": cache_counts()}))  # noqa: T201
+    print(json.dumps({"digests": digests(1000), "cache": cache_counts()}))  # noqa: T201

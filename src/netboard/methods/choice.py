@@ -8,15 +8,12 @@ methods solve the level board exactly and are less sure of a tilted one. docs/de
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import cache
 from typing import Any
 
 from netboard.config import Physics
 from netboard.errors import ConfigError
-from netboard.methods.catalogue import METHODS, NUMBER
-from netboard.methods.stability import ROUNDING, Matrix, spectral_radius, stiffness, tilted_matrix
-from netboard.physics.scene import Parts, pack_scene, parts_of, state_length
-from netboard.tick import TICK_SECONDS
+from netboard.methods.stability import ROUNDING, Matrix, solved_matrix, spectral_radius, stiffness, tilted_matrix
+from netboard.physics.scene import pack_scene, parts_of
 
 TILTS = tuple(math.radians(tilt) for tilt in (0, 10, 20, 30, 35))
 """A tilt to the other side is the same with the balls on the other side [rad]."""
@@ -147,27 +144,21 @@ def _bounded(choice: Choice) -> bool:
 
 def _radii(physics: Physics, method: str, h: float) -> Iterator[float]:
     """Yield the spectral radius of a step for every board that it must hold."""
-    for a, parts in _cases(physics):
-        yield spectral_radius(method, a, h, _solved(method, physics, parts) if method in EXPONENTIAL else None)
+    for a, level in _cases(physics):
+        yield spectral_radius(method, a, h, level)
 
 
-def _cases(physics: Physics) -> Iterator[tuple[Matrix, Parts]]:
-    """Yield the boards that the steps must hold."""
-    scene = pack_scene(physics)[0]
+def _cases(physics: Physics) -> Iterator[tuple[Matrix, Matrix]]:
+    """Yield the boards that the steps must hold, each with what an exponential method solves in its place."""
+    scene, balls = pack_scene(physics)[0], physics.balls
     reach = physics.ball_stop or 2.0 * physics.l
     free, fixed = parts_of(physics), parts_of(physics, free=False)
-    heavy = physics.model == "lagrangian" and physics.balls > 0
+    heavy = physics.model == "lagrangian" and balls > 0
     for parts in (free, fixed) if heavy else (free,):
+        level = solved_matrix(parts, scene, balls)
         for tilt in TILTS if parts.tilts else TILTS[:1]:
             for place in PLACES if heavy else PLACES[:1]:
-                yield tilted_matrix(parts, scene, physics.balls, tilt, place * reach), parts
-
-
-@cache
-def _solved(method: str, physics: Physics, parts: Parts) -> Matrix:
-    """Return what an exponential method solves exactly of the board: part of the first of its tables."""
-    make = METHODS[NUMBER[method]].tables
-    return make(pack_scene(physics)[0], parts, state_length(physics), TICK_SECONDS)[0, :4, :4]
+                yield tilted_matrix(parts, scene, balls, tilt, place * reach), level
 
 
 def _refusal(physics: Physics, h: float, choice: Choice) -> str:

@@ -209,14 +209,19 @@ def etd2rk_tables(scene: Any, parts: Parts, length: int, h: float) -> NDArray[np
     """Return A and, of the step's length, phi_0, h phi_1, h phi_2."""
     a = scene_matrix(parts, scene, length)
     full = phi(a, h, 2)
-    return np.stack([m.T for m in (a, full[0], h * full[1], h * full[2])])
+    return _by_columns(a, full[0], h * full[1], h * full[2])
 
 
 def etdrk4_tables(scene: Any, parts: Parts, length: int, h: float) -> NDArray[np.float64]:
     a = scene_matrix(parts, scene, length)
     half, full = phi(a, 0.5 * h, 2), phi(a, h, 3)
-    first = [a, half[0], 0.5 * h * half[1], h * half[2]]
-    return np.stack([m.T for m in (*first, full[0], h * full[1], h * full[2], 4.0 * (h * full[3]))])
+    first = (a, half[0], 0.5 * h * half[1], h * half[2])
+    return _by_columns(*first, full[0], h * full[1], h * full[2], 4.0 * (h * full[3]))
+
+
+def _by_columns(*matrices: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return matrices of which a row of the array is a column, so that the processor can take it as it is."""
+    return np.ascontiguousarray(np.array(matrices).transpose(0, 2, 1))
 
 
 @inlined

@@ -197,7 +197,7 @@ def lanes_at(array: Array, offset: int, count: int) -> Any:
 
 @specialised(lanes_at)
 def _lanes_at(array: Any, offset: Any, count: Any) -> Any:
-    return lambda array, offset, count: _load_lanes(array, offset, count)
+    return (lambda array, offset, count: _load_lanes(array, offset, count)) if array.layout == "C" else None
 
 
 def pair_at(array: Array, offset: int, count: int) -> tuple[Any, Any]:
@@ -218,7 +218,7 @@ def pair_at(array: Array, offset: int, count: int) -> tuple[Any, Any]:
 
 @specialised(pair_at)
 def _pair_at(array: Any, offset: Any, count: Any) -> Any:
-    return lambda array, offset, count: _load_pair(array, offset, count)
+    return (lambda array, offset, count: _load_pair(array, offset, count)) if array.layout == "C" else None
 
 
 def put(array: Array, offset: int, lanes: Any) -> None:
@@ -238,7 +238,7 @@ def put(array: Array, offset: int, lanes: Any) -> None:
 
 @specialised(put)
 def _put(array: Any, offset: Any, lanes: Any) -> Any:
-    return lambda array, offset, lanes: _store(array, offset, lanes)
+    return (lambda array, offset, lanes: _store(array, offset, lanes)) if array.layout == "C" else None
 
 
 def lane(lanes: Any, i: int) -> float:

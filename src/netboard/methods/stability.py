@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
+from netboard.physics.linear import scene_matrix
 from netboard.physics.scene import Parts
 
 Matrix = NDArray[np.float64]
@@ -86,6 +87,26 @@ def _ball_inertia(parts: Parts, value: dict[str, float], s: float, c: float, p: 
     if parts.free:
         return m * np.array([[1.0 - ease * s * s, c * p], [c * p, p * p]])
     return m * value["fixed_load"] * np.array([[1.0, c * p - r * s], [c * p - r * s, p * p + r * r / ease]])
+
+
+def solved_matrix(parts: Parts, scene: Any, balls: int = 0) -> Matrix:
+    """Return what the exponential methods solve exactly of the board: the level one, with the balls at its centre.
+
+    Parameters
+    ----------
+    parts : Parts
+        What the scene has.
+    scene : SCENE record
+        The scene.
+    balls : int
+        How many balls there are [1].
+
+    Returns
+    -------
+    ndarray of float64, shape (4, 4)
+        A, of (z, vz, theta, omega) [SI].
+    """
+    return scene_matrix(parts, scene, 4 + 2 * balls)[:4, :4]
 
 
 def step_matrix(method: str, a: Matrix, h: float, solved: Matrix | None = None) -> Matrix:

@@ -137,7 +137,7 @@ _unrolled(speeds, "x", lambda x: "(" + "".join(f"x[{i}], " for i in range(5, x.c
 
 
 def total(a: State) -> float:
-    """Return the sum, from the first to the last; 0 of none.
+    """Return the sum, from the first to the last; 0 of none [SI].
 
     Parameters
     ----------
@@ -154,7 +154,7 @@ _unrolled(total, "a", lambda a: " + ".join(f"a[{i}]" for i in range(a.count)) or
 
 
 def dot(a: State, b: State) -> float:
-    """Return the sum of products, from the first to the last; 0 of none.
+    """Return the sum of products, from the first to the last; 0 of none [SI].
 
     Parameters
     ----------

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.errors import ConfigError, NetboardError
-from netboard.simulation import GAP, Hands, find_gaps
+from netboard.physics.sampled import GAP, Hands, find_gaps
 
 HAND_COLUMNS = ("t", "z_left", "v_left", "z_right", "v_right")
 """Time of the sample [s], height [m] and rate [m/s] of each stylus."""
@@ -119,7 +119,7 @@ def _read_parquet(path: Path) -> NDArray[np.float64]:
         try:
             found = parquet.read_table(file)
         except ValueError as error:  # as all of Arrow's own
-            raise ConfigError(f"{path}: not a Parquet file: {error}") from None
+            raise ConfigError(f"{path}: not a Parquet file: {str(error).partition('. ')[0]}") from None
     _places(path, found.column_names)
     columns = []
     for name in HAND_COLUMNS:
@@ -151,20 +151,19 @@ def _places(path: Path, names: Sequence[str]) -> list[int]:
         if any(separator in name for name in names):
             shown = "tabs" if separator == "\t" else separator
             raise ConfigError(f"{path}: line 1: found columns separated by {shown}, expected commas: {expected}")
-    problems = []
     missing = [name for name in HAND_COLUMNS if name not in names]
     unknown = [name for name in names if name not in HAND_COLUMNS]
-    if missing == list(HAND_COLUMNS):
-        raise ConfigError(f"{path}: found no names of columns at its top, expected {expected}")
-    if missing:
-        problems.append(f"column {', '.join(missing)} is missing")
-    for name in unknown:
-        near = difflib.get_close_matches(name, missing, 1)
-        problems.append(f'column "{name}" is unknown' + (f" (did you mean {near[0]}?)" if near else ""))
-    if len(set(names)) < len(names):
-        problems.append("a column is there twice")
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if len(missing) == len(HAND_COLUMNS):
+        raise ConfigError(f'{path}: line 1: found "{", ".join(names)}", expected the names of the columns: {expected}')
+    near = [difflib.get_close_matches(name, missing, 1) for name in unknown]
+    meant = [f"is {name} meant to be {match[0]}?" for name, match in zip(unknown, near, strict=True) if match]
+    found = {"missing": missing, "unknown": unknown, "there twice": twice}
+    problems = [
+        f"{', '.join(those)} {'is' if len(those) == 1 else 'are'} {what}" for what, those in found.items() if those
+    ]
     if problems:
-        raise ConfigError(f"{path}: {'; '.join(problems)}; expected {expected}")
+        raise ConfigError(f"{path}: columns: {'; '.join([*problems, *meant])}; expected {expected}")
     return [names.index(name) for name in HAND_COLUMNS]
 
 
@@ -188,7 +187,7 @@ class _Where:
 def _check(table: NDArray[np.float64], where: _Where) -> None:
     """Refuse what cannot be hands."""
     if len(table) < 2:
-        raise ConfigError(f"{where.path}: found {len(table)} rows of numbers, expected at least 2")
+        raise ConfigError(f"{where.path}: rows of numbers: found {len(table)}, expected at least 2")
     bad = np.argwhere(~np.isfinite(table))
     if len(bad):
         row, column = (int(i) for i in bad[0])
@@ -202,7 +201,7 @@ def _check(table: NDArray[np.float64], where: _Where) -> None:
     if len(back):
         row = int(back[0]) + 1
         raise ConfigError(
-            f"{where(row, 't')}: found {t[row]!r} after {t[row - 1]!r}, expected times that increase"
+            f"{where(row, 't')}: found {t[row]:.12g} after {t[row - 1]:.12g}, expected times that increase"
             + (f"; there are {len(back)} such" if len(back) > 1 else "")
         )
     usual = float(np.median(np.diff(t)))
@@ -261,7 +260,7 @@ def doubts(hands: Hands) -> list[str]:
         size = float(np.sqrt(moved @ moved))
         if np.sqrt((said - moved) @ (said - moved)) > 0.5 * size and size > 1e-3:
             found.append(
-                f"v_{side} is not the rate of z_{side}: it accounts for {said @ moved / size**2:.3g} times the movement "
+                f"v_{side} is not the rate of z_{side}: it makes {said @ moved / size**2:.3g} times the movement "
                 "(a sign? a unit?)"
             )
     return found
@@ -314,8 +313,8 @@ def plan_outputs(inputs: Sequence[Path], output: str, force: bool = False) -> di
     inputs : sequence of Path
         The files of hands.
     output : str
-        A file, for one input; a folder, where results have the names of their inputs; or a name with ``{}`` in it, which
-        the name of the input (without its ending) takes the place of.
+        A file, for one input; a folder, where results have the names of their inputs; or a name with ``{}`` in it, for
+        that of the input without its ending.
     force : bool
         Results may take the place of files that are there.
 

@@ -1,0 +1,292 @@
+"""Runs of the test motion in any scene, by any method, with any step: what the studies of stability are made of.
+
+The hands are those of `netboard.studies.problem`, which tilt the paper's board by 10 degrees to either side; their
+movement against each other can be made larger. Between times at most a tick apart each is one cubic, for every method
+the same, so that methods differ by nothing but themselves. A run is bounded if it stays finite and within ten times the
+reference's heights and tilts.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.config import Physics
+from netboard.methods.catalogue import METHODS
+from netboard.methods.march import forces_along, make_grid, run
+from netboard.physics.scene import pack_scene, parts_of
+from netboard.physics.vectors import State
+from netboard.studies.problem import AGAINST, BALL, TOGETHER
+from netboard.tick import TICK_SECONDS
+
+Array = NDArray[np.float64]
+
+STUDIED = tuple(method.name for method in METHODS if method.name != "exact")
+"""All methods but the one that is for boards that cannot tilt."""
+
+DURATION = 3.0
+"""Length of a run, at the least [s]."""
+
+LEAST_STEPS = 400
+"""A run has at least so many steps: with fewer, what grows does not show [1]."""
+
+BOUND = 10.0
+"""A run that leaves the reference's heights or tilts behind by this factor is not bounded [1]."""
+
+LONGEST = 0.250
+"""Longest step that is tried [s]."""
+
+NARROW = 1.002
+"""A largest step is known when it and a step that fails are this close [1]."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run.
+
+    Attributes
+    ----------
+    times : ndarray of float64, shape (n,)
+        Ends of the intervals [s].
+    states : ndarray of float64, shape (n, length)
+        The states there [SI].
+    forces : ndarray of float64, shape (n, 2)
+        Of the left and the right hand on the board there [N].
+    """
+
+    times: Array
+    states: Array
+    forces: Array
+
+
+def scaled(physics: Physics, **factors: float) -> Physics:
+    """Return a scene with some of its numbers multiplied.
+
+    Parameters
+    ----------
+    physics : Physics
+        The scene.
+    **factors : float
+        By the name of the number [1].
+
+    Returns
+    -------
+    Physics
+        The other scene.
+    """
+    return replace(physics, **{name: getattr(physics, name) * factor for name, factor in factors.items()})
+
+
+def waves_at(times: Array, spread: float = 1.0) -> tuple[Array, Array]:
+    """Return where the hands are.
+
+    Parameters
+    ----------
+    times : ndarray of float64, shape (n,)
+        Times [s].
+    spread : float
+        How many times as far as in the test problem they move against each other [1].
+
+    Returns
+    -------
+    z, vz : ndarray of float64, shape (n, 2)
+        Heights of the left and the right stylus, and their rates [m, m/s].
+    """
+    z, vz = np.zeros((len(times), 2)), np.zeros((len(times), 2))
+    for waves, signs in ((TOGETHER, (1.0, 1.0)), (AGAINST, (-spread, spread))):
+        for amplitude, frequency, phase in waves:
+            rate = 2.0 * math.pi * frequency
+            z += np.multiply.outer(amplitude * np.sin(rate * times + phase), signs)
+            vz += np.multiply.outer(amplitude * rate * np.cos(rate * times + phase), signs)
+    return z, vz
+
+
+def polynomials(physics: Physics, times: Array, z: Array, vz: Array) -> Array:
+    """Return the drives of hands that go from each time to the next on a cubic, as `netboard.physics.hold.between` has it.
+
+    Parameters
+    ----------
+    physics : Physics
+        The scene, whose couplings are alike.
+    times : ndarray of float64, shape (n + 1,)
+        Ends of the intervals [s].
+    z, vz : ndarray of float64, shape (n + 1, 2)
+        Heights of the left and the right stylus there, and their rates [m, m/s].
+
+    Returns
+    -------
+    ndarray of float64, shape (n, 8)
+        Polynomials of both drives [N, N/s, N/s2, N/s3].
+    """
+    k, c, gap = physics.k_h, physics.c_h, np.diff(times)[:, None]
+    mean = np.diff(z, axis=0) / gap
+    bend = (3.0 * mean - 2.0 * vz[:-1] - vz[1:]) / gap
+    twist = (vz[:-1] + vz[1:] - 2.0 * mean) / gap**2
+    out = np.empty((len(gap), 8))
+    out[:, 0::4] = k * z[:-1] + c * vz[:-1]
+    out[:, 1::4] = k * vz[:-1] + 2.0 * c * bend
+    out[:, 2::4] = k * bend + 3.0 * c * twist
+    out[:, 3::4] = k * twist
+    return out
+
+
+def cold(physics: Physics) -> State:
+    """Return the state of a board at rest between hands that move already: every mode of it is stirred.
+
+    Parameters
+    ----------
+    physics : Physics
+        The scene.
+
+    Returns
+    -------
+    tuple of float
+        The state; the ball starts as in the test problem [SI].
+    """
+    return (0.0, 0.0, 0.0, 0.0, *(BALL["paper", "cold"] * physics.balls))
+
+
+def make_run(
+    physics: Physics,
+    method: str,
+    h: float,
+    duration: float = DURATION,
+    x: State | None = None,
+    start: float = 0.0,
+    spread: float = 1.0,
+) -> Run:
+    """Run the test motion.
+
+    Parameters
+    ----------
+    physics : Physics
+        The scene.
+    method : str
+        Name of the method.
+    h : float
+        Length of its step [s].
+    duration : float
+        Length of the run; it is as many whole intervals as fit [s].
+    x : tuple of float or None
+        The first state; None for `cold` [SI].
+    start : float
+        Where on the hands' time it begins [s].
+    spread : float
+        As in `waves_at` [1].
+
+    Returns
+    -------
+    Run
+        The states at the ends of intervals: single steps, or as many as fit into a tick.
+    """
+    steps = max(1, math.floor(TICK_SECONDS / h + 1e-9))
+    count = max(1, math.floor(duration / (steps * h) + 1e-9))
+    times = start + np.arange(count + 1) * (steps * h)
+    z, vz = waves_at(times, spread)
+    x = cold(physics) if x is None else x
+    parts, scene = parts_of(physics), pack_scene(physics)
+    lengths, counts = np.full(count, steps * h), np.full(count, steps, np.int64)
+    grid = make_grid(method, lengths, counts, parts, len(x), scene)
+    states = run(method, x, polynomials(physics, times, z, vz), grid, parts, scene)
+    return Run(times, states, forces_along(states, physics.k_h * z + physics.c_h * vz, parts, scene))
+
+
+@cache
+def reference_reach(physics: Physics, duration: float) -> tuple[float, float]:
+    """Return how far the board goes, by an exponential method, which is bounded in every scene.
+
+    Parameters
+    ----------
+    physics : Physics
+        The scene.
+    duration : float
+        Length of the run [s].
+
+    Returns
+    -------
+    z, theta : float
+        Largest height and tilt, to either side [m, rad].
+    """
+    states = np.abs(make_run(physics, "etdrk4", TICK_SECONDS, duration).states)
+    return float(states[:, 0].max()), float(states[:, 2].max())
+
+
+def is_bounded(physics: Physics, method: str, h: float) -> bool:
+    """Tell whether a run stays within bounds.
+
+    Parameters
+    ----------
+    physics : Physics
+        The scene.
+    method : str
+        Name of the method.
+    h : float
+        Length of its step [s].
+    """
+    duration = max(DURATION, LEAST_STEPS * h) if physics.balls == 0 else DURATION
+    z, theta = reference_reach(physics, duration)
+    states = np.abs(make_run(physics, method, h, duration).states)
+    with np.errstate(invalid="ignore"):
+        return bool(np.isfinite(states).all() and states[:, 0].max() <= BOUND * z and states[:, 2].max() <= BOUND * theta)
+
+
+def largest_bounded(physics: Physics, method: str, guess: float) -> float:
+    """Return the largest step with which a run is bounded, looked for around a guess.
+
+    Parameters
+    ----------
+    physics : Physics
+        The scene.
+    method : str
+        Name of the method.
+    guess : float
+        What theory says; infinite if it has no limit [s].
+
+    Returns
+    -------
+    float
+        The step; infinite if there is none up to `LONGEST` [s].
+    """
+    holds = _asking(physics, method)
+    if math.isinf(guess):
+        good = 0.0
+        for h in ladder():
+            if not holds(h):
+                return _edge(holds, good, h) if good > 0.0 else 0.0
+            good = h
+        return math.inf
+    good = bad = guess
+    factor = 1.04
+    while not holds(good):
+        good, bad, factor = good / factor, good, factor**1.5
+    while holds(bad):
+        good, bad, factor = bad, bad * factor, factor**1.5
+    return _edge(holds, good, bad)
+
+
+def ladder() -> list[float]:
+    """Return steps up to `LONGEST`, each a quarter longer than the last.
+
+    Returns
+    -------
+    list of float
+        From a tick on [s].
+    """
+    count = math.ceil(math.log(LONGEST / TICK_SECONDS) / math.log(1.25))
+    return [min(TICK_SECONDS * 1.25**i, LONGEST) for i in range(count + 1)]
+
+
+def _asking(physics: Physics, method: str) -> Callable[[float], bool]:
+    """Return what tells whether a step is bounded."""
+    return lambda h: is_bounded(physics, method, h)
+
+
+def _edge(holds: Callable[[float], bool], good: float, bad: float) -> float:
+    """Return the longest step that holds, between one that does and one that does not."""
+    while bad > NARROW * good:
+        middle = math.sqrt(good * bad)
+        good, bad = (middle, bad) if holds(middle) else (good, middle)
+    return good
