@@ -4,11 +4,13 @@ A study, and the libraries it needs, is imported when it is asked for.
 """
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
 app = typer.Typer(help="Measure the physics on this machine: stability and cost of the methods.", no_args_is_help=True)
+
+Model = Literal["paper", "lagrangian"]
 
 Output = Annotated[
     Path | None, typer.Option("--output", "-o", metavar="DIR", help="Folder for the results; else a new one here.")
@@ -28,3 +30,24 @@ def stability(
     from netboard.studies import stability as study
 
     raise typer.Exit(study.main(output, quick=quick, force=force, soak=soak))
+
+
+@app.command(
+    epilog="Examples:\n\n  netboard bench physics --quick\n\n  netboard bench physics --peers heyoka -o results"
+)
+def physics(
+    output: Output = None,
+    quick: Quick = False,
+    force: Force = False,
+    peers: Annotated[
+        str | None, typer.Option(metavar="NAMES", help="Only these libraries beside us, as in heyoka,mujoco.")
+    ] = None,
+    no_peers: Annotated[bool, typer.Option("--no-peers", help="No libraries beside us.")] = False,
+    model: Annotated[Model | None, typer.Option(help="Only this model's equations.")] = None,
+    repeats: Annotated[int | None, typer.Option(min=1, help="Turns of each in the timing.")] = None,
+) -> None:
+    """Work and precision of the methods, beside other libraries; cost of a tick, of sampling, of what a scene lacks."""
+    from netboard.studies import physics_bench as study
+
+    names = [] if no_peers else peers.split(",") if peers else None
+    raise typer.Exit(study.main(output, quick=quick, force=force, peers=names, model=model, repeats=repeats))

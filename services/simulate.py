@@ -127,6 +127,7 @@ def one(path: Path, result: Path, config: Config, steps: Steps, wishes: Wishes, 
     began, physics, free = time.monotonic(), config.physics, wishes.ball == "free"
     tell(0.0, "reading")
     hands = read_hands(path, wishes.gaps)
+    tell(0.0)
     start = wishes.start(physics.balls)
     try:
         motion = simulate(hands, physics, start, free=free, hold=wishes.hold, dt=wishes.dt, steps=steps, progress=tell)

@@ -296,7 +296,9 @@ def _make_timeline(held: Held, dt: float) -> _Timeline:
         raise ConfigError(f"dt: found {dt:g}, which makes {count:.3g} rows, expected at most {MOST_ROWS:.3g}")
     rows = samples[0] + np.rint(np.arange(int(count)) * (dt * scale)).astype(np.int64)
     rows = np.minimum(rows, samples[-1])
-    knots = np.union1d(rows, samples[samples <= rows[-1]])
+    knots = np.concatenate((rows, samples[samples <= rows[-1]]))
+    knots.sort(kind="stable")  # two runs to merge
+    knots = knots[np.diff(knots, prepend=knots[0] - 1) > 0]
     return _Timeline(scale, knots, np.searchsorted(knots, rows), rows / scale)
 
 

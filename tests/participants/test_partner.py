@@ -10,7 +10,7 @@ from netboard.physics.scene import pack_scene, parts_of
 from netboard.physics.statics import equilibrium
 
 PHYSICS = Physics()
-SCENE = pack_scene(PHYSICS)[0]
+PARTS, SCENE = parts_of(PHYSICS), pack_scene(PHYSICS)[0]
 
 height = st.floats(-0.02, 0.02)
 

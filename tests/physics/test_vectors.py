@@ -11,6 +11,7 @@ from netboard.physics.vectors import (
     affine,
     alike,
     blend,
+    calm,
     dot,
     joined,
     places,
@@ -20,8 +21,6 @@ from netboard.physics.vectors import (
     speeds,
     total,
 )
-
-WEIGHTS = (0.3, 1.7, -0.9)
 
 
 def everything(x: Any, y: Any, w: Any, h: float, table: Any) -> Any:
@@ -38,6 +37,7 @@ def everything(x: Any, y: Any, w: Any, h: float, table: Any) -> Any:
         joined(x[0], y[0], x[1], y[1], vp, p),
         replaced(x, 3, h),
         row(table, 1, x),
+        calm((1e-250, -1e-300, x[2], 0.0)),
     )
 
 
@@ -63,6 +63,7 @@ def test_they_do_what_they_say() -> None:
     assert affine(1.0, 2.0, (1.0, 2.0)) == (3, 5)
     assert joined(1.0, 2.0, 3.0, 4.0, (5.0, 7.0), (6.0, 8.0)) == STATE
     assert replaced(STATE, 5, 0.0) == (1, 2, 3, 4, 5, 0, 7, 8)
+    assert calm((1e-201, -1e-250, 1e-199, -1.0)) == (0, 0, 1e-199, -1)
     assert row(np.array([[0.0] * 8, STATE]), 1, STATE) == STATE
 
 

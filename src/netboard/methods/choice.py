@@ -15,10 +15,10 @@ from netboard.errors import ConfigError
 from netboard.methods.stability import ROUNDING, Matrix, solved_matrix, spectral_radius, stiffness, tilted_matrix
 from netboard.physics.scene import pack_scene, parts_of
 
-TILTS = tuple(math.radians(tilt) for tilt in (0, 10, 20, 30, 35))
+TILTS = tuple(math.radians(tilt) for tilt in (0, 35, 20))
 """A tilt to the other side is the same with the balls on the other side [rad]."""
 
-PLACES = (0.0, 0.25, -0.25, 0.5, -0.5, 1.0, -1.0)
+PLACES = (0.0, 1.0, -1.0, 0.5, -0.5, 0.25, -0.25)
 """Where the balls are, as shares of the way to their stops, or to twice the length of the board's arm [1]."""
 
 MOST_SUBSTEPS = 64
@@ -32,6 +32,9 @@ CREEP = 1e-6
 
 EXPONENTIAL = ("etd2rk", "etdrk4")
 """Methods that solve the level board exactly and the difference of a tilted one like a Runge-Kutta method."""
+
+LARGEST = 700.0
+"""Logarithm of the largest factor that is told from an infinite one [1]."""
 
 ROUNDED = 1e-9
 """A stiffness that exceeds a whole number by no more counts as that number [1]."""
@@ -85,17 +88,30 @@ def choose(physics: Physics, h: float) -> Choice:
     if physics.method == "exact" and physics.board != "level":
         raise ConfigError(f'physics.method = "exact": for physics.board = "level" alone, found "{physics.board}"')
     choice = _choice(physics, h)
-    if not _bounded(choice):
+    if not choice.radius <= _limit(choice.method) ** choice.substeps:
         raise ConfigError(_refusal(physics, h, choice))
     return choice
 
 
 def _choice(physics: Physics, h: float) -> Choice:
     """Return how a tick would be done, whether or not that holds the board."""
+    method, substeps, stiff, reason = _plan(physics, h)
+    worst = max(_radii(physics, method, h / substeps))
+    radius = worst**substeps if substeps * math.log(max(worst, 1.0)) < LARGEST else math.inf
+    return Choice(method, substeps, radius, stiff, reason)
+
+
+def _holds(physics: Physics, h: float) -> bool:
+    """Tell whether a scene would be accepted."""
+    method, substeps, *_ = _plan(physics, h)
+    return _is_stable(physics, method, h / substeps)
+
+
+def _plan(physics: Physics, h: float) -> tuple[str, int, float, str]:
+    """Return method and number of steps, the stiffness of a tick, and why."""
     stiff = max(stiffness(a, h) for a, _ in _cases(physics))
     method, substeps, reason = _automatic(physics, stiff) if physics.method == "auto" else _named(physics, h)
-    worst = max(_radii(physics, method, h / substeps))
-    return Choice(method, substeps, worst**substeps, stiff, reason)
+    return method, substeps, stiff, reason
 
 
 def _automatic(physics: Physics, stiff: float) -> tuple[str, int, str]:
@@ -106,11 +122,8 @@ def _automatic(physics: Physics, stiff: float) -> tuple[str, int, str]:
     substeps = physics.substeps or max(math.ceil(stiff - ROUNDED), 1)
     if stiff - ROUNDED > (substeps if physics.substeps > 0 else RK4_REACHES):
         return "etdrk4", max(physics.substeps, 1), f"{lasts}, too many for rk4."
-    return (
-        "rk4",
-        substeps,
-        f"{lasts}: rk4 in {_counted(substeps)} is stable and errs less than the sampling of the hands.",
-    )
+    reason = f"{lasts}: rk4 in {_counted(substeps)} is stable and errs less than the sampling of the hands."
+    return "rk4", substeps, reason
 
 
 def _named(physics: Physics, h: float) -> tuple[str, int, str]:
@@ -126,20 +139,17 @@ def _counted(substeps: int) -> str:
 
 def _enough(physics: Physics, h: float) -> int:
     """Return in how many steps a tick the named method holds the board; 0 if more would be needed than are chosen."""
-    for substeps in range(1, MOST_SUBSTEPS + 1):
-        if all(radius <= _limit(physics.method) for radius in _radii(physics, physics.method, h / substeps)):
-            return substeps
-    return 0
+    return next((n for n in range(1, MOST_SUBSTEPS + 1) if _is_stable(physics, physics.method, h / n)), 0)
+
+
+def _is_stable(physics: Physics, method: str, h: float) -> bool:
+    """Tell whether steps of a length hold the board."""
+    return all(radius <= _limit(method) for radius in _radii(physics, method, h))
 
 
 def _limit(method: str) -> float:
     """Return the largest factor of a step that counts as bounded."""
     return 1.0 + (CREEP if method in EXPONENTIAL else ROUNDING)
-
-
-def _bounded(choice: Choice) -> bool:
-    """Tell whether the board stays within bounds."""
-    return choice.radius <= _limit(choice.method) ** choice.substeps
 
 
 def _radii(physics: Physics, method: str, h: float) -> Iterator[float]:
@@ -180,7 +190,7 @@ def _offers(physics: Physics, h: float) -> Iterator[str]:
         if enough > 0:
             yield f"physics.substeps = {enough}"
     for method in ("auto", "midpoint"):
-        if _bounded(_choice(replace(physics, method=method, substeps=0), h)):
+        if _holds(replace(physics, method=method, substeps=0), h):
             yield f'physics.method = "{method}"' + (" and physics.substeps = 0" if physics.substeps > 0 else "")
     singly = [_softened(physics, h, (key,)) for key in ("c_h", "k_h")]
     yield from filter(None, singly if any(singly) else [_softened(physics, h, ("k_h", "c_h"))])
@@ -194,7 +204,7 @@ def _softened(physics: Physics, h: float, keys: tuple[str, ...]) -> str:
         return {key: float(f"{scale * getattr(physics, key):.3g}") for key in keys}
 
     def holds(scale: float) -> bool:
-        return _bounded(_choice(replace(physics, **scaled(scale)), h))
+        return _holds(replace(physics, **scaled(scale)), h)
 
     bad = 1.0
     while not holds(bad / 2):

@@ -15,157 +15,13 @@ from numba import types
 from numpy.typing import NDArray
 
 from netboard.compiled import inlined, specialised
-from netboard.methods.lanes import gathered, lane, lanes_at
 from netboard.methods.phi import phi
+from netboard.methods.semilinear import pushed, remainder, times
 from netboard.physics.hold import drives
 from netboard.physics.linear import scene_matrix
 from netboard.physics.models import rates
 from netboard.physics.scene import Parts
 from netboard.physics.vectors import State, joined, places, plus, speeds
-
-_EVEN, _FIXED, _PAPER = 1, 2, 4
-"""What is known of a scene: heave moves apart from the rest; the balls are fixed; they weigh on the board, and no more."""
-
-
-def _blocks(length: int, known: int) -> list[tuple[range, list[int]]]:
-    """Return which rows of a table belong together, and which columns have something other than 0 for them."""
-    rows = 4 if known & _FIXED else length
-    columns = [j for j in range(length) if j < 4 or j % 2 == 0 or not known & _FIXED]
-    if known & _EVEN:
-        return [(range(2), columns[:2]), (range(2, rows), columns[2:])]
-    return [(range(rows), columns)]
-
-
-def _kicks(columns: list[int]) -> list[int]:
-    """Return which columns meet a rest N: it changes rates alone."""
-    return [j for j in columns if j % 2 == 1]
-
-
-def _pulled(row: int, length: int, known: int) -> list[int]:
-    """Return which columns of A have something other than 0 for an acceleration."""
-    for rows, columns in _blocks(length, known):
-        if row in rows:
-            return [2] if known & _PAPER and row > 4 else [j for j in columns if j < 4 or j % 2 == 0]
-    return []
-
-
-def _times(tables: Any, k: int, x: State, known: int) -> State:
-    """Return the product of table k and a state; each sum goes from the left to the right."""
-    table = tables[0][tables[1], k]
-    result = list(x)
-    for rows, columns in _blocks(len(x), known):
-        for i in rows:
-            result[i] = float(table[columns[0], i]) * x[columns[0]]
-            for j in columns[1:]:
-                result[i] += float(table[j, i]) * x[j]
-    return tuple(result)
-
-
-def _pushed(base: State, tables: Any, k: int, rest: State, known: int) -> State:
-    """Return a state and what table k makes of a rest N, added from the left to the right."""
-    table = tables[0][tables[1], k]
-    result = list(base)
-    for rows, columns in _blocks(len(base), known):
-        for i in rows:
-            for j in _kicks(columns):
-                result[i] += float(table[j, i]) * rest[j]
-    return tuple(result)
-
-
-def _left_over(rate: State, tables: Any, x: State, known: int) -> State:
-    """Return N: the accelerations less what A, table 0, makes of the state; 0 in place of the rest of a rate."""
-    a = tables[0][tables[1], 0]
-    result = [0.0] * len(x)
-    for i in range(1, len(x), 2):
-        columns = _pulled(i, len(x), known)
-        if columns:
-            linear = float(a[columns[0], i]) * x[columns[0]]
-            for j in columns[1:]:
-                linear += float(a[j, i]) * x[j]
-            result[i] = rate[i] - linear
-    return tuple(result)
-
-
-def _written(arguments: str, lines: list[str], results: list[str]) -> Any:
-    """Make a function of its text."""
-    text = [f"def written({arguments}):", *lines, f"return ({', '.join(results)},)"]
-    known: dict[str, Any] = {"lanes_at": lanes_at, "lane": lane, "gathered": gathered}
-    exec("\n    ".join(text), known)
-    return known["written"]
-
-
-def _sum(rows: range, columns: list[int], k: object, length: int, x: str, base: str = "") -> tuple[list[str], list[str]]:
-    """Write the sums of some rows: lines, and where in them the results are. Three rows or more are done at once."""
-    if len(rows) < 3:
-        starts = [[base.replace("#", str(i))] if base else [] for i in rows]
-        return [], [
-            " + ".join(start + [f"tables[0][tables[1], {k}, {j}, {i}] * {x}[{j}]" for j in columns])
-            for i, start in zip(rows, starts, strict=True)
-        ]
-    place = f"(tables[1] * tables[0].shape[1] + {k}) * {length * length} + {rows.start}"
-    terms = [f"lanes_at(tables[0], {place} + {j * length}, {len(rows)}) * {x}[{j}]" for j in columns]
-    if base:
-        terms.insert(0, "gathered((" + ", ".join(base.replace("#", str(i)) for i in rows) + f"), {len(rows)})")
-    return ["block = " + " + ".join(terms)], [f"lane(block, {i})" for i in range(len(rows))]
-
-
-@specialised(_times)
-def _write_times(tables: Any, k: Any, x: Any, known: Any) -> Any:
-    n, lines, results = x.count, [], [f"x[{i}]" for i in range(x.count)]
-    for rows, columns in _blocks(n, known.literal_value):
-        more, results[rows.start : rows.stop] = _sum(rows, columns, "k", n, "x")
-        lines += more
-    return _written("tables, k, x, known", lines, results)
-
-
-@specialised(_pushed)
-def _write_pushed(base: Any, tables: Any, k: Any, rest: Any, known: Any) -> Any:
-    n, lines, results = base.count, [], [f"base[{i}]" for i in range(base.count)]
-    for rows, columns in _blocks(n, known.literal_value):
-        more, results[rows.start : rows.stop] = _sum(rows, _kicks(columns), "k", n, "rest", "base[#]")
-        lines += more
-    return _written("base, tables, k, rest, known", lines, results)
-
-
-@specialised(_left_over)
-def _write_left_over(rate: Any, tables: Any, x: Any, known: Any) -> Any:
-    n, results = x.count, ["0.0"] * x.count
-    for i in range(1, n, 2):
-        columns = _pulled(i, n, known.literal_value)
-        if columns:
-            results[i] = f"rate[{i}] - (" + _sum(range(i, i + 1), columns, 0, n, "x")[1][0] + ")"
-    return _written("rate, tables, x, known", [], results)
-
-
-@inlined
-def times(tables: Any, k: int, x: State, parts: Parts) -> State:
-    """Return the product of a table and a state."""
-    fixed = parts.loaded and not parts.free
-    if parts.even:
-        return _times(tables, k, x, 3) if fixed else _times(tables, k, x, 1)
-    return _times(tables, k, x, 2) if fixed else _times(tables, k, x, 0)
-
-
-@inlined
-def pushed(base: State, tables: Any, k: int, rest: State, parts: Parts) -> State:
-    """Return a state and the product of a table and a rest N."""
-    fixed = parts.loaded and not parts.free
-    if parts.even:
-        return _pushed(base, tables, k, rest, 3) if fixed else _pushed(base, tables, k, rest, 1)
-    return _pushed(base, tables, k, rest, 2) if fixed else _pushed(base, tables, k, rest, 0)
-
-
-@inlined
-def remainder(x: State, left: float, right: float, tables: Any, parts: Parts, scene: Any) -> State:
-    """Return N."""
-    rate = rates(x, left, right, parts, scene)
-    fixed = parts.loaded and not parts.free
-    if fixed:
-        return _left_over(rate, tables, x, 3) if parts.even else _left_over(rate, tables, x, 2)
-    if parts.lagrangian:
-        return _left_over(rate, tables, x, 1) if parts.even else _left_over(rate, tables, x, 0)
-    return _left_over(rate, tables, x, 5) if parts.even else _left_over(rate, tables, x, 4)
-
 
 @inlined
 def etd2rk(x: State, h: float, hands: Any, tables: Any, parts: Parts, scene: Any) -> State:
@@ -181,28 +37,16 @@ def etd2rk(x: State, h: float, hands: Any, tables: Any, parts: Parts, scene: Any
 @inlined
 def etdrk4(x: State, h: float, hands: Any, tables: Any, parts: Parts, scene: Any) -> State:
     """Return the state after one step of Krogstad's method, order 4."""
-    half = 0.5 * h
     left, right = drives(hands, 0, 0.0)
     n1 = remainder(x, left, right, tables, parts, scene)
-    x2 = pushed(times(tables, 1, x, parts), tables, 2, n1, parts)
-    left, right = drives(hands, 1, half)
-    n2 = remainder(x2, left, right, tables, parts, scene)
-    x3 = pushed(x2, tables, 3, plus(n2, -1.0, n1), parts)
-    n3 = remainder(x3, left, right, tables, parts, scene)
-    base = pushed(times(tables, 4, x, parts), tables, 5, n1, parts)
-    x4 = pushed(base, tables, 6, _scaled_difference(n3, n1), parts)
+    middle, end = times(tables, 1, x, parts), times(tables, 2, x, parts)
+    left, right = drives(hands, 1, 0.5 * h)
+    n2 = remainder(pushed(middle, tables, 3, n1, parts), left, right, tables, parts, scene)
+    n3 = remainder(pushed(pushed(middle, tables, 4, n1, parts), tables, 5, n2, parts), left, right, tables, parts, scene)
     left, right = drives(hands, 2, h)
-    n4 = remainder(x4, left, right, tables, parts, scene)
-    middle = plus(n2, 1.0, n3)
-    bend = plus(plus(plus(middle, 1.0, middle), -3.0, n1), -1.0, n4)
-    twist = plus(plus(n1, -1.0, middle), 1.0, n4)
-    return pushed(pushed(base, tables, 6, bend, parts), tables, 7, twist, parts)
-
-
-@inlined
-def _scaled_difference(a: State, b: State) -> State:
-    d = plus(a, -1.0, b)
-    return plus(d, 1.0, d)
+    n4 = remainder(pushed(pushed(end, tables, 6, n1, parts), tables, 7, n3, parts), left, right, tables, parts, scene)
+    known = pushed(pushed(end, tables, 8, n1, parts), tables, 9, plus(n2, 1.0, n3), parts)
+    return pushed(known, tables, 10, n4, parts)
 
 
 def etd2rk_tables(scene: Any, parts: Parts, length: int, h: float) -> NDArray[np.float64]:
@@ -215,8 +59,9 @@ def etd2rk_tables(scene: Any, parts: Parts, length: int, h: float) -> NDArray[np
 def etdrk4_tables(scene: Any, parts: Parts, length: int, h: float) -> NDArray[np.float64]:
     a = scene_matrix(parts, scene, length)
     half, full = phi(a, 0.5 * h, 2), phi(a, h, 3)
-    first = (a, half[0], 0.5 * h * half[1], h * half[2])
-    return _by_columns(*first, full[0], h * full[1], h * full[2], 4.0 * (h * full[3]))
+    h1, h2, f1, f2, f3 = h * half[1], h * half[2], h * full[1], h * full[2], h * full[3]
+    stages = (0.5 * h1, 0.5 * h1 - h2, h2, f1 - 2.0 * f2, 2.0 * f2)
+    return _by_columns(a, half[0], full[0], *stages, f1 - 3.0 * f2 + 4.0 * f3, 2.0 * f2 - 4.0 * f3, 4.0 * f3 - f2)
 
 
 def _by_columns(*matrices: NDArray[np.float64]) -> NDArray[np.float64]:

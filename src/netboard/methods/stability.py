@@ -12,6 +12,7 @@ saddle because the task is like that, not because of a method. Numpy and scipy, 
 
 import math
 from collections.abc import Callable
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -185,10 +186,15 @@ _SPLIT: dict[str, Callable[[Matrix, float], Matrix]] = {
 
 
 def _phis(a: Matrix, h: float) -> list[Matrix]:
-    """Return phi_0 ... phi_3 of hA, from one exponential of a larger matrix (Al-Mohy and Higham, 2011, theorem 2.1)."""
-    n = len(a)
+    """Return phi_0 ... phi_3 of hA."""
+    return _phis_of((h * a).tobytes(), len(a))
+
+
+@lru_cache(maxsize=16)
+def _phis_of(numbers: bytes, n: int) -> list[Matrix]:
+    """Return them from one exponential of a larger matrix (Al-Mohy and Higham, 2011, theorem 2.1)."""
     larger = np.zeros((4 * n, 4 * n))
-    larger[:n, :n] = h * a
+    larger[:n, :n] = np.frombuffer(numbers).reshape(n, n)
     larger[: 3 * n, n:] += np.eye(3 * n)
     exponential = expm(larger)
     return [exponential[:n, k * n : (k + 1) * n] for k in range(4)]
@@ -244,7 +250,7 @@ def spectral_radius(method: str, a: Matrix, h: float, solved: Matrix | None = No
         Spectral radius of the step, infinite if it overflows [1].
     """
     # Places in units in which they are about as large as velocities: only so is nothing lost to rounding.
-    unit = max(_fastest(a), 1.0)
+    unit = max(_modulus(solved if method in _EXPONENTIAL and solved is not None else a), 1.0)
     scale = np.tile([unit, 1.0], len(a) // 2)
     a = a * scale[:, None] / scale
     if solved is not None:
@@ -278,11 +284,6 @@ def _modulus(s: Matrix) -> float:
     return float(np.max(np.abs(np.linalg.eigvals(s))))
 
 
-def _fastest(a: Matrix) -> float:
-    """Return the largest modulus of a pole [1/s]."""
-    return _modulus(a)
-
-
 def stiffness(a: Matrix, h: float) -> float:
     """Return how much happens in a step: its length in units of the fastest time constant.
 
@@ -298,7 +299,7 @@ def stiffness(a: Matrix, h: float) -> float:
     float
         h times the largest modulus of a pole [1].
     """
-    return h * _fastest(a)
+    return h * _modulus(a)
 
 
 def is_stable(method: str, a: Matrix, h: float, solved: Matrix | None = None) -> bool:
@@ -339,9 +340,8 @@ def largest_step(method: str, a: Matrix, solved: Matrix | None = None) -> float:
         Length of the step: 0 if none is stable, infinite if all are, up to a million times the fastest time
         constant [s].
     """
-    fastest = _fastest(a)
     good = 0.0
-    for h in np.geomspace(1e-5, 1e6, 441) / max(fastest, 1e-3):
+    for h in np.geomspace(1e-5, 1e6, 441) / max(_modulus(a), 1e-3):
         if not is_stable(method, a, float(h), solved):
             return _edge(method, a, solved, good, float(h)) if good else 0.0
         good = float(h)

@@ -157,6 +157,8 @@ def _filled(held: Held, gaps: NDArray[np.int64]) -> Held:
     """Fill in samples that are far apart, but not the gaps."""
     parts = np.ceil(np.diff(held.ticks) / (FILL * held.scale) - 1e-6).astype(np.int64)
     parts[gaps] = 1
+    if parts.max() == 1:
+        return held
     first = np.concatenate(([0], np.cumsum(parts)))
     n = int(first[-1]) + 1
     filled = Held(held.hold, held.scale, np.empty(n, np.int64), np.empty((n, 2)), np.empty((n, 2)), np.zeros((n, 2)))
@@ -186,9 +188,14 @@ def _fill(
         if i == ends[run_number]:  # the last sample before a gap
             begin, run_number = i + 1, run_number + 1
             continue
-        # The two samples and their neighbours, as far as there are any on this side of a gap.
+        # The two samples and their neighbours, as far as there are any on this side of a gap. Only if none are close
+        # together: what is wrong with them would grow with the distance.
         low = max(min(i - 1, ends[run_number] - 3), begin)
         nodes = min(low + 4, ends[run_number] + 1) - low
+        for j in range(low, low + nodes - 1):
+            if 3 * (ticks[j + 1] - ticks[j]) < ticks[i + 1] - ticks[i]:
+                low, nodes = i, 2
+                break
         for hand in range(2):
             for j in range(2 * nodes):
                 x[j], c[j] = (ticks[low + j // 2] - ticks[i]) / scale, z[low + j // 2, hand]

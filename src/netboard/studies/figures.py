@@ -1,4 +1,4 @@
-"""Work-precision diagrams: error to the right, cost upwards, both logarithmic, a line for each method (as SciML draws them).
+"""Work-precision diagrams, as SciML draws them: errors to the right, costs upwards, both logarithmic, a line a method.
 
 Better is down and to the left. Needs matplotlib, which is imported when a figure is drawn.
 """
@@ -6,47 +6,45 @@ Better is down and to the left. Needs matplotlib, which is imported when a figur
 from collections.abc import Callable, Sequence
 from itertools import groupby
 from math import isfinite
-from pathlib import Path
 from typing import Any
 
 from netboard.studies.contender import OURS
 from netboard.studies.problem import SIGNALS
+from netboard.studies.results import Folder
 from netboard.studies.work_precision import Row, frontier, physics_cost, whole_cost
-
-KINDS = ("png", "svg")
 
 UNITS = {"z": "m", "theta": "rad", "p": "m", "force": "N"}
 
 _LARGEST = 1.0
 """Runs with errors E beyond this are left out [1]."""
 
-_COLOURS = {"heyoka": "tab:red", "scipy": "tab:gray", "CVODE": "tab:olive", "diffrax": "tab:purple", "Drake": "tab:brown"}
+_COLOURS = {
+    "heyoka": "tab:red",
+    "scipy": "tab:gray",
+    "CVODE": "tab:olive",
+    "diffrax": "tab:purple",
+    "Drake": "tab:brown",
+}
 _OTHER = "tab:orange"
 _MARKS = "osD^v<>pXP*h"
 
 
-def draw(rows: Sequence[Row], folder: Path) -> list[Path]:
-    """Draw a problem: E against both costs, and each signal's error against the physics' cost.
+def draw(rows: Sequence[Row], folder: Folder) -> None:
+    """Draw each problem: E against both costs, and each signal's error against the physics' cost.
 
     Parameters
     ----------
     rows : sequence of Row
         Runs of any problems.
-    folder : Path
+    folder : Folder
         Where the figures go.
-
-    Returns
-    -------
-    list of Path
-        The files written.
     """
-    written = []
     for problem in dict.fromkeys(row.problem for row in rows):
         here = [row for row in rows if row.problem == problem and row.scaled < _LARGEST]
+        here.sort(key=lambda row: (row.family != OURS, row.family, row.method))
         name = problem.replace(", ", "-")
-        written += _save(_overview(here, problem), folder / f"work-precision-{name}")
-        written += _save(_signals(here, problem), folder / f"work-precision-{name}-signals")
-    return written
+        folder.save(_overview(here, problem), f"work-precision-{name}")
+        folder.save(_signals(here, problem), f"work-precision-{name}-signals")
 
 
 def _figure(width: float, height: float, across: int, down: int) -> tuple[Any, list[Any]]:
@@ -57,19 +55,6 @@ def _figure(width: float, height: float, across: int, down: int) -> tuple[Any, l
     figure = Figure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)
     return figure, list(figure.subplots(down, across, squeeze=False).flat)
-
-
-def _save(figure: Any, path: Path) -> list[Path]:
-    """Save a figure in every kind; the same figure is the same file."""
-    import matplotlib as mpl
-
-    written = []
-    with mpl.rc_context({"svg.hashsalt": "netboard", "svg.fonttype": "none"}):
-        for kind in KINDS:
-            file = path.with_suffix(f".{kind}")
-            figure.savefig(file, dpi=150, metadata={"Date": None} if kind == "svg" else None)
-            written.append(file)
-    return written
 
 
 def _overview(rows: Sequence[Row], problem: str) -> Any:

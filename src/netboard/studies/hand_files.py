@@ -158,10 +158,8 @@ def _places(path: Path, names: Sequence[str]) -> list[int]:
         raise ConfigError(f'{path}: line 1: found "{", ".join(names)}", expected the names of the columns: {expected}')
     near = [difflib.get_close_matches(name, missing, 1) for name in unknown]
     meant = [f"is {name} meant to be {match[0]}?" for name, match in zip(unknown, near, strict=True) if match]
-    found = {"missing": missing, "unknown": unknown, "there twice": twice}
-    problems = [
-        f"{', '.join(those)} {'is' if len(those) == 1 else 'are'} {what}" for what, those in found.items() if those
-    ]
+    found = (("missing", missing), ("unknown", unknown), ("there twice", twice))
+    problems = [f"{', '.join(those)} {'is' if len(those) == 1 else 'are'} {what}" for what, those in found if those]
     if problems:
         raise ConfigError(f"{path}: columns: {'; '.join([*problems, *meant])}; expected {expected}")
     return [names.index(name) for name in HAND_COLUMNS]

@@ -4,7 +4,6 @@ A symbolic system is evaluated in C++; one written in Python takes three times a
 where it is told to stop, so that errors are taken at fewer points, 10 ms apart, and with steps that end there.
 """
 
-from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -141,5 +140,7 @@ def _contender(problem: Problem, scheme: str, accuracy: float) -> Contender:
     def bare() -> None:
         made["run"].bare()
 
-    alone: Callable[[], object] = lambda: made["alone"]()  # noqa: E731
+    def alone() -> object:
+        return made["alone"]()
+
     return Contender(FAMILY, scheme, f"accuracy {accuracy:.0e}", solve, bare, inputs=True, alone=alone)

@@ -1,4 +1,4 @@
-"""heyoka (https://bluescarni.github.io/heyoka.py): Taylor's method of adaptive order and step, compiled for the problem.
+"""heyoka (https://bluescarni.github.io/heyoka.py): Taylor's method, of adaptive steps, compiled for the problem.
 
 It is the strongest peer, and with 80 bits it gives the reference. The hands are part of its expressions, so that their
 cost cannot be taken off by counting calls: it is told by a twin whose drives are constants, run for as many steps.
@@ -88,6 +88,9 @@ def _contender(problem: Problem, tolerance: float) -> Contender:
             made["whole"] = _make(problem, tolerance)
         return _rewound(made["whole"], problem.first)
 
+    def alone() -> object:
+        return made["alone"]()
+
     def bare() -> int:
         steps: int = integrator().propagate_until(problem.duration)[3]
         return steps
@@ -98,9 +101,7 @@ def _contender(problem: Problem, tolerance: float) -> Contender:
         made["alone"] = _alone(problem, tolerance, steps)
         return Solution(states, 1, steps, 0)
 
-    return Contender(
-        FAMILY, "Taylor", f"tol {tolerance:.0e}", solve, bare, inputs=True, alone=lambda: made["alone"]()
-    )
+    return Contender(FAMILY, "Taylor", f"tol {tolerance:.0e}", solve, bare, inputs=True, alone=lambda: made["alone"]())
 
 
 def _rewound(integrator: Any, state: tuple[float, ...]) -> Any:

@@ -4,8 +4,8 @@ The couplings are actuators between a site of the board and one of the world, al
 paper's spring and damper, driven by ``k z_s + c vz_s``. The equations are the same as ours, so that errors can be
 compared; MuJoCo knows no others, so that it takes part in the Lagrangian problems alone.
 
-Who steps MuJoCo sets its controls once per step: that is run, and timed, by its own rollout, in C, the controls given as
-an array. It is also shown with the controls of every stage, which only a callback can give: for the error, while the
+Who steps MuJoCo sets its controls once per step: that is run, and timed, by its own rollout, in C, the controls given
+as an array. It is also shown with the controls of every stage, which only a callback can give: for the error, while the
 time is the least that can be had, one call that steps in C many times with controls that never change.
 """
 
@@ -30,9 +30,9 @@ STAGES = "RK4, controls of each stage"
 MIDDLE = "RK4, controls of mid-step"
 
 _SWITCHED_OFF = (
-    "constraint equality frictionloss limit contact clampctrl warmstart filterparent refsafe sensor midphase "
-    "eulerdamp autoreset nativeccd island"
-).split()
+    *("constraint", "equality", "frictionloss", "limit", "contact", "clampctrl", "warmstart", "filterparent"),
+    *("refsafe", "sensor", "midphase", "eulerdamp", "autoreset", "nativeccd", "island"),
+)
 
 
 def available() -> bool:
@@ -240,4 +240,3 @@ def _contender(method: str, scene: Scene, solve: Callable[[], Solution], held: b
     share = TIMED / scene.steps
     bare = scene.bare_held if held else scene.bare
     return Contender(FAMILY, method, f"{scene.step * 1e3:g} ms", solve, bare, inputs=False, held=held, share=share)
-

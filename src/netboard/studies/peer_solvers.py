@@ -161,9 +161,9 @@ def _solve_scipy(problem: Problem, rate: Any, method: str, tolerance: float, kee
 
 def _solve_cvode(problem: Problem, rate: Any, method: str, tolerance: float, keep: bool) -> Solution | None:
     """Solve by CVODE."""
-    from sksundae.cvode import CVODE as Solver
+    from sksundae import cvode
 
-    solver = Solver(rate, method=method, rtol=tolerance, atol=_ABSOLUTE * tolerance, max_num_steps=_MANY)
+    solver = cvode.CVODE(rate, method=method, rtol=tolerance, atol=_ABSOLUTE * tolerance, max_num_steps=_MANY)
     first = np.array(problem.first)
     if not keep:
         solver.init_step(0.0, first)
@@ -235,6 +235,8 @@ def _diffrax_input_ns() -> float:
 
         return jax.lax.fori_loop(0, count, add, (0.0, 0.0))
 
-    evaluate(_EVALUATIONS)[0].block_until_ready()
-    times = [timed(lambda: evaluate(_EVALUATIONS)[0].block_until_ready()) for _ in range(5)]
-    return min(times) / _EVALUATIONS * 1e9
+    def evaluations() -> None:
+        evaluate(_EVALUATIONS)[0].block_until_ready()
+
+    evaluations()
+    return min(timed(evaluations) for _ in range(5)) / _EVALUATIONS * 1e9

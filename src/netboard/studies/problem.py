@@ -424,7 +424,5 @@ def tight(problem: Problem) -> Array:
         return out
 
     times = problem.times
-    solution = solve_ivp(
-        rate, (0.0, times[-1]), problem.first, method="DOP853", t_eval=times, rtol=1e-13, atol=1e-15
-    )
+    solution = solve_ivp(rate, (0.0, times[-1]), problem.first, method="DOP853", t_eval=times, rtol=1e-13, atol=1e-15)
     return np.ascontiguousarray(solution.y.T)

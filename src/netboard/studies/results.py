@@ -56,6 +56,8 @@ class Part:
         The table, in SI units.
     verdicts : list of Verdict
         What follows.
+    on_screen : bool
+        It is for the screen too, and not too long for it.
     """
 
     name: str
@@ -63,6 +65,7 @@ class Part:
     columns: tuple[str, ...]
     rows: list[tuple[Value, ...]]
     verdicts: list[Verdict] = field(default_factory=list)
+    on_screen: bool = True
 
     @property
     def holds(self) -> bool:

@@ -2,8 +2,12 @@
 
 The hands are those of `netboard.studies.problem`, which tilt the paper's board by 10 degrees to either side; their
 movement against each other can be made larger. Between times at most a tick apart each is one cubic, for every method
-the same, so that methods differ by nothing but themselves. A run is bounded if it stays finite and within ten times the
-reference's heights and tilts.
+the same, so that methods differ by nothing but themselves.
+
+To find where a method is bounded, the ball is fixed off the board's centre: it loads the board, and does not run away.
+A run is bounded if it stays finite and, once what the start has stirred has had time to go, near what a reference does.
+Rates count as well as places: a board that is stepped too coarsely need not fly off. Far tilted it is softer, so it may
+rattle, or stay there.
 """
 
 import math
@@ -17,6 +21,7 @@ from numpy.typing import NDArray
 from netboard.config import Physics
 from netboard.methods.catalogue import METHODS
 from netboard.methods.march import forces_along, make_grid, run
+from netboard.methods.stability import spectral_radius
 from netboard.physics.scene import pack_scene, parts_of
 from netboard.physics.vectors import State
 from netboard.studies.problem import AGAINST, BALL, TOGETHER
@@ -30,17 +35,34 @@ STUDIED = tuple(method.name for method in METHODS if method.name != "exact")
 DURATION = 3.0
 """Length of a run, at the least [s]."""
 
-LEAST_STEPS = 400
-"""A run has at least so many steps: with fewer, what grows does not show [1]."""
+SHOWS = 1e6
+"""A run is so long that what grows shows: by this factor, in theory, with a step that is `OFF` too long [1]."""
 
-BOUND = 10.0
-"""A run that leaves the reference's heights or tilts behind by this factor is not bounded [1]."""
+OFF = 1.03
+"""Of what a largest step may be off, most runs should tell that it is [1]."""
+
+MOST_STEPS = 1_000_000
+"""But no longer than this many steps [1]."""
+
+FIXED_PLACE = 0.15
+"""Where the ball is fixed: where trials start [m]."""
+
+FARTHER, FASTER = 1.5, 10.0
+"""A run that exceeds the reference by these, in height or tilt, or in the rate of one, is not bounded [1]."""
+
+WIDE = 4.0
+"""A largest step that exceeds the guess by this factor is not looked for any further [1]."""
 
 LONGEST = 0.250
 """Longest step that is tried [s]."""
 
 NARROW = 1.002
 """A largest step is known when it and a step that fails are this close [1]."""
+
+COLD: State = (0.0, 0.0, 0.0, 0.0, *BALL["paper", "cold"])
+"""A board at rest between hands that move already: every mode of it is stirred [SI]."""
+
+_FIXED: State = (0.0, 0.0, 0.0, 0.0, FIXED_PLACE, 0.0)
 
 
 @dataclass(frozen=True)
@@ -133,30 +155,15 @@ def polynomials(physics: Physics, times: Array, z: Array, vz: Array) -> Array:
     return out
 
 
-def cold(physics: Physics) -> State:
-    """Return the state of a board at rest between hands that move already: every mode of it is stirred.
-
-    Parameters
-    ----------
-    physics : Physics
-        The scene.
-
-    Returns
-    -------
-    tuple of float
-        The state; the ball starts as in the test problem [SI].
-    """
-    return (0.0, 0.0, 0.0, 0.0, *(BALL["paper", "cold"] * physics.balls))
-
-
 def make_run(
     physics: Physics,
     method: str,
     h: float,
     duration: float = DURATION,
-    x: State | None = None,
+    x: State = COLD,
     start: float = 0.0,
     spread: float = 1.0,
+    free: bool = True,
 ) -> Run:
     """Run the test motion.
 
@@ -170,12 +177,14 @@ def make_run(
         Length of its step [s].
     duration : float
         Length of the run; it is as many whole intervals as fit [s].
-    x : tuple of float or None
-        The first state; None for `cold` [SI].
+    x : tuple of float
+        The first state [SI].
     start : float
         Where on the hands' time it begins [s].
     spread : float
         As in `waves_at` [1].
+    free : bool
+        The balls roll; otherwise they are fixed.
 
     Returns
     -------
@@ -186,8 +195,7 @@ def make_run(
     count = max(1, math.floor(duration / (steps * h) + 1e-9))
     times = start + np.arange(count + 1) * (steps * h)
     z, vz = waves_at(times, spread)
-    x = cold(physics) if x is None else x
-    parts, scene = parts_of(physics), pack_scene(physics)
+    parts, scene = parts_of(physics, free), pack_scene(physics)
     lengths, counts = np.full(count, steps * h), np.full(count, steps, np.int64)
     grid = make_grid(method, lengths, counts, parts, len(x), scene)
     states = run(method, x, polynomials(physics, times, z, vz), grid, parts, scene)
@@ -195,26 +203,18 @@ def make_run(
 
 
 @cache
-def reference_reach(physics: Physics, duration: float) -> tuple[float, float]:
-    """Return how far the board goes, by an exponential method, which is bounded in every scene.
-
-    Parameters
-    ----------
-    physics : Physics
-        The scene.
-    duration : float
-        Length of the run [s].
-
-    Returns
-    -------
-    z, theta : float
-        Largest height and tilt, to either side [m, rad].
-    """
-    states = np.abs(make_run(physics, "etdrk4", TICK_SECONDS, duration).states)
-    return float(states[:, 0].max()), float(states[:, 2].max())
+def _reference_reach(physics: Physics, duration: float) -> Array:
+    """Return the reach of the board by an exponential method, which is bounded in every scene."""
+    return _reach(make_run(physics, "etdrk4", TICK_SECONDS, duration, _FIXED, free=False))
 
 
-def is_bounded(physics: Physics, method: str, h: float) -> bool:
+def _reach(run_: Run) -> Array:
+    """Return the largest magnitudes of height, its rate, tilt and its rate in the second half of a run."""
+    late: Array = np.abs(run_.states[len(run_.states) // 2 :, :4]).max(axis=0)
+    return late
+
+
+def is_bounded(physics: Physics, method: str, h: float, duration: float = DURATION) -> bool:
     """Tell whether a run stays within bounds.
 
     Parameters
@@ -225,15 +225,39 @@ def is_bounded(physics: Physics, method: str, h: float) -> bool:
         Name of the method.
     h : float
         Length of its step [s].
+    duration : float
+        Length of the run [s].
     """
-    duration = max(DURATION, LEAST_STEPS * h) if physics.balls == 0 else DURATION
-    z, theta = reference_reach(physics, duration)
-    states = np.abs(make_run(physics, method, h, duration).states)
+    limits = np.tile([FARTHER, FASTER], 2) * _reference_reach(physics, duration)
     with np.errstate(invalid="ignore"):
-        return bool(np.isfinite(states).all() and states[:, 0].max() <= BOUND * z and states[:, 2].max() <= BOUND * theta)
+        return bool(np.all(_reach(make_run(physics, method, h, duration, _FIXED, free=False)) <= limits))
 
 
-def largest_bounded(physics: Physics, method: str, guess: float) -> float:
+def telling_duration(method: str, a: Array, h: float) -> float:
+    """Return how long a run must be to tell whether a step is too long.
+
+    Parameters
+    ----------
+    method : str
+        Name of the method.
+    a : ndarray of float64, shape (4, 4)
+        Matrix of the board [SI].
+    h : float
+        The largest step, in theory; infinite if there is none [s].
+
+    Returns
+    -------
+    float
+        `DURATION` or more [s].
+    """
+    if math.isinf(h):
+        return DURATION
+    growth = math.log(spectral_radius(method, a, OFF * h))
+    steps = min(math.log(SHOWS) / growth if growth > 0.0 else math.inf, MOST_STEPS)
+    return max(DURATION, math.ceil(2.0 * steps * h))
+
+
+def largest_bounded(physics: Physics, method: str, guess: float, duration: float = DURATION) -> float:
     """Return the largest step with which a run is bounded, looked for around a guess.
 
     Parameters
@@ -244,13 +268,18 @@ def largest_bounded(physics: Physics, method: str, guess: float) -> float:
         Name of the method.
     guess : float
         What theory says; infinite if it has no limit [s].
+    duration : float
+        Length of the runs [s].
 
     Returns
     -------
     float
-        The step; infinite if there is none up to `LONGEST` [s].
+        The step; infinite if none was found, up to `LONGEST` or beyond `WIDE` times the guess [s].
     """
-    holds = _asking(physics, method)
+
+    def holds(h: float) -> bool:
+        return is_bounded(physics, method, h, duration)
+
     if math.isinf(guess):
         good = 0.0
         for h in ladder():
@@ -258,11 +287,13 @@ def largest_bounded(physics: Physics, method: str, guess: float) -> float:
                 return _edge(holds, good, h) if good > 0.0 else 0.0
             good = h
         return math.inf
-    good = bad = guess
-    factor = 1.04
+    good, factor = guess, OFF
     while not holds(good):
-        good, bad, factor = good / factor, good, factor**1.5
+        good, factor = good / factor, factor**1.5
+    bad, factor = good, OFF
     while holds(bad):
+        if bad > WIDE * guess:
+            return math.inf
         good, bad, factor = bad, bad * factor, factor**1.5
     return _edge(holds, good, bad)
 
@@ -277,11 +308,6 @@ def ladder() -> list[float]:
     """
     count = math.ceil(math.log(LONGEST / TICK_SECONDS) / math.log(1.25))
     return [min(TICK_SECONDS * 1.25**i, LONGEST) for i in range(count + 1)]
-
-
-def _asking(physics: Physics, method: str) -> Callable[[float], bool]:
-    """Return what tells whether a step is bounded."""
-    return lambda h: is_bounded(physics, method, h)
 
 
 def _edge(holds: Callable[[float], bool], good: float, bad: float) -> float:

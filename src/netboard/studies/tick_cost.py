@@ -151,9 +151,7 @@ def measure_tick(problem: Problem, repeats: int) -> TickCost:
         partial(_sincos_beside, np.full(COUNT, 0.1), out),
         partial(chain, problem.first, 0.1, 0.2, problem.scene, COUNT),
         partial(beside, states, 0.1, 0.2, problem.scene, out),
-        lambda: march(
-            problem.first, still, lengths, ones, grid.kinds, grid.tables, problem.scene, np.empty((0, 6))
-        ),
+        lambda: march(problem.first, still, lengths, ones, grid.kinds, grid.tables, problem.scene, np.empty((0, 6))),
         lambda: stage.advance(state.copy(), rows, 0, COUNT),
     ]
     for run in runs:

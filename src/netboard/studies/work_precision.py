@@ -468,7 +468,7 @@ class Comparison:
 
     @property
     def ratios(self) -> tuple[float | None, ...]:
-        """How many times cheaper ours is at each error; None where neither reaches it, infinite where only ours does."""
+        """How many times cheaper ours is at each error; None: neither reaches it, infinite: only ours does."""
         return tuple(
             None if a == b == inf else (inf if b == inf else b / a) for a, b in zip(self.ours, self.theirs, strict=True)
         )

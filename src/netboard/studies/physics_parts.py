@@ -1,0 +1,351 @@
+"""The tables of ``netboard bench physics``, and the verdicts that follow from each."""
+
+from collections.abc import Iterable, Sequence
+from math import inf
+
+from netboard.studies.contender import OURS
+from netboard.studies.holds import HoldRow
+from netboard.studies.peer_mujoco import FAMILY as MUJOCO
+from netboard.studies.peer_mujoco import STAGES
+from netboard.studies.problem import SIGNALS, Problem, Reference
+from netboard.studies.results import Part, Value, Verdict
+from netboard.studies.skips import SkipRow
+from netboard.studies.tick_cost import TickCost
+from netboard.studies.work_precision import TARGETS, Comparison, Row, cost_at, frontier, least_cost
+
+SURE = 1e-11
+"""Two references that differ by less are good enough to tell an E of 1e-12 from 1e-11 [1]."""
+
+LIVE, OFFLINE = 1e-4, 1e-7
+"""Largest errors of force that sampling may leave [N]."""
+
+FLOORS, CALL = 2.0, 1000.0
+"""What a tick may cost: compiled, in floors; called from Python [1, ns]."""
+
+STEPS, HELD_STEPS, HELD_ERROR = 100.0, 700.0, 1e-3
+"""How many times MuJoCo's cost is to be ours, at any error, and at one error with held controls [1]."""
+
+LEVEL, SAME = 4.0, 1e-8
+"""How many times cheaper a board that cannot tilt is to be; how far a lesser scene may be from the full one [1, SI]."""
+
+_ERRORS = tuple(f"{name} [{unit}]" for name, unit in zip(SIGNALS, ("m", "rad", "m", "N"), strict=True))
+
+
+def reference_part(found: Sequence[tuple[Problem, Reference, float]]) -> Part:
+    """Say what is taken for the truth, and how far another solution is from it.
+
+    Parameters
+    ----------
+    found : sequence of tuple
+        For each problem: the reference, and the largest difference of DOP853 at tight tolerances from it, as E [1].
+    """
+    rows: list[tuple[Value, ...]] = [
+        (problem.name, reference.source, difference, *(float(scale) for scale in reference.scales))
+        for problem, reference, difference in found
+    ]
+    worst = max(difference for _, _, difference in found)
+    return Part(
+        "reference",
+        "What is taken for the truth; scales are the largest values of the signals",
+        ("problem", "reference", "E of DOP853, rtol 1e-13 [1]", *(f"scale of {name}" for name in _ERRORS)),
+        rows,
+        [Verdict("two independent solvers agree", worst < SURE, f"to E = {worst:.1e}")],
+    )
+
+
+def runs_part(rows: Iterable[Row]) -> Part:
+    """List all runs.
+
+    Parameters
+    ----------
+    rows : iterable of Row
+        The runs.
+    """
+    return Part(
+        "runs",
+        "All runs",
+        (
+            *("problem", "library", "method", "setting", "controls held", "E [1]", *_ERRORS),
+            *("ns per step", "physics [us/s]", "its median", "whole [us/s]", "its median"),
+            *("steps", "evaluations of the hands", "turns", "warm-up [s]"),
+        ),
+        [
+            (
+                *(row.problem, row.family, row.method, row.setting, row.held, row.scaled, *row.errors),
+                *(row.step_ns, row.physics, row.physics_median, row.whole, row.whole_median),
+                *(row.steps, row.calls, row.turns, row.warm_up),
+            )
+            for row in rows
+        ],
+    )
+
+
+def steps_part(rows: Iterable[Row], setting: str = "1 ms") -> Part:
+    """List our methods at the length of a tick.
+
+    Parameters
+    ----------
+    rows : iterable of Row
+        The runs.
+    setting : str
+        The length of step.
+    """
+    return Part(
+        "steps",
+        f"Our methods in steps of {setting}",
+        ("problem", "method", "ns per step", "E [1]", *_ERRORS),
+        [
+            (row.problem, row.method, row.step_ns, row.scaled, *row.errors)
+            for row in rows
+            if row.family == OURS and row.setting == setting
+        ],
+    )
+
+
+def frontier_part(rows: Sequence[Row]) -> Part:
+    """List the runs that no other beats in both error and cost.
+
+    Parameters
+    ----------
+    rows : sequence of Row
+        The runs.
+    """
+    best = [
+        row
+        for problem in dict.fromkeys(row.problem for row in rows)
+        for row in frontier(row for row in rows if row.problem == problem)
+        if row.scaled < 1.0
+    ]
+    return Part(
+        "frontier",
+        "The frontier: no run is both better and cheaper, hands not counted",
+        ("problem", "library", "method", "setting", "E [1]", "physics [us/s]", "whole [us/s]"),
+        [(row.problem, row.family, row.method, row.setting, row.scaled, row.physics, row.whole) for row in best],
+    )
+
+
+def costs_parts(rows: Sequence[Row]) -> list[Part]:
+    """Tell what errors cost with each method, problem by problem.
+
+    Parameters
+    ----------
+    rows : sequence of Row
+        The runs.
+    """
+    parts = []
+    for problem in dict.fromkeys(row.problem for row in rows):
+        table: list[tuple[Value, ...]] = []
+        here = [row for row in rows if row.problem == problem]
+        for family, method in dict.fromkeys((row.family, row.method) for row in here):
+            costs = [cost_at((row for row in here if (row.family, row.method) == (family, method)), e) for e in TARGETS]
+            if min(costs) < inf:
+                table.append((f"{family} {method}", *("-" if cost == inf else cost for cost in costs)))
+        parts.append(
+            Part(
+                f"costs-{_file(problem)}",
+                f"{problem}: what an error E costs, hands not counted [us for a second of simulated time]",
+                ("E [1]", *_HEADS),
+                table,
+            )
+        )
+    return parts
+
+
+_HEADS = tuple(f"{error:.0e}".replace("e-0", "e-") for error in TARGETS)
+
+
+def _file(problem: str) -> str:
+    """Write a problem's name for a file."""
+    return problem.replace(", ", "-")
+
+
+def ratios_part(comparisons: Sequence[Comparison]) -> Part:
+    """Tell how many times cheaper the best of ours is than the best of each peer.
+
+    Parameters
+    ----------
+    comparisons : sequence of Comparison
+        All of them.
+    """
+    table: list[tuple[Value, ...]] = [
+        (f"{one.problem}: {one.family}, {one.what}", *(_ratio(ratio) for ratio in one.ratios), one.beaten)
+        for one in comparisons
+    ]
+    verdicts = []
+    for family in dict.fromkeys(one.family for one in comparisons):
+        mine = [one for one in comparisons if one.family == family and one.what == "physics"]
+        verdicts.append(
+            Verdict(f"ahead of {family} wherever it gets, physics alone", all(one.beaten for one in mine), _least(mine))
+        )
+    return Part(
+        "ratios",
+        "Cost of the peer's best over that of our best, at equal error E; inf: only ours reaches it, -: neither does",
+        ("E [1]", *_HEADS, "beaten"),
+        table,
+        verdicts,
+    )
+
+
+def _ratio(ratio: float | None) -> Value:
+    """Write a ratio."""
+    return "-" if ratio is None else ratio
+
+
+def _least(comparisons: Sequence[Comparison]) -> str:
+    """Say where we are least ahead."""
+    all_of = [
+        (ratio, error, one.problem)
+        for one in comparisons
+        for ratio, error in zip(one.ratios, one.errors, strict=True)
+        if ratio is not None
+    ]
+    if not all_of:
+        return "it reaches none of these errors"
+    ratio, error, problem = min(all_of)
+    return f"at the least {ratio:.3g} times, at E = {error:.0e} ({problem})"
+
+
+def mujoco_part(rows: Sequence[Row], comparisons: Sequence[Comparison]) -> Part:
+    """Compare us with MuJoCo, in the problems that it takes part in.
+
+    Parameters
+    ----------
+    rows : sequence of Row
+        The runs.
+    comparisons : sequence of Comparison
+        All of them.
+    """
+    table: list[tuple[Value, ...]] = []
+    steps, held = [], []
+    for problem in dict.fromkeys(row.problem for row in rows if row.family == MUJOCO):
+        here = [row for row in rows if row.problem == problem]
+        ours = [row for row in here if row.family == OURS]
+        own = [row for row in ours if row.method == "rk4"]
+        theirs = [row for row in here if row.family == MUJOCO]
+        staged = min(row.step_ns for row in theirs if row.method == STAGES)
+        ns = min(row.step_ns for row in own if row.scaled < 1.0)
+        table.append((problem, "a step of RK4 on the same equations [ns]", staged, ns, staged / ns))
+        a, b = (least_cost((row for row in theirs if row.held), HELD_ERROR), least_cost(ours, HELD_ERROR))
+        c = cost_at(own, HELD_ERROR)
+        table.append((problem, f"E = {HELD_ERROR:.0e}, its controls held, our rk4 [us/s]", a, c, a / c))
+        table.append((problem, f"E = {HELD_ERROR:.0e}, its controls held, our best [us/s]", a, b, a / b))
+        steps.append(staged / ns)
+        held.append(a / b)
+    mine = [one for one in comparisons if one.family == MUJOCO and one.what == "physics"]
+    ratios = [ratio for one in mine for ratio in one.ratios if ratio is not None]
+    return Part(
+        "mujoco",
+        "MuJoCo",
+        ("problem", "what", "MuJoCo", "netboard", "ratio"),
+        table,
+        [
+            Verdict(f"at equal error at least {STEPS:g} times cheaper", min(ratios) >= STEPS, _least(mine)),
+            Verdict(f"a step of RK4 at least {STEPS:g} times cheaper", min(steps) >= STEPS, f"{min(steps):.3g} times"),
+            Verdict(
+                f"with held controls at least {HELD_STEPS:g} times cheaper at E = {HELD_ERROR:.0e}",
+                min(held) >= HELD_STEPS,
+                f"{min(held):.3g} times",
+            ),
+        ],
+    )
+
+
+def holds_part(rows: Sequence[HoldRow]) -> Part:
+    """Tell what sampling costs.
+
+    Parameters
+    ----------
+    rows : sequence of HoldRow
+        The runs.
+    """
+    verdicts = []
+    for problem in dict.fromkeys(row.problem for row in rows):
+        live = next(row for row in rows if row.problem == problem and row.hold == "ca")
+        offline = min((row for row in rows if row.problem == problem and row.hold == "hermite"), key=_force)
+        for name, row, most in (("live", live, LIVE), ("offline", offline, OFFLINE)):
+            claim = f"{problem}: forces {name} within {most:g} N of hands that never stop"
+            verdicts.append(Verdict(claim, _force(row) <= most, f"{_force(row):.2g} N ({row.hold}, {row.run})"))
+    return Part(
+        "holds",
+        "From samples at 1 kHz, against hands that never stop moving smoothly",
+        ("problem", "hold", "run by", *_ERRORS, "rms of force [N]"),
+        [(row.problem, row.hold, row.run, *row.errors, row.force_rms) for row in rows],
+        verdicts,
+    )
+
+
+def _force(row: HoldRow) -> float:
+    """Return the largest error of force."""
+    return row.errors[SIGNALS.index("force")]
+
+
+def tick_part(costs: Sequence[TickCost]) -> Part:
+    """Tell what a live tick costs.
+
+    Parameters
+    ----------
+    costs : sequence of TickCost
+        One for each model.
+    """
+    lines: list[tuple[str, list[float]]] = [
+        ("sine and cosine, each waiting for the last", [cost.sincos_latency_ns for cost in costs]),
+        ("sine and cosine, side by side", [cost.sincos_ns for cost in costs]),
+        ("right-hand side, each waiting for the last", [cost.right_side_latency_ns for cost in costs]),
+        ("right-hand side, side by side", [cost.right_side_ns for cost in costs]),
+        ("floor: four right-hand sides that wait", [cost.floor_ns for cost in costs]),
+        ("a step of RK4 and nothing else", [cost.step_ns for cost in costs]),
+        ("the server's tick: samples, hold, forces, trial, step", [cost.tick_ns for cost in costs]),
+        ("called from Python: median", [cost.call_ns for cost in costs]),
+        ("called from Python: 99th percentile", [cost.call_p99_ns for cost in costs]),
+        ("called from Python: worst", [cost.call_worst_ns for cost in costs]),
+        ("first tick after warming up", [cost.first_call_ns for cost in costs]),
+    ]
+    verdicts = []
+    for cost in costs:
+        floors, alone = cost.tick_ns / cost.floor_ns, cost.tick_ns / cost.step_ns
+        verdicts += [
+            Verdict(
+                f"{cost.model}: a tick costs at most {FLOORS:g} floors",
+                floors <= FLOORS,
+                f"{floors:.2f} floors, {alone:.2f} times its step of RK4 alone",
+            ),
+            Verdict(
+                f"{cost.model}: a tick called from Python takes at most {CALL:g} ns",
+                cost.call_ns <= CALL,
+                f"{cost.call_ns:.0f} ns, the median",
+            ),
+            Verdict(
+                f"{cost.model}: the first tick compiles nothing",
+                not cost.compiled_late,
+                f"{cost.first_call_ns / 1e3:.0f} us",
+            ),
+        ]
+    return Part(
+        "tick",
+        "What a live tick costs [ns]",
+        ("what", *(cost.model for cost in costs)),
+        [(name, *values) for name, values in lines],
+        verdicts,
+    )
+
+
+def skips_part(rows: Sequence[SkipRow]) -> Part:
+    """Tell what is saved where a scene needs less.
+
+    Parameters
+    ----------
+    rows : sequence of SkipRow
+        For each model, what it lacks.
+    """
+    level = min(row.times for row in rows if row.method == "exact")
+    worst = max(row.difference for row in rows)
+    return Part(
+        "skips",
+        "What a scene lacks, a tick without it, and how far that is from the full scene with that part inert",
+        ("model", "lacks", "method", "ns per tick", "times cheaper", "inert by", "largest difference [SI]"),
+        [(row.model, row.name, row.method, row.tick_ns, row.times, row.proof, row.difference) for row in rows],
+        [
+            Verdict(f"a board that cannot tilt at least {LEVEL:g} times cheaper", level >= LEVEL, f"{level:.3g} times"),
+            Verdict("what is skipped changes nothing else", worst <= SAME, f"at the most {worst:.1e}"),
+        ],
+    )

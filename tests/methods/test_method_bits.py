@@ -1,0 +1,35 @@
+"""Every classical method gives the same bits however and wherever it is run."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numba
+import pytest
+from method_bits import digests
+
+SCRIPT = Path(__file__).with_name("method_bits.py")
+
+
+def elsewhere(**environment: str) -> Any:
+    """What the script prints in a fresh process."""
+    done = subprocess.run(
+        [sys.executable, str(SCRIPT)], env=os.environ | environment, capture_output=True, text=True, check=True
+    )
+    return json.loads(done.stdout)
+
+
+@pytest.mark.slow
+def test_plain_python_makes_the_same_steps() -> None:
+    assert elsewhere(NUMBA_DISABLE_JIT="1") == digests()
+
+
+@pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is compiled")
+@pytest.mark.slow
+def test_another_processor_makes_the_same_steps(tmp_path: Path) -> None:
+    """One without AVX or fused multiply-add, where this one has them."""
+    plain = {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": "", "NUMBA_CACHE_DIR": str(tmp_path)}
+    assert elsewhere(**plain) == digests()

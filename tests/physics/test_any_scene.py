@@ -1,0 +1,133 @@
+"""Whatever scene is accepted, with whatever smooth hands: it stays finite, mirrors itself, and its energy balances."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import assume, example, given, settings
+from hypothesis import strategies as st
+from independent import Hands
+from trajectories import Scene, sampled, samples, scene_of, trajectory
+
+from netboard.errors import ConfigError
+from netboard.methods.choice import choose
+from netboard.physics.energy import stored_along, work_along
+from netboard.physics.statics import equilibrium
+
+TICK = 1e-3
+
+
+def log(least: float, most: float) -> st.SearchStrategy[float]:
+    """Numbers of every size."""
+    return st.floats(math.log(least), math.log(most)).map(math.exp)
+
+
+NUMBERS = {
+    "M": log(1e-3, 10),
+    "m": log(1e-3, 10),
+    "I": log(1e-5, 10),
+    "l": log(0.05, 2),
+    "g": st.floats(0, 30),
+    "k_h": log(1, 10_000),
+    "c_h": log(0.01, 100),
+    "k_s": st.floats(0, 10_000),
+    "ball_inertia": st.floats(0, 1),
+}
+ROLLING = {"model": "lagrangian", "balls": 2, "coupling": "right"}
+KINDS: list[dict[str, Any]] = [{}, {"board": "level"}, {"model": "lagrangian", "board": "hinged"}, ROLLING]
+OWN: list[dict[str, Any]] = [{"b_theta": log(1e-3, 1), "b_z": log(1e-2, 10)}, {"ball_height": st.floats(0.001, 0.2)}]
+
+
+@st.composite
+def scenes(draw: st.DrawFn) -> Scene:
+    """Scenes that the server would load."""
+    kind = draw(st.sampled_from(KINDS))
+    values = kind | {name: draw(numbers) for name, numbers in NUMBERS.items()}
+    if kind is ROLLING:
+        values |= {name: draw(numbers) for own in OWN for name, numbers in own.items()}
+    scene = scene_of(**values)
+    try:
+        choose(scene.physics, TICK)
+    except ConfigError:
+        assume(False)
+    return scene
+
+
+@st.composite
+def smooth(draw: st.DrawFn) -> Hands:
+    """Hands that each move by a sine, of up to a tenth of the board's arm and 3 Hz; for any arm."""
+    size, hertz, phase = st.floats(0, 0.1), st.floats(0.2, 3), st.floats(0, 6.3)
+    waves = [(draw(size), 2 * math.pi * draw(hertz), draw(phase)) for _ in range(2)]
+
+    def hands(t: float) -> tuple[float, float, float, float]:
+        (a, w, f), (b, v, q) = waves
+        return (
+            a * math.sin(w * t + f),
+            a * w * math.cos(w * t + f),
+            b * math.sin(v * t + q),
+            b * v * math.cos(v * t + q),
+        )
+
+    return hands
+
+
+def scaled(hands: Hands, arm: float, swapped: bool = False) -> Hands:
+    """The hands at an arm's scale, or those of the other side."""
+
+    def there(t: float) -> tuple[float, float, float, float]:
+        left_z, left_vz, right_z, right_vz = (arm * value for value in hands(t))
+        return (right_z, right_vz, left_z, left_vz) if swapped else (left_z, left_vz, right_z, right_vz)
+
+    return there
+
+
+def start_of(scene: Scene) -> tuple[float, ...]:
+    """The board where it rests, if it does, with balls near its centre."""
+    p = (0.02, -0.01)[: scene.physics.balls]
+    try:
+        rest = equilibrium(0.0, 0.0, p, scene.parts, scene.record)
+        z, theta = (rest.z, rest.theta) if abs(rest.theta) < 0.3 else (0.0, 0.0)
+    except ValueError:
+        z, theta = 0.0, 0.0
+    return (z, 0.0, theta, 0.0, *(value for place in p for value in (place, 0.0)))
+
+
+def mirror(x: Any) -> Any:
+    """The mirror image of a state."""
+    return (*x[:2], *(-value for value in x[2:]))
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(300)
+@settings(max_examples=40)
+@given(scenes(), smooth())
+@example(scene_of(), lambda t: (0.0, 0.0, 0.0, 0.0))
+def test_what_is_accepted_stays_finite_and_mirrors_itself(scene: Scene, hands: Hands) -> None:
+    physics, choice = scene.physics, choose(scene.physics, TICK)
+    other = {"left": "right", "right": "left"}.get(physics.coupling, physics.coupling)
+    behind = scene_of(**{name: getattr(physics, name) for name in physics.__slots__} | {"coupling": other})
+    start, h, steps = start_of(scene), TICK / choice.substeps, 100 * choice.substeps
+    path = trajectory(scene, start, scaled(hands, physics.l), h, steps, choice.method)
+    there = trajectory(behind, mirror(start), scaled(hands, physics.l, True), h, steps, choice.method)
+    assert np.isfinite(path).all()
+    assert (np.array([mirror(x) for x in there]) == path).all()
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(300)
+@settings(max_examples=40)
+@given(scenes(), smooth())
+@example(scene_of(), lambda t: (0.0, 0.0, 0.0, 0.0))
+def test_whatever_moves_its_energy_balances(scene: Scene, hands: Hands) -> None:
+    """In steps that are short for the scene."""
+    fastest = choose(scene.physics, TICK).stiffness / TICK
+    h = min(0.1 / fastest, TICK) if fastest > 0 else TICK
+    hands = scaled(hands, scene.physics.l)
+    path = sampled(scene, start_of(scene), hands, h, 100)
+    times = np.arange(101) * h
+    at = samples(hands, times)
+    held = stored_along(path, at, scene.parts, scene.packed)
+    work = work_along(times, path, at, scene.parts, scene.packed)
+    change = held.sum(axis=1) - held[0].sum()
+    assert np.abs(change - work.sum(axis=1)).max() <= 1e-9 * np.abs(held).max() + 1e-9 * np.abs(work).max()
