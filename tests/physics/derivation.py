@@ -1,9 +1,10 @@
 """The equations of motion derived anew with sympy, and the kernels' own text run on the same symbols.
 
-Run without compilation (``NUMBA_DISABLE_JIT=1 python derivation.py``), the kernels are plain Python, and take symbols as
-they take numbers. What they return is put into Lagrange's equations, derived here from the energies alone, and every
+Run without compilation (``NUMBA_DISABLE_JIT=1 python derivation.py``), the kernels are plain Python, and take symbols
+as they take numbers. What they return is put into Lagrange's equations, derived here from the energies alone, and every
 difference must vanish. Differences are rational functions of the symbols; one that does not vanish everywhere vanishes
-exactly at random points of many digits as good as never (Schwartz and Zippel). Prints every claim, and whether it holds.
+exactly at random points of many digits as good as never (Schwartz and Zippel). Prints every claim, and whether it
+holds.
 """
 
 import json
@@ -25,9 +26,7 @@ beta = 1 / SYMBOLS["ease"] - 1
 z, vz, theta, omega, az, ao = sp.symbols("z vz theta omega az ao", real=True)
 left, right = sp.symbols("u_left u_right", real=True)
 
-WHOLE = Parts(
-    lagrangian=True, heaves=True, tilts=True, even=False, damped=True, loaded=True, free=True, stops=True
-)
+WHOLE = Parts(lagrangian=True, heaves=True, tilts=True, even=False, damped=True, loaded=True, free=True, stops=True)
 
 
 def state(balls: int) -> tuple[Any, ...]:

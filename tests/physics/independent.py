@@ -79,7 +79,9 @@ def newton(x: NDArray[np.float64], hand: tuple[float, float, float, float], k: P
     return out
 
 
-def rates(x: NDArray[np.float64], hand: tuple[float, float, float, float], k: Physics, free: bool = True) -> list[float]:
+def rates(
+    x: NDArray[np.float64], hand: tuple[float, float, float, float], k: Physics, free: bool = True
+) -> list[float]:
     """Rates of a state by the model of the configuration."""
     return (newton if k.model == "lagrangian" else paper)(np.asarray(x), hand, k, free)
 

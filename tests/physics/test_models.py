@@ -219,9 +219,7 @@ def test_mirror_images_agree_to_the_bit(
 @both
 @given(state=states, restitution=st.floats(0, 1))
 def test_mirrored_blows_agree_to_the_bit(model: Any, state: Any, restitution: float) -> None:
-    scene = scene_of(
-        balls=(len(state) - 4) // 2, model=model, ball_stop=0.1, restitution=restitution, ball_height=0.02
-    )
+    scene = scene_of(balls=(len(state) - 4) // 2, model=model, ball_stop=0.1, restitution=restitution, ball_height=0.02)
     here = stopped(state, scene.parts, scene.record)
     assert mirrored(stopped(mirrored(state), scene.parts, scene.record)) == here
 

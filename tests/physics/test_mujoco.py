@@ -1,8 +1,8 @@
 """Lagrange's equations against MuJoCo, which builds its own from a description of the bodies.
 
 Each scene is a board on a slide and a hinge, a ball on a slide along the board, and a coupling that is an actuator
-between a site on the board and the world. Both sides take the same Runge-Kutta steps with the hands where they are at the
-stages, so that nothing but the equations can differ.
+between a site on the board and the world. Both sides take the same Runge-Kutta steps with the hands where they are at
+the stages, so that nothing but the equations can differ.
 """
 
 from collections.abc import Callable, Iterator
@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 from independent import waving
 from numpy.typing import NDArray
-from netboard.physics.models import stopped
 from trajectories import Scene, drive, scene_of, trajectory
+
+from netboard.physics.models import stopped
 
 mujoco: Any = pytest.importorskip("mujoco")
 

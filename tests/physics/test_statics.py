@@ -72,9 +72,7 @@ heights = st.floats(-0.05, 0.05)
 def test_at_rest_nothing_accelerates_the_board_and_what_tilts_it_is_turned_back(
     board: Any, side: Any, free: bool, model: Any, above: float, beta: float, hands: Any, p: list[float]
 ) -> None:
-    scene = scene_of(
-        free, board=board, coupling=side, model=model, ball_height=above, ball_inertia=beta, balls=len(p)
-    )
+    scene = scene_of(free, board=board, coupling=side, model=model, ball_height=above, ball_inertia=beta, balls=len(p))
     try:
         rest = rest_of(scene, *hands, *p)
     except ValueError:

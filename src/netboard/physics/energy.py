@@ -123,9 +123,7 @@ def stored(x: State, left_z: float, right_z: float, parts: Parts, scene: Any) ->
 
 
 @inlined
-def flows(
-    x: State, left_z: float, left_vz: float, right_z: float, right_vz: float, parts: Parts, scene: Any
-) -> Flows:
+def flows(x: State, left_z: float, left_vz: float, right_z: float, right_vz: float, parts: Parts, scene: Any) -> Flows:
     """Return the powers through which the energy of the scene changes.
 
     Parameters
@@ -243,7 +241,7 @@ _GAUSS, _WEIGHTS = (0.5 - np.sqrt(0.15), 0.5, 0.5 + np.sqrt(0.15)), (5.0 / 18.0,
 def _meeting(
     basis: NDArray[np.float64], t: float, h: NDArray[np.float64], start: NDArray[np.float64], *ends: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return place and rate, t of the way through each interval, of the polynomial that meets what is known of its ends."""
+    """Return place and rate, t of the way through each interval, of the polynomial that meets both ends."""
     at, rate = polyval(t, basis), polyval(t, polyder(basis))
     place = start + sum(weight * end for weight, end in zip(at, ends, strict=True))
     return place, sum(weight * end for weight, end in zip(rate, ends, strict=True)) / h

@@ -6,6 +6,7 @@ under another name beside its own and then renamed, so that there is never half 
 unless it is told otherwise. Numbers are written so that they read back as the same numbers, to the last bit.
 """
 
+import contextlib
 import csv
 import difflib
 import importlib
@@ -385,7 +386,8 @@ def write_table(
     except OSError as error:
         raise NetboardError(f"{path}: cannot be written: {error.strerror or error}") from error
     finally:
-        part.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            part.unlink(missing_ok=True)
 
 
 def _write_csv(path: Path, columns: Mapping[str, NDArray[np.float64]], about: Mapping[str, str]) -> None:
