@@ -258,7 +258,7 @@ def simulate(
         ),
     ],
     more: Annotated[
-        list[str] | None, typer.Argument(metavar="[FILE]...", help="More inputs, so that --input hands/*.csv works.")
+        list[str] | None, typer.Argument(metavar="FILE", help="More inputs, so that --input hands/*.csv works.")
     ] = None,
     scene: Annotated[
         Path | None,

@@ -19,7 +19,7 @@ from netboard.config import ADAPTER, Config, Physics, resolve
 from netboard.errors import ConfigError
 from netboard.physics.sampled import Hands
 from netboard.settings import read
-from netboard.simulation import Motion, Steps, check_start, choose_steps, columns_of, energies_of, simulate
+from netboard.simulation import Motion, Steps, check_start, choose_steps, columns_of, energies_of, is_held, simulate
 from netboard.studies.hand_files import doubts, find_inputs, plan_outputs, read_hands, write_table
 
 console = Console(highlight=False)
@@ -140,8 +140,12 @@ def one(path: Path, result: Path, config: Config, steps: Steps, wishes: Wishes, 
         sheet["energy"] = balance(energies)
     tell(1.0, "writing")
     write_table(result, columns, provenance(path, config, wishes), force)
-    for doubt in doubts(hands):
-        console.print(f"{path}: {doubt}", style="yellow", markup=False)
+    notes = doubts(hands)
+    if not is_held(motion, physics, free):
+        step = f"{motion.longest * 1e3:.3g} ms"
+        notes.append(f"{steps.method} does not hold this scene in steps of {step}: the result is worth nothing")
+    for note in notes:
+        console.print(f"{path}: {note}", style="yellow", markup=False)
     return {**sheet, "took": f"{time.monotonic() - began:.2f} s", "result": str(result)}
 
 
@@ -149,7 +153,8 @@ def provenance(path: Path, config: Config, wishes: Wishes) -> dict[str, str]:
     """Say how a result was made, for whoever finds it."""
     options = {name: str(value) for name, value in asdict(wishes).items()}
     made = {"made_by": f"netboard {version('netboard')} simulate", "input": str(path)}
-    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    with path.open("rb") as file:
+        digest = hashlib.file_digest(file, "sha256").hexdigest()
     return {**made, "input_sha256": digest, **options, "configuration": resolve(config)}
 
 

@@ -16,7 +16,7 @@ import netboard.simulation
 from netboard.config import Physics
 from netboard.errors import ConfigError
 from netboard.physics.sampled import FILL, HOLDS, Hands, find_gaps, hold_hands, styluses_along
-from netboard.simulation import Motion, choose_steps, columns_of, energies_of, simulate
+from netboard.simulation import Motion, choose_steps, columns_of, energies_of, is_held, simulate
 
 Array = NDArray[np.float64]
 Waves = Callable[[Array], tuple[Array, Array]]
@@ -384,7 +384,14 @@ def test_too_many_tables() -> None:
         simulate(hands, Physics(), COLD, steps=choose_steps(Physics(), method="etdrk4"))
 
 
-def test_a_method_that_does_not_hold_the_scene() -> None:
+@pytest.mark.parametrize(("method", "c_h", "held"), [("rk4", 8.0, True), ("rk4", 10.0, False), ("etdrk4", 10.0, True)])
+def test_a_method_that_holds_the_scene_or_not(method: str, c_h: float, held: bool) -> None:
+    physics = Physics(c_h=c_h)
+    motion = simulate(sampled(waving(0), T[:11]), physics, COLD, steps=choose_steps(physics, method=method))
+    assert is_held(motion, physics) is held
+
+
+def test_a_method_that_does_not_hold_the_scene_at_all() -> None:
     stiff = Physics(k_h=10_000.0, c_h=100.0)
     with pytest.raises(ConfigError, match=r"not finite from t = 0\.\d+ s on, with euler in steps of 0.001 s, 31.\d of"):
         simulate(sampled(waving(0), T[:501]), stiff, COLD, steps=choose_steps(stiff, method="euler"))

@@ -16,6 +16,7 @@ from netboard.config import Physics
 from netboard.errors import ConfigError
 from netboard.methods.catalogue import METHODS, NUMBER
 from netboard.methods.march import Grid, forces_along, make_grid, run
+from netboard.methods.stability import is_stable
 from netboard.physics.energy import Flows, Stored, stored_along, work_along
 from netboard.physics.linear import board_matrix
 from netboard.physics.sampled import Hands, Held, drives_along, hold_hands, styluses_along
@@ -222,6 +223,22 @@ def simulate(
         done = end
         progress(done / len(line.rows))
     return Motion(line.times, states, forces, steps, int(grid.counts.sum()), longest)
+
+
+def is_held(motion: Motion, physics: Physics, free: bool = True) -> bool:
+    """Tell whether the method holds the scene, in theory and about the level board; if not, a result is worth nothing.
+
+    Parameters
+    ----------
+    motion : Motion
+        The result.
+    physics : Physics
+        The scene that it is of.
+    free : bool
+        The balls roll; otherwise they are fixed.
+    """
+    matrix = board_matrix(parts_of(physics, free), pack_scene(physics)[0])
+    return is_stable(motion.steps.method, matrix, motion.longest, matrix)
 
 
 def columns_of(motion: Motion) -> dict[str, NDArray[np.float64]]:

@@ -36,7 +36,7 @@ def board(scene: Scene, tilt: float = 0.0, p: float = 0.0) -> NDArray[np.float64
 
 def level(scene: Scene) -> NDArray[np.float64]:
     """What an exponential method solves exactly of the board."""
-    return solved_matrix(scene.parts, scene.record, scene.physics.balls)
+    return solved_matrix(scene.parts, scene.record)
 
 
 def at_rest(scene: Scene, tilt: float, p: float = 0.0) -> tuple[tuple[float, ...], Any]:

@@ -160,6 +160,9 @@ def test_a_missing_recording_is_one_line_and_1(command: str) -> None:
 
 
 def test_check_refuses_a_scene_that_the_live_tick_cannot_hold() -> None:
-    result = runner.invoke(app, ["config", "check", "--set", "physics.c_h=50"])
+    result = runner.invoke(
+        app,
+        ["config", "check", "--set", "physics.c_h=50", "--set", "physics.method=rk4", "--set", "physics.substeps=1"],
+    )
     assert result.exit_code == 2
     assert "too stiff" in result.output

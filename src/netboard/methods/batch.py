@@ -39,8 +39,19 @@ def _short(x: float) -> tuple[float, float]:
 
 
 @inlined
-def _long(x: float) -> tuple[float, float]:
-    """Return sine and cosine up to `LARGEST_ANGLE`, NaN beyond; the same work for every angle."""
+def anywhere(x: float) -> tuple[float, float]:
+    """Return sine and cosine, with the same work for every angle.
+
+    Parameters
+    ----------
+    x : float
+        Angle [rad].
+
+    Returns
+    -------
+    s, c : float
+        Sine and cosine up to `LARGEST_ANGLE`, NaN beyond [1].
+    """
     y, tail, n = _reduced(x)
     s, c = _small(y, tail)
     half = np.floor(0.5 * n)
@@ -51,8 +62,8 @@ def _long(x: float) -> tuple[float, float]:
     return sine if fine else math.nan, cosine if fine else math.nan
 
 
-_short_step, _long_step = loosened(rk4, {sincos: _short}), loosened(rk4, {sincos: _long})
-_stopped = loosened(stopped, {sincos: _long})
+_short_step, _long_step = loosened(rk4, {sincos: _short}), loosened(rk4, {sincos: anywhere})
+_stopped = loosened(stopped, {sincos: anywhere})
 
 LANES = 64
 """Simulations in a block: what one pass works on, and what fits the fastest memory [1]."""
@@ -62,12 +73,20 @@ _Numbers = NamedTuple("_Numbers", [(name, float) for name in _NAMES])  # type: i
 """The numbers of a scene, out of any array, so that a kernel need not read them again after each write to one."""
 
 
-def _numbers(scenes: Array, b: int, j: int) -> Any:
-    """Return the numbers of one scene, by name."""
+def numbers_at(scenes: Array, b: int, j: int) -> Any:
+    """Return the numbers of a simulation's scene, by name.
+
+    Parameters
+    ----------
+    scenes : ndarray of float64, shape (blocks, numbers, LANES) or (1, numbers, 1)
+        What `scene_blocks` returns [SI].
+    b, j : int
+        Its block, and which it is in that [1].
+    """
     return dict(zip(_NAMES, scenes[b, :, j].tolist(), strict=True))
 
 
-@specialised(_numbers)
+@specialised(numbers_at)
 def _compiled_numbers(scenes: Any, b: Any, j: Any) -> Any:
     values = ", ".join(f"scenes[b, {k}, j]" for k in range(len(_NAMES)))
     return eval(f"lambda scenes, b, j: _Numbers({values})", {"_Numbers": _Numbers})
@@ -83,12 +102,22 @@ def _number(scene: Any, name: Any) -> Any:
     return lambda scene, name: scene[place]
 
 
-def _column(a: Array, b: int, j: int, length: int) -> tuple[float, ...]:
-    """Return what an array holds for a simulation, as a tuple."""
+def column_at(a: Array, b: int, j: int, length: int) -> tuple[float, ...]:
+    """Return what an array holds for a simulation, as a tuple.
+
+    Parameters
+    ----------
+    a : ndarray of float64, shape (blocks, k, LANES)
+        Such as states [SI].
+    b, j : int
+        Its block, and which it is in that [1].
+    length : int
+        The first so many of the k; a constant at the call [1].
+    """
     return tuple(a[b, :length, j].tolist())
 
 
-@specialised(_column)
+@specialised(column_at)
 def _compiled_column(a: Any, b: Any, j: Any, length: Any) -> Any:
     if not isinstance(length, types.IntegerLiteral):
         return None
@@ -131,18 +160,18 @@ def make_batch(PARTS: Parts, LENGTH: int, OWN: bool) -> Callable[[Array, Array, 
     @fast
     def step(x: Any, hands: Any, scenes: Any, h: float) -> None:
         done = np.empty((LENGTH, LANES))
-        shared = _numbers(scenes, 0, 0)
+        shared = numbers_at(scenes, 0, 0)
         for b in range(len(x)):
             beyond = 0
             for j in range(LANES):
-                scene = _numbers(scenes, b, j) if OWN else shared
-                y = _short_step(_column(x, b, j, LENGTH), h, _column(hands, b, j, 8), 0, PARTS, scene)
+                scene = numbers_at(scenes, b, j) if OWN else shared
+                y = _short_step(column_at(x, b, j, LENGTH), h, column_at(hands, b, j, 8), 0, PARTS, scene)
                 _put(done, j, _calm(_stopped(y, PARTS, scene)))
                 beyond += 0 if y[3] == y[3] else 1
             if beyond > 0:
                 for j in range(LANES):
-                    scene = _numbers(scenes, b, j) if OWN else shared
-                    y = _long_step(_column(x, b, j, LENGTH), h, _column(hands, b, j, 8), 0, PARTS, scene)
+                    scene = numbers_at(scenes, b, j) if OWN else shared
+                    y = _long_step(column_at(x, b, j, LENGTH), h, column_at(hands, b, j, 8), 0, PARTS, scene)
                     _put(done, j, _calm(_stopped(y, PARTS, scene)))
             for k in range(LENGTH):  # as one assignment it takes 0.7 ns more for each simulation
                 for j in range(LANES):

@@ -165,7 +165,7 @@ def _cases(physics: Physics) -> Iterator[tuple[Matrix, Matrix]]:
     free, fixed = parts_of(physics), parts_of(physics, free=False)
     heavy = physics.model == "lagrangian" and balls > 0
     for parts in (free, fixed) if heavy else (free,):
-        level = solved_matrix(parts, scene, balls)
+        level = solved_matrix(parts, scene)
         for tilt in TILTS if parts.tilts else TILTS[:1]:
             for place in PLACES if heavy else PLACES[:1]:
                 yield tilted_matrix(parts, scene, balls, tilt, place * reach), level

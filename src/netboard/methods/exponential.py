@@ -49,15 +49,24 @@ def etdrk4(x: State, h: float, hands: Any, tables: Any, parts: Parts, scene: Any
     return pushed(known, tables, 10, n4, parts)
 
 
+def _lightest(parts: Parts, scene: Any, length: int) -> NDArray[np.float64]:
+    """Return the matrix of the scene that is to be solved exactly, that of the board without the inertia of its balls.
+
+    By Lagrange a ball at the centre weighs on the heave, and one further out does not. Whatever is stiff must be in this
+    matrix: with less of it the rest of a stiff scene would grow without bounds, with more of it the rest holds back.
+    """
+    return scene_matrix(parts._replace(lagrangian=False), scene, length)
+
+
 def etd2rk_tables(scene: Any, parts: Parts, length: int, h: float) -> NDArray[np.float64]:
     """Return A and, of the step's length, phi_0, h phi_1, h phi_2."""
-    a = scene_matrix(parts, scene, length)
+    a = _lightest(parts, scene, length)
     full = phi(a, h, 2)
     return _by_columns(a, full[0], h * full[1], h * full[2])
 
 
 def etdrk4_tables(scene: Any, parts: Parts, length: int, h: float) -> NDArray[np.float64]:
-    a = scene_matrix(parts, scene, length)
+    a = _lightest(parts, scene, length)
     half, full = phi(a, 0.5 * h, 2), phi(a, h, 3)
     h1, h2, f1, f2, f3 = h * half[1], h * half[2], h * full[1], h * full[2], h * full[3]
     stages = (0.5 * h1, 0.5 * h1 - h2, h2, f1 - 2.0 * f2, 2.0 * f2)

@@ -9,6 +9,8 @@ Numba has no such type: this module is the only one that writes instructions by 
 """
 
 import operator
+from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -60,6 +62,12 @@ def _spread_value(builder: Any, value: Any, count: int) -> Any:
     vector = ir.VectorType(_DOUBLE, count)
     first = builder.insert_element(ir.Constant(vector, ir.Undefined), value, _INT(0))
     return builder.shuffle_vector(first, ir.Constant(vector, ir.Undefined), ir.Constant(ir.VectorType(_INT, count), [0] * count))
+
+
+def _spread_lane(builder: Any, lanes: Any, i: int, count: int) -> Any:
+    """Write one lane into every lane."""
+    mask = ir.Constant(ir.VectorType(_INT, count), [i] * count)
+    return builder.shuffle_vector(lanes, ir.Constant(lanes.type, ir.Undefined), mask)
 
 
 def _cast(context: Any, builder: Any, source: Any, target: Any, value: Any) -> Any:
@@ -147,8 +155,7 @@ def _extracting(typing: Any, lanes: Any, i: Any) -> Any:
 
 def _spreading(typing: Any, lanes: Any, i: Any) -> Any:
     def write(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        mask = ir.Constant(ir.VectorType(_INT, lanes.count), [i.literal_value] * lanes.count)
-        return builder.shuffle_vector(args[0], ir.Constant(args[0].type, ir.Undefined), mask)
+        return _spread_lane(builder, args[0], i.literal_value, lanes.count)
 
     return lanes(lanes, i), write
 
@@ -175,9 +182,29 @@ def _bounding(typing: Any, lanes: Any, bound: Any) -> Any:
     return types.boolean(lanes, types.float64), write
 
 
+def _applying(typing: Any, array: Any, offset: Any, lanes: Any, count: Any) -> Any:
+    n = count.literal_value
+
+    def write(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        pointer = ir.VectorType(_DOUBLE, n).as_pointer()
+        start = context.cast(builder, args[1], sig.args[1], types.intp)
+        chains: list[Any] = []  # two, which the processor adds up side by side
+        for j in range(lanes.count):
+            place = _element(context, builder, array, args[0], builder.add(start, ir.Constant(start.type, j * n)))
+            column = builder.load(builder.bitcast(place, pointer), align=8)
+            product = builder.fmul(column, _spread_lane(builder, args[2], j, n))
+            if j < 2:
+                chains.append(product)
+            else:
+                chains[j % 2] = builder.fadd(chains[j % 2], product)
+        return builder.fadd(*chains)
+
+    return Lanes(n)(array, types.intp, lanes, count), write
+
+
 _intrinsic = intrinsic(prefer_literal=True)
 _load_lanes, _load_pair, _store, _extract = (_intrinsic(f) for f in (_loading, _pairing, _storing, _extracting))
-_spread, _gather, _bounded = (_intrinsic(f) for f in (_spreading, _gathering, _bounding))
+_spread, _gather, _bounded, _apply = (_intrinsic(f) for f in (_spreading, _gathering, _bounding, _applying))
 
 
 def lanes_at(array: Array, offset: int, count: int) -> Any:
@@ -311,3 +338,65 @@ def within(lanes: Any, bound: float) -> bool:
 @specialised(within)
 def _within(lanes: Any, bound: Any) -> Any:
     return lambda lanes, bound: _bounded(lanes, bound)
+
+
+def applied(array: Array, offset: int, lanes: Any, count: int) -> Any:
+    """Return the product of a matrix and lanes.
+
+    Parameters
+    ----------
+    array : ndarray of float64
+        C-contiguous; with the columns of the matrix one after the other.
+    offset : int
+        Where the matrix starts, counted through the whole array [1].
+    lanes : lanes
+        What to multiply it with: as many as there are columns.
+    count : int
+        How many lanes the result has: as many as there are rows; a constant at the call [1].
+    """
+    columns = array.ravel()[offset : offset + len(lanes) * count].reshape(len(lanes), count)
+    chains = [columns[0] * lanes[0], columns[1] * lanes[1]]
+    for j in range(2, len(lanes)):
+        chains[j % 2] = chains[j % 2] + columns[j] * lanes[j]
+    return chains[0] + chains[1]
+
+
+@specialised(applied)
+def _applied(array: Any, offset: Any, lanes: Any, count: Any) -> Any:
+    if array.layout != "C":
+        return None
+    return lambda array, offset, lanes, count: _apply(array, offset, lanes, count)
+
+
+def written(names: str, write: Callable[..., str]) -> Callable[..., Any]:
+    """Return a function whose expression depends on the lengths of its arguments, in kernels and in plain Python alike.
+
+    Parameters
+    ----------
+    names : str
+        Names of the arguments.
+    write : callable
+        Returns the expression; its arguments are the lengths of those that are tuples, the numbers of those that are
+        constants at the call, and 0 for others.
+    """
+
+    @cache
+    def compose(*sizes: int) -> Any:
+        return eval(f"lambda {names}: {write(*sizes)}", _OPERATIONS)
+
+    def run(*arguments: Any) -> Any:
+        sizes = [len(a) if isinstance(a, tuple) else a if isinstance(a, int) else 0 for a in arguments]
+        return compose(*sizes)(*arguments)
+
+    def choose(*arguments: Any) -> Any:
+        sizes = [
+            a.count if isinstance(a, types.BaseTuple) else getattr(a, "literal_value", 0) for a in arguments
+        ]
+        return compose(*sizes)
+
+    plain: Callable[..., Any] = eval(f"lambda {names}: run({names})", {"run": run})
+    specialised(plain)(eval(f"lambda {names}: choose({names})", {"choose": choose}))
+    return plain
+
+
+_OPERATIONS = {f.__name__: f for f in (lanes_at, lane, spread, gathered, within, applied)}

@@ -42,6 +42,34 @@ def _pulled(row: int, length: int, known: int) -> list[int]:
     return []
 
 
+def known_of(parts: Parts) -> int:
+    """Return what is known of a scene."""
+    return EVEN * parts.even + FIXED * (parts.loaded and not parts.free) + PAPER * (not parts.lagrangian)
+
+
+def columns_of(row: int, length: int, known: int) -> list[int]:
+    """Return which columns have something other than 0 for a row; none for a ball that is fixed."""
+    return [j for rows, columns in blocks(length, known) for j in columns if row in rows]
+
+
+def kicked_rows(length: int, known: int) -> list[int]:
+    """Return in which rows N can be something other than 0."""
+    return sorted(j for _, columns in blocks(length, known) for j in kicks(columns))
+
+
+def needed_rows(length: int, known: int) -> list[int]:
+    """Return on which rows of a state N depends.
+
+    By the paper, not on how fast balls roll, nor, on an even board, on its heave. Balls that are fixed do not count.
+    """
+    rows = [i for block, _ in blocks(length, known) for i in block]
+    if known & PAPER:
+        rows = [i for i in rows if i < 4 or i % 2 == 0]
+        if known & EVEN:
+            rows = [i for i in rows if i > 1]
+    return rows
+
+
 def _times(tables: Any, k: int, x: State, known: int) -> State:
     """Return the product of table k and a state; each sum goes from the left to the right."""
     table = tables[0][tables[1], k]

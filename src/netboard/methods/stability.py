@@ -90,8 +90,8 @@ def _ball_inertia(parts: Parts, value: dict[str, float], s: float, c: float, p: 
     return m * value["fixed_load"] * np.array([[1.0, c * p - r * s], [c * p - r * s, p * p + r * r / ease]])
 
 
-def solved_matrix(parts: Parts, scene: Any, balls: int = 0) -> Matrix:
-    """Return what the exponential methods solve exactly of the board: the level one, with the balls at its centre.
+def solved_matrix(parts: Parts, scene: Any) -> Matrix:
+    """Return what the exponential methods solve exactly of the board: the level one, without the inertia of balls.
 
     Parameters
     ----------
@@ -99,15 +99,13 @@ def solved_matrix(parts: Parts, scene: Any, balls: int = 0) -> Matrix:
         What the scene has.
     scene : SCENE record
         The scene.
-    balls : int
-        How many balls there are [1].
 
     Returns
     -------
     ndarray of float64, shape (4, 4)
         A, of (z, vz, theta, omega) [SI].
     """
-    return scene_matrix(parts, scene, 4 + 2 * balls)[:4, :4]
+    return scene_matrix(parts._replace(lagrangian=False), scene, 4)
 
 
 def step_matrix(method: str, a: Matrix, h: float, solved: Matrix | None = None) -> Matrix:

@@ -68,17 +68,19 @@ class Flows(NamedTuple):
 @inlined
 def _moving(x: State, s: float, c: float, parts: Parts, scene: Any) -> float:
     """Return the kinetic energy of the balls [J]; by the paper they move along the board, and that is all."""
-    p, m, ease = places(x), scene["m"], scene["ease"]
+    p, vz, omega = places(x), x[1], x[3]
+    m: float = scene["m"]
+    ease: float = scene["ease"]
     if not parts.lagrangian:
         return 0.5 * (m / ease) * dot(speeds(x), speeds(x)) if parts.free else 0.0
-    omega, lever = x[3], scene["ball_height"] * x[3]
+    lever = scene["ball_height"] * omega
     if parts.free:
         along = affine(-lever, 1.0, speeds(x))
     else:
         m *= scene["fixed_load"]
         along = alike(-lever, p)
     lifted = s * total(along) + omega * c * total(p)
-    return 0.5 * m * (dot(along, along) / ease + omega * omega * dot(p, p) + x[1] * (len(p) * x[1] + 2.0 * lifted))
+    return 0.5 * m * (dot(along, along) / ease + omega * omega * dot(p, p) + vz * (len(p) * vz + 2.0 * lifted))
 
 
 @inlined
@@ -242,7 +244,8 @@ def _meeting(
     basis: NDArray[np.float64], t: float, h: NDArray[np.float64], start: NDArray[np.float64], *ends: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return place and rate, t of the way through each interval, of the polynomial that meets both ends."""
-    at, rate = polyval(t, basis), polyval(t, polyder(basis))
+    at: Any = polyval(t, basis)
+    rate: Any = polyval(t, polyder(basis))
     place = start + sum(weight * end for weight, end in zip(at, ends, strict=True))
     return place, sum(weight * end for weight, end in zip(rate, ends, strict=True)) / h
 

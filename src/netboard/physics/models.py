@@ -142,9 +142,7 @@ def masses(x: State, s: float, c: float, parts: Parts, scene: Any) -> tuple[floa
 
 
 @inlined
-def solved(
-    a11: float, a12: float, a22: float, force: float, torque: float, parts: Parts
-) -> tuple[float, float]:
+def solved(a11: float, a12: float, a22: float, force: float, torque: float, parts: Parts) -> tuple[float, float]:
     """Return the accelerations of heave and tilt that a force and a torque give, of those that the board can make.
 
     Parameters

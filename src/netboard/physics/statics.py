@@ -71,7 +71,7 @@ def _heights(springs: _Springs, balls: int, parts: Parts, scene: Any) -> tuple[f
 
 
 def _level_sine(a: float, b: float, q: float, e: float) -> float:
-    """Return the sine s at which ``a - b s + q s^2 + e s / c`` vanishes and falls with the tilt, so that it is stable."""
+    """Return the sine s at which ``a - b s + q s^2 + e s / c`` vanishes while it falls with the tilt: a stable one."""
     if e > 0:
         # It falls between the tilts at which the slope -b c + e / c^2 vanishes, and nowhere else.
         edge = math.acos(math.cbrt(e / b)) if e < b else 0.0

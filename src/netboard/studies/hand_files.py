@@ -327,7 +327,9 @@ def plan_outputs(inputs: Sequence[Path], output: str, force: bool = False) -> di
     ConfigError
         If two inputs would have one result, or a file is there already.
     """
-    folder = not output.endswith(KINDS)
+    folder = not output.lower().endswith(KINDS)
+    if folder and Path(output).suffix and not (Path(output).is_dir() or output.endswith("/")):
+        raise ConfigError(f"--output {output}: expected a .csv or .parquet file, or a folder, as {output}/")
     if not folder and len(inputs) > 1 and "{}" not in output:
         raise ConfigError(
             f"--output {output}: found one file for {len(inputs)} inputs, expected a folder, or a name with {{}} in it"
@@ -335,7 +337,8 @@ def plan_outputs(inputs: Sequence[Path], output: str, force: bool = False) -> di
     plan: dict[Path, Path] = {}
     taken: dict[Path, Path] = {}
     for path in inputs:
-        result = Path(output) / path.name if folder else Path(output.replace("{}", path.stem))
+        named = Path(output.replace("{}", path.stem))
+        result = named / path.name if folder else named
         if result in taken:
             raise ConfigError(f"{result}: would be the result of {taken[result]} and of {path}; rename one")
         if result.exists() and any(other.exists() and result.samefile(other) for other in inputs):

@@ -73,8 +73,8 @@ class Run:
 
         self._problem = problem
         t, x = Variable("t"), [Variable(name) for name in ("z", "vz", "theta", "omega", "p", "vp")]
-        drives = push_and_turn(problem.waves.tolist(), t, sin) if hands else (0.0, 0.0)
-        rates = derivatives(problem.physics, x, *drives, sin, cos)
+        push, turn = push_and_turn(problem.waves.tolist(), t, sin) if hands else (0.0, 0.0)
+        rates = derivatives(problem.physics, x, push, turn, sin, cos)
         system = SymbolicVectorSystem(time=t, state=np.array(x), dynamics=np.array(rates))
         self._simulator = Simulator(system)
         ResetIntegratorFromFlags(self._simulator, scheme, _LONGEST)

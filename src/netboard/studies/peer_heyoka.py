@@ -71,11 +71,11 @@ def _make(problem: Problem, tolerance: float, kind: type = float, hands: bool = 
     import heyoka
 
     x = heyoka.make_vars("z", "vz", "theta", "omega", "p", "vp")
-    drives = (heyoka.par[0], heyoka.par[1])
+    push, turn = heyoka.par[0], heyoka.par[1]
     if hands:
-        drives = push_and_turn(problem.waves.tolist(), heyoka.time, heyoka.sin)
-    rates = derivatives(problem.physics, x, *drives, heyoka.sin, heyoka.cos)
-    first = np.array(problem.first if hands else _ALONE, dtype=kind)
+        push, turn = push_and_turn(problem.waves.tolist(), heyoka.time, heyoka.sin)
+    rates = derivatives(problem.physics, x, push, turn, heyoka.sin, heyoka.cos)
+    first: NDArray[Any] = np.array(problem.first if hands else _ALONE, dtype=kind)
     return heyoka.taylor_adaptive([*zip(x, rates, strict=True)], state=first, tol=kind(tolerance), fp_type=kind)
 
 
@@ -101,7 +101,7 @@ def _contender(problem: Problem, tolerance: float) -> Contender:
         made["alone"] = _alone(problem, tolerance, steps)
         return Solution(states, 1, steps, 0)
 
-    return Contender(FAMILY, "Taylor", f"tol {tolerance:.0e}", solve, bare, inputs=True, alone=lambda: made["alone"]())
+    return Contender(FAMILY, "Taylor", f"tol {tolerance:.0e}", solve, bare, inputs=True, alone=alone)
 
 
 def _rewound(integrator: Any, state: tuple[float, ...]) -> Any:

@@ -17,7 +17,7 @@ import numpy as np
 
 from netboard.config import Physics
 from netboard.studies.contender import Contender, Solution, installed
-from netboard.studies.problem import SPACING, Array, Problem, drives_at
+from netboard.studies.problem import SPACING, Array, Problem, drives_at, multiples
 
 FAMILY = "MuJoCo"
 STEPS = (0.004, 0.002, 0.001, 0.0005, 0.00025)
@@ -152,7 +152,7 @@ class Scene:
     @cached_property
     def _controls(self) -> Array:
         """Controls for timing."""
-        return drives_at(self.problem.waves, np.arange(self.steps) * self.step)
+        return drives_at(self.problem.waves, multiples(self.steps, self.step))
 
     def _rollout(self, controls: Array) -> Array:
         """Step through controls, and return MuJoCo's full states."""
@@ -174,7 +174,8 @@ class Scene:
         Solution
             The states.
         """
-        states = self._rollout(drives_at(self.problem.waves, (np.arange(self.steps) + ahead) * self.step))
+        times = multiples(self.steps, self.step) + ahead * self.step
+        states = self._rollout(drives_at(self.problem.waves, times))
         return self._solution(np.concatenate([self._rewind()[np.newaxis], states])[:, 1:7], self.steps)
 
     def sampled(self) -> Solution:

@@ -229,7 +229,8 @@ def study(wanted: Wanted, say: Say = lambda stage: None) -> tuple[list[Row], lis
     settled = [problem for problem in wanted.problems if problem.start == "settled"]
     ticks = [measure_tick(problem, wanted.repeats) for problem in settled]
     say("lesser scenes")
-    skips = [row for problem in settled for row in skip_rows(problem.model, wanted.repeats)]
+    models = [problem.model for problem in settled][: 1 if wanted.quick else None]
+    skips = [row for model in models for row in skip_rows(model, wanted.repeats)]
     parts += [physics_parts.holds_part(holds), physics_parts.tick_part(ticks), physics_parts.skips_part(skips)]
     return rows, parts
 

@@ -40,7 +40,7 @@ def reference_part(found: Sequence[tuple[Problem, Reference, float]]) -> Part:
         For each problem: the reference, and the largest difference of DOP853 at tight tolerances from it, as E [1].
     """
     rows: list[tuple[Value, ...]] = [
-        (problem.name, reference.source, difference, *(float(scale) for scale in reference.scales))
+        (problem.name, reference.source, difference, *reference.scales.tolist())
         for problem, reference, difference in found
     ]
     worst = max(difference for _, _, difference in found)
@@ -69,15 +69,16 @@ def runs_part(rows: Iterable[Row]) -> Part:
             *("ns per step", "physics [us/s]", "its median", "whole [us/s]", "its median"),
             *("steps", "evaluations of the hands", "turns", "warm-up [s]"),
         ),
-        [
-            (
-                *(row.problem, row.family, row.method, row.setting, row.held, row.scaled, *row.errors),
-                *(row.step_ns, row.physics, row.physics_median, row.whole, row.whole_median),
-                *(row.steps, row.calls, row.turns, row.warm_up),
-            )
-            for row in rows
-        ],
+        [_all_of(row) for row in rows],
     )
+
+
+def _all_of(row: Row) -> tuple[Value, ...]:
+    """Return everything that is known of a run."""
+    who: tuple[Value, ...] = (row.problem, row.family, row.method, row.setting, row.held, row.scaled)
+    costs = (row.step_ns, row.physics, row.physics_median, row.whole, row.whole_median)
+    counts: tuple[Value, ...] = (row.steps, row.calls, row.turns, row.warm_up)
+    return who + row.errors + costs + counts
 
 
 def steps_part(rows: Iterable[Row], setting: str = "1 ms") -> Part:

@@ -105,7 +105,7 @@ class Problem:
     @cached_property
     def times(self) -> Array:
         """Where errors are taken [s]."""
-        return np.arange(round(self.duration / SPACING) + 1) * SPACING
+        return multiples(round(self.duration / SPACING) + 1, SPACING)
 
     @cached_property
     def first(self) -> State:
@@ -115,9 +115,27 @@ class Problem:
             return (0.0, 0.0, 0.0, 0.0, *ball)
         steps, h = 4000, RUN_UP / 4000
         grid = make_grid("rk4", np.full(steps, h), np.ones(steps, np.int64), self.parts, 6, self.scene)
-        nodes = node_times(np.arange(steps) * h - RUN_UP, h, (0.0, 0.5, 1.0))
+        nodes = node_times(multiples(steps, h) - RUN_UP, h, (0.0, 0.5, 1.0))
         hands = drives_at(self.waves, nodes)
         return tuple(run("rk4", (0.0, 0.0, 0.0, 0.0, *ball), hands, grid, self.parts, self.scene)[-1].tolist())
+
+
+def multiples(count: int, h: float) -> Array:
+    """Return the first multiples of a time, from 0.
+
+    Parameters
+    ----------
+    count : int
+        How many [1].
+    h : float
+        The time [s].
+
+    Returns
+    -------
+    ndarray of float64, shape (count,)
+        Times [s].
+    """
+    return np.arange(count, dtype=np.float64) * h
 
 
 def styluses_at(times: Any) -> tuple[Array, Array]:

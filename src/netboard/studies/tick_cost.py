@@ -159,15 +159,19 @@ def measure_tick(problem: Problem, repeats: int) -> TickCost:
     ns = [min(taken) / COUNT * 1e9 for taken in in_turns(runs, repeats, 10.0)]
     calls = _calls(stage, problem)
     return TickCost(
-        problem.model,
-        *ns[:4],
-        STAGES * ns[2],
-        *ns[4:],
-        median(calls),
-        float(np.percentile(calls, 99)),
-        max(calls),
-        first_call,
-        late,
+        model=problem.model,
+        sincos_latency_ns=ns[0],
+        sincos_ns=ns[1],
+        right_side_latency_ns=ns[2],
+        right_side_ns=ns[3],
+        floor_ns=STAGES * ns[2],
+        step_ns=ns[4],
+        tick_ns=ns[5],
+        call_ns=median(calls),
+        call_p99_ns=float(np.percentile(calls, 99)),
+        call_worst_ns=max(calls),
+        first_call_ns=first_call,
+        compiled_late=late,
     )
 
 

@@ -13,13 +13,14 @@ from functools import partial
 from itertools import groupby, pairwise
 from math import exp, gcd, inf, isnan, log
 from statistics import median
+from time import perf_counter
 
 import numpy as np
 
 from netboard.methods.catalogue import METHODS, NUMBER, Method
 from netboard.methods.march import Grid, make_grid, make_march, run
 from netboard.studies.contender import OURS, Contender, Solution, timed
-from netboard.studies.problem import SPACING, Array, Problem, Reference, drives_at, errors_of, node_times
+from netboard.studies.problem import SPACING, Array, Problem, Reference, drives_at, errors_of, multiples, node_times
 
 STEPS = (0.020, 0.010, 0.005, 0.004, 0.002, 0.001, 0.0005, 0.00025, 0.000125)
 """Lengths of the one-step methods' steps [s]."""
@@ -129,7 +130,7 @@ def _hands(problem: Problem, method: Method, h: float) -> tuple[Grid, Array]:
     """Return the steps of a run and the hands at the method's nodes in each."""
     count = round(problem.duration / h)
     grid = make_grid(method.name, np.full(count, h), np.ones(count, np.int64), problem.parts, 6, problem.scene)
-    return grid, drives_at(problem.waves, node_times(np.arange(count) * h, h, method.nodes))
+    return grid, drives_at(problem.waves, node_times(multiples(count, h), h, method.nodes))
 
 
 def _solve(problem: Problem, method: Method, h: float) -> Solution:
@@ -248,9 +249,10 @@ def measure(
     solutions, warm_ups = [], []
     for contender in contenders:
         progress(f"{problem.name}: {contender.family} {contender.method}")
-        found: list[Solution] = []
-        warm_ups.append(timed(lambda one=contender, to=found: (to.append(one.solve()), one.bare())))
-        solutions += found
+        start = perf_counter()
+        solutions.append(contender.solve())
+        contender.bare()
+        warm_ups.append(perf_counter() - start)
     ns = input_cost(problem)
     progress(f"{problem.name}: timing")
     walls = in_turns([contender.bare for contender in contenders], repeats, budget)
