@@ -29,7 +29,7 @@ def stability(
     """Where the methods hold and where they fail: theory beside nonlinear runs, stiff scenes, odd hands."""
     from netboard.studies import stability as study
 
-    raise typer.Exit(study.main(output, quick=quick, force=force, soak=soak))
+    raise typer.Exit(study.main(output, quick=quick, force=force, soak_too=soak))
 
 
 @app.command(

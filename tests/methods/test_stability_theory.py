@@ -34,9 +34,9 @@ def board(scene: Scene, tilt: float = 0.0, p: float = 0.0) -> NDArray[np.float64
     return tilted_matrix(scene.parts, scene.record, scene.physics.balls, tilt, p)
 
 
-def level(scene: Scene) -> NDArray[np.float64]:
+def level(scene: Scene, h: float) -> NDArray[np.float64]:
     """What an exponential method solves exactly of the board."""
-    return solved_matrix(scene.parts, scene.record)
+    return solved_matrix(scene.parts, scene.record, scene.physics.balls, h)
 
 
 def at_rest(scene: Scene, tilt: float, p: float = 0.0) -> tuple[tuple[float, ...], Any]:
@@ -100,7 +100,7 @@ def test_the_step_matrix_is_the_derivative_of_the_compiled_step(method: str, til
         x, hands = at_rest(scene, tilt)
         for h in (2e-4, 2e-3):
             found = slopes(lambda y, s=scene, u=hands, t=h: trajectory(s, y, u, t, 1, method)[-1], x)
-            theory = step_matrix(method, board(scene, tilt), h, level(scene))
+            theory = step_matrix(method, board(scene, tilt), h, level(scene, h))
             # Velocities are hundreds of times larger than places.
             unit = np.array([500.0, 1.0, 500.0, 1.0])
             assert found * unit[:, None] / unit == pytest.approx(theory * unit[:, None] / unit, rel=1e-6, abs=1e-6)
@@ -213,7 +213,7 @@ def test_exponential_methods_hold_a_tilted_board_by_the_papers_equations(
     scene = scaled(*scales)
     for tilt in np.radians([20, 35]):
         for h in np.geomspace(1e-5, 1.0, 21):
-            assert is_stable(method, board(scene, tilt), float(h), level(scene))
+            assert is_stable(method, board(scene, tilt), float(h), level(scene, float(h)))
 
 
 def test_without_damping_a_tilted_board_creeps() -> None:

@@ -160,14 +160,15 @@ def blow(parts: Parts, balls: int) -> bool:
     """Whether a stop turns a ball back as momentum demands: one blow between ball and board, along the board."""
     x, scene = state(balls), record(parts)
     before = still(parts, x)
-    after = models._struck(before, 0, parts, scene)
+    struck = len(x) - 2
+    after = models._struck(before, balls - 1, parts, scene)
     kinetic, _ = energies(parts, x)
     jump = {rate: after[i + 1] - before[i + 1] for _, rate, _, i in coordinates(parts, x)}
-    good = is_zero(after[5] + restitution * before[5])
+    good = is_zero(after[struck + 1] + restitution * before[struck + 1])
     for q, rate, _, _ in coordinates(parts, x):
-        # Momentum is linear in the rates; the blow itself is what the first ball's momentum changed by.
+        # Momentum is linear in the rates; the blow itself is what the last ball's momentum changed by.
         change = sum(kinetic.diff(rate).diff(other) * by for other, by in jump.items())
-        good &= q == x[4] or is_zero(bound(parts, change))
+        good &= q == x[struck] or is_zero(bound(parts, change))
     lost = kinetic - kinetic.subs(dict(zip(x, after, strict=True)), simultaneous=True)
     good &= is_zero(bound(parts, lost).subs(restitution, 1))
     return good

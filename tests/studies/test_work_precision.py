@@ -14,6 +14,7 @@ from netboard.errors import ConfigError
 from netboard.studies.contender import OURS
 from netboard.studies.figures import draw
 from netboard.studies.holds import hold_rows
+from netboard.studies.own_methods import collocation_contenders, meeting, one_step_contenders
 from netboard.studies.physics_bench import Wanted, choose_peers, study
 from netboard.studies.physics_parts import SAME, holds_part, ratios_part
 from netboard.studies.problem import MODELS, Model, Problem, make_reference, tight
@@ -29,8 +30,6 @@ from netboard.studies.work_precision import (
     in_turns,
     least_cost,
     measure,
-    meeting,
-    one_step_contenders,
 )
 
 SHORT = Problem("paper", "settled", duration=0.1)
@@ -39,7 +38,24 @@ SHORT = Problem("paper", "settled", duration=0.1)
 def row(error: float, cost: float, family: str = OURS, method: str = "rk4", problem: str = "paper, settled") -> Row:
     errors = (0.1 * error, error, 0.5 * error, error)
     return Row(
-        problem, family, method, f"{cost} us", False, 10, 20, errors, error, 3, 0.0, cost, cost, 2 * cost, 2 * cost, 1.0
+        problem,
+        family,
+        method,
+        f"{cost} us",
+        False,
+        10,
+        20,
+        errors,
+        error,
+        3,
+        0.0,
+        cost,
+        cost,
+        2 * cost,
+        2 * cost,
+        inf,
+        0.002,
+        1.0,
     )
 
 
@@ -149,6 +165,18 @@ def test_a_run_is_as_good_as_its_method(method: str, order: int) -> None:
         assert one.physics_median >= one.physics
         assert one.family == OURS
         assert one.turns >= LEAST - 1
+
+
+@pytest.mark.slow
+def test_collocation_is_good_in_long_steps_and_with_short_ones_first() -> None:
+    problem = Problem("paper", "cold", duration=0.3)
+    reference = make_reference(problem, "tight", tight(problem))
+    rows = measure(problem, reference, collocation_contenders(problem, quick=True), 1, 0.0)
+    found = {(one.method, one.setting): one.scaled for one in rows}
+    assert found["collocation 8", "10 ms, tol 1e-14"] < 1e-8
+    assert found["collocation 8", "5 ms, tol 1e-14"] < 1e-10
+    opened = found["collocation 8, short steps first", "5 ms then 50 ms, tol 1e-14"]
+    assert opened < 1e-9 < found["collocation 8", "50 ms, tol 1e-14"]
 
 
 def test_the_exact_method_is_for_level_boards_only() -> None:

@@ -13,7 +13,7 @@ from typing import Any
 from netboard.config import Physics
 from netboard.errors import ConfigError
 from netboard.methods.stability import ROUNDING, Matrix, solved_matrix, spectral_radius, stiffness, tilted_matrix
-from netboard.physics.scene import pack_scene, parts_of
+from netboard.physics.scene import Parts, pack_scene, parts_of
 
 TILTS = tuple(math.radians(tilt) for tilt in (0, 35, 20))
 """A tilt to the other side is the same with the balls on the other side [rad]."""
@@ -154,21 +154,21 @@ def _limit(method: str) -> float:
 
 def _radii(physics: Physics, method: str, h: float) -> Iterator[float]:
     """Yield the spectral radius of a step for every board that it must hold."""
-    for a, level in _cases(physics):
-        yield spectral_radius(method, a, h, level)
+    scene = pack_scene(physics)[0]
+    for a, parts in _cases(physics):
+        yield spectral_radius(method, a, h, solved_matrix(parts, scene, physics.balls, h))
 
 
-def _cases(physics: Physics) -> Iterator[tuple[Matrix, Matrix]]:
-    """Yield the boards that the steps must hold, each with what an exponential method solves in its place."""
+def _cases(physics: Physics) -> Iterator[tuple[Matrix, Parts]]:
+    """Yield the boards that the steps must hold, each with its parts."""
     scene, balls = pack_scene(physics)[0], physics.balls
     reach = physics.ball_stop or 2.0 * physics.l
     free, fixed = parts_of(physics), parts_of(physics, free=False)
     heavy = physics.model == "lagrangian" and balls > 0
     for parts in (free, fixed) if heavy else (free,):
-        level = solved_matrix(parts, scene)
         for tilt in TILTS if parts.tilts else TILTS[:1]:
             for place in PLACES if heavy else PLACES[:1]:
-                yield tilted_matrix(parts, scene, balls, tilt, place * reach), level
+                yield tilted_matrix(parts, scene, balls, tilt, place * reach), parts
 
 
 def _refusal(physics: Physics, h: float, choice: Choice) -> str:

@@ -30,7 +30,13 @@ from netboard.physics.vectors import State
 
 Array = NDArray[np.float64]
 
-_SWEEPS = 60
+TOLERANCE = 1e-15
+"""Of the sweeps, unless told otherwise [m, rad]."""
+
+_ROUNDING = 5e-17
+"""What never settles of an acceleration, by the largest element of A: the last digits of the state [m, rad]."""
+
+_SWEEPS = 40
 """Most sweeps in a step [1]."""
 
 
@@ -299,16 +305,16 @@ def _continued(nodes: Sequence[Decimal]) -> Array:
     return np.array(values, dtype=np.float64)
 
 
-def collocate(
+def prepare_collocation(
     x: State,
     hands: Array,
     h: float,
     parts: Parts,
     scene: NDArray[Any],
-    tolerance: float = 1e-13,
     every: int = 1,
-) -> Array:
-    """Run a scene by exponential collocation.
+    tolerance: float = TOLERANCE,
+) -> Callable[[], Array]:
+    """Prepare a run of a scene by collocation: its tables are made, and room for its states.
 
     Parameters
     ----------
@@ -316,26 +322,68 @@ def collocate(
         The first state [SI].
     hands : ndarray of float64, shape (n, nodes, 2)
         Drives of the left and of the right hand at the nodes (`netboard.methods.phi.gauss_nodes`) of every step; there
-        are 4, 8 or 16 nodes [N].
+        are 4, 8 or 16 of them [N].
     h : float
         Length of a step [s].
     parts : Parts
         What the scene has.
     scene : ndarray of SCENE, shape (1,)
         The scene.
-    tolerance : float
-        Sweeps end when no acceleration, through a whole step, would change a place by more [m, rad].
     every : int
         A state is kept after every so many steps [1].
+    tolerance : float
+        Sweeps end when what still changes of the accelerations would move nothing by more in a step [m, rad].
+
+    Returns
+    -------
+    callable
+        Does the run, and returns the states; every call returns the same array.
+    """
+    nodes, hands = hands.shape[1], np.ascontiguousarray(hands)
+    out = np.empty((len(hands) // every + 1, len(x)))
+    tables = make_tables(parts, scene[0], len(x), h, nodes)
+    march = make_collocation(parts, len(x), nodes)
+    bound = max(tolerance / (h * h), _ROUNDING * float(np.abs(tables.a).max()))
+
+    def run() -> Array:
+        march(x, hands, bound, *vars(tables).values(), scene, every, out)
+        return out
+
+    return run
+
+
+def run_collocation(
+    x: State,
+    hands: Array,
+    h: float,
+    parts: Parts,
+    scene: NDArray[Any],
+    every: int = 1,
+    tolerance: float = TOLERANCE,
+) -> Array:
+    """Run a scene by collocation.
+
+    Parameters
+    ----------
+    x : tuple of float
+        The first state [SI].
+    hands : ndarray of float64, shape (n, nodes, 2)
+        Drives of the left and of the right hand at the nodes (`netboard.methods.phi.gauss_nodes`) of every step; there
+        are 4, 8 or 16 of them [N].
+    h : float
+        Length of a step [s].
+    parts : Parts
+        What the scene has.
+    scene : ndarray of SCENE, shape (1,)
+        The scene.
+    every : int
+        A state is kept after every so many steps [1].
+    tolerance : float
+        Sweeps end when what still changes of the accelerations would move nothing by more in a step [m, rad].
 
     Returns
     -------
     ndarray of float64, shape (n // every + 1, length)
         The first state and the others that are kept [SI].
     """
-    nodes = hands.shape[1]
-    out = np.empty((len(hands) // every + 1, len(x)))
-    tables = make_tables(parts, scene[0], len(x), h, nodes)
-    march = make_collocation(parts, len(x), nodes)
-    march(x, np.ascontiguousarray(hands), tolerance / (h * h), *vars(tables).values(), scene, every, out)
-    return out
+    return prepare_collocation(x, hands, h, parts, scene, every, tolerance)()

@@ -8,6 +8,7 @@ does not meet the rest of A. `exact` is for boards that cannot tilt: there N dep
 Every step has the arguments of those of `netboard.methods.one_step`; the rules of `netboard.physics.models` hold here.
 """
 
+from math import sqrt
 from typing import Any
 
 import numpy as np
@@ -49,24 +50,47 @@ def etdrk4(x: State, h: float, hands: Any, tables: Any, parts: Parts, scene: Any
     return pushed(known, tables, 10, n4, parts)
 
 
-def _lightest(parts: Parts, scene: Any, length: int) -> NDArray[np.float64]:
-    """Return the matrix of the scene that is to be solved exactly, that of the board without the inertia of its balls.
+LARGEST_REST = 2.0
+"""A Runge-Kutta rule holds a rest that moves by no more than this in a step; the limit of RK4 is 2.8 [1]."""
 
-    By Lagrange a ball at the centre weighs on the heave, and one further out does not. Whatever is stiff must be in this
-    matrix: with less of it the rest of a stiff scene would grow without bounds, with more of it the rest holds back.
+
+def solved(parts: Parts, scene: Any, length: int, h: float) -> NDArray[np.float64]:
+    """Return the matrix that is solved exactly: that of the scene, or of its board without the inertia of its balls.
+
+    By Lagrange a ball at the centre weighs on the heave, and one further out does not, which is left to the rest N. On a
+    stiff board that would be too much for it, and the board is solved at its lightest: bounded, but less accurate.
+
+    Parameters
+    ----------
+    parts : Parts
+        What the scene has.
+    scene : SCENE record
+        The scene.
+    length : int
+        Length of its state [1].
+    h : float
+        Length of the step [s].
+
+    Returns
+    -------
+    ndarray of float64, shape (length, length)
+        A, of the state [SI].
     """
-    return scene_matrix(parts._replace(lagrangian=False), scene, length)
+    k = float(scene["k_left"]) + float(scene["k_right"]) + float(scene["k_s"])
+    c = float(scene["c_left"]) + float(scene["c_right"]) + float(scene["b_z"])
+    stiff = h * max(c / float(scene["M"]), sqrt(k / float(scene["M"]))) > LARGEST_REST
+    return scene_matrix(parts._replace(lagrangian=False) if stiff else parts, scene, length)
 
 
 def etd2rk_tables(scene: Any, parts: Parts, length: int, h: float) -> NDArray[np.float64]:
     """Return A and, of the step's length, phi_0, h phi_1, h phi_2."""
-    a = _lightest(parts, scene, length)
+    a = solved(parts, scene, length, h)
     full = phi(a, h, 2)
     return _by_columns(a, full[0], h * full[1], h * full[2])
 
 
 def etdrk4_tables(scene: Any, parts: Parts, length: int, h: float) -> NDArray[np.float64]:
-    a = _lightest(parts, scene, length)
+    a = solved(parts, scene, length, h)
     half, full = phi(a, 0.5 * h, 2), phi(a, h, 3)
     h1, h2, f1, f2, f3 = h * half[1], h * half[2], h * full[1], h * full[2], h * full[3]
     stages = (0.5 * h1, 0.5 * h1 - h2, h2, f1 - 2.0 * f2, 2.0 * f2)

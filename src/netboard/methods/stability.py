@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from netboard.physics.linear import scene_matrix
+from netboard.methods.exponential import solved
 from netboard.physics.scene import Parts
 
 Matrix = NDArray[np.float64]
@@ -90,8 +90,8 @@ def _ball_inertia(parts: Parts, value: dict[str, float], s: float, c: float, p: 
     return m * value["fixed_load"] * np.array([[1.0, c * p - r * s], [c * p - r * s, p * p + r * r / ease]])
 
 
-def solved_matrix(parts: Parts, scene: Any) -> Matrix:
-    """Return what the exponential methods solve exactly of the board: the level one, without the inertia of balls.
+def solved_matrix(parts: Parts, scene: Any, balls: int, h: float) -> Matrix:
+    """Return what the exponential methods solve exactly of the board.
 
     Parameters
     ----------
@@ -99,13 +99,17 @@ def solved_matrix(parts: Parts, scene: Any) -> Matrix:
         What the scene has.
     scene : SCENE record
         The scene.
+    balls : int
+        How many balls there are [1].
+    h : float
+        Length of the step [s].
 
     Returns
     -------
     ndarray of float64, shape (4, 4)
         A, of (z, vz, theta, omega) [SI].
     """
-    return scene_matrix(parts._replace(lagrangian=False), scene, 4)
+    return solved(parts, scene, 4 + 2 * balls, h)[:4, :4]
 
 
 def step_matrix(method: str, a: Matrix, h: float, solved: Matrix | None = None) -> Matrix:

@@ -169,19 +169,55 @@ def flows(x: State, left_z: float, left_vz: float, right_z: float, right_vz: flo
     )
 
 
-@cache
-def _make_along(PARTS: Parts) -> tuple[Callable[..., None], Callable[..., None], Callable[..., None]]:
-    """Compile rates, energies and flows of many states."""
+_GAUSS = (0.5 - 0.15**0.5, 0.5, 0.5 + 0.15**0.5)
+_SHARES = np.array([5.0, 8.0, 5.0]) / 18.0
+"""Gauss's rule on 0..1: its nodes, and their shares in the integral."""
 
-    @kernel
-    def all_rates(like: State, states: Any, hands: Any, scene: Any, out: Any) -> None:
-        one = scene[0]
-        for i in range(len(states)):
-            left = one["k_left"] * hands[i, 0] + one["c_left"] * hands[i, 1]
-            right = one["k_right"] * hands[i, 2] + one["c_right"] * hands[i, 3]
-            rate = rates(row(states, i, like), left, right, PARTS, one)
-            for j in range(len(like)):
-                out[i, j] = rate[j]
+
+def _values_and_slopes(*polynomials: tuple[float, ...]) -> NDArray[np.float64]:
+    """Return polynomials of 0..1 at the nodes, and their slopes: an array of nodes, the two, and polynomials."""
+    basis = np.array(polynomials).T
+    return np.moveaxis(np.array([polyval(_GAUSS, basis), polyval(_GAUSS, polyder(basis))]), -1, 0)
+
+
+# What a polynomial that meets both ends of an interval has of the difference of their values, of their rates, and of
+# the rates of those (Hermite).
+_QUINTIC = _values_and_slopes(
+    (0.0, 0.0, 0.0, 10.0, -15.0, 6.0),
+    (0.0, 1.0, 0.0, -6.0, 8.0, -3.0),
+    (0.0, 0.0, 0.0, -4.0, 7.0, -3.0),
+    (0.0, 0.0, 0.5, -1.5, 1.5, -0.5),
+    (0.0, 0.0, 0.0, 0.5, -1.0, 0.5),
+)
+_CUBIC = _values_and_slopes((0.0, 0.0, 3.0, -2.0), (0.0, 1.0, -2.0, 1.0), (0.0, 0.0, -1.0, 1.0))
+
+
+@inlined
+def _place(w: Any, x: Any, before: State, after: State, i: int, j: int, h: float, out: Any) -> None:
+    """Write coordinate j and its rate at a node of interval i, on the quintic."""
+    step, start, end = x[i + 1, j] - x[i, j], h * x[i, j + 1], h * x[i + 1, j + 1]
+    bend, last = (h * h) * before[j + 1], (h * h) * after[j + 1]
+    out[j] = x[i, j] + (w[0, 0] * step + w[0, 1] * start + w[0, 2] * end + w[0, 3] * bend + w[0, 4] * last)
+    out[j + 1] = (w[1, 0] * step + w[1, 1] * start + w[1, 2] * end + w[1, 3] * bend + w[1, 4] * last) / h
+
+
+@inlined
+def _held(w: Any, hands: Any, i: int, j: int, h: float) -> tuple[float, float]:
+    """Return height and rate of a stylus, in columns j and j + 1, at a node of interval i, on the cubic."""
+    step, start, end = hands[i + 1, j] - hands[i, j], h * hands[i, j + 1], h * hands[i + 1, j + 1]
+    z = hands[i, j] + (w[0, 0] * step + w[0, 1] * start + w[0, 2] * end)
+    return z, (w[1, 0] * step + w[1, 1] * start + w[1, 2] * end) / h
+
+
+@cache
+def _make_along(PARTS: Parts) -> tuple[Callable[..., None], Callable[..., None]]:
+    """Compile the energies at many states, and the work between them."""
+
+    @inlined
+    def rate(like: State, states: Any, hands: Any, one: Any, i: int) -> State:
+        left = one["k_left"] * hands[i, 0] + one["c_left"] * hands[i, 1]
+        right = one["k_right"] * hands[i, 2] + one["c_right"] * hands[i, 3]
+        return rates(row(states, i, like), left, right, PARTS, one)
 
     @kernel
     def all_stored(like: State, states: Any, hands: Any, scene: Any, out: Any) -> None:
@@ -191,13 +227,23 @@ def _make_along(PARTS: Parts) -> tuple[Callable[..., None], Callable[..., None],
                 out[i, j] = held[j]
 
     @kernel
-    def all_flows(like: State, states: Any, hands: Any, scene: Any, out: Any) -> None:
-        for i in range(len(states)):
-            flow = flows(row(states, i, like), hands[i, 0], hands[i, 1], hands[i, 2], hands[i, 3], PARTS, scene[0])
-            for j in range(len(flow)):
-                out[i, j] = flow[j]
+    def all_work(like: State, times: Any, states: Any, hands: Any, scene: Any, out: Any) -> None:
+        one, at = scene[0], np.empty((1, len(like)))
+        after = rate(like, states, hands, one, 0)
+        for i in range(len(times) - 1):
+            h = times[i + 1] - times[i]
+            before, after = after, rate(like, states, hands, one, i + 1)
+            out[i + 1] = out[i]
+            for node in range(len(_SHARES)):
+                for j in range(0, len(like), 2):
+                    _place(_QUINTIC[node], states, before, after, i, j, h, at[0])
+                left_z, left_vz = _held(_CUBIC[node], hands, i, 0, h)
+                right_z, right_vz = _held(_CUBIC[node], hands, i, 2, h)
+                flow = flows(row(at, 0, like), left_z, left_vz, right_z, right_vz, PARTS, one)
+                for j in range(len(flow)):
+                    out[i + 1, j] += _SHARES[node] * h * flow[j]
 
-    return all_rates, all_stored, all_flows
+    return all_stored, all_work
 
 
 def stored_along(
@@ -222,32 +268,8 @@ def stored_along(
         As in `Stored` [J].
     """
     out = np.empty((len(states), len(Stored._fields)))
-    _make_along(parts)[1]((0.0,) * states.shape[1], states, hands, scene, out)
+    _make_along(parts)[0]((0.0,) * states.shape[1], states, hands, scene, out)
     return out
-
-
-# A quintic of 0..1 by what it is at both ends: differences of values, two rates, two second rates (Hermite).
-_QUINTIC = np.array(
-    [
-        [0.0, 0.0, 0.0, 10.0, -15.0, 6.0],
-        [0.0, 1.0, 0.0, -6.0, 8.0, -3.0],
-        [0.0, 0.0, 0.0, -4.0, 7.0, -3.0],
-        [0.0, 0.0, 0.5, -1.5, 1.5, -0.5],
-        [0.0, 0.0, 0.0, 0.5, -1.0, 0.5],
-    ]
-).T
-_CUBIC = np.array([[0.0, 0.0, 3.0, -2.0], [0.0, 1.0, -2.0, 1.0], [0.0, 0.0, -1.0, 1.0]]).T
-_GAUSS, _WEIGHTS = (0.5 - np.sqrt(0.15), 0.5, 0.5 + np.sqrt(0.15)), (5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0)
-
-
-def _meeting(
-    basis: NDArray[np.float64], t: float, h: NDArray[np.float64], start: NDArray[np.float64], *ends: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return place and rate, t of the way through each interval, of the polynomial that meets both ends."""
-    at: Any = polyval(t, basis)
-    rate: Any = polyval(t, polyder(basis))
-    place = start + sum(weight * end for weight, end in zip(at, ends, strict=True))
-    return place, sum(weight * end for weight, end in zip(rate, ends, strict=True)) / h
 
 
 def work_along(
@@ -280,20 +302,6 @@ def work_along(
     ndarray of float64, shape (n, 6)
         As in `Flows`, since the first state [J].
     """
-    all_rates, _, all_flows = _make_along(parts)
-    like = (0.0,) * states.shape[1]
-    rate = np.empty_like(states)
-    all_rates(like, states, hands, scene, rate)
-    h = np.diff(times)[:, None]
-    place, speed, bend = states[:, 0::2], states[:, 1::2], rate[:, 1::2]
-    moved = (np.diff(place, axis=0), h * speed[:-1], h * speed[1:], h**2 * bend[:-1], h**2 * bend[1:])
-    hand, pace = hands[:, 0::2], hands[:, 1::2]
-    waved = (np.diff(hand, axis=0), h * pace[:-1], h * pace[1:])
-    between, held = np.empty((len(h), states.shape[1])), np.empty((len(h), 4))
-    power, work = np.empty((len(h), len(Flows._fields))), np.zeros((len(states), len(Flows._fields)))
-    for t, weight in zip(_GAUSS, _WEIGHTS, strict=True):
-        between[:, 0::2], between[:, 1::2] = _meeting(_QUINTIC, t, h, place[:-1], *moved)
-        held[:, 0::2], held[:, 1::2] = _meeting(_CUBIC, t, h, hand[:-1], *waved)
-        all_flows(like, between, held, scene, power)
-        work[1:] += weight * h * power
-    return np.cumsum(work, axis=0)
+    out = np.zeros((len(states), len(Flows._fields)))
+    _make_along(parts)[1]((0.0,) * states.shape[1], times, states, hands, scene, out)
+    return out

@@ -59,6 +59,8 @@ class Contender:
         As many steps without any hands, where the cost of the hands cannot be told apart otherwise.
     held : bool
         The hands do not change in a step.
+    dense : callable or None
+        Solves it and keeps the states at all of `Problem.times`, where the method can.
     share : float
         How much of the run `bare` does [1].
     input_ns : float
@@ -73,6 +75,7 @@ class Contender:
     inputs: bool
     alone: Callable[[], object] | None = None
     held: bool = False
+    dense: Callable[[], object] | None = None
     share: float = 1.0
     input_ns: float = nan
 

@@ -91,10 +91,10 @@ def _error_of(signal: int) -> Callable[[Row], float]:
 
 
 def _curves(ax: Any, rows: Sequence[Row], error: Callable[[Row], float], cost: Callable[[Row], float]) -> None:
-    """Draw a line for each method."""
+    """Draw a line for each method, without those of its settings that another beats."""
     ours = [method for method, _ in groupby(row.method for row in rows if row.family == OURS)]
     for i, ((family, method), curve) in enumerate(groupby(rows, key=lambda row: (row.family, row.method))):
-        shown = [(error(row), cost(row)) for row in curve if isfinite(error(row)) and error(row) > 0.0]
+        shown = [(error(row), cost(row)) for row in frontier(curve, cost) if isfinite(error(row)) and error(row) > 0.0]
         own = family == OURS
         ax.plot(
             [x for x, _ in shown],

@@ -95,13 +95,17 @@ def _contender(problem: Problem, tolerance: float) -> Contender:
         steps: int = integrator().propagate_until(problem.duration)[3]
         return steps
 
+    def dense() -> NDArray[np.float64]:
+        states: NDArray[np.float64] = integrator().propagate_grid(problem.times)[-1]
+        return states
+
     def solve() -> Solution:
-        states = np.ascontiguousarray(integrator().propagate_grid(problem.times)[-1])
+        states = np.ascontiguousarray(dense())
         steps = bare()
         made["alone"] = _alone(problem, tolerance, steps)
         return Solution(states, 1, steps, 0)
 
-    return Contender(FAMILY, "Taylor", f"tol {tolerance:.0e}", solve, bare, inputs=True, alone=alone)
+    return Contender(FAMILY, "Taylor", f"tol {tolerance:.0e}", solve, bare, True, alone, dense=dense)
 
 
 def _rewound(integrator: Any, state: tuple[float, ...]) -> Any:

@@ -18,11 +18,12 @@ from netboard.studies import figures, peer_drake, peer_heyoka, peer_mujoco, peer
 from netboard.studies.contender import Contender, installed
 from netboard.studies.holds import hold_rows
 from netboard.studies.machine import describe
+from netboard.studies.own_methods import collocation_contenders, one_step_contenders
 from netboard.studies.problem import MODELS, STARTS, Model, Problem, Reference, errors_of, make_reference, tight
 from netboard.studies.results import Folder, Part, new_folder, show
 from netboard.studies.skips import skip_rows
 from netboard.studies.tick_cost import measure_tick
-from netboard.studies.work_precision import Row, compare, measure, one_step_contenders
+from netboard.studies.work_precision import Row, compare, measure
 
 
 @dataclass(frozen=True)
@@ -259,7 +260,7 @@ def find_reference(problem: Problem) -> tuple[Reference, float]:
 
 def _contenders(problem: Problem, wanted: Wanted) -> list[Contender]:
     """Return all who take part in a problem."""
-    found = one_step_contenders(problem, wanted.quick)
+    found = one_step_contenders(problem, wanted.quick) + collocation_contenders(problem, wanted.quick)
     for name in wanted.peers:
         found += PEERS[name].contenders(problem, wanted.quick)
     return found

@@ -66,8 +66,8 @@ def runs_part(rows: Iterable[Row]) -> Part:
         "All runs",
         (
             *("problem", "library", "method", "setting", "controls held", "E [1]", *_ERRORS),
-            *("ns per step", "physics [us/s]", "its median", "whole [us/s]", "its median"),
-            *("steps", "evaluations of the hands", "turns", "warm-up [s]"),
+            *("ns per step", "physics [us/s]", "its median", "whole [us/s]", "its median", "dense [us/s]"),
+            *("steps", "evaluations of the hands", "errors every [s]", "turns", "warm-up [s]"),
         ),
         [_all_of(row) for row in rows],
     )
@@ -76,8 +76,8 @@ def runs_part(rows: Iterable[Row]) -> Part:
 def _all_of(row: Row) -> tuple[Value, ...]:
     """Return everything that is known of a run."""
     who: tuple[Value, ...] = (row.problem, row.family, row.method, row.setting, row.held, row.scaled)
-    costs = (row.step_ns, row.physics, row.physics_median, row.whole, row.whole_median)
-    counts: tuple[Value, ...] = (row.steps, row.calls, row.turns, row.warm_up)
+    costs = (row.step_ns, row.physics, row.physics_median, row.whole, row.whole_median, row.dense)
+    counts: tuple[Value, ...] = (row.steps, row.calls, row.spacing, row.turns, row.warm_up)
     return who + row.errors + costs + counts
 
 
@@ -180,7 +180,8 @@ def ratios_part(comparisons: Sequence[Comparison]) -> Part:
         )
     return Part(
         "ratios",
-        "Cost of the peer's best over that of our best, at equal error E; inf: only ours reaches it, -: neither does",
+        "Cost of the peer's best over that of our best, at equal error E; inf: only ours reaches it, -: neither does. "
+        "physics: hands not counted; whole: with them; dense: physics, and the states kept every 2 ms",
         ("E [1]", *_HEADS, "beaten"),
         table,
         verdicts,

@@ -11,8 +11,9 @@ ground, must have changed by the work of the drives u through the board's ends, 
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache
+from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -21,15 +22,25 @@ from numpy.typing import NDArray
 from netboard.compiled import fast, inlined, loosened
 from netboard.config import Physics
 from netboard.errors import ConfigError
-from netboard.methods.batch import LANES, anywhere, column_at, in_blocks, make_batch, numbers_at, scene_blocks
-from netboard.methods.choice import choose
+from netboard.methods.batch import (
+    LANES,
+    anywhere,
+    column_at,
+    in_blocks,
+    make_batch,
+    numbers_at,
+    out_of_blocks,
+    scene_blocks,
+)
+from netboard.methods.choice import TILTS, choose
+from netboard.methods.stability import stiffness
 from netboard.physics.energy import flows, stored
 from netboard.physics.models import rates, turned
 from netboard.physics.scene import Parts, pack_scene, parts_of, state_length
 from netboard.physics.trig import sincos
 from netboard.physics.vectors import plus
 from netboard.studies.results import Part, Value, Verdict
-from netboard.studies.stability_maps import Tell
+from netboard.studies.stability_maps import Tell, board_matrix
 from netboard.tick import TICK_SECONDS
 
 Array = NDArray[np.float64]
@@ -37,9 +48,9 @@ Array = NDArray[np.float64]
 KINDS = {
     "paper": Physics(),
     "paper, no ball": Physics(balls=0),
-    "paper, one hand": Physics(coupling="left"),
+    "paper, one hand": Physics(coupling="left", b_z=0.1, b_theta=0.01),
     "lagrangian": Physics(model="lagrangian"),
-    "lagrangian, two balls that roll": Physics(model="lagrangian", balls=2, ball_inertia=0.4),
+    "lagrangian, two balls that roll": Physics(model="lagrangian", balls=2, ball_inertia=0.4, ball_height=0.02),
     "lagrangian, stops": Physics(model="lagrangian", ball_stop=0.35),
 }
 
@@ -58,6 +69,9 @@ RANGE = 0.075
 LARGEST_ACCELERATION = 50.0
 """As in the live tick [m/s2]."""
 
+LEAST_FLOW = 1e-9
+"""Flows that sum up to less between two checks are not looked at closely [J]."""
+
 _rates, _flows, _stored = (loosened(text, {sincos: anywhere}) for text in (rates, flows, stored))
 _turned, _plus = loosened(turned, {sincos: anywhere}), loosened(plus, {})
 
@@ -66,12 +80,14 @@ PLACE, SIZE, RATE, COS, SIN, TURN_COS, TURN_SIN, TREMOR, SHAKE_COS, SHAKE_SIN = 
 QUANTUM, FROZEN, GOES_ON, BENDS, LAST_Z, LAST_VZ = range(10, 16)
 HAND = 16
 
+_LARGEST_TILT = max(TILTS)
+
 SHAKE = 2.0 * math.pi * 100.0
 _SHAKE_COS, _SHAKE_SIN = math.cos(SHAKE * TICK_SECONDS), math.sin(SHAKE * TICK_SECONDS)
 
-WORK, THROUGH, SUPPLY, GROWTH, WRONG = range(5)
+THROUGH, SUPPLY, GROWTH, WRONG, BEYOND = range(5)
 SUMS = 5
-"""Work by the flows, their magnitudes, the bound on what hands put in, growth, growth that is not work [J]."""
+"""Magnitudes of the flows, the bound on what hands put in, growth, growth that is not work [J]; states beyond [1]."""
 
 
 @fast
@@ -89,7 +105,7 @@ def move_hands(hand: Any, side: int, scenes: Any, out: Any) -> None:
     out : ndarray of float64, shape (blocks, 8, LANES)
         The polynomials [N, N/s, N/s2, N/s3].
     """
-    h = TICK_SECONDS
+    h, done = TICK_SECONDS, np.empty((9, LANES))
     for b in range(len(hand)):
         for j in range(LANES):
             scene = numbers_at(scenes, b, j)
@@ -120,12 +136,18 @@ def move_hands(hand: Any, side: int, scenes: Any, out: Any) -> None:
             az = -LARGEST_ACCELERATION if az < -LARGEST_ACCELERATION else az
             az *= hand[b, BENDS, j]
             goes_on = hand[b, GOES_ON, j]
-            hand[b, COS, j], hand[b, SIN, j] = cos, sin
-            hand[b, SHAKE_COS, j], hand[b, SHAKE_SIN, j] = shake_cos, shake_sin
-            hand[b, LAST_Z, j], hand[b, LAST_VZ, j] = z, vz
-            out[b, 4 * side, j] = k * z + c * vz
-            out[b, 4 * side + 1, j] = goes_on * (k * vz + c * az)
-            out[b, 4 * side + 2, j] = goes_on * (0.5 * k * az)
+            done[0, j], done[1, j], done[2, j], done[3, j] = cos, sin, shake_cos, shake_sin
+            done[4, j], done[5, j] = z, vz
+            done[6, j] = k * z + c * vz
+            done[7, j] = goes_on * (k * vz + c * az)
+            done[8, j] = goes_on * (0.5 * k * az)
+        for j in range(LANES):
+            hand[b, COS, j], hand[b, SIN, j] = done[0, j], done[1, j]
+            hand[b, SHAKE_COS, j], hand[b, SHAKE_SIN, j] = done[2, j], done[3, j]
+            hand[b, LAST_Z, j], hand[b, LAST_VZ, j] = done[4, j], done[5, j]
+            for n in range(3):
+                out[b, 4 * side + n, j] = done[6 + n, j]
+
 
 
 @inlined
@@ -155,6 +177,21 @@ def _power(x: Any, left: float, right: float, parts: Parts, scene: Any) -> tuple
         0.25 * right * right / c_right if c_right > 0.0 else 0.0
     )
     return pushed + turned_ + lost + flow[5], size, most + flow[5]
+
+
+@inlined
+def _farthest(x: Any, length: int) -> float:
+    """Return how far the farthest ball is from the centre [m]."""
+    far = 0.0
+    for i in range(4, length, 2):
+        far = abs(x[i]) if abs(x[i]) > far else far
+    return far
+
+
+@inlined
+def _is_beyond(x: Any, length: int, scene: Any) -> bool:
+    """Tell whether the board tilts farther, or a ball is farther out, than the choice of a method looks at."""
+    return not (abs(x[2]) <= _LARGEST_TILT and _farthest(x, length) <= 2.0 * scene["l"])
 
 
 @cache
@@ -191,14 +228,225 @@ def make_audit(PARTS: Parts, LENGTH: int) -> Callable[[Array, Array, Array, Arra
                 e, e_size, e_most = _power(x1, last_left, last_right, PARTS, scene)
                 work = h / 6.0 * (a + 4.0 * m + e)
                 growth = _held(x1, PARTS, scene) - _held(x0, PARTS, scene)
-                struck = PARTS.stops and abs(x1[4]) == scene["stop"]
-                done[WORK, j] = work
+                struck = PARTS.stops and _farthest(x1, LENGTH) >= scene["stop"]
                 done[THROUGH, j] = h / 6.0 * (a_size + 4.0 * m_size + e_size)
                 done[SUPPLY, j] = h / 6.0 * (a_most + 4.0 * m_most + e_most)
                 done[GROWTH, j] = growth
                 done[WRONG, j] = 0.0 if struck else growth - work
+                done[BEYOND, j] = 1.0 if _is_beyond(x1, LENGTH, scene) else 0.0
             for k in range(SUMS):
                 for j in range(LANES):
                     sums[b, k, j] += done[k, j]
 
     return audit
+
+
+# --- what is drawn -----------------------------------------------------------------------------------------------
+
+
+def _spread(rng: np.random.Generator, low: float, high: float) -> float:
+    """Draw a number of any magnitude in a range."""
+    return float(np.exp(rng.uniform(math.log(low), math.log(high))))
+
+
+def draw_scene(rng: np.random.Generator, kind: Physics) -> Physics:
+    """Draw a scene that the automatic choice steps by RK4, once a tick.
+
+    Parameters
+    ----------
+    rng : Generator
+        Where chance comes from.
+    kind : Physics
+        What it has; its numbers are drawn anew.
+
+    Returns
+    -------
+    Physics
+        The scene.
+    """
+    while True:
+        physics = replace(
+            kind,
+            M=_spread(rng, 1e-3, 3.0),
+            m=_spread(rng, 1e-3, 1.0),
+            g=rng.uniform(0.0, 20.0),
+            k_h=_spread(rng, 10.0, 1e4),
+            c_h=_spread(rng, 0.01, 50.0),
+            k_s=_spread(rng, 0.1, 1e3),
+            l=_spread(rng, 0.05, 1.0),
+            I=_spread(rng, 1e-5, 1.0),
+            ball_height=rng.uniform(0.0, 0.2) if kind.ball_height > 0.0 else 0.0,
+            restitution=rng.uniform(0.0, 1.0) if kind.ball_stop > 0.0 else 0.0,
+            b_z=_spread(rng, 1e-3, 5.0) if kind.b_z > 0.0 else 0.0,
+            b_theta=_spread(rng, 1e-5, 0.5) if kind.b_theta > 0.0 else 0.0,
+        )
+        if stiffness(board_matrix(physics), TICK_SECONDS) < 1.0 and _is_chosen(physics):
+            return physics
+
+
+def _is_chosen(physics: Physics) -> bool:
+    """Tell whether a scene is stepped by RK4, once a tick."""
+    try:
+        choice = choose(physics, TICK_SECONDS)
+    except ConfigError:
+        return False
+    return (choice.method, choice.substeps) == ("rk4", 1)
+
+
+def draw_hands(rng: np.random.Generator, hand: Array, share: float) -> None:
+    """Give some hands something else to do; those of them that change place jump.
+
+    Parameters
+    ----------
+    rng : Generator
+        Where chance comes from.
+    hand : ndarray of float64, shape (blocks, HAND, LANES)
+        The hands; changed in place [SI].
+    share : float
+        Which share of them [1].
+    """
+    shape = (len(hand), LANES)
+    rate, phase = 2.0 * np.pi * rng.uniform(0.2, 5.0, shape), rng.uniform(0.0, 2.0 * np.pi, (2, *shape))
+    hold = rng.integers(0, 3, shape)
+    drawn = np.zeros((len(hand), LAST_Z, LANES))
+    drawn[:, PLACE] = rng.uniform(-RANGE, RANGE, shape)
+    drawn[:, SIZE] = rng.uniform(0.0, 0.05, shape) * (rng.random(shape) < 0.8)
+    drawn[:, RATE] = rate
+    drawn[:, COS], drawn[:, SIN] = np.cos(phase[0]), np.sin(phase[0])
+    drawn[:, TURN_COS], drawn[:, TURN_SIN] = np.cos(rate * TICK_SECONDS), np.sin(rate * TICK_SECONDS)
+    drawn[:, TREMOR] = rng.uniform(0.0, 0.002, shape) * (rng.random(shape) < 0.2)
+    drawn[:, SHAKE_COS], drawn[:, SHAKE_SIN] = np.cos(phase[1]), np.sin(phase[1])
+    drawn[:, QUANTUM] = np.exp(rng.uniform(math.log(2e-5), math.log(2e-3), shape)) * (rng.random(shape) < 0.25)
+    drawn[:, FROZEN] = rng.random(shape) < 0.05
+    drawn[:, GOES_ON], drawn[:, BENDS] = hold > 0, hold > 1
+    renewed = (rng.random(shape) < share)[:, None, :]
+    hand[:, :LAST_Z] = np.where(renewed, drawn, hand[:, :LAST_Z])
+
+
+# --- soaking -----------------------------------------------------------------------------------------------------
+
+
+@dataclass
+class Tally:
+    """What came of checks.
+
+    Attributes
+    ----------
+    checks : int
+        How many [1].
+    lost : int
+        States that were not finite [1].
+    excess : float
+        Most growth of energy beyond what hands can put in, as a share of the flows [1].
+    wrong : float
+        Most energy that came or went other than by the flows, as a share of them [1].
+    """
+
+    checks: int = 0
+    lost: int = 0
+    excess: float = -math.inf
+    wrong: float = 0.0
+
+    def take(self, x: Array, sums: Array) -> None:
+        """Check simulations.
+
+        Parameters
+        ----------
+        x : ndarray of float64, shape (n, length)
+            Their states [SI].
+        sums : ndarray of float64, shape (n, SUMS)
+            What their last steps did.
+        """
+        fine = np.isfinite(x).all(axis=1) & np.isfinite(sums).all(axis=1)
+        self.checks += len(x)
+        self.lost += int(np.count_nonzero(~fine))
+        flowed = sums[fine, THROUGH] + LEAST_FLOW
+        self.excess = max(self.excess, float(np.max((sums[fine, GROWTH] - sums[fine, SUPPLY]) / flowed, initial=-1.0)))
+        self.wrong = max(self.wrong, float(np.max(np.abs(sums[fine, WRONG]) / flowed, initial=0.0)))
+
+
+@dataclass
+class Soaked:
+    """What came of one kind of scene.
+
+    Attributes
+    ----------
+    steps, restarts : int
+        How many [1].
+    within, beyond : Tally
+        While the board stayed within the tilts and balls within the places that the choice of a method looks at, and
+        while they did not.
+    seconds : float
+        How long it took [s].
+    """
+
+    steps: int = 0
+    restarts: int = 0
+    within: Tally = field(default_factory=Tally)
+    beyond: Tally = field(default_factory=Tally)
+    seconds: float = 0.0
+
+
+def soak_kind(
+    kind: Physics, steps: int, seed: int, scenes: int = 256, tell: Callable[[float], object] = lambda share: None
+) -> Soaked:
+    """Soak one kind of scene.
+
+    Parameters
+    ----------
+    kind : Physics
+        What scenes have.
+    steps : int
+        Steps of single simulations, at the least [1].
+    seed : int
+        Of everything random [1].
+    scenes : int
+        Different scenes; each is with several pairs of hands [1].
+    tell : callable
+        Hears the share that is done.
+
+    Returns
+    -------
+    Soaked
+        What came of it.
+    """
+    rng = np.random.default_rng(seed)
+    drawn = np.concatenate([pack_scene(draw_scene(rng, kind)) for _ in range(scenes)])
+    packed = scene_blocks(np.resize(drawn, DYADS))
+    parts, length = parts_of(kind), state_length(kind)
+    step, audit = make_batch(parts, length, True), make_audit(parts, length)
+    x = in_blocks(np.zeros((DYADS, length)))
+    before, drives, sums = np.empty_like(x), np.zeros((len(x), 8, LANES)), np.zeros((len(x), SUMS, LANES))
+    hands = [np.zeros((len(x), HAND, LANES)) for _ in range(2)]
+    for hand in hands:
+        draw_hands(rng, hand, 1.0)
+        hand[:, LAST_Z] = hand[:, PLACE]
+    found, begun = Soaked(), perf_counter()
+    while found.steps < steps:
+        for _ in range(BETWEEN):
+            for side, hand in enumerate(hands):
+                move_hands(hand, side, packed, drives)
+            before[:] = x
+            step(x, drives, packed, TICK_SECONDS)
+            audit(before, x, drives, packed, sums)
+        found.steps += BETWEEN * DYADS
+        states, did = out_of_blocks(x), out_of_blocks(sums)
+        beyond = did[:, BEYOND] > 0.0
+        found.within.take(states[~beyond], did[~beyond])
+        found.beyond.take(states[beyond], did[beyond])
+        found.restarts += _restart(x)
+        sums[:] = 0.0
+        for hand in hands:
+            draw_hands(rng, hand, 0.1)
+        tell(found.steps / steps)
+    found.seconds = perf_counter() - begun
+    return found
+
+
+def _restart(x: Array) -> int:
+    """Put balls that ran away back to the centre, and return of how many dyads; what is lost begins anew."""
+    lost = ~np.isfinite(x).all(axis=1)
+    x[:] = np.where(lost[:, None, :], 0.0, x)
+    away = (np.abs(x[:, 4::2]) > RUN_AWAY).any(axis=1)
+    x[:, 4:] = np.where(away[:, None, :], 0.0, x[:, 4:])
+    return int(np.count_nonzero(away))

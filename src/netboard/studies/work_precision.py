@@ -4,29 +4,21 @@ The rules: the same equations, start, hands and reference for all; the error is 
 the whole run, of each signal, and as a share of the signal's largest value (E: the worst of the four). Warm-up and
 compilation are told apart. Repeats are interleaved: every contender has a turn before any has its next, so that a busy
 machine is busy for all. Costs are of minima; medians are kept too. "Physics" leaves out what it takes to evaluate the
-hands, "whole" has it for all.
+hands, "whole" has it for all, "dense" is physics with the states kept at all points of the grid: without, a method with
+long steps is asked only for the points that its steps meet.
 """
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from functools import partial
 from itertools import groupby, pairwise
-from math import exp, gcd, inf, isnan, log
+from math import exp, inf, isnan, log
 from statistics import median
 from time import perf_counter
 
 import numpy as np
 
-from netboard.methods.catalogue import METHODS, NUMBER, Method
-from netboard.methods.march import Grid, make_grid, make_march, run
 from netboard.studies.contender import OURS, Contender, Solution, timed
-from netboard.studies.problem import SPACING, Array, Problem, Reference, drives_at, errors_of, multiples, node_times
-
-STEPS = (0.020, 0.010, 0.005, 0.004, 0.002, 0.001, 0.0005, 0.00025, 0.000125)
-"""Lengths of the one-step methods' steps [s]."""
-
-QUICK_STEPS = (0.005, 0.004, 0.002, 0.001, 0.0005)
-QUICK_METHODS = ("semi_implicit", "rk4", "dop853", "etdrk4")
+from netboard.studies.problem import SPACING, Problem, Reference, drives_at, errors_of
 
 TARGETS = tuple(10.0**-i for i in range(2, 13))
 """Errors E at which costs are compared [1]."""
@@ -66,6 +58,10 @@ class Row:
         Cost without evaluating the hands, of the quickest and of the median run, for a second of simulated time [us].
     whole, whole_median : float
         The same with evaluating the hands [us].
+    dense : float
+        As `physics`, of a run that also keeps the states 2 ms apart; infinite where the method has none [us].
+    spacing : float
+        The errors are of points so far apart [s].
     step_ns : float
         `physics` for each step; 0 where the steps are not known [ns].
     """
@@ -85,114 +81,12 @@ class Row:
     physics_median: float
     whole: float
     whole_median: float
+    dense: float
+    spacing: float
     step_ns: float
 
 
 Cost = Callable[[Row], float]
-
-
-# --- our own methods ---------------------------------------------------------------------------------------------
-
-
-def one_step_contenders(problem: Problem, quick: bool) -> list[Contender]:
-    """Return our one-step methods, each with all lengths of step.
-
-    Parameters
-    ----------
-    problem : Problem
-        The problem.
-    quick : bool
-        Only some of them.
-
-    Returns
-    -------
-    list of Contender
-        Those whose steps fit into the run.
-    """
-    steps = QUICK_STEPS if quick else STEPS
-    return [
-        Contender(
-            OURS, method.name, f"{h * 1e3:g} ms", partial(_solve, problem, method, h), _Bare(problem, method, h), False
-        )
-        for method in METHODS
-        if _fits(problem, method) and (not quick or method.name in QUICK_METHODS)
-        for h in steps
-        if h <= problem.duration
-    ]
-
-
-def _fits(problem: Problem, method: Method) -> bool:
-    """Say whether a method can do a problem: the exact one needs a board that cannot tilt."""
-    return method.name != "exact" or not problem.parts.tilts
-
-
-def _hands(problem: Problem, method: Method, h: float) -> tuple[Grid, Array]:
-    """Return the steps of a run and the hands at the method's nodes in each."""
-    count = round(problem.duration / h)
-    grid = make_grid(method.name, np.full(count, h), np.ones(count, np.int64), problem.parts, 6, problem.scene)
-    return grid, drives_at(problem.waves, node_times(multiples(count, h), h, method.nodes))
-
-
-def _solve(problem: Problem, method: Method, h: float) -> Solution:
-    """Run a method, and keep the states that meet points of the reference."""
-    grid, hands = _hands(problem, method, h)
-    states = run(method.name, problem.first, hands, grid, problem.parts, problem.scene)
-    every, stride = meeting(h)
-    return Solution(np.ascontiguousarray(states[::every]), stride, len(grid.lengths), hands.shape[0] * hands.shape[1])
-
-
-def meeting(h: float) -> tuple[int, int]:
-    """Return which steps meet which points of the reference.
-
-    Parameters
-    ----------
-    h : float
-        Length of the step, in whole microseconds [s].
-
-    Returns
-    -------
-    every, stride : int
-        Every so many steps, and every so many points [1].
-    """
-    step, spacing = round(h * 1e6), round(SPACING * 1e6)
-    common = step * spacing // gcd(step, spacing)
-    return common // step, common // spacing
-
-
-class _Bare:
-    """A run of a one-step method that keeps nothing; what it reads is made when it first runs.
-
-    Parameters
-    ----------
-    problem : Problem
-        The problem.
-    method : Method
-        The method.
-    h : float
-        Length of the step [s].
-    """
-
-    def __init__(self, problem: Problem, method: Method, h: float) -> None:
-        self._problem, self._method, self._h = problem, method, h
-        self._march: Callable[[], object] | None = None
-
-    def __call__(self) -> None:
-        if self._march is None:
-            problem = self._problem
-            grid, hands = _hands(problem, self._method, self._h)
-            march = make_march(NUMBER[self._method.name], problem.parts)
-            self._march = partial(
-                march,
-                problem.first,
-                hands,
-                grid.lengths,
-                grid.counts,
-                grid.kinds,
-                grid.tables,
-                problem.scene,
-                np.empty((0, 6)),
-            )
-        self._march()
 
 
 # --- measuring ---------------------------------------------------------------------------------------------------
@@ -256,12 +150,32 @@ def measure(
     ns = input_cost(problem)
     progress(f"{problem.name}: timing")
     walls = in_turns([contender.bare for contender in contenders], repeats, budget)
-    lonely = [contender for contender in contenders if contender.alone is not None]
-    alone = dict(zip(lonely, in_turns([one.alone for one in lonely if one.alone], repeats, budget), strict=True))
+    alone = _of_some([contender.alone for contender in contenders], repeats, budget)
+    dense = _of_some([contender.dense for contender in contenders], repeats, budget)
     return [
-        _row(problem, reference, contender, solution, warm_up, wall, alone.get(contender), ns)
-        for contender, solution, warm_up, wall in zip(contenders, solutions, warm_ups, walls, strict=True)
+        _row(problem, reference, contender, solution, warm_up, Times(wall, lonely, gridded), ns)
+        for contender, solution, warm_up, wall, lonely, gridded in zip(
+            contenders, solutions, warm_ups, walls, alone, dense, strict=True
+        )
     ]
+
+
+@dataclass(frozen=True)
+class Times:
+    """Wall times of a contender: with nothing kept, without hands, with the states of all points; empty if not run [s]."""
+
+    bare: list[float]
+    alone: list[float]
+    dense: list[float]
+
+
+def _of_some(runs: Sequence[Callable[[], object] | None], repeats: int, budget: float) -> list[list[float]]:
+    """Time those runs that there are, in turns."""
+    some = [run for run in runs if run is not None]
+    for run in some:
+        run()
+    taken = iter(in_turns(some, repeats, budget))
+    return [[] if run is None else next(taken) for run in runs]
 
 
 def in_turns(runs: Sequence[Callable[[], object]], repeats: int, budget: float) -> list[list[float]]:
@@ -299,8 +213,7 @@ def _row(
     contender: Contender,
     solution: Solution,
     warm_up: float,
-    wall: list[float],
-    alone: list[float] | None,
+    times: Times,
     ns: float,
 ) -> Row:
     """Put together what is known of a contender."""
@@ -309,11 +222,11 @@ def _row(
     hands = solution.calls * (ns if isnan(contender.input_ns) else contender.input_ns) * 1e-9
 
     def costs(of: Callable[[list[float]], float]) -> tuple[float, float]:
-        took = of(wall) / contender.share
+        took = of(times.bare) / contender.share
         if not contender.inputs:
             return took * scale, (took + hands) * scale
-        bare = of(alone) if alone else max(took - hands, 0.0)
-        return bare * scale, took * scale
+        physics = of(times.alone) if times.alone else max(took - hands, 0.0)
+        return physics * scale, took * scale
 
     physics, whole = costs(min)
     physics_median, whole_median = costs(median)
@@ -327,12 +240,14 @@ def _row(
         calls=solution.calls,
         errors=tuple(errors.tolist()),
         scaled=float((errors / reference.scales).max()),
-        turns=len(wall),
+        turns=len(times.bare),
         warm_up=warm_up,
         physics=physics,
         physics_median=physics_median,
         whole=whole,
         whole_median=whole_median,
+        dense=physics + (min(times.dense) - min(times.bare)) * scale if times.dense else inf,
+        spacing=solution.stride * SPACING,
         step_ns=physics / scale / solution.steps * 1e9 if solution.steps else 0.0,
     )
 
@@ -372,6 +287,26 @@ def whole_cost(row: Row) -> float:
     return row.whole
 
 
+def dense_cost(row: Row) -> float:
+    """Return what a run costs that also keeps the states 2 ms apart, without evaluating the hands.
+
+    Parameters
+    ----------
+    row : Row
+        The run.
+
+    Returns
+    -------
+    float
+        For a second of simulated time; infinite if it cannot [us].
+    """
+    return row.dense
+
+
+COSTS: dict[str, Cost] = {"physics": physics_cost, "whole": whole_cost, "dense": dense_cost}
+"""What can be compared, by name."""
+
+
 def frontier(rows: Iterable[Row], cost: Cost = physics_cost) -> list[Row]:
     """Return the runs that no other beats in both error and cost (Pareto).
 
@@ -389,7 +324,7 @@ def frontier(rows: Iterable[Row], cost: Cost = physics_cost) -> list[Row]:
     """
     best: list[Row] = []
     for row in sorted(rows, key=lambda row: (cost(row), row.scaled)):
-        if row.scaled < (best[-1].scaled if best else inf):
+        if cost(row) < inf and row.scaled < (best[-1].scaled if best else inf):
             best.append(row)
     return best
 
@@ -454,7 +389,7 @@ class Comparison:
     problem, family : str
         Which problem, and which library.
     what : str
-        ``physics`` or ``whole``.
+        Which of `COSTS`.
     errors : tuple of float
         The values of E [1].
     ours, theirs : tuple of float
@@ -500,7 +435,9 @@ def compare(rows: Sequence[Row]) -> list[Comparison]:
         ours = [row for row in here if row.family == OURS]
         for family in dict.fromkeys(row.family for row in here if row.family != OURS):
             theirs = [row for row in here if row.family == family]
-            for what, cost in (("physics", physics_cost), ("whole", whole_cost)):
+            for what, cost in COSTS.items():
+                if what == "dense" and not any(row.dense < inf for row in theirs):
+                    continue
                 found.append(
                     Comparison(
                         problem,
