@@ -23,8 +23,8 @@ from netboard.physics.sampled import Hands, Held, drives_along, hold_hands, styl
 from netboard.physics.scene import Parts, pack_scene, parts_of, state_length
 from netboard.physics.vectors import State
 
-MOST_ROWS, MOST_STEPS, MOST_TABLES = 100_000_000, 20_000_000_000, 200
-"""Most rows of a result, steps of a run (some hours of them), and lengths of step of a method with tables [1]."""
+MOST_ROWS, MOST_STEPS, MOST_TABLES = 100_000_000, 2_000_000_000, 200
+"""Most rows of a result, steps of a run (many minutes of them), and lengths of step of a method with tables [1]."""
 
 TRUE_METHOD = "dop853"
 """The automatic choice, in steps that leave it an error of less than 1e-9 of what moves, fast transients included."""

@@ -19,7 +19,7 @@ from numba import types
 from numpy.typing import NDArray
 
 from netboard.compiled import borrowed, fast, inlined, loosened, specialised
-from netboard.methods.lanes import lanes_at, pair_at, put, within, written
+from netboard.methods.lanes import lanes_at, listed, pair_at, put, within, written
 from netboard.methods.phi import DIGITS, cardinals, gauss_nodes, integrals
 from netboard.methods.semilinear import FIXED, columns_of, kicked_rows, known_of, needed_rows, remainder
 from netboard.physics.linear import scene_matrix
@@ -40,14 +40,9 @@ _SWEEPS = 40
 """Most sweeps in a step [1]."""
 
 
-def _listed(terms: Sequence[str]) -> str:
-    """Write a tuple."""
-    return f"({', '.join(terms)},)"
-
-
 def _write_flows(n: int, _: int, s: int, known: int) -> str:
     rows = needed_rows(n, known)
-    return _listed(
+    return listed(
         [
             " + ".join(f"lanes_at(flow, {(r * n + j) * s}, {s}) * x[{j}]" for j in columns_of(i, n, known))
             for r, i in enumerate(rows)
@@ -60,23 +55,23 @@ def _write_moved(n: int, _: int, __: int, ___: int, s: int, known: int) -> str:
     for r, i in enumerate(needed_rows(n, known)):
         places = [(r * len(every) + q, q) for q, j in enumerate(every) if j in columns_of(i, n, known)]
         sums.append(" + ".join([f"base[{r}]", *(f"applied(push, {p * s * s}, rest[{q}], {s})" for p, q in places)]))
-    return _listed(sums)
+    return listed(sums)
 
 
 def _write_expected(n: int, _: int, __: int, s: int, known: int) -> str:
     start = f"lanes_at(ahead, {s * s}, {s})"
-    return _listed(
+    return listed(
         [f"applied(ahead, 0, last[{r}], {s}) + {start} * x[{i}]" for r, i in enumerate(needed_rows(n, known))]
     )
 
 
 def _write_resting(n: int, s: int, known: int) -> str:
-    return _listed([f"gathered((), {s}) + x[{i}]" for i in needed_rows(n, known)])
+    return listed([f"gathered((), {s}) + x[{i}]" for i in needed_rows(n, known)])
 
 
 def _write_whole(n: int, _: int, known: int) -> str:
     rows = needed_rows(n, known)
-    return _listed(
+    return listed(
         [f"values[{rows.index(i)}]" if i in rows else f"x[{i}]" if known & FIXED and i > 3 else "0.0" for i in range(n)]
     )
 
@@ -102,13 +97,13 @@ _resting = written("x, nodes, known", _write_resting)
 _whole = written("x, values, known", _write_whole)
 """A state whose rows are lanes; without those on which N does not depend."""
 
-_picked = written("rate, known", lambda n, known: _listed([f"rate[{j}]" for j in kicked_rows(n, known)]))
+_picked = written("rate, known", lambda n, known: listed([f"rate[{j}]" for j in kicked_rows(n, known)]))
 """The rows in which N is something other than 0."""
 
 _ended = written("x, rest, end_flow, end_push, nodes, width, known", _write_ended)
 """The state at the end of the step, in one vector."""
 
-_taken = written("x, end", lambda n, _: _listed([f"lane(end, {i})" for i in range(n)]))
+_taken = written("x, end", lambda n, _: listed([f"lane(end, {i})" for i in range(n)]))
 """The same as a tuple."""
 
 _settled = written(

@@ -1,9 +1,8 @@
 """One-step exponential methods: what is linear about the level board is solved exactly, the rest by a Runge-Kutta rule.
 
-However stiff the couplings, they are bounded at every length of step. With ``x' = A x + N(x, t)``, A of
-`netboard.physics.linear`, a method's tables are A and products of h and the functions phi_k (`netboard.methods.phi`).
-N has accelerations only, so that only those columns of a table meet it; and on a board whose couplings are alike heave
-does not meet the rest of A. `exact` is for boards that cannot tilt: there N depends on the hands alone.
+However stiff the couplings, they are bounded at every length of step. With ``x' = A x + N(x, t)``
+(`netboard.methods.semilinear`) a method's tables are A and products of h and the functions phi_k of h A
+(`netboard.methods.phi`). `exact` is for boards that cannot tilt: there N depends on the hands alone.
 
 Every step has the arguments of those of `netboard.methods.one_step`; the rules of `netboard.physics.models` hold here.
 """
@@ -24,12 +23,36 @@ from netboard.physics.models import rates
 from netboard.physics.scene import Parts
 from netboard.physics.vectors import State, joined, places, plus, speeds
 
+
 @inlined
 def etd2rk(x: State, h: float, hands: Any, tables: Any, parts: Parts, scene: Any) -> State:
-    """Return the state after one step of the exponential Heun method, order 2 (S. M. Cox, P. C. Matthews, 2002)."""
+    """Return the state after one step of the exponential Heun method (order 2).
+
+    S. M. Cox, P. C. Matthews, "Exponential time differencing for stiff systems", J. Comput. Phys. 176, 2002, eq. 22.
+
+    Parameters
+    ----------
+    x : tuple of float
+        The state [SI].
+    h : float
+        Length of the step [s].
+    hands : tuple
+        The hands through the step, as `netboard.physics.hold.drives` takes them [N].
+    tables : tuple of ndarray of float64, shape (kinds, 4, n, n), and int
+        What `etd2rk_tables` made for each length of step, and which of them this is.
+    parts : Parts
+        What the scene has; a constant at the call.
+    scene : SCENE record
+        The scene.
+
+    Returns
+    -------
+    tuple of float
+        The state at the end of the step [SI].
+    """
     left, right = drives(hands, 0, 0.0)
     start = remainder(x, left, right, tables, parts, scene)
-    end = pushed(times(tables, 1, x, parts), tables, 2, start, parts)
+    end = pushed(times(x, tables, 1, parts), tables, 2, start, parts)
     left, right = drives(hands, 1, h)
     change = plus(remainder(end, left, right, tables, parts, scene), -1.0, start)
     return pushed(end, tables, 3, change, parts)
@@ -37,10 +60,34 @@ def etd2rk(x: State, h: float, hands: Any, tables: Any, parts: Parts, scene: Any
 
 @inlined
 def etdrk4(x: State, h: float, hands: Any, tables: Any, parts: Parts, scene: Any) -> State:
-    """Return the state after one step of Krogstad's method, order 4."""
+    """Return the state after one step of Krogstad's exponential Runge-Kutta method (order 4).
+
+    S. Krogstad, "Generalized integrating factor methods for stiff PDEs", J. Comput. Phys. 203, 2005, ETDRK4-B; as a
+    tableau, so that little is left to do when the newest value of N is known.
+
+    Parameters
+    ----------
+    x : tuple of float
+        The state [SI].
+    h : float
+        Length of the step [s].
+    hands : tuple
+        The hands through the step, as `netboard.physics.hold.drives` takes them [N].
+    tables : tuple of ndarray of float64, shape (kinds, 11, n, n), and int
+        What `etdrk4_tables` made for each length of step, and which of them this is.
+    parts : Parts
+        What the scene has; a constant at the call.
+    scene : SCENE record
+        The scene.
+
+    Returns
+    -------
+    tuple of float
+        The state at the end of the step [SI].
+    """
     left, right = drives(hands, 0, 0.0)
     n1 = remainder(x, left, right, tables, parts, scene)
-    middle, end = times(tables, 1, x, parts), times(tables, 2, x, parts)
+    middle, end = times(x, tables, 1, parts), times(x, tables, 2, parts)
     left, right = drives(hands, 1, 0.5 * h)
     n2 = remainder(pushed(middle, tables, 3, n1, parts), left, right, tables, parts, scene)
     n3 = remainder(pushed(pushed(middle, tables, 4, n1, parts), tables, 5, n2, parts), left, right, tables, parts, scene)
@@ -83,13 +130,48 @@ def solved(parts: Parts, scene: Any, length: int, h: float) -> NDArray[np.float6
 
 
 def etd2rk_tables(scene: Any, parts: Parts, length: int, h: float) -> NDArray[np.float64]:
-    """Return A and, of the step's length, phi_0, h phi_1, h phi_2."""
+    """Return what `etd2rk` multiplies with: A, and of the length of the step phi_0, h phi_1 and h phi_2.
+
+    Parameters
+    ----------
+    scene : SCENE record
+        The scene.
+    parts : Parts
+        What the scene has.
+    length : int
+        Length of its state [1].
+    h : float
+        Length of the step [s].
+
+    Returns
+    -------
+    ndarray of float64, shape (4, length, length)
+        The matrices by their columns [SI].
+    """
     a = solved(parts, scene, length, h)
     full = phi(a, h, 2)
     return _by_columns(a, full[0], h * full[1], h * full[2])
 
 
 def etdrk4_tables(scene: Any, parts: Parts, length: int, h: float) -> NDArray[np.float64]:
+    """Return what `etdrk4` multiplies with: A, phi_0 of half the step and of all of it, and the tableau of the method.
+
+    Parameters
+    ----------
+    scene : SCENE record
+        The scene.
+    parts : Parts
+        What the scene has.
+    length : int
+        Length of its state [1].
+    h : float
+        Length of the step [s].
+
+    Returns
+    -------
+    ndarray of float64, shape (11, length, length)
+        The matrices by their columns [SI].
+    """
     a = solved(parts, scene, length, h)
     half, full = phi(a, 0.5 * h, 2), phi(a, h, 3)
     h1, h2, f1, f2, f3 = h * half[1], h * half[2], h * full[1], h * full[2], h * full[3]
@@ -115,7 +197,7 @@ def exact(x: State, h: float, hands: Any, tables: Any, parts: Parts, scene: Any)
     hands : tuple
         The hands through the step, as `netboard.physics.hold.drives` takes them [N].
     tables : tuple of ndarray of float64, shape (kinds, 1, 2, 11), and int
-        Tables by `exact_tables`, and which of them are for this length of step.
+        What `exact_tables` made for each length of step, and which of them this is.
     parts : Parts
         What the scene has; a constant at the call.
     scene : SCENE record
@@ -164,7 +246,29 @@ def _write_both(hands: Any) -> Any:
 
 
 def exact_tables(scene: Any, parts: Parts, length: int, h: float) -> NDArray[np.float64]:
-    """Return what `exact` multiplies its state, 1, the drives' coefficients, and their values at its nodes with."""
+    """Return what `exact` multiplies with: its state, 1, the coefficients of the drives, and their values at its nodes.
+
+    Parameters
+    ----------
+    scene : SCENE record
+        The scene.
+    parts : Parts
+        What the scene has.
+    length : int
+        Length of its state [1].
+    h : float
+        Length of the step [s].
+
+    Returns
+    -------
+    ndarray of float64, shape (1, 2, 11)
+        For height and rate, what each of them adds [SI].
+
+    Raises
+    ------
+    ValueError
+        If the board tilts.
+    """
     if parts.tilts:
         raise ValueError("a board that tilts is not linear: it has no exact step")
     rest = (0.0,) * length

@@ -9,7 +9,7 @@ Numba has no such type: this module is the only one that writes instructions by 
 """
 
 import operator
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache
 from typing import Any
 
@@ -369,29 +369,30 @@ def _applied(array: Any, offset: Any, lanes: Any, count: Any) -> Any:
 
 
 def written(names: str, write: Callable[..., str]) -> Callable[..., Any]:
-    """Return a function whose expression depends on the lengths of its arguments, in kernels and in plain Python alike.
+    """Return a function whose text depends on the lengths of its arguments, in kernels and in plain Python alike.
 
     Parameters
     ----------
     names : str
         Names of the arguments.
     write : callable
-        Returns the expression; its arguments are the lengths of those that are tuples, the numbers of those that are
-        constants at the call, and 0 for others.
+        Returns the text: an expression, perhaps after lines that it needs. Its arguments are the lengths of those that
+        are tuples, the numbers of those that are constants at the call, and 0 for others.
     """
 
     @cache
     def compose(*sizes: int) -> Any:
-        return eval(f"lambda {names}: {write(*sizes)}", _OPERATIONS)
+        *lines, result = write(*sizes).split("\n")
+        known: dict[str, Any] = dict(_OPERATIONS)
+        exec("\n    ".join([f"def composed({names}):", *lines, f"return {result}"]), known)
+        return known["composed"]
 
     def run(*arguments: Any) -> Any:
         sizes = [len(a) if isinstance(a, tuple) else a if isinstance(a, int) else 0 for a in arguments]
         return compose(*sizes)(*arguments)
 
     def choose(*arguments: Any) -> Any:
-        sizes = [
-            a.count if isinstance(a, types.BaseTuple) else getattr(a, "literal_value", 0) for a in arguments
-        ]
+        sizes = [a.count if isinstance(a, types.BaseTuple) else getattr(a, "literal_value", 0) for a in arguments]
         return compose(*sizes)
 
     plain: Callable[..., Any] = eval(f"lambda {names}: run({names})", {"run": run})
@@ -399,4 +400,16 @@ def written(names: str, write: Callable[..., str]) -> Callable[..., Any]:
     return plain
 
 
+def listed(terms: Sequence[str]) -> str:
+    """Return the text of a tuple.
+
+    Parameters
+    ----------
+    terms : sequence of str
+        Texts of its elements.
+    """
+    return "(" + "".join(f"{term}, " for term in terms) + ")"
+
+
 _OPERATIONS = {f.__name__: f for f in (lanes_at, lane, spread, gathered, within, applied)}
+"""What such a text may use."""

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.compiled import borrowed, fast, loosened
-from netboard.methods.lanes import gathered, lanes_at, put, written
+from netboard.methods.lanes import listed, written
 from netboard.methods.phi import cardinals, integrals
 from netboard.methods.semilinear import kicked_rows, known_of, remainder
 from netboard.physics.linear import scene_matrix
@@ -69,16 +69,6 @@ MULTISTEP = (
 """All of them."""
 
 
-def _listed(terms: list[str]) -> str:
-    """Write a tuple."""
-    return f"({', '.join(terms)},)"
-
-
-def _rows(length: int, known: int) -> list[int]:
-    """Return in which rows N is something other than 0; the tilt's, which is known last, comes last."""
-    return sorted(kicked_rows(length, known), key=lambda row: (row == 3, row))
-
-
 def _write_flow(n: int, _: int, width: int) -> str:
     terms = [f"lanes_at(flow, {j * width}, {width}) * x[{j}]" for j in range(n)]
     return "(" + " + ".join(terms[::2]) + ") + (" + " + ".join(terms[1::2]) + ")"
@@ -96,29 +86,29 @@ _flow = written("x, flow, width", _write_flow)
 _pushed = written("past, push, width", _write_pushed)
 """What the values of N add."""
 
-_taken = written("lanes, x", lambda _, n: _listed([f"lane(lanes, {(j - 2) % n})" for j in range(n)]))
+_taken = written("lanes, x", lambda _, n: listed([f"lane(lanes, {(j - 2) % n})" for j in range(n)]))
 """A state out of its vector."""
 
 _spread = written(
     "rate, width, known",
-    lambda n, width, known: _listed([f"gathered((), {width}) + rate[{j}]" for j in _rows(n, known)]),
+    lambda n, width, known: listed([f"gathered((), {width}) + rate[{j}]" for j in kicked_rows(n, known)]),
 )
 """The rows in which N is something other than 0, each of them in all lanes."""
 
 _shifted = written(
-    "rest, past", lambda k, count: _listed([f"rest[{q}]" for q in range(k)] + [f"past[{q}]" for q in range(count - k)])
+    "rest, past", lambda k, count: listed([f"rest[{q}]" for q in range(k)] + [f"past[{q}]" for q in range(count - k)])
 )
 """A history with the newest value of N first, and without the oldest."""
 
 _with = written(
-    "rest, past", lambda k, count: _listed([f"rest[{q}]" for q in range(k)] + [f"past[{q}]" for q in range(count)])
+    "rest, past", lambda k, count: listed([f"rest[{q}]" for q in range(k)] + [f"past[{q}]" for q in range(count)])
 )
 """A history with a value before it."""
 
-_row = written("states, i, length", lambda _, __, n: _listed([f"states[i, {j}]" for j in range(n)]))
+_row = written("states, i, length", lambda _, __, n: listed([f"states[i, {j}]" for j in range(n)]))
 """A state out of an array."""
 
-_blank = written("count, width", lambda count, width: _listed([f"gathered((), {width})"] * count))
+_blank = written("count, width", lambda count, width: listed([f"gathered((), {width})"] * count))
 """A history of zeros."""
 
 _remainder = loosened(remainder, {})
@@ -206,7 +196,7 @@ def _packed(matrices: Array, rows: list[int], width: int) -> Array:
 def _tables(method: Multistep, parts: Parts, scene: Any, length: int, h: float) -> tuple[Array, ...]:
     """Return what a method multiplies with: A, the flow through a step, predictor, corrector, and those of the start."""
     a, one = scene_matrix(parts, scene, length), Decimal(1)
-    rows, width = _rows(length, known_of(parts)), _width(length)
+    rows, width = kicked_rows(length, known_of(parts)), _width(length)
     flow, predictor = integrals(a, h, one, cardinals([Decimal(-i) for i in range(method.past)]))
     corrector = predictor
     if method.corrector:

@@ -177,7 +177,8 @@ _SHARES = np.array([5.0, 8.0, 5.0]) / 18.0
 def _values_and_slopes(*polynomials: tuple[float, ...]) -> NDArray[np.float64]:
     """Return polynomials of 0..1 at the nodes, and their slopes: an array of nodes, the two, and polynomials."""
     basis = np.array(polynomials).T
-    return np.moveaxis(np.array([polyval(_GAUSS, basis), polyval(_GAUSS, polyder(basis))]), -1, 0)
+    both = np.array([polyval(_GAUSS, basis), polyval(_GAUSS, polyder(basis))])
+    return np.ascontiguousarray(np.moveaxis(both, -1, 0))
 
 
 # What a polynomial that meets both ends of an interval has of the difference of their values, of their rates, and of
@@ -209,15 +210,17 @@ def _held(w: Any, hands: Any, i: int, j: int, h: float) -> tuple[float, float]:
     return z, (w[1, 0] * step + w[1, 1] * start + w[1, 2] * end) / h
 
 
+@inlined
+def _rate(like: State, states: Any, hands: Any, i: int, parts: Parts, scene: Any) -> State:
+    """Return the rate of a state between the styluses that belong to it."""
+    left = scene["k_left"] * hands[i, 0] + scene["c_left"] * hands[i, 1]
+    right = scene["k_right"] * hands[i, 2] + scene["c_right"] * hands[i, 3]
+    return rates(row(states, i, like), left, right, parts, scene)
+
+
 @cache
 def _make_along(PARTS: Parts) -> tuple[Callable[..., None], Callable[..., None]]:
     """Compile the energies at many states, and the work between them."""
-
-    @inlined
-    def rate(like: State, states: Any, hands: Any, one: Any, i: int) -> State:
-        left = one["k_left"] * hands[i, 0] + one["c_left"] * hands[i, 1]
-        right = one["k_right"] * hands[i, 2] + one["c_right"] * hands[i, 3]
-        return rates(row(states, i, like), left, right, PARTS, one)
 
     @kernel
     def all_stored(like: State, states: Any, hands: Any, scene: Any, out: Any) -> None:
@@ -229,10 +232,10 @@ def _make_along(PARTS: Parts) -> tuple[Callable[..., None], Callable[..., None]]
     @kernel
     def all_work(like: State, times: Any, states: Any, hands: Any, scene: Any, out: Any) -> None:
         one, at = scene[0], np.empty((1, len(like)))
-        after = rate(like, states, hands, one, 0)
+        after = _rate(like, states, hands, 0, PARTS, one)
         for i in range(len(times) - 1):
             h = times[i + 1] - times[i]
-            before, after = after, rate(like, states, hands, one, i + 1)
+            before, after = after, _rate(like, states, hands, i + 1, PARTS, one)
             out[i + 1] = out[i]
             for node in range(len(_SHARES)):
                 for j in range(0, len(like), 2):

@@ -19,8 +19,8 @@ SURE = 1e-11
 LIVE, OFFLINE = 1e-4, 1e-7
 """Largest errors of force that sampling may leave [N]."""
 
-FLOORS, CALL = 2.0, 1000.0
-"""What a tick may cost: compiled, in floors; called from Python [1, ns]."""
+FLOORS, CALL, MANY = 2.0, 1000.0, 15_000.0
+"""What a tick may cost: compiled, in floors; called from Python; of a thousand simulations [1, ns, ns]."""
 
 STEPS, HELD_STEPS, HELD_ERROR = 100.0, 700.0, 1e-3
 """How many times MuJoCo's cost is to be ours, at any error, and at one error with held controls [1]."""
@@ -301,6 +301,7 @@ def tick_part(costs: Sequence[TickCost]) -> Part:
         ("called from Python: 99th percentile", [cost.call_p99_ns for cost in costs]),
         ("called from Python: worst", [cost.call_worst_ns for cost in costs]),
         ("first tick after warming up", [cost.first_call_ns for cost in costs]),
+        (f"a tick of {costs[0].many} simulations side by side", [cost.many_ns for cost in costs]),
     ]
     verdicts = []
     for cost in costs:
@@ -320,6 +321,11 @@ def tick_part(costs: Sequence[TickCost]) -> Part:
                 f"{cost.model}: the first tick compiles nothing",
                 not cost.compiled_late,
                 f"{cost.first_call_ns / 1e3:.0f} us",
+            ),
+            Verdict(
+                f"{cost.model}: a tick of 1000 simulations takes at most {MANY / 1e3:g} us",
+                cost.many_ns * 1000 / cost.many <= MANY,
+                f"{cost.many_ns / 1e3:.1f} us for {cost.many}",
             ),
         ]
     return Part(

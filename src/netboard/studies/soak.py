@@ -63,6 +63,9 @@ BETWEEN = 100
 RUN_AWAY = 0.5
 """A ball farther than this from the centre is put back there [m]."""
 
+MOST_TURN = 0.1
+"""No method follows a board that turns farther in a step [rad]."""
+
 RANGE = 0.075
 """Styluses stay within +- this [m]."""
 
@@ -190,8 +193,9 @@ def _farthest(x: Any, length: int) -> float:
 
 @inlined
 def _is_beyond(x: Any, length: int, scene: Any) -> bool:
-    """Tell whether the board tilts farther, or a ball is farther out, than the choice of a method looks at."""
-    return not (abs(x[2]) <= _LARGEST_TILT and _farthest(x, length) <= 2.0 * scene["l"])
+    """Tell whether the board tilts or turns farther, or a ball is farther out, than the choice of a method looks at."""
+    slow = abs(x[3]) * TICK_SECONDS <= MOST_TURN
+    return not (slow and abs(x[2]) <= _LARGEST_TILT and _farthest(x, length) <= 2.0 * scene["l"])
 
 
 @cache

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from netboard.compiled import kernel
 from netboard.config import Config, Geometry, Physics, Task
 from netboard.experiment.machine import Phase
+from netboard.methods.batch import LANES, in_blocks, make_batch, scene_blocks
 from netboard.methods.catalogue import NUMBER
 from netboard.methods.march import make_grid, make_march
 from netboard.physics.models import rates
@@ -35,6 +36,9 @@ COUNT = 5_000
 
 CALLS = 20_000
 """Calls from Python [1]."""
+
+MANY, MANY_TICKS = 1024, 20
+"""Simulations side by side, and ticks of them in one timing [1]."""
 
 STAGES = 4
 """Right-hand sides in a step of the method that the floor is of [1]."""
@@ -64,6 +68,10 @@ class TickCost:
         The first tick after warming up [ns].
     compiled_late : bool
         The first tick after warming up had something compiled.
+    many : int
+        Simulations side by side [1].
+    many_ns : float
+        A tick of all of them, in one call [ns].
     """
 
     model: str
@@ -79,6 +87,8 @@ class TickCost:
     call_worst_ns: float
     first_call_ns: float
     compiled_late: bool
+    many: int
+    many_ns: float
 
 
 # A sum that is too small to change anything, but that the processor must wait for.
@@ -152,11 +162,12 @@ def measure_tick(problem: Problem, repeats: int) -> TickCost:
         partial(chain, problem.first, 0.1, 0.2, problem.scene, COUNT),
         partial(beside, states, 0.1, 0.2, problem.scene, out),
         lambda: march(problem.first, still, lengths, ones, grid.kinds, grid.tables, problem.scene, np.empty((0, 6))),
+        _many(problem),
         lambda: stage.advance(state.copy(), rows, 0, COUNT),
     ]
     for run in runs:
         run()
-    ns = [min(taken) / COUNT * 1e9 for taken in in_turns(runs, repeats, 10.0)]
+    *ns, many, tick = [min(taken) / COUNT * 1e9 for taken in in_turns(runs, repeats, 10.0)]
     calls = _calls(stage, problem)
     return TickCost(
         model=problem.model,
@@ -166,13 +177,29 @@ def measure_tick(problem: Problem, repeats: int) -> TickCost:
         right_side_ns=ns[3],
         floor_ns=STAGES * ns[2],
         step_ns=ns[4],
-        tick_ns=ns[5],
+        tick_ns=tick,
         call_ns=median(calls),
         call_p99_ns=float(np.percentile(calls, 99)),
         call_worst_ns=max(calls),
         first_call_ns=first_call,
         compiled_late=late,
+        many=MANY,
+        many_ns=many * COUNT / MANY_TICKS,
     )
+
+
+def _many(problem: Problem) -> Callable[[], object]:
+    """Return some ticks of many simulations side by side."""
+    step = make_batch(problem.parts, 6, False)
+    first = in_blocks(np.tile(np.array(problem.first), (MANY, 1)))
+    hands, scenes = np.zeros((len(first), 8, LANES)), scene_blocks(problem.scene)
+
+    def ticks() -> None:
+        x = first.copy()
+        for _ in range(MANY_TICKS):
+            step(x, hands, scenes, TICK_SECONDS)
+
+    return ticks
 
 
 def _first_tick(problem: Problem) -> tuple[Stage, float, bool]:

@@ -162,7 +162,7 @@ def measure(
 
 @dataclass(frozen=True)
 class Times:
-    """Wall times of a contender: with nothing kept, without hands, with the states of all points; empty if not run [s]."""
+    """Wall times of a contender: nothing kept, without hands, with the states of all points; empty if not run [s]."""
 
     bare: list[float]
     alone: list[float]
