@@ -189,7 +189,7 @@ def simulate(
     steps : Steps or None
         How it is stepped; None for the automatic choice.
     progress : callable
-        Gets the share that is done, now and then.
+        Gets the share that is done, now and then [1].
 
     Returns
     -------

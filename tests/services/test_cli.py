@@ -13,7 +13,7 @@ from netboard.config import Config, parse
 from netboard.services.cli import app, demo_settings
 
 runner = CliRunner()
-COMMANDS = ("server", "agent", "display", "logger", "replay", "demo", "info", "recover", "config")
+COMMANDS = ("server", "agent", "display", "logger", "replay", "demo", "info", "recover", "config", "simulate", "bench")
 
 
 @pytest.fixture(autouse=True)

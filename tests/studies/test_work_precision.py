@@ -16,7 +16,7 @@ from netboard.studies.figures import draw
 from netboard.studies.holds import hold_rows
 from netboard.studies.own_methods import collocation_contenders, meeting, one_step_contenders
 from netboard.studies.physics_bench import Wanted, choose_peers, study
-from netboard.studies.physics_parts import SAME, holds_part, ratios_part
+from netboard.studies.physics_parts import SAME, holds_part, ratios_parts
 from netboard.studies.problem import MODELS, Model, Problem, make_reference, tight
 from netboard.studies.results import Folder
 from netboard.studies.skips import SKIPS, Skip, difference
@@ -115,14 +115,14 @@ def test_ratios_tell_who_is_ahead() -> None:
     assert ratios[1e-8] == 0.0
     assert ratios[1e-12] is None
     assert not comparison.beaten
-    assert not ratios_part(compare(rows)).holds
+    assert not ratios_parts(compare(rows))[0].holds
 
 
 def test_what_only_we_reach_is_infinitely_cheaper() -> None:
     comparison = Comparison("paper, settled", "peer", "physics", (1e-2, 1e-3), (1.0, 2.0), (3.0, inf))
     assert comparison.ratios == (3.0, inf)
     assert comparison.beaten
-    assert ratios_part([comparison]).holds
+    assert ratios_parts([comparison])[0].holds
 
 
 @pytest.mark.parametrize(

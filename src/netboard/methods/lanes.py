@@ -383,7 +383,7 @@ def written(names: str, write: Callable[..., str]) -> Callable[..., Any]:
     @cache
     def compose(*sizes: int) -> Any:
         *lines, result = write(*sizes).split("\n")
-        known: dict[str, Any] = dict(_OPERATIONS)
+        known: dict[str, Any] = {**_OPERATIONS, "__name__": __name__}
         exec("\n    ".join([f"def composed({names}):", *lines, f"return {result}"]), known)
         return known["composed"]
 
@@ -395,7 +395,7 @@ def written(names: str, write: Callable[..., str]) -> Callable[..., Any]:
         sizes = [a.count if isinstance(a, types.BaseTuple) else getattr(a, "literal_value", 0) for a in arguments]
         return compose(*sizes)
 
-    plain: Callable[..., Any] = eval(f"lambda {names}: run({names})", {"run": run})
+    plain: Callable[..., Any] = eval(f"lambda {names}: run({names})", {"run": run, "__name__": __name__})
     specialised(plain)(eval(f"lambda {names}: choose({names})", {"choose": choose}))
     return plain
 

@@ -30,7 +30,7 @@ class Grid:
     kinds : ndarray of int64, shape (n,)
         Which of the method's tables its steps need [1].
     tables : ndarray of float64, shape (kinds, ...)
-        The method's tables for each length of step.
+        The method's tables for each length of step [SI].
     """
 
     lengths: NDArray[np.float64]

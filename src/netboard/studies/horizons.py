@@ -12,8 +12,11 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from netboard.config import Physics
 from netboard.methods.march import forces_along, make_grid, run
+from netboard.physics.scene import pack_scene, parts_of
 from netboard.physics.statics import ball_poles
+from netboard.physics.vectors import State
 from netboard.studies.problem import Problem, Reference, styluses_at
 from netboard.tick import TICK_SECONDS
 
@@ -108,13 +111,17 @@ def sampled_run(
     forces : ndarray of float64, shape (n, 2)
         That a server would have sent then, on the board [N].
     """
-    hands = sampled_hands(problem, hold, age)
-    n = len(hands)
-    grid = make_grid(method, np.full(n, TICK_SECONDS), np.full(n, substeps, np.int64), problem.parts, 6, problem.scene)
     z, vz, theta, omega, p, vp = problem.first
-    states = run(method, (z, vz, theta, omega, p + nudge, vp), hands, grid, problem.parts, problem.scene)[:-1]
-    drives = np.ascontiguousarray(hands[:, [0, 4]])
-    return states, forces_along(states, drives, problem.parts, problem.scene)
+    hands, first = sampled_hands(problem, hold, age), (z, vz, theta, omega, p + nudge, vp)
+    return _run(problem.physics, first, hands, method, substeps)
+
+
+def _run(physics: Physics, first: State, hands: Array, method: str, substeps: int) -> tuple[Array, Array]:
+    """Return states and forces at every tick but the last."""
+    n, parts, scene = len(hands), parts_of(physics), pack_scene(physics)
+    grid = make_grid(method, np.full(n, TICK_SECONDS), np.full(n, substeps, np.int64), parts, 6, scene)
+    states = run(method, first, hands, grid, parts, scene)[:-1]
+    return states, forces_along(states, np.ascontiguousarray(hands[:, [0, 4]]), parts, scene)
 
 
 def _largest(states: Array, forces: Array, horizon: float) -> tuple[float, ...]:
@@ -153,6 +160,34 @@ def expectations(problem: Problem, reference: Reference) -> list[Expectation]:
         states, forces = sampled_run(problem, hold, method, substeps, age)
         count = len(states[::2])
         wrong = states[::2] - reference.states[:count], forces[::2] - reference.forces[:count]
+        found += [Expectation(name, horizon, _largest(*wrong, horizon)) for horizon in HORIZONS]
+    return found
+
+
+def left_out(problem: Problem) -> list[Expectation]:
+    """Return how far scenes that leave less out get from the paper's, from the same start under the same hands.
+
+    Parameters
+    ----------
+    problem : Problem
+        The paper's problem.
+
+    Returns
+    -------
+    list of Expectation
+        For each scene and horizon, the differences.
+    """
+    scenes = {
+        "Lagrange's equations": Physics(model="lagrangian"),
+        "Lagrange's, and the ball rolls (solid sphere)": Physics(model="lagrangian", ball_inertia=0.4),
+        "the paper's, and the ball rolls": Physics(ball_inertia=0.4),
+    }
+    hands = sampled_hands(problem, "hermite")
+    states, forces = _run(problem.physics, problem.first, hands, "dop853", 2)
+    found = []
+    for name, physics in scenes.items():
+        other, felt = _run(physics, problem.first, hands, "dop853", 2)
+        wrong = (other - states)[::2], (felt - forces)[::2]
         found += [Expectation(name, horizon, _largest(*wrong, horizon)) for horizon in HORIZONS]
     return found
 

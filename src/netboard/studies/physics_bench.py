@@ -222,8 +222,7 @@ def study(wanted: Wanted, say: Say = lambda stage: None) -> tuple[list[Row], lis
         *physics_parts.costs_parts(rows),
         physics_parts.frontier_part(rows),
     ]
-    if comparisons:
-        parts.append(physics_parts.ratios_part(comparisons))
+    parts += physics_parts.ratios_parts(comparisons)
     if any(row.family == peer_mujoco.FAMILY for row in rows):
         parts.append(physics_parts.mujoco_part(rows, comparisons))
     say("the live tick")

@@ -160,32 +160,52 @@ def _file(problem: str) -> str:
     return problem.replace(", ", "-")
 
 
-def ratios_part(comparisons: Sequence[Comparison]) -> Part:
+WHAT = {
+    "physics": "hands not counted",
+    "whole": "evaluating the hands counted",
+    "dense": "hands not counted, the states kept every 2 ms",
+}
+"""Which costs are compared."""
+
+
+def ratios_parts(comparisons: Sequence[Comparison]) -> list[Part]:
     """Tell how many times cheaper the best of ours is than the best of each peer.
 
     Parameters
     ----------
     comparisons : sequence of Comparison
         All of them.
+
+    Returns
+    -------
+    list of Part
+        One for each cost; verdicts for the physics alone, and for dense states.
     """
-    table: list[tuple[Value, ...]] = [
-        (f"{one.problem}: {one.family}, {one.what}", *(_ratio(ratio) for ratio in one.ratios), one.beaten)
-        for one in comparisons
-    ]
+    parts = []
+    for what, meaning in WHAT.items():
+        mine = [one for one in comparisons if one.what == what]
+        if mine:
+            parts.append(
+                Part(
+                    f"ratios-{what}",
+                    f"Cost of the peer's best over that of our best at equal error, {meaning}; "
+                    "inf: only ours reaches it, -: neither does",
+                    ("E [1]", *_HEADS, "beaten"),
+                    [(f"{one.problem}: {one.family}", *map(_ratio, one.ratios), one.beaten) for one in mine],
+                    [] if what == "whole" else _ahead(mine, meaning),
+                )
+            )
+    return parts
+
+
+def _ahead(comparisons: Sequence[Comparison], meaning: str) -> list[Verdict]:
+    """Say whom we are ahead of."""
     verdicts = []
     for family in dict.fromkeys(one.family for one in comparisons):
-        mine = [one for one in comparisons if one.family == family and one.what == "physics"]
-        verdicts.append(
-            Verdict(f"ahead of {family} wherever it gets, physics alone", all(one.beaten for one in mine), _least(mine))
-        )
-    return Part(
-        "ratios",
-        "Cost of the peer's best over that of our best, at equal error E; inf: only ours reaches it, -: neither does. "
-        "physics: hands not counted; whole: with them; dense: physics, and the states kept every 2 ms",
-        ("E [1]", *_HEADS, "beaten"),
-        table,
-        verdicts,
-    )
+        mine = [one for one in comparisons if one.family == family]
+        claim = f"ahead of {family} wherever it gets, {meaning}"
+        verdicts.append(Verdict(claim, all(one.beaten for one in mine), _least(mine)))
+    return verdicts
 
 
 def _ratio(ratio: float | None) -> Value:
@@ -218,38 +238,34 @@ def mujoco_part(rows: Sequence[Row], comparisons: Sequence[Comparison]) -> Part:
         All of them.
     """
     table: list[tuple[Value, ...]] = []
-    steps, held = [], []
+    held = []
     for problem in dict.fromkeys(row.problem for row in rows if row.family == MUJOCO):
-        here = [row for row in rows if row.problem == problem]
-        ours = [row for row in here if row.family == OURS]
+        ours = [row for row in rows if row.problem == problem and row.family == OURS]
         own = [row for row in ours if row.method == "rk4"]
-        theirs = [row for row in here if row.family == MUJOCO]
+        theirs = [row for row in rows if row.problem == problem and row.family == MUJOCO]
         staged = min(row.step_ns for row in theirs if row.method == STAGES)
         ns = min(row.step_ns for row in own if row.scaled < 1.0)
         table.append((problem, "a step of RK4 on the same equations [ns]", staged, ns, staged / ns))
-        a, b = (least_cost((row for row in theirs if row.held), HELD_ERROR), least_cost(ours, HELD_ERROR))
-        c = cost_at(own, HELD_ERROR)
-        table.append((problem, f"E = {HELD_ERROR:.0e}, its controls held, our rk4 [us/s]", a, c, a / c))
-        table.append((problem, f"E = {HELD_ERROR:.0e}, its controls held, our best [us/s]", a, b, a / b))
-        steps.append(staged / ns)
-        held.append(a / b)
+        cost = least_cost((row for row in theirs if row.held), HELD_ERROR)
+        for name, curve in (("our rk4", own), ("our best", ours)):
+            other = least_cost(curve, HELD_ERROR)
+            if cost < inf and other < inf:
+                table.append(
+                    (problem, f"E = {HELD_ERROR:.0e}, controls held, {name} [us/s]", cost, other, cost / other)
+                )
+                held += [cost / other] if curve is ours else []
     mine = [one for one in comparisons if one.family == MUJOCO and one.what == "physics"]
     ratios = [ratio for one in mine for ratio in one.ratios if ratio is not None]
-    return Part(
-        "mujoco",
-        "MuJoCo",
-        ("problem", "what", "MuJoCo", "netboard", "ratio"),
-        table,
-        [
-            Verdict(f"at equal error at least {STEPS:g} times cheaper", min(ratios) >= STEPS, _least(mine)),
-            Verdict(f"a step of RK4 at least {STEPS:g} times cheaper", min(steps) >= STEPS, f"{min(steps):.3g} times"),
-            Verdict(
-                f"with held controls at least {HELD_STEPS:g} times cheaper at E = {HELD_ERROR:.0e}",
-                min(held) >= HELD_STEPS,
-                f"{min(held):.3g} times",
-            ),
-        ],
-    )
+    verdicts = []
+    if ratios:
+        claim = f"at equal error at least {STEPS:g} times cheaper than MuJoCo"
+        verdicts.append(Verdict(claim, min(ratios) >= STEPS, _least(mine)))
+    if held:
+        claim = (
+            f"at E = {HELD_ERROR:.0e} at least {HELD_STEPS:g} times cheaper than MuJoCo with controls held in a step"
+        )
+        verdicts.append(Verdict(claim, min(held) >= HELD_STEPS, f"{min(held):.3g} times"))
+    return Part("mujoco", "MuJoCo", ("problem", "what", "MuJoCo", "netboard", "ratio"), table, verdicts)
 
 
 def holds_part(rows: Sequence[HoldRow]) -> Part:

@@ -433,12 +433,13 @@ def soak_kind(
             before[:] = x
             step(x, drives, packed, TICK_SECONDS)
             audit(before, x, drives, packed, sums)
+            found.restarts += _restart(x)
         found.steps += BETWEEN * DYADS
         states, did = out_of_blocks(x), out_of_blocks(sums)
         beyond = did[:, BEYOND] > 0.0
         found.within.take(states[~beyond], did[~beyond])
         found.beyond.take(states[beyond], did[beyond])
-        found.restarts += _restart(x)
+        x[:] = np.where(np.isfinite(x).all(axis=1)[:, None, :], x, 0.0)
         sums[:] = 0.0
         for hand in hands:
             draw_hands(rng, hand, 0.1)
@@ -447,10 +448,16 @@ def soak_kind(
     return found
 
 
-def _restart(x: Array) -> int:
-    """Put balls that ran away back to the centre, and return of how many dyads; what is lost begins anew."""
-    lost = ~np.isfinite(x).all(axis=1)
-    x[:] = np.where(lost[:, None, :], 0.0, x)
-    away = (np.abs(x[:, 4::2]) > RUN_AWAY).any(axis=1)
-    x[:, 4:] = np.where(away[:, None, :], 0.0, x[:, 4:])
-    return int(np.count_nonzero(away))
+@fast
+def _restart(x: Any) -> int:
+    """Put balls that ran away back to the centre, and return of how many dyads."""
+    count = 0
+    for b in range(len(x)):
+        for j in range(LANES):
+            away = False
+            for i in range(4, x.shape[1], 2):
+                away |= abs(x[b, i, j]) > RUN_AWAY
+            if away:
+                count += 1
+                x[b, 4:, j] = 0.0
+    return count
