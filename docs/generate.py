@@ -5,9 +5,11 @@
 
 A page holds generated text between ``<!-- generated: NAME -->`` and ``<!-- end of NAME -->``; the rest is written by
 hand. The state diagram comes from the trial machine's table, the configuration reference from the dataclasses, the
-command reference from the command itself, so none of them can say what the program does not do.
+command reference from the command itself, so none of them can say what the program does not do. Tables of measurements
+come from what `netboard bench` wrote, copied to docs/data/ as it was.
 """
 
+import json
 import re
 import sys
 from collections.abc import Callable, Iterator
@@ -98,11 +100,53 @@ def _cell(text: str) -> str:
     return re.sub(r"\s+", " ", text).replace("|", "\\|")
 
 
+def study_part(study: str, name: str) -> Callable[[], str]:
+    """Return what writes one table of a study, and what follows from it."""
+
+    def write() -> str:
+        parts = json.loads((DOCS / "data" / f"{study}.json").read_text(encoding="utf-8"))["parts"]
+        part = next(part for part in parts if part["name"] == name)
+        lines = [f"*{part['title']}*", "", "| " + " | ".join(map(_cell, part["columns"])) + " |"]
+        lines += ["|" + "---|" * len(part["columns"])]
+        lines += ["| " + " | ".join(map(_figure, row)) + " |" for row in part["rows"]]
+        lines += [""] if part["verdicts"] else []
+        lines += [f"- {_verdict(verdict)}" for verdict in part["verdicts"]]
+        return "\n".join(lines)
+
+    return write
+
+
+def _verdict(verdict: dict[str, Any]) -> str:
+    """Write a claim, whether it holds, and the figures."""
+    return f"{'Holds' if verdict['holds'] else '**Fails**'}: {_cell(verdict['claim'])}: {_cell(verdict['found'])}"
+
+
+def _figure(value: Any) -> str:
+    """Write a value of a table: numbers to three digits, as on the screen."""
+    return f"{value:.3g}" if isinstance(value, float) else _cell(str(value))
+
+
+def study_machine(study: str) -> Callable[[], str]:
+    """Return what writes the machine that a study ran on."""
+
+    def write() -> str:
+        machine = json.loads((DOCS / "data" / f"{study}.json").read_text(encoding="utf-8"))["machine"]
+        libraries = ", ".join(f"{name} {number}" for name, number in machine["libraries"].items())
+        return f"{machine['cpu']}, {machine['cores']} cores, {machine['system']}, Python {machine['python']}; {libraries}."
+
+    return write
+
+
+PHYSICS = ("expect", "left-out", "growth", "holds", "frontier", "ratios", "mujoco", "tick", "skips")
+"""Tables of `netboard bench physics` that are in the page on accuracy."""
+
 GENERATED: dict[str, tuple[str, Callable[[], str]]] = {
     "state diagram": ("trial-machine.md", state_diagram),
     "edge table": ("trial-machine.md", edge_table),
     "configuration": ("reference/configuration.md", configuration),
     "commands": ("reference/commands.md", commands),
+    "machine": ("accuracy.md", study_machine("physics")),
+    **{name: ("accuracy.md", study_part("physics", name)) for name in PHYSICS},
 }
 
 

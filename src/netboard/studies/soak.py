@@ -12,7 +12,7 @@ ground, must have changed by the work of the drives u through the board's ends, 
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import cache
+from functools import cache, partial
 from time import perf_counter
 from typing import Any
 
@@ -71,6 +71,9 @@ RANGE = 0.075
 
 LARGEST_ACCELERATION = 50.0
 """As in the live tick [m/s2]."""
+
+BALANCE = 0.05
+"""The most that the energy may be off, as a share of the flows [1]."""
 
 LEAST_FLOW = 1e-9
 """Flows that sum up to less between two checks are not looked at closely [J]."""
@@ -150,7 +153,6 @@ def move_hands(hand: Any, side: int, scenes: Any, out: Any) -> None:
             hand[b, LAST_Z, j], hand[b, LAST_VZ, j] = done[4, j], done[5, j]
             for n in range(3):
                 out[b, 4 * side + n, j] = done[6 + n, j]
-
 
 
 @inlined
@@ -461,3 +463,66 @@ def _restart(x: Any) -> int:
                 count += 1
                 x[b, 4:, j] = 0.0
     return count
+
+
+def soak(steps: int, seed: int = 1, scenes: int = 256, tell: Tell = lambda text, share: None) -> Part:
+    """Soak every kind of scene.
+
+    Parameters
+    ----------
+    steps : int
+        Steps of single simulations in all, at the least [1].
+    seed : int
+        Of everything random [1].
+    scenes : int
+        Different scenes of each kind [1].
+    tell : callable
+        Hears how far it is.
+
+    Returns
+    -------
+    Part
+        What came of it.
+    """
+    found = {}
+    for i, (name, kind) in enumerate(KINDS.items()):
+        tell(f"soak: {name}: drawing scenes", 0.0)
+        share = steps // len(KINDS) + 1
+        found[name] = soak_kind(kind, share, seed + i, scenes, partial(tell, f"soak: {name}"))
+    rows: list[tuple[Value, ...]] = []
+    for name, one in found.items():
+        for where, tally in (("within", one.within), ("beyond", one.beyond)):
+            rows.append((name, where, tally.checks, tally.lost, tally.excess, tally.wrong))
+    done, restarts = sum(one.steps for one in found.values()), sum(one.restarts for one in found.values())
+    seconds = sum(one.seconds for one in found.values())
+    within, beyond = [one.within for one in found.values()], [one.beyond for one in found.values()]
+    excess, wrong = max(tally.excess for tally in within), max(tally.wrong for tally in within)
+    lost, checks = sum(tally.lost for tally in within), sum(tally.checks for tally in within)
+    lost_beyond, worst_beyond = sum(tally.lost for tally in beyond), max(tally.excess for tally in beyond)
+    degrees = math.degrees(_LARGEST_TILT)
+    return Part(
+        "soak",
+        f"Soak: {done:.4g} steps of 1 ms in {len(KINDS) * scenes} random scenes, {seconds:.3g} s, {restarts} balls put "
+        f"back; within: tilts to {degrees:.0f} deg, turns to {MOST_TURN:g} rad in a step, balls to twice the arm",
+        (
+            "kind of scene",
+            "where",
+            f"checks, each of {BETWEEN} steps [1]",
+            "not finite [1]",
+            "growth - what hands can put in, over flows [1]",
+            "growth - flows, over flows [1]",
+        ),
+        rows,
+        [
+            Verdict("within: every state is finite", lost == 0, f"{lost} of {checks} are not"),
+            Verdict(
+                "within: energy grows by no more than hands can put in", excess < 0.0, f"{excess:+.2g} of the flows"
+            ),
+            Verdict(f"within: energy is off by less than {BALANCE:.0%} of the flows", wrong < BALANCE, f"{wrong:.2g}"),
+            Verdict(
+                "beyond: every state is finite, and energy grows by no more than hands can put in",
+                lost_beyond == 0 and worst_beyond < 0.0,
+                f"{lost_beyond} of {sum(tally.checks for tally in beyond)} are not finite, {worst_beyond:+.2g} of the flows",
+            ),
+        ],
+    )

@@ -250,7 +250,9 @@ def _summary(method: str, cells: Sequence[Cell]) -> tuple[tuple[Value, ...], Ver
     )
     if worst is None:
         return row, Verdict(
-            f"{method} holds every scene in steps of a tick", smallest >= TICK_SECONDS, "in any step tried" if math.isinf(smallest) else f"up to {smallest:.3g} s in each"
+            f"{method} holds every scene in steps of a tick",
+            smallest >= TICK_SECONDS,
+            "in any step tried" if math.isinf(smallest) else f"up to {smallest:.3g} s in each",
         )
     off = [cell for cell in limited if not cell.agrees]
     return row, Verdict(

@@ -191,7 +191,9 @@ def large_tilts(tilts_deg: Sequence[float] = TILTS_DEG, tell: Tell = lambda text
         tell(f"large tilts: {tilt:g} deg", i / len(tilts_deg))
         spread = physics.l * math.sin(math.radians(tilt)) / reach
         go = partial(make_run, physics, duration=DURATION, spread=spread, free=False)
-        start: State = (*go(method="dop853", h=TICK_SECONDS / 8, duration=1.0, x=first, start=-1.0).states[-1].tolist(),)
+        start: State = (
+            *go(method="dop853", h=TICK_SECONDS / 8, duration=1.0, x=first, start=-1.0).states[-1].tolist(),
+        )
         truth = go(method="dop853", h=TICK_SECONDS / 8, x=start)
         errors = [
             float(np.abs(go(method=name, h=TICK_SECONDS, x=start).forces - truth.forces).max())
@@ -385,9 +387,7 @@ def ball_at_ends(duration: float = 20.0, tell: Tell = lambda text, share: None) 
 # --- perfect rest ------------------------------------------------------------------------------------------------
 
 
-def perfect_rest(
-    steps: int = 100_000, methods: Sequence[str] = STUDIED, tell: Tell = lambda text, share: None
-) -> Part:
+def perfect_rest(steps: int = 100_000, methods: Sequence[str] = STUDIED, tell: Tell = lambda text, share: None) -> Part:
     """See that a board at rest, whose numbers die away to nothing, is stepped as quickly as one that moves.
 
     Parameters
@@ -443,5 +443,3 @@ def _quickest(go: Callable[[], object]) -> float:
         return perf_counter() - start
 
     return min(once() for _ in range(5))
-
-
