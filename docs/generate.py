@@ -132,7 +132,8 @@ def study_machine(study: str) -> Callable[[], str]:
     def write() -> str:
         machine = json.loads((DOCS / "data" / f"{study}.json").read_text(encoding="utf-8"))["machine"]
         libraries = ", ".join(f"{name} {number}" for name, number in machine["libraries"].items())
-        return f"{machine['cpu']}, {machine['cores']} cores, {machine['system']}, Python {machine['python']}; {libraries}."
+        where = f"{machine['cpu']}, {machine['cores']} cores, {machine['system']}"
+        return f"{where}, Python {machine['python']}; {libraries}."
 
     return write
 

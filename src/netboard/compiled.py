@@ -40,22 +40,22 @@ def _choose_folder() -> None:
         for other in folder.parent.glob(f"{PREFIX}*"):
             shutil.rmtree(other, ignore_errors=True)
     # Numba read the environment when it was imported, which may have been by someone else.
-    numba.config.CACHE_DIR = chosen
+    numba.config.CACHE_DIR = chosen  # type: ignore[attr-defined]
 
 
 _choose_folder()
 
-STRICT = {"error_model": "numpy"}
+STRICT: dict[str, Any] = {"error_model": "numpy"}
 """IEEE arithmetic as written; it never raises: x / 0 is infinite."""
 
-INLINED = {**STRICT, "forceinline": True}
+INLINED: dict[str, Any] = {**STRICT, "forceinline": True}
 """The same, compiled into every caller."""
 
-FAST = {**STRICT, "fastmath": {"contract"}}
+FAST: dict[str, Any] = {**STRICT, "fastmath": {"contract"}}
 """A product and a sum may be rounded once, as one (fused multiply-add), which not every machine does. Nothing else is
 let go: a sum keeps its order, and what is not finite is still found out."""
 
-LOOSE = {**INLINED, **FAST}
+LOOSE: dict[str, Any] = {**INLINED, **FAST}
 """The same, compiled into every caller."""
 
 
@@ -120,7 +120,7 @@ def specialised(function: Callable[..., object]) -> Callable[[Callable[..., obje
 
     def register(choose: Callable[..., object]) -> None:
         choose.__annotations__ = {}  # numba compares them with those of what is returned
-        overload(function, jit_options=INLINED, prefer_literal=True)(choose)
+        overload(function, jit_options=INLINED, prefer_literal=True)(choose)  # type: ignore[arg-type]
         _CHOICES[function] = choose
 
     return register
@@ -172,7 +172,7 @@ def _choose_again(copy: FunctionType, choose: Callable[..., object], again: Call
 
     names = ", ".join(inspect.signature(choose).parameters)
     alike = eval(f"lambda {names}: chosen({names})", {"chosen": chosen})
-    overload(copy, jit_options=LOOSE, prefer_literal=True)(alike)
+    overload(copy, jit_options=LOOSE, prefer_literal=True)(alike)  # type: ignore[arg-type]
 
 
 def borrowed(array: A) -> A:
@@ -200,7 +200,7 @@ def _uncounted(context: Any, array: Any) -> Any:
     return array(array), write
 
 
-_borrow = intrinsic(_uncounted)
+_borrow: Any = intrinsic(_uncounted)
 
 
 @specialised(borrowed)

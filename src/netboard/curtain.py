@@ -54,7 +54,7 @@ def make_curtain(config: Config) -> Curtain:
     """
     return Curtain(
         dyadic=config.block.configuration == "dyadic",
-        ball=config.physics.balls,
+        ball=config.physics.balls > 0,
         target_distance=config.geometry.target_distance,
         trials=config.block.trials,
     )

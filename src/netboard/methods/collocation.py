@@ -1,9 +1,9 @@
-"""Exponential collocation, for runs of reference quality: steps of 4 to 40 ms, far cheaper than small steps of any other.
+"""Exponential collocation, for runs of reference quality: steps of 4 to 40 ms, cheaper than small steps of any method.
 
 With ``x' = A x + N(x, t)`` the state at every node of a step is ``e^(c h A) x(0)`` and an integral of N (variation of
 constants). N is taken for the polynomial through its values at Gauss's nodes, so that the integrals are products with
-matrices made beforehand, and its values are found by sweeps over the nodes (Picard's iteration), from what the last step
-makes one expect, until they change no more. Only N is approximated: a transient of A, however fast, costs no step.
+matrices made beforehand, and its values are found by sweeps over the nodes (Picard's iteration), from what the last
+step makes one expect, until they change no more. Only N is approximated: a transient of A, however fast, costs no step.
 
 The nodes are done at once, one in each lane of a vector. Not for recordings: products and sums are fused.
 """
@@ -171,9 +171,9 @@ def make_collocation(PARTS: Parts, LENGTH: int, NODES: int) -> Callable[..., int
     Returns
     -------
     callable
-        ``collocate(x, hands, bound, tables..., scene, every, out)`` fills `out`, of shape (n // every + 1, length), with
-        the first state and that after every so many steps, and returns how many sweeps it took; `bound` is the largest
-        change of an acceleration that ends the sweeps.
+        ``collocate(x, hands, bound, tables..., scene, every, out)`` fills `out`, of shape (n // every + 1, length),
+        with the first state and that after every so many steps, and returns how many sweeps it took; `bound` is the
+        largest change of an acceleration that ends the sweeps.
     """
     KNOWN, WIDTH = known_of(PARTS), _width(LENGTH)
 

@@ -15,6 +15,7 @@ from numba import types
 from numpy.typing import NDArray
 
 from netboard.compiled import inlined, specialised
+from netboard.methods.lanes import listed
 from netboard.methods.phi import phi
 from netboard.methods.semilinear import pushed, remainder, times
 from netboard.physics.hold import drives
@@ -89,10 +90,13 @@ def etdrk4(x: State, h: float, hands: Any, tables: Any, parts: Parts, scene: Any
     n1 = remainder(x, left, right, tables, parts, scene)
     middle, end = times(x, tables, 1, parts), times(x, tables, 2, parts)
     left, right = drives(hands, 1, 0.5 * h)
-    n2 = remainder(pushed(middle, tables, 3, n1, parts), left, right, tables, parts, scene)
-    n3 = remainder(pushed(pushed(middle, tables, 4, n1, parts), tables, 5, n2, parts), left, right, tables, parts, scene)
+    x2 = pushed(middle, tables, 3, n1, parts)
+    n2 = remainder(x2, left, right, tables, parts, scene)
+    x3 = pushed(pushed(middle, tables, 4, n1, parts), tables, 5, n2, parts)
+    n3 = remainder(x3, left, right, tables, parts, scene)
     left, right = drives(hands, 2, h)
-    n4 = remainder(pushed(pushed(end, tables, 6, n1, parts), tables, 7, n3, parts), left, right, tables, parts, scene)
+    x4 = pushed(pushed(end, tables, 6, n1, parts), tables, 7, n3, parts)
+    n4 = remainder(x4, left, right, tables, parts, scene)
     known = pushed(pushed(end, tables, 8, n1, parts), tables, 9, plus(n2, 1.0, n3), parts)
     return pushed(known, tables, 10, n4, parts)
 
@@ -208,41 +212,37 @@ def exact(x: State, h: float, hands: Any, tables: Any, parts: Parts, scene: Any)
     tuple of float
         The state at the end of the step [SI].
     """
-    by, s0, s1, s2, s3 = _both(hands)
-    z = _row(tables[0], tables[1], 0, by, s0, s1, s2, s3) + _flow(tables[0], tables[1], 0, x[0], x[1])
-    vz = _row(tables[0], tables[1], 1, by, s0, s1, s2, s3) + _flow(tables[0], tables[1], 1, x[0], x[1])
+    by, drive = _both(hands)
+    z = _row(x, drive, tables[0], tables[1], 0, by)
+    vz = _row(x, drive, tables[0], tables[1], 1, by)
     p = plus(places(x), h, speeds(x)) if parts.free else places(x)
     return joined(z, vz, x[2], x[3], p, speeds(x))
 
 
 @inlined
-def _row(table: Any, kind: int, row: int, by: int, s0: float, s1: float, s2: float, s3: float) -> float:
-    """Return what weight and hands add to a row."""
-    w0, w1 = table[kind, 0, row, by] * s0, table[kind, 0, row, by + 1] * s1
-    w2, w3 = table[kind, 0, row, by + 2] * s2, table[kind, 0, row, by + 3] * s3
-    return table[kind, 0, row, 2] + (w0 + w1 + w2 + w3)
+def _row(x: State, drive: State, table: Any, kind: int, row: int, by: int) -> float:
+    """Return a row of the state at the end: what weight and hands make, and what the state at the start does."""
+    w0, w1 = table[kind, 0, row, by] * drive[0], table[kind, 0, row, by + 1] * drive[1]
+    w2, w3 = table[kind, 0, row, by + 2] * drive[2], table[kind, 0, row, by + 3] * drive[3]
+    flow: float = table[kind, 0, row, 0] * x[0] + table[kind, 0, row, 1] * x[1]
+    return (table[kind, 0, row, 2] + (w0 + w1 + w2 + w3)) + flow
 
 
-@inlined
-def _flow(table: Any, kind: int, row: int, z: float, vz: float) -> float:
-    """Return what the state adds to a row."""
-    return table[kind, 0, row, 0] * z + table[kind, 0, row, 1] * vz
-
-
-def _both(hands: Any) -> tuple[int, float, float, float, float]:
-    """Return the first column of what the drives are multiplied with, and both hands' coefficients or values added."""
+def _both(hands: Any) -> tuple[int, State]:
+    """Return the first column of what the drives meet, and the coefficients or the values of both hands, added."""
     if len(hands) == 8:
-        return 3, hands[0] + hands[4], hands[1] + hands[5], hands[2] + hands[6], hands[3] + hands[7]
-    values = hands[0][hands[1]]
-    return 7, *[float(values[node, 0] + values[node, 1]) for node in range(4)]
+        return 3, (hands[0] + hands[4], hands[1] + hands[5], hands[2] + hands[6], hands[3] + hands[7])
+    table, step = hands
+    return 7, tuple([float(table[step, node, 0] + table[step, node, 1]) for node in range(4)])
 
 
 @specialised(_both)
 def _write_both(hands: Any) -> Any:
+    """Choose, when a kernel is compiled."""
     if isinstance(hands, types.UniTuple):
-        return lambda hands: (3, hands[0] + hands[4], hands[1] + hands[5], hands[2] + hands[6], hands[3] + hands[7])
-    sums = ", ".join(f"hands[0][hands[1], {node}, 0] + hands[0][hands[1], {node}, 1]" for node in range(4))
-    return eval(f"lambda hands: (7, {sums})")
+        return lambda hands: (3, (hands[0] + hands[4], hands[1] + hands[5], hands[2] + hands[6], hands[3] + hands[7]))
+    sums = [f"hands[0][hands[1], {node}, 0] + hands[0][hands[1], {node}, 1]" for node in range(4)]
+    return eval(f"lambda hands: (7, {listed(sums)})")
 
 
 def exact_tables(scene: Any, parts: Parts, length: int, h: float) -> NDArray[np.float64]:

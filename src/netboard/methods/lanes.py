@@ -8,6 +8,7 @@ small arrays of numpy.
 Numba has no such type: this module is the only one that writes instructions by hand.
 """
 
+import inspect
 import operator
 from collections.abc import Callable, Sequence
 from functools import cache
@@ -17,7 +18,7 @@ import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
-from numba.core.typeconv import Conversion
+from numba.core.typeconv.castgraph import Conversion
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, lower_cast, models, register_model
 from numpy.typing import NDArray
@@ -61,7 +62,7 @@ def _spread_value(builder: Any, value: Any, count: int) -> Any:
     """Write the same float into every lane."""
     vector = ir.VectorType(_DOUBLE, count)
     first = builder.insert_element(ir.Constant(vector, ir.Undefined), value, _INT(0))
-    return builder.shuffle_vector(first, ir.Constant(vector, ir.Undefined), ir.Constant(ir.VectorType(_INT, count), [0] * count))
+    return _spread_lane(builder, first, 0, count)
 
 
 def _spread_lane(builder: Any, lanes: Any, i: int, count: int) -> Any:
@@ -78,7 +79,7 @@ lower_cast(types.Float, Lanes)(_cast)
 lower_cast(types.Integer, Lanes)(_cast)
 
 
-class _Arithmetic(AbstractTemplate):  # type: ignore[misc]
+class _Arithmetic(AbstractTemplate):
     """Lanes with lanes, or with a number."""
 
     def generic(self, args: Any, kws: Any) -> Any:
@@ -202,11 +203,6 @@ def _applying(typing: Any, array: Any, offset: Any, lanes: Any, count: Any) -> A
     return Lanes(n)(array, types.intp, lanes, count), write
 
 
-_intrinsic = intrinsic(prefer_literal=True)
-_load_lanes, _load_pair, _store, _extract = (_intrinsic(f) for f in (_loading, _pairing, _storing, _extracting))
-_spread, _gather, _bounded, _apply = (_intrinsic(f) for f in (_spreading, _gathering, _bounding, _applying))
-
-
 def lanes_at(array: Array, offset: int, count: int) -> Any:
     """Return lanes from an array.
 
@@ -220,11 +216,6 @@ def lanes_at(array: Array, offset: int, count: int) -> Any:
         How many; a constant at the call [1].
     """
     return array.ravel()[offset : offset + count]
-
-
-@specialised(lanes_at)
-def _lanes_at(array: Any, offset: Any, count: Any) -> Any:
-    return (lambda array, offset, count: _load_lanes(array, offset, count)) if array.layout == "C" else None
 
 
 def pair_at(array: Array, offset: int, count: int) -> tuple[Any, Any]:
@@ -243,11 +234,6 @@ def pair_at(array: Array, offset: int, count: int) -> tuple[Any, Any]:
     return both[::2], both[1::2]
 
 
-@specialised(pair_at)
-def _pair_at(array: Any, offset: Any, count: Any) -> Any:
-    return (lambda array, offset, count: _load_pair(array, offset, count)) if array.layout == "C" else None
-
-
 def put(array: Array, offset: int, lanes: Any) -> None:
     """Write lanes to an array.
 
@@ -263,11 +249,6 @@ def put(array: Array, offset: int, lanes: Any) -> None:
     array.ravel()[offset : offset + len(lanes)] = lanes
 
 
-@specialised(put)
-def _put(array: Any, offset: Any, lanes: Any) -> Any:
-    return (lambda array, offset, lanes: _store(array, offset, lanes)) if array.layout == "C" else None
-
-
 def lane(lanes: Any, i: int) -> float:
     """Return one of the lanes.
 
@@ -279,11 +260,6 @@ def lane(lanes: Any, i: int) -> float:
         Which; a constant at the call [1].
     """
     return float(lanes[i])
-
-
-@specialised(lane)
-def _lane(lanes: Any, i: Any) -> Any:
-    return lambda lanes, i: _extract(lanes, i)
 
 
 def spread(lanes: Any, i: int) -> Any:
@@ -299,11 +275,6 @@ def spread(lanes: Any, i: int) -> Any:
     return np.full(len(lanes), lanes[i])
 
 
-@specialised(spread)
-def _spread_one(lanes: Any, i: Any) -> Any:
-    return lambda lanes, i: _spread(lanes, i)
-
-
 def gathered(values: State, count: int) -> Any:
     """Return the floats of a tuple as lanes, followed by zeros.
 
@@ -317,11 +288,6 @@ def gathered(values: State, count: int) -> Any:
     return np.array([*values, *[0.0] * (count - len(values))])
 
 
-@specialised(gathered)
-def _gathered(values: Any, count: Any) -> Any:
-    return lambda values, count: _gather(values, count)
-
-
 def within(lanes: Any, bound: float) -> bool:
     """Return whether no lane is larger than a bound, in either direction, or not a number.
 
@@ -333,11 +299,6 @@ def within(lanes: Any, bound: float) -> bool:
         The largest magnitude.
     """
     return bool((np.abs(lanes) <= bound).all())
-
-
-@specialised(within)
-def _within(lanes: Any, bound: Any) -> Any:
-    return lambda lanes, bound: _bounded(lanes, bound)
 
 
 def applied(array: Array, offset: int, lanes: Any, count: int) -> Any:
@@ -361,11 +322,28 @@ def applied(array: Array, offset: int, lanes: Any, count: int) -> Any:
     return chains[0] + chains[1]
 
 
-@specialised(applied)
-def _applied(array: Any, offset: Any, lanes: Any, count: Any) -> Any:
-    if array.layout != "C":
-        return None
-    return lambda array, offset, lanes, count: _apply(array, offset, lanes, count)
+def _is(plain: Callable[..., Any], instructions: Any) -> None:
+    """Let numba write some instructions in place of a function; arrays have to lie as their offsets are counted."""
+    names = ", ".join(inspect.signature(plain).parameters)
+    text = eval(f"lambda {names}: instructions({names})", {"instructions": instructions, "__name__": __name__})
+
+    def choose(*arguments: Any) -> Any:
+        return None if any(isinstance(a, types.Array) and a.layout != "C" for a in arguments) else text
+
+    specialised(plain)(eval(f"lambda {names}: choose({names})", {"choose": choose}))
+
+
+for _plain, _writer in (
+    (lanes_at, _loading),
+    (pair_at, _pairing),
+    (put, _storing),
+    (lane, _extracting),
+    (spread, _spreading),
+    (gathered, _gathering),
+    (within, _bounding),
+    (applied, _applying),
+):
+    _is(_plain, intrinsic(prefer_literal=True)(_writer))
 
 
 def written(names: str, write: Callable[..., str]) -> Callable[..., Any]:
@@ -392,7 +370,7 @@ def written(names: str, write: Callable[..., str]) -> Callable[..., Any]:
         return compose(*sizes)(*arguments)
 
     def choose(*arguments: Any) -> Any:
-        sizes = [a.count if isinstance(a, types.BaseTuple) else getattr(a, "literal_value", 0) for a in arguments]
+        sizes = [len(a) if isinstance(a, types.BaseTuple) else getattr(a, "literal_value", 0) for a in arguments]
         return compose(*sizes)
 
     plain: Callable[..., Any] = eval(f"lambda {names}: run({names})", {"run": run, "__name__": __name__})

@@ -204,7 +204,7 @@ def run(
     """
     out = np.empty((len(grid.lengths) + 1, len(x)))
     march = make_march(NUMBER[method], parts)
-    march(x, hands, grid.lengths, grid.counts, grid.kinds, grid.tables, scene, out)
+    march(tuple(map(float, x)), hands, grid.lengths, grid.counts, grid.kinds, grid.tables, scene, out)
     return out
 
 

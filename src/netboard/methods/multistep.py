@@ -2,8 +2,8 @@
 
 With ``x' = A x + N(x, t)`` the linear part is solved exactly, and N taken for the polynomial through its values at the
 last grid points: the explicit methods (Adams-Bashforth) predict with it, and the pair goes on to evaluate N at the
-prediction and to correct it with that (Adams-Moulton, PECE). The first steps are collocation at the same grid points, so
-that a run needs the hands on its grid and nowhere else. The history is of smooth hands and a smooth scene: for raw
+prediction and to correct it with that (Adams-Moulton, PECE). The first steps are collocation at the same grid points,
+so that a run needs the hands on its grid and nowhere else. The history is of smooth hands and a smooth scene: for raw
 input, and for balls that meet stops, take a one-step method. Not for recordings: products and sums are fused.
 
 A state is in one vector, tilt first, since it is the first that the next evaluation waits for.
@@ -124,9 +124,7 @@ def _make_start(PARTS: Parts, LENGTH: int) -> Callable[..., None]:
     """Compile what finds the first states: those that agree with the polynomial through their own values of N."""
 
     @fast
-    def start(
-        x: State, hands: Any, bound: float, a: Any, flows: Any, pushes: Any, scene: Any, states: Any
-    ) -> None:
+    def start(x: State, hands: Any, bound: float, a: Any, flows: Any, pushes: Any, scene: Any, states: Any) -> None:
         one, tables, rests = scene[0], (borrowed(a), 0), np.zeros((_FIRST, LENGTH))
         for i in range(_FIRST):
             for j in range(LENGTH):
@@ -194,7 +192,7 @@ def _packed(matrices: Array, rows: list[int], width: int) -> Array:
 
 
 def _tables(method: Multistep, parts: Parts, scene: Any, length: int, h: float) -> tuple[Array, ...]:
-    """Return what a method multiplies with: A, the flow through a step, predictor, corrector, and those of the start."""
+    """Return what a method multiplies with: A, the flow through a step, predictor, corrector, and two for the start."""
     a, one = scene_matrix(parts, scene, length), Decimal(1)
     rows, width = kicked_rows(length, known_of(parts)), _width(length)
     flow, predictor = integrals(a, h, one, cardinals([Decimal(-i) for i in range(method.past)]))

@@ -73,9 +73,8 @@ class Offline:
         ndarray of float64, shape (n, nodes) or (n + 1,)
             Times since the start; `prepare` takes an array with the drives of both hands for each [s].
         """
-        if self.chained:
-            return h * np.arange(n + 1)
-        return h * (np.arange(n)[:, np.newaxis] + np.array(self.nodes))
+        times: Array = np.arange(n + 1) * h if self.chained else (np.arange(n)[:, np.newaxis] + self.nodes) * h
+        return times
 
     def suits(self, parts: Parts) -> bool:
         """Return whether it can run a scene.

@@ -8,7 +8,7 @@ With them come the integrals of e^((c - s) B) and a polynomial, for methods that
 Method: scaling, Taylor's series, squaring (B. Skaflestad, W. M. Wright, "The scaling and modified squaring method for
 matrix functions related to the exponential", Appl. Numer. Math. 59, 2009), in decimal arithmetic of sixty digits and
 more. Squaring loses digits, and many of them where stiffness or damping is a thousand times the usual one; here enough
-are left for every float to be the nearest one. Recordings verify to the bit, and decimals are the same on every machine.
+are left for every float to be the nearest one. Recordings verify to the bit, and decimals are alike on every machine.
 """
 
 import math
@@ -65,7 +65,7 @@ def _doubled(phis: Sequence[Matrix], inverses: Sequence[Decimal]) -> list[list[l
     result = []
     for k in range(len(phis)):
         scale = Decimal(1) / 2**k
-        terms = [(scale, _product(phis[0], phis[k]))]
+        terms: list[tuple[Decimal, Matrix]] = [(scale, _product(phis[0], phis[k]))]
         terms += [(scale * inverses[k - j], phis[j]) for j in range(1, k + 1)]
         result.append(_sum(terms, Decimal(0)))
     return result

@@ -1,13 +1,14 @@
 """A scene split into what is linear about the level board and the rest: ``x' = A x + N(x, t)``, and products with both.
 
-A is that of `netboard.physics.linear`. N has accelerations only, so that only some columns of a matrix meet it; and on a
-board whose couplings are alike heave does not meet the rest of A. What is known to be 0 is left out of every product.
+A is that of `netboard.physics.linear`. N has accelerations only, so that only some columns of a matrix meet it; and on
+a board whose couplings are alike heave does not meet the rest of A. What is known to be 0 is left out of every product.
 A table is a matrix by its columns, so that the processor does three sums or more at once: tables are an array of shape
 (kinds, k, n, n) and the number of the kind. Table 0 is A.
 
 The rules of `netboard.physics.models` hold here.
 """
 
+from collections.abc import Callable
 from typing import Any
 
 from netboard.compiled import inlined
@@ -121,8 +122,8 @@ def _write_sums(length: int, known: int, vector: str, kicks: bool, start: str) -
     Three rows or more are done at once; rows of balls that are fixed stay as they are.
     """
     lines, results = [], [f"{start or vector}[{i}]" for i in range(length)]
-    for number, (rows, columns) in enumerate(_blocks(length, known)):
-        columns = _kicks(columns) if kicks else columns
+    for number, (rows, every) in enumerate(_blocks(length, known)):
+        columns = _kicks(every) if kicks else every
         if len(rows) < 3:
             for i in rows:
                 terms = [f"tables[0][tables[1], k, {j}, {i}] * {vector}[{j}]" for j in columns]
@@ -147,9 +148,13 @@ def _write_left_over(n: int, _: int, __: int, known: int) -> str:
     return listed(results)
 
 
-_times = written("x, tables, k, known", lambda n, _, __, known: _write_sums(n, known, "x", False, ""))
-_pushed = written("x, tables, k, rest, known", lambda n, _, __, ___, known: _write_sums(n, known, "rest", True, "x"))
-_left_over = written("rate, x, tables, known", _write_left_over)
+_times: Callable[..., State] = written(
+    "x, tables, k, known", lambda n, _, __, known: _write_sums(n, known, "x", False, "")
+)
+_pushed: Callable[..., State] = written(
+    "x, tables, k, rest, known", lambda n, _, __, ___, known: _write_sums(n, known, "rest", True, "x")
+)
+_left_over: Callable[..., State] = written("rate, x, tables, known", _write_left_over)
 
 
 @inlined
