@@ -30,11 +30,11 @@ def test_help_lists_every_command() -> None:
         assert f" {command} " in result.output
 
 
-@pytest.mark.parametrize("command", [*COMMANDS, "config check", "config show", "config init"])
+@pytest.mark.parametrize("command", [*COMMANDS, "config check", "config show", "config init", "bench physics", "bench stability"])
 def test_every_command_has_help_with_examples(command: str) -> None:
     result = runner.invoke(app, [*command.split(), "--help"])
     assert result.exit_code == 0
-    assert command == "config" or f"netboard {command}" in result.output.partition("Examples:")[2]
+    assert command in {"config", "bench"} or f"netboard {command}" in result.output.partition("Examples:")[2]
 
 
 def test_nothing_asked_shows_the_help() -> None:

@@ -95,7 +95,7 @@ def _compiled_numbers(scenes: Any, b: Any, j: Any) -> Any:
 @specialised(operator.getitem)
 def _number(scene: Any, name: Any) -> Any:
     """Let compiled text say ``scene["M"]`` of them too."""
-    known = isinstance(scene, types.BaseNamedTuple) and scene.instance_class is _Numbers
+    known = isinstance(scene, types.BaseNamedTuple) and getattr(scene, "instance_class", None) is _Numbers
     if not (known and isinstance(name, types.StringLiteral)):
         return None
     place = _NAMES.index(name.literal_value)

@@ -173,7 +173,7 @@ def make_collocation(PARTS: Parts, LENGTH: int, NODES: int) -> Callable[..., int
     callable
         ``collocate(x, hands, bound, tables..., scene, every, out)`` fills `out`, of shape (n // every + 1, length),
         with the first state and that after every so many steps, and returns how many sweeps it took; `bound` is the
-        largest change of an acceleration that ends the sweeps.
+        largest change of an acceleration that ends the sweeps [SI].
     """
     KNOWN, WIDTH = known_of(PARTS), _width(LENGTH)
 

@@ -108,8 +108,8 @@ LARGEST_REST = 2.0
 def solved(parts: Parts, scene: Any, length: int, h: float) -> NDArray[np.float64]:
     """Return the matrix that is solved exactly: that of the scene, or of its board without the inertia of its balls.
 
-    By Lagrange a ball at the centre weighs on the heave, and one further out does not, which is left to the rest N. On a
-    stiff board that would be too much for it, and the board is solved at its lightest: bounded, but less accurate.
+    By Lagrange a ball at the centre weighs on the heave, and one further out does not, which is left to the rest N. On
+    a stiff board that would be too much for it, and the board is solved at its lightest: bounded, but less accurate.
 
     Parameters
     ----------
@@ -225,7 +225,8 @@ def _row(x: State, drive: State, table: Any, kind: int, row: int, by: int) -> fl
     w0, w1 = table[kind, 0, row, by] * drive[0], table[kind, 0, row, by + 1] * drive[1]
     w2, w3 = table[kind, 0, row, by + 2] * drive[2], table[kind, 0, row, by + 3] * drive[3]
     flow: float = table[kind, 0, row, 0] * x[0] + table[kind, 0, row, 1] * x[1]
-    return (table[kind, 0, row, 2] + (w0 + w1 + w2 + w3)) + flow
+    push: float = table[kind, 0, row, 2] + (w0 + w1 + w2 + w3)
+    return push + flow
 
 
 def _both(hands: Any) -> tuple[int, State]:

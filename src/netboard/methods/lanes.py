@@ -38,7 +38,7 @@ class Lanes(types.Type):
     Parameters
     ----------
     count : int
-        How many: 2, 4, 8, or 16 [1].
+        How many; powers of two cost least [1].
     """
 
     def __init__(self, count: int) -> None:
@@ -47,7 +47,15 @@ class Lanes(types.Type):
         super().__init__(name=f"lanes({count})")
 
     def can_convert_from(self, typingctx: Any, other: Any) -> Any:
-        """Let a number stand where lanes are asked for: the same in each."""
+        """Let a number stand where lanes are asked for: the same in each.
+
+        Parameters
+        ----------
+        typingctx : object
+            Of numba's, not used.
+        other : type
+            Numba's type of what stands there.
+        """
         return Conversion.safe if isinstance(other, types.Float | types.Integer) else None
 
 
@@ -250,7 +258,7 @@ def put(array: Array, offset: int, lanes: Any) -> None:
 
 
 def lane(lanes: Any, i: int) -> float:
-    """Return one of the lanes.
+    """Return one of the lanes, in their unit [1].
 
     Parameters
     ----------
@@ -296,7 +304,7 @@ def within(lanes: Any, bound: float) -> bool:
     lanes : lanes
         Some numbers.
     bound : float
-        The largest magnitude.
+        The largest magnitude, in the unit of the lanes [1].
     """
     return bool((np.abs(lanes) <= bound).all())
 

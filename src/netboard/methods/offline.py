@@ -73,8 +73,8 @@ class Offline:
         ndarray of float64, shape (n, nodes) or (n + 1,)
             Times since the start; `prepare` takes an array with the drives of both hands for each [s].
         """
-        times: Array = np.arange(n + 1) * h if self.chained else (np.arange(n)[:, np.newaxis] + self.nodes) * h
-        return times
+        starts = np.arange(n + 1, dtype=np.float64)
+        return np.asarray(h * (starts if self.chained else starts[:-1, np.newaxis] + self.nodes), np.float64)
 
     def suits(self, parts: Parts) -> bool:
         """Return whether it can run a scene.

@@ -1,4 +1,4 @@
-"""Hands that no physics is made for, through the live tick: jumps, losses, nonsense, frozen samples, tremor, coarse steps.
+"""Hands that no physics is made for, through the live tick: jumps, losses, nonsense, tremor, coarse steps.
 
 The hands rest, the trial begins, and then they move as in the test problem. For half a second samples are spoilt;
 before and after they are as they were. Nothing that comes out of a tick may be other than finite, forces may not be
@@ -116,6 +116,11 @@ def _huge(rows: Rows) -> None:
     rows["left_sent_z"][::9], rows["left_sent_vz"][::10] = 1e300, -1e300
 
 
+def _huge_rates(rows: Rows) -> None:
+    for side in ("left", "right"):
+        rows[f"{side}_stamp_ns"], rows[f"{side}_sent_vz"] = rows["time_ns"], 1e300
+
+
 def _denormal(rows: Rows) -> None:
     for side in ("left", "right"):
         rows[f"{side}_sent_z"], rows[f"{side}_sent_vz"] = 5e-324, -5e-324
@@ -133,6 +138,7 @@ KINDS: dict[str, Spoil] = {
     "quantised to 1 mm": _quantised,
     "clocks a second off": _clocks,
     "samples of 1e300": _huge,
+    "rates of 1e300": _huge_rates,
     "denormal samples": _denormal,
 }
 
@@ -226,14 +232,16 @@ def _not_finite(rows: Rows) -> int:
 def _forces(fixed: Rows, rolling: Rows, config: Config) -> tuple[float, float]:
     """Return the largest force of a coupling, and how large the used samples may make it [N].
 
-    Coupling and board are passive: the board's ends go no farther and no faster than twice what moves them.
+    Coupling and board are passive: the board's ends go no farther and no faster than twice what moves them. No two
+    samples a tick apart tell of more than the whole range in that tick.
     """
     physics = config.physics
     force, most = 0.0, 0.0
     for rows in (fixed, rolling):
         for side in ("left", "right"):
             force = max(force, float(np.abs(rows[f"{side}_coupling"]).max()))
-        speed = max(float(np.abs(rows[f"{side}_used_vz"]).max()) for side in ("left", "right"))
+        used = max(float(np.abs(rows[f"{side}_used_vz"]).max()) for side in ("left", "right"))
+        speed = min(used, 2.0 * config.task.stylus_range / TICK_SECONDS)
         weight = (physics.M + physics.balls * physics.m) * physics.g
         most = max(most, 3.0 * (physics.k_h * config.task.stylus_range + physics.c_h * speed + weight))
     return force, most

@@ -24,7 +24,7 @@ STEPS = (0.020, 0.010, 0.005, 0.004, 0.002, 0.001, 0.0005, 0.00025, 0.000125)
 """Lengths of the one-step methods' steps [s]."""
 
 QUICK_STEPS = (0.005, 0.004, 0.002, 0.001, 0.0005)
-QUICK_METHODS = ("semi_implicit", "rk4", "dop853", "etdrk4")
+QUICK_METHODS = ("semi_implicit", "rk4", "dop853")
 
 COLLOCATION = {
     4: ((0.1, 0.05, 0.04, 0.02, 0.01, 0.004, 0.002), (1e-4, 1e-6, 1e-9, 1e-12)),
@@ -116,6 +116,26 @@ def _solve(problem: Problem, method: Method, h: float) -> Solution:
     states = run(method.name, problem.first, hands, grid, problem.parts, problem.scene)
     every, stride = meeting(h)
     return Solution(np.ascontiguousarray(states[::every]), stride, len(hands), hands.shape[0] * hands.shape[1])
+
+
+def own_solution(problem: Problem, method: str, h: float) -> Array:
+    """Solve a problem by a one-step method whose steps meet all points of the reference.
+
+    Parameters
+    ----------
+    problem : Problem
+        The problem.
+    method : str
+        Name of the method.
+    h : float
+        Length of the step [s].
+
+    Returns
+    -------
+    ndarray of float64, shape (n, 6)
+        At `Problem.times` [SI].
+    """
+    return _solve(problem, METHODS[NUMBER[method]], h).states
 
 
 def _march(problem: Problem, method: Method, h: float, keep: bool) -> Callable[[], object]:

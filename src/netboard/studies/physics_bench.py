@@ -9,7 +9,6 @@ from dataclasses import asdict, dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-import numpy as np
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
@@ -18,8 +17,9 @@ from netboard.studies import figures, peer_drake, peer_heyoka, peer_mujoco, peer
 from netboard.studies.contender import Contender, installed
 from netboard.studies.holds import hold_rows
 from netboard.studies.machine import describe
-from netboard.studies.own_methods import collocation_contenders, one_step_contenders
-from netboard.studies.problem import MODELS, STARTS, Model, Problem, Reference, errors_of, make_reference, tight
+from netboard.studies.own_methods import collocation_contenders, one_step_contenders, own_solution
+from netboard.studies.problem import MODELS, STARTS, Model, Problem, errors_of, make_reference, tight
+from netboard.studies.physics_parts import Checked
 from netboard.studies.results import Folder, Part, new_folder, show
 from netboard.studies.skips import skip_rows
 from netboard.studies.tick_cost import measure_tick
@@ -206,37 +206,36 @@ def study(wanted: Wanted, say: Say = lambda stage: None) -> tuple[list[Row], lis
     parts : list of Part
         The tables.
     """
-    references, rows, holds = [], [], []
+    references, rows = {}, []
     for problem in wanted.problems:
         say(f"{problem.name}: reference")
-        reference, apart = find_reference(problem)
-        references.append((problem, reference, apart))
-        rows += measure(problem, reference, _contenders(problem, wanted), wanted.repeats, wanted.budget, say)
-        if problem.start == "settled":
-            holds += hold_rows(problem, reference)
+        references[problem] = find_reference(problem)
+        contenders = _contenders(problem, wanted)
+        rows += measure(problem, references[problem].reference, contenders, wanted.repeats, wanted.budget, say)
     comparisons = compare(rows)
     parts = [
-        physics_parts.reference_part(references),
+        physics_parts.reference_part(list(references.values())),
         physics_parts.runs_part(rows),
         physics_parts.steps_part(rows),
         *physics_parts.costs_parts(rows),
         physics_parts.frontier_part(rows),
+        *physics_parts.ratios_parts(comparisons),
     ]
-    parts += physics_parts.ratios_parts(comparisons)
     if any(row.family == peer_mujoco.FAMILY for row in rows):
         parts.append(physics_parts.mujoco_part(rows, comparisons))
+    chosen = [problem for problem in wanted.problems if problem.start == "settled"][: 1 if wanted.quick else None]
+    say("from samples")
+    holds = [row for problem in chosen for row in hold_rows(problem, references[problem].reference)]
     say("the live tick")
-    settled = [problem for problem in wanted.problems if problem.start == "settled"]
-    ticks = [measure_tick(problem, wanted.repeats) for problem in settled]
+    ticks = [measure_tick(problem, wanted.repeats) for problem in chosen]
     say("lesser scenes")
-    models = [problem.model for problem in settled][: 1 if wanted.quick else None]
-    skips = [row for model in models for row in skip_rows(model, wanted.repeats)]
+    skips = [row for problem in chosen for row in skip_rows(problem.model, wanted.repeats)]
     parts += [physics_parts.holds_part(holds), physics_parts.tick_part(ticks), physics_parts.skips_part(skips)]
     return rows, parts
 
 
-def find_reference(problem: Problem) -> tuple[Reference, float]:
-    """Solve a problem as well as can be, twice.
+def find_reference(problem: Problem) -> Checked:
+    """Solve a problem as well as can be, and once more.
 
     Parameters
     ----------
@@ -245,16 +244,17 @@ def find_reference(problem: Problem) -> tuple[Reference, float]:
 
     Returns
     -------
-    reference : Reference
-        With 80 bits by heyoka if that is installed, by DOP853 otherwise.
-    apart : float
-        How far DOP853 is from it, as E; infinite if there is nothing else to compare it with [1].
+    Checked
+        With 80 bits by heyoka if that is installed, by DOP853 otherwise; checked by the other, or by our own dop853.
     """
     states = tight(problem)
-    if not peer_heyoka.available():
-        return make_reference(problem, "DOP853, rtol 1e-13", states), np.inf
-    reference = make_reference(problem, "heyoka, 80 bits, tol 1e-19", peer_heyoka.precise(problem))
-    return reference, float((errors_of(problem, reference, states, 1) / reference.scales).max())
+    if peer_heyoka.available():
+        reference, check = make_reference(problem, "heyoka, 80 bits", peer_heyoka.precise(problem)), "scipy DOP853"
+    else:
+        reference, check = make_reference(problem, "scipy DOP853", states), "our dop853, 0.5 ms"
+        states = own_solution(problem, "dop853", 0.0005)
+    apart = errors_of(problem, reference, states, 1) / reference.scales
+    return Checked(problem, reference, check, float(apart.max()))
 
 
 def _contenders(problem: Problem, wanted: Wanted) -> list[Contender]:

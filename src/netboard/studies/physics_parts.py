@@ -1,6 +1,7 @@
 """The tables of ``netboard bench physics``, and the verdicts that follow from each."""
 
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from math import inf
 
 from netboard.studies.contender import OURS
@@ -31,24 +32,45 @@ LEVEL, SAME = 4.0, 1e-8
 _ERRORS = tuple(f"{name} [{unit}]" for name, unit in zip(SIGNALS, ("m", "rad", "m", "N"), strict=True))
 
 
-def reference_part(found: Sequence[tuple[Problem, Reference, float]]) -> Part:
+@dataclass(frozen=True)
+class Checked:
+    """A reference, and how far another solution is from it.
+
+    Attributes
+    ----------
+    problem : Problem
+        The problem.
+    reference : Reference
+        What is taken for the truth.
+    check : str
+        The other solution.
+    apart : float
+        E of that [1].
+    """
+
+    problem: Problem
+    reference: Reference
+    check: str
+    apart: float
+
+
+def reference_part(found: Sequence[Checked]) -> Part:
     """Say what is taken for the truth, and how far another solution is from it.
 
     Parameters
     ----------
-    found : sequence of tuple
-        For each problem: the reference, and the largest difference of DOP853 at tight tolerances from it, as E [1].
+    found : sequence of Checked
+        One for each problem.
     """
-    rows: list[tuple[Value, ...]] = [
-        (problem.name, reference.source, difference, *reference.scales.tolist())
-        for problem, reference, difference in found
-    ]
-    worst = max(difference for _, _, difference in found)
+    worst = max(one.apart for one in found)
     return Part(
         "reference",
-        "What is taken for the truth; scales are the largest values of the signals",
-        ("problem", "reference", "E of DOP853, rtol 1e-13 [1]", *(f"scale of {name}" for name in _ERRORS)),
-        rows,
+        "What is taken for the truth, what it was checked by, and the largest values of the signals",
+        ("problem", "reference", "check", "its E [1]", *_ERRORS),
+        [
+            (one.problem.name, one.reference.source, one.check, one.apart, *one.reference.scales.tolist())
+            for one in found
+        ],
         [Verdict("two independent solvers agree", worst < SURE, f"to E = {worst:.1e}")],
     )
 

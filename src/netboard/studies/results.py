@@ -170,7 +170,7 @@ def show(console: Console, part: Part) -> None:
     """
     table = Table(title=part.title, title_justify="left", title_style="bold", pad_edge=False)
     for i, column in enumerate(part.columns):
-        table.add_column(column, justify="left" if i == 0 else "right", overflow="fold")
+        table.add_column(column, justify="left" if i == 0 else "right", no_wrap=i == 0)
     for row in part.rows:
         table.add_row(*(shown(value) for value in row))
     console.print(Group(table, *(_line(verdict) for verdict in part.verdicts), Text("")))

@@ -5,6 +5,7 @@ less of everything; a test runs parts of it.
 """
 
 from collections.abc import Iterator
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -14,11 +15,12 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from netboard.config import Config
 from netboard.studies.machine import describe
 from netboard.studies.odd_hands import odd_hands
+from netboard.studies.rest import energy_drift, perfect_rest
 from netboard.studies.results import Folder, Part, new_folder, show
 from netboard.studies.soak import soak
 from netboard.studies.stability_maps import PLANES, Plane, Tell, draw_map, make_map, map_parts, tick_limits
 from netboard.studies.stability_runs import STUDIED
-from netboard.studies.stress import ball_at_ends, energy_drift, large_tilts, perfect_rest, stiff_forces
+from netboard.studies.stress import ball_at_ends, large_tilts, stiff_forces
 
 SCALES = tuple(float(scale) for scale in np.geomspace(1.0, 1000.0, 7))
 QUICK_SCALES = (1.0, 1000.0)
@@ -105,7 +107,8 @@ def study(folder: Folder, quick: bool, soak_too: bool, tell: Tell) -> Iterator[P
 
 
 def _mapped(plane: Plane, folder: Folder, quick: bool, tell: Tell) -> Iterator[Part]:
-    """Make a map and draw it."""
+    """Make a map, and draw it if matplotlib is there."""
     cells = make_map(plane, QUICK_SCALES if quick else SCALES, QUICK_METHODS if quick else STUDIED, tell)
-    folder.save(draw_map(plane, cells), f"map-{plane.name}")
+    if find_spec("matplotlib") is not None:
+        folder.save(draw_map(plane, cells), f"map-{plane.name}")
     yield from map_parts(plane, cells)

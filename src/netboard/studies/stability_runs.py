@@ -127,7 +127,7 @@ def waves_at(times: Array, spread: float = 1.0) -> tuple[Array, Array]:
 
 
 def polynomials(physics: Physics, times: Array, z: Array, vz: Array) -> Array:
-    """Return the drives of hands that go from each time to the next on a cubic, as `netboard.physics.hold.between` has it.
+    """Return the drives of hands that go from each time to the next on a cubic (`netboard.physics.hold.between`).
 
     Parameters
     ----------
@@ -193,7 +193,7 @@ def make_run(
     """
     steps = max(1, math.floor(TICK_SECONDS / h + 1e-9))
     count = max(1, math.floor(duration / (steps * h) + 1e-9))
-    times = start + np.arange(count + 1) * (steps * h)
+    times: Array = start + np.arange(count + 1, dtype=np.float64) * (steps * h)
     z, vz = waves_at(times, spread)
     parts, scene = parts_of(physics, free), pack_scene(physics)
     lengths, counts = np.full(count, steps * h), np.full(count, steps, np.int64)
