@@ -46,18 +46,21 @@ def start_of(scene: Scene) -> tuple[float, ...]:
 
 
 @pytest.mark.slow
-@kinds
-@both
+@pytest.mark.parametrize(
+    ("kind", "free"), [*((kind, True) for kind in KINDS), ("both hands", False), ("lagrangian", False)]
+)
 @pytest.mark.parametrize("method", ["etd2rk", "etdrk4"])
-def test_the_error_falls_with_the_order_of_the_method(method: str, free: bool, values: dict[str, Any]) -> None:
-    scene = scene_of(free, **values)
+def test_the_error_falls_with_the_order_of_the_method(method: str, kind: str, free: bool) -> None:
+    scene = scene_of(free, **KINDS[kind])
     start = start_of(scene)
     end = solution(start, waving, np.array([0.0, 0.04]), scene.physics, free)[-1]
     errors = [
         float(np.max(np.abs(trajectory(scene, start, waving, 0.04 / n, n, method)[-1] - end)[::2]))
-        for n in (80, 160, 320)
+        for n in ((80, 160, 320) if method == "etd2rk" else (20, 40, 80))
     ]
-    assert falling(errors) == pytest.approx(METHODS[NUMBER[method]].order, abs=0.35)
+    slope, order = falling(errors), METHODS[NUMBER[method]].order
+    # With one hand the first of the errors are those of a transient, which fall faster.
+    assert order - 0.3 < slope < order + (1.5 if scene.physics.coupling in ("left", "right") else 0.4)
 
 
 @kinds
@@ -158,8 +161,8 @@ def test_however_stiff_the_board_stays_with_the_hands(h: float, k: float, c: flo
     hands = np.tile([left, 0.0, 0.0, 0.0, right, 0.0, 0.0, 0.0], (n, 1))
     states = run(method, (0.01, 0.0, -0.1, 0.0), hands, grid, scene.parts, packed)
     assert np.abs(states[:, [0, 2]]).max() <= 0.2
-    if h * n > 1.0:  # time enough to come to rest
-        assert states[-1, 2] == pytest.approx(np.arcsin(0.02 / 0.25), rel=0.2 if (k, c) == (1.0, 1000.0) else 1e-6)
+    if h * n * k / c > 4.0:  # time enough to come to rest
+        assert states[-1, 2] == pytest.approx(np.arcsin(0.02 / 0.25), rel=1e-6)
 
 
 def elsewhere(**environment: str) -> Any:

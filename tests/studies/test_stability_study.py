@@ -1,4 +1,4 @@
-"""The study of stability in short: theory against runs, hard scenes, odd hands, a little soaking, and what it writes."""
+"""The study of stability in short: theory against runs, hard scenes, odd hands, a little soak, and what it writes."""
 
 import csv
 import json
@@ -105,7 +105,7 @@ def test_energy_is_that_of_the_first_state_at_first() -> None:
 
 @pytest.mark.slow
 def test_a_ball_at_the_ends_of_the_board() -> None:
-    part = ball_at_ends(10.0)
+    part = ball_at_ends()
     assert part.holds, part.verdicts
 
 
@@ -211,7 +211,7 @@ def test_new_folders_are_numbered(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
 
 @pytest.mark.parametrize(("holds", "word"), [(True, "holds"), (False, "FAILS")])
 def test_verdicts_are_shown_with_their_table(holds: bool, word: str) -> None:
-    console = Console(width=100, record=True, quiet=False, file=None)
+    console = Console(width=100)
     with console.capture() as said:
         show(console, part_of(holds))
     assert f"{word}  a: b" in said.get()

@@ -168,11 +168,12 @@ def show(console: Console, part: Part) -> None:
     part : Part
         What was found.
     """
-    table = Table(title=part.title, title_justify="left", title_style="bold", pad_edge=False)
+    # As `Text`, for in plain strings rich takes a unit such as [m] for a style.
+    table = Table(title=Text(part.title), title_justify="left", title_style="bold", pad_edge=False)
     for i, column in enumerate(part.columns):
-        table.add_column(column, justify="left" if i == 0 else "right", no_wrap=i == 0)
+        table.add_column(Text(column), justify="left" if i == 0 else "right", no_wrap=i == 0)
     for row in part.rows:
-        table.add_row(*(shown(value) for value in row))
+        table.add_row(*(Text(shown(value)) for value in row))
     console.print(Group(table, *(_line(verdict) for verdict in part.verdicts), Text("")))
 
 

@@ -379,12 +379,12 @@ def draw_map(plane: Plane, cells: Sequence[Cell]) -> Any:
                     steps[down.index(cell.down), across.index(cell.across)] = getattr(cell, kind)
             _draw_steps(ax, steps, norm)
             ax.set_title(f"{method}: {'theory' if kind == 'theory' else 'nonlinear runs'}", fontsize=8)
-            ax.set_xticks(range(len(across)), [f"{value:.3g}" for value in across], fontsize=7)
-            ax.set_yticks(range(len(down)), [f"{value:.3g}" for value in down], fontsize=7)
+            ax.set_xticks(range(len(across)), [f"{value:.4g}" for value in across], fontsize=7)
+            ax.set_yticks(range(len(down)), [f"{value:.4g}" for value in down], fontsize=7)
         row[0].set_ylabel(f"{plane.down} x", fontsize=8)
     for ax in axes[-1]:
         ax.set_xlabel(f"{plane.across} x", fontsize=8)
-    figure.colorbar(axes[0, 0].images[0], ax=axes, label="largest stable step [s]", shrink=0.5)
+    figure.colorbar(axes[0, 0].images[0], ax=axes, label="largest stable step [s]; in the cells [ms]", shrink=0.25)
     return figure
 
 
@@ -392,5 +392,5 @@ def _draw_steps(ax: Any, steps: Any, norm: Any) -> None:
     """Draw one heat map, its values in milliseconds written in."""
     ax.imshow(np.minimum(steps, 1.0), origin="lower", norm=norm, cmap="viridis", aspect="auto")
     for (i, j), h in np.ndenumerate(steps):
-        text = "none" if math.isinf(h) else f"{h * 1e3:.2g}"
+        text = "any" if math.isinf(h) else f"{h * 1e3:.3g}"
         ax.text(j, i, text, ha="center", va="center", fontsize=6, color="black" if h > 1e-3 else "white")

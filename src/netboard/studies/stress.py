@@ -144,7 +144,7 @@ def stiff_forces(cases: Sequence[tuple[float, float]] = STIFF, tell: Tell = lamb
         rows,
         [
             Verdict("methods err by more than 1 N exactly where theory calls them unstable", not wrong, _list(wrong)),
-            Verdict(f"the automatic choice errs by less than {FELT:g} N", max(felt) < FELT, f"{max(felt):.2g} N"),
+            Verdict(f"the automatic choice errs by less than {FELT:g} N", max(felt) < FELT, f"{max(felt):.3g} N"),
         ],
     )
 
