@@ -30,7 +30,9 @@ def test_help_lists_every_command() -> None:
         assert f" {command} " in result.output
 
 
-@pytest.mark.parametrize("command", [*COMMANDS, "config check", "config show", "config init", "bench physics", "bench stability"])
+@pytest.mark.parametrize(
+    "command", [*COMMANDS, "config check", "config show", "config init", "bench physics", "bench stability"]
+)
 def test_every_command_has_help_with_examples(command: str) -> None:
     result = runner.invoke(app, [*command.split(), "--help"])
     assert result.exit_code == 0

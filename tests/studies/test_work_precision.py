@@ -21,7 +21,6 @@ from netboard.studies.problem import MODELS, Model, Problem, make_reference, tig
 from netboard.studies.results import Folder
 from netboard.studies.skips import SKIPS, Skip, difference
 from netboard.studies.work_precision import (
-    LEAST,
     Comparison,
     Row,
     compare,
@@ -147,7 +146,7 @@ def test_who_has_spent_the_budget_has_no_further_turn() -> None:
     called: list[str] = []
     in_turns([lambda: called.append("a"), lambda: called.append("b")], 10, 0.0)
     changes = [name for i, name in enumerate(called) if i == 0 or called[i - 1] != name]
-    assert changes == ["a", "b"] * LEAST
+    assert changes == ["a", "b"]
 
 
 @pytest.mark.slow
@@ -164,7 +163,7 @@ def test_a_run_is_as_good_as_its_method(method: str, order: int) -> None:
         assert one.whole > one.physics > 0.0
         assert one.physics_median >= one.physics
         assert one.family == OURS
-        assert one.turns >= LEAST - 1
+        assert one.turns >= 1
 
 
 @pytest.mark.slow

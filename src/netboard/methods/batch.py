@@ -113,6 +113,11 @@ def column_at(a: Array, b: int, j: int, length: int) -> tuple[float, ...]:
         Its block, and which it is in that [1].
     length : int
         The first so many of the k; a constant at the call [1].
+
+    Returns
+    -------
+    tuple of float
+        As many as asked for [SI].
     """
     return tuple(a[b, :length, j].tolist())
 
@@ -154,7 +159,7 @@ def make_batch(PARTS: Parts, LENGTH: int, OWN: bool) -> Callable[[Array, Array, 
     callable
         ``step(x, hands, scenes, h)`` moves the states on, of shape (blocks, `LENGTH`, `LANES`), with the polynomials of
         both drives through the step, of shape (blocks, 8, `LANES`), what `scene_blocks` makes of the scenes, and the
-        length of the step.
+        length of the step [SI].
     """
 
     @fast

@@ -19,7 +19,7 @@ from numba import types
 from numpy.typing import NDArray
 
 from netboard.compiled import borrowed, fast, inlined, loosened, specialised
-from netboard.methods.lanes import lanes_at, listed, pair_at, put, within, written
+from netboard.methods.lanes import lanes_at, listed, pair_at, put, width_of, within, written
 from netboard.methods.phi import DIGITS, cardinals, gauss_nodes, integrals
 from netboard.methods.semilinear import FIXED, columns_of, kicked_rows, known_of, needed_rows, remainder
 from netboard.physics.linear import scene_matrix
@@ -33,7 +33,7 @@ Array = NDArray[np.float64]
 TOLERANCE = 1e-15
 """Of the sweeps, unless told otherwise [m, rad]."""
 
-_ROUNDING = 5e-17
+ROUNDING = 5e-17
 """What never settles of an acceleration, by the largest element of A: the last digits of the state [m, rad]."""
 
 _SWEEPS = 40
@@ -175,7 +175,7 @@ def make_collocation(PARTS: Parts, LENGTH: int, NODES: int) -> Callable[..., int
         with the first state and that after every so many steps, and returns how many sweeps it took; `bound` is the
         largest change of an acceleration that ends the sweeps [SI].
     """
-    KNOWN, WIDTH = known_of(PARTS), _width(LENGTH)
+    KNOWN, WIDTH = known_of(PARTS), width_of(LENGTH)
 
     @fast
     def collocate(
@@ -218,11 +218,6 @@ def make_collocation(PARTS: Parts, LENGTH: int, NODES: int) -> Callable[..., int
         return sweeps
 
     return collocate
-
-
-def _width(length: int) -> int:
-    """Return how many lanes hold a state."""
-    return 4 if length <= 4 else 8 if length <= 8 else 16
 
 
 @dataclass(frozen=True)
@@ -273,7 +268,7 @@ def make_tables(parts: Parts, scene: Any, length: int, h: float, count: int) -> 
         For `make_collocation`.
     """
     known = known_of(parts)
-    rows, kicks, width = needed_rows(length, known), kicked_rows(length, known), _width(length)
+    rows, kicks, width = needed_rows(length, known), kicked_rows(length, known), width_of(length)
     a, nodes = scene_matrix(parts, scene, length), gauss_nodes(count)
     polynomials = cardinals(nodes)
     inner = [integrals(a, h, c, polynomials) for c in nodes]
@@ -338,7 +333,7 @@ def prepare_collocation(
     out = np.empty((len(hands) // every + 1, len(x)))
     tables = make_tables(parts, scene[0], len(x), h, nodes)
     march = make_collocation(parts, len(x), nodes)
-    bound = max(tolerance / (h * h), _ROUNDING * float(np.abs(tables.a).max()))
+    bound = max(tolerance / (h * h), ROUNDING * float(np.abs(tables.a).max()))
 
     def run() -> Array:
         march(x, hands, bound, *vars(tables).values(), scene, every, out)

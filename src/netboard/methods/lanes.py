@@ -386,6 +386,22 @@ def written(names: str, write: Callable[..., str]) -> Callable[..., Any]:
     return plain
 
 
+def width_of(length: int) -> int:
+    """Return how many lanes hold a state.
+
+    Parameters
+    ----------
+    length : int
+        Length of the state [1].
+
+    Returns
+    -------
+    int
+        As many as a vector register has, or several [1].
+    """
+    return 4 if length <= 4 else 8 if length <= 8 else 16
+
+
 def listed(terms: Sequence[str]) -> str:
     """Return the text of a tuple.
 

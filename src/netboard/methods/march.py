@@ -148,9 +148,7 @@ def make_march(METHOD: int, PARTS: Parts) -> Callable[..., State]:
     """
 
     @kernel
-    def march(
-        x: State, hands: Any, lengths: Any, counts: Any, kinds: Any, tables: Any, scene: Any, out: Any
-    ) -> State:
+    def march(x: State, hands: Any, lengths: Any, counts: Any, kinds: Any, tables: Any, scene: Any, out: Any) -> State:
         keep, one = len(out) > 0, scene[0]
         hands, tables = borrowed(hands), borrowed(tables)
         if keep:

@@ -19,7 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.compiled import borrowed, fast, loosened
-from netboard.methods.lanes import listed, written
+from netboard.methods.collocation import ROUNDING
+from netboard.methods.lanes import listed, width_of, written
 from netboard.methods.phi import cardinals, integrals
 from netboard.methods.semilinear import kicked_rows, known_of, remainder
 from netboard.physics.linear import scene_matrix
@@ -30,9 +31,6 @@ Array = NDArray[np.float64]
 
 _FIRST = 8
 """Grid points of which the first states are found together, for a start that is better than what follows [1]."""
-
-_ROUNDING = 5e-17
-"""What never settles of an acceleration, by the largest element of A: the last digits of the state [m, rad]."""
 
 _SWEEPS = 100
 """Most sweeps over these [1]."""
@@ -114,11 +112,6 @@ _blank = written("count, width", lambda count, width: listed([f"gathered((), {wi
 _remainder = loosened(remainder, {})
 
 
-def _width(length: int) -> int:
-    """Return how many lanes hold a state."""
-    return 4 if length <= 4 else 8 if length <= 8 else 16
-
-
 @cache
 def _make_start(PARTS: Parts, LENGTH: int) -> Callable[..., None]:
     """Compile what finds the first states: those that agree with the polynomial through their own values of N."""
@@ -154,7 +147,7 @@ def _make_start(PARTS: Parts, LENGTH: int) -> Callable[..., None]:
 @cache
 def _make_run(PARTS: Parts, LENGTH: int, PAST: int, CORRECTS: bool) -> Callable[..., None]:
     """Compile a method for a kind of scene."""
-    KNOWN, WIDTH = known_of(PARTS), _width(LENGTH)
+    KNOWN, WIDTH = known_of(PARTS), width_of(LENGTH)
     ALL = PAST * len(kicked_rows(LENGTH, KNOWN))
 
     @fast
@@ -194,7 +187,7 @@ def _packed(matrices: Array, rows: list[int], width: int) -> Array:
 def _tables(method: Multistep, parts: Parts, scene: Any, length: int, h: float) -> tuple[Array, ...]:
     """Return what a method multiplies with: A, the flow through a step, predictor, corrector, and two for the start."""
     a, one = scene_matrix(parts, scene, length), Decimal(1)
-    rows, width = kicked_rows(length, known_of(parts)), _width(length)
+    rows, width = kicked_rows(length, known_of(parts)), width_of(length)
     flow, predictor = integrals(a, h, one, cardinals([Decimal(-i) for i in range(method.past)]))
     corrector = predictor
     if method.corrector:
@@ -252,7 +245,7 @@ def prepare_multistep(
     hands, first = np.ascontiguousarray(hands), np.empty((_FIRST, len(x)))
     begin, march = _make_start(parts, len(x)), _make_run(parts, len(x), method.past, method.corrector > 0)
     out = np.empty(((len(hands) - 1) // every + 1, len(x)))
-    bound = _ROUNDING * float(np.abs(a).max())
+    bound = ROUNDING * float(np.abs(a).max())
 
     def run() -> Array:
         begin(x, hands, bound, a, flows, pushes, scene, first)

@@ -18,6 +18,7 @@ from netboard.physics.scene import pack_scene, parts_of
 from netboard.physics.statics import ball_poles
 from netboard.physics.vectors import State
 from netboard.studies.problem import Problem, Reference, styluses_at
+from netboard.studies.results import Part
 from netboard.tick import TICK_SECONDS
 
 Array = NDArray[np.float64]
@@ -214,3 +215,31 @@ def growth(problem: Problem) -> list[tuple[float, float, float]]:
         (horizon, float(away[round(horizon * 1000) - 1]), (exp(pole * horizon) + exp(-pole * horizon)) / 2)
         for horizon in HORIZONS
     ]
+
+
+def expect_parts(problem: Problem, reference: Reference) -> list[Part]:
+    """Return the tables of what to expect.
+
+    Parameters
+    ----------
+    problem : Problem
+        The problem; what is left out is told of the paper's alone.
+    reference : Reference
+        Its solution.
+
+    Returns
+    -------
+    list of Part
+        Errors by way and horizon, differences between models, and how the ball gets away.
+    """
+    head = ("horizon [s]", "z [m]", "theta [rad]", "p [m]", "force [N]")
+    errors = [(found.name, found.horizon, *found.errors) for found in expectations(problem, reference)]
+    others = [(found.name, found.horizon, *found.errors) for found in left_out(problem)]
+    away, saddle = "times further away", "cosh of the ball's pole times the horizon"
+    parts = [Part("expect", "Errors to expect by each horizon, from samples at 1 kHz", ("run", *head), errors)]
+    if problem.model == "paper":
+        parts += [
+            Part("left-out", "What the paper's equations leave out: differences from them", ("scene", *head), others),
+            Part("growth", f"A ball put {NUDGE:g} m elsewhere", ("horizon [s]", away, saddle), list(growth(problem))),
+        ]
+    return parts

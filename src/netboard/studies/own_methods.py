@@ -20,7 +20,7 @@ from netboard.physics.scene import SCENE, Parts
 from netboard.studies.contender import OURS, Contender, Solution
 from netboard.studies.problem import SPACING, Array, Problem, drives_at, multiples, node_times
 
-STEPS = (0.020, 0.010, 0.005, 0.004, 0.002, 0.001, 0.0005, 0.00025, 0.000125)
+STEPS = (0.020, 0.010, 0.005, 0.004, 0.002, 0.001, 0.0005, 0.00025)
 """Lengths of the one-step methods' steps [s]."""
 
 QUICK_STEPS = (0.005, 0.004, 0.002, 0.001, 0.0005)

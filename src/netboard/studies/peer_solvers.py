@@ -17,7 +17,7 @@ from netboard.studies.problem import Array, Model, Problem, derivatives, drive_w
 
 SCIPY = {
     "RK45": (1e-3, 1e-5, 1e-7, 1e-9),
-    "DOP853": (1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-13),
+    "DOP853": (1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-12),
     "LSODA": (1e-4, 1e-6, 1e-8, 1e-10, 1e-12),
     "Radau": (1e-4, 1e-6, 1e-8),
     "BDF": (1e-4, 1e-6, 1e-8),

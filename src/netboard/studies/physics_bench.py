@@ -16,10 +16,11 @@ from netboard.errors import ConfigError
 from netboard.studies import figures, peer_drake, peer_heyoka, peer_mujoco, peer_solvers, physics_parts
 from netboard.studies.contender import Contender, installed
 from netboard.studies.holds import hold_rows
+from netboard.studies.horizons import expect_parts
 from netboard.studies.machine import describe
 from netboard.studies.own_methods import collocation_contenders, one_step_contenders, own_solution
-from netboard.studies.problem import MODELS, STARTS, Model, Problem, errors_of, make_reference, tight
 from netboard.studies.physics_parts import Checked
+from netboard.studies.problem import MODELS, STARTS, Model, Problem, errors_of, make_reference, tight
 from netboard.studies.results import Folder, Part, new_folder, show
 from netboard.studies.skips import skip_rows
 from netboard.studies.tick_cost import measure_tick
@@ -226,11 +227,17 @@ def study(wanted: Wanted, say: Say = lambda stage: None) -> tuple[list[Row], lis
     chosen = [problem for problem in wanted.problems if problem.start == "settled"][: 1 if wanted.quick else None]
     say("from samples")
     holds = [row for problem in chosen for row in hold_rows(problem, references[problem].reference)]
+    expected = [part for problem in chosen[:1] for part in expect_parts(problem, references[problem].reference)]
     say("the live tick")
     ticks = [measure_tick(problem, wanted.repeats) for problem in chosen]
     say("lesser scenes")
     skips = [row for problem in chosen for row in skip_rows(problem.model, wanted.repeats)]
-    parts += [physics_parts.holds_part(holds), physics_parts.tick_part(ticks), physics_parts.skips_part(skips)]
+    parts += [
+        physics_parts.holds_part(holds),
+        *expected,
+        physics_parts.tick_part(ticks),
+        physics_parts.skips_part(skips),
+    ]
     return rows, parts
 
 

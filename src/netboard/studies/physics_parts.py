@@ -142,8 +142,11 @@ def frontier_part(rows: Sequence[Row]) -> Part:
     return Part(
         "frontier",
         "The frontier: no run is both better and cheaper, hands not counted",
-        ("problem", "library", "method", "setting", "E [1]", "physics [us/s]", "whole [us/s]"),
-        [(row.problem, row.family, row.method, row.setting, row.scaled, row.physics, row.whole) for row in best],
+        ("problem", "method", "setting", "E [1]", "errors every [s]", "physics [us/s]", "whole [us/s]"),
+        [
+            (row.problem, f"{row.family} {row.method}", row.setting, row.scaled, row.spacing, row.physics, row.whole)
+            for row in best
+        ],
     )
 
 
@@ -160,9 +163,10 @@ def costs_parts(rows: Sequence[Row]) -> list[Part]:
         table: list[tuple[Value, ...]] = []
         here = [row for row in rows if row.problem == problem]
         for family, method in dict.fromkeys((row.family, row.method) for row in here):
-            costs = [cost_at((row for row in here if (row.family, row.method) == (family, method)), e) for e in TARGETS]
+            curve = [row for row in here if (row.family, row.method) == (family, method)]
+            costs = [cost_at(curve, error) for error in TARGETS]
             if min(costs) < inf:
-                table.append((f"{family} {method}", *("-" if cost == inf else cost for cost in costs)))
+                table.append((f"{family} {method}", *(_short(cost) if cost < inf else "-" for cost in costs)))
         parts.append(
             Part(
                 f"costs-{_file(problem)}",
@@ -232,7 +236,12 @@ def _ahead(comparisons: Sequence[Comparison], meaning: str) -> list[Verdict]:
 
 def _ratio(ratio: float | None) -> Value:
     """Write a ratio."""
-    return "-" if ratio is None else ratio
+    return "-" if ratio is None else _short(ratio)
+
+
+def _short(value: float) -> Value:
+    """Write a large number without digits that nobody reads."""
+    return value if value < 100.0 or value == inf else round(value)
 
 
 def _least(comparisons: Sequence[Comparison]) -> str:

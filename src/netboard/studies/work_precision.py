@@ -26,9 +26,6 @@ TARGETS = tuple(10.0**-i for i in range(2, 13))
 SLICE = 0.004
 """A turn of a quick contender goes on for so long, so that a minimum is of many [s]."""
 
-LEAST = 2
-"""Turns that a slow contender has at the least [1]."""
-
 _EVALUATIONS = 10_000
 
 
@@ -198,7 +195,7 @@ def in_turns(runs: Sequence[Callable[[], object]], repeats: int, budget: float) 
     times: list[list[float]] = [[] for _ in runs]
     for turn in range(repeats):
         for run_, taken in zip(runs, times, strict=True):
-            if turn < LEAST or sum(taken) < budget:
+            if turn == 0 or sum(taken) < budget:
                 taken.append(timed(run_))
                 slice_ = taken[-1]
                 while slice_ < SLICE:
