@@ -234,6 +234,16 @@ def test_a_sample_that_is_no_number_counts_as_none_and_the_last_height_stays(bad
     assert np.isfinite(state["z"]).all()
 
 
+@pytest.mark.parametrize("bad", [float("nan"), float("inf"), 1e300, -10.1])
+def test_a_rate_that_no_hand_has_counts_as_no_sample(bad: float) -> None:
+    rows = started(inputs(100, 0.01, 0.0))
+    rows["left_sent_vz"][50:] = bad
+    play(make_stage(Config()), rows)
+    assert np.all(rows["left_used_z"][50:] == rows["left_used_z"][49])
+    assert not rows["left_used_vz"][50:].any()
+    assert np.abs(rows["left_coupling"]).max() < 5.0
+
+
 def test_a_side_without_a_live_sample_feels_nothing() -> None:
     rows = started(inputs(200, 0.01, 0.01))
     rows["left_live"][100:] = 0

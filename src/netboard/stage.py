@@ -52,6 +52,9 @@ ACCELERATION_REACH = 0.005
 SHORTEST_GAP = 0.25e-3
 """Two samples closer than this tell no acceleration: what their velocities differ by is noise [s]."""
 
+FASTEST = 10.0
+"""No hand that holds a stylus is faster: a sample that says so is wrong, and counts as none [m/s]."""
+
 LARGEST_ACCELERATION = 50.0
 """No hand that holds a stylus is quicker: what is measured beyond it counts as this [m/s2]."""
 
@@ -94,7 +97,7 @@ def _used(
 def _sense_left(s: Any, row: Any, limit: float, hold: int) -> None:
     """Take the left stylus into the state and the row."""
     z, vz, stamp_ns = row["left_sent_z"], row["left_sent_vz"], row["left_stamp_ns"]
-    live = row["left_live"] != 0 and np.isfinite(z) and np.isfinite(vz)
+    live = row["left_live"] != 0 and np.isfinite(z) and abs(vz) <= FASTEST
     if live and stamp_ns != s["left_seen_ns"]:
         s["left_az"] = _slope(vz, stamp_ns, s["left_seen_vz"], s["left_seen_ns"])
         s["left_seen_ns"], s["left_seen_vz"] = stamp_ns, vz
@@ -108,7 +111,7 @@ def _sense_left(s: Any, row: Any, limit: float, hold: int) -> None:
 def _sense_right(s: Any, row: Any, limit: float, hold: int) -> None:
     """Take the right stylus into the state and the row."""
     z, vz, stamp_ns = row["right_sent_z"], row["right_sent_vz"], row["right_stamp_ns"]
-    live = row["right_live"] != 0 and np.isfinite(z) and np.isfinite(vz)
+    live = row["right_live"] != 0 and np.isfinite(z) and abs(vz) <= FASTEST
     if live and stamp_ns != s["right_seen_ns"]:
         s["right_az"] = _slope(vz, stamp_ns, s["right_seen_vz"], s["right_seen_ns"])
         s["right_seen_ns"], s["right_seen_vz"] = stamp_ns, vz

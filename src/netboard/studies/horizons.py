@@ -18,7 +18,7 @@ from netboard.physics.scene import pack_scene, parts_of
 from netboard.physics.statics import ball_poles
 from netboard.physics.vectors import State
 from netboard.studies.problem import Problem, Reference, styluses_at
-from netboard.studies.results import Part
+from netboard.studies.results import Part, Value
 from netboard.tick import TICK_SECONDS
 
 Array = NDArray[np.float64]
@@ -233,8 +233,10 @@ def expect_parts(problem: Problem, reference: Reference) -> list[Part]:
         Errors by way and horizon, differences between models, and how the ball gets away.
     """
     head = ("horizon [s]", "z [m]", "theta [rad]", "p [m]", "force [N]")
-    errors = [(found.name, found.horizon, *found.errors) for found in expectations(problem, reference)]
-    others = [(found.name, found.horizon, *found.errors) for found in left_out(problem)]
+    errors: list[tuple[Value, ...]] = [
+        (found.name, found.horizon, *found.errors) for found in expectations(problem, reference)
+    ]
+    others: list[tuple[Value, ...]] = [(found.name, found.horizon, *found.errors) for found in left_out(problem)]
     away, saddle = "times further away", "cosh of the ball's pole times the horizon"
     parts = [Part("expect", "Errors to expect by each horizon, from samples at 1 kHz", ("run", *head), errors)]
     if problem.model == "paper":

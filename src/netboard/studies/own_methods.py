@@ -1,4 +1,4 @@
-"""Our own methods as contenders: the one-step methods with all lengths of step, and exponential collocation.
+"""Our own methods as contenders: one-step and multistep methods with all lengths of step, and collocation.
 
 What a run reads is made beforehand: the hands at the method's nodes, and its tables. States are known where steps end,
 so that with steps longer than the grid of the reference fewer points of it are met.
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from netboard.methods.catalogue import METHODS, NUMBER, Method
 from netboard.methods.collocation import Tables, make_collocation, make_tables
 from netboard.methods.march import Grid, make_grid, make_march, run
+from netboard.methods.offline import OFFLINE, Offline
 from netboard.methods.phi import gauss_nodes
 from netboard.physics.scene import SCENE, Parts
 from netboard.studies.contender import OURS, Contender, Solution
@@ -25,6 +26,9 @@ STEPS = (0.020, 0.010, 0.005, 0.004, 0.002, 0.001, 0.0005, 0.00025)
 
 QUICK_STEPS = (0.005, 0.004, 0.002, 0.001, 0.0005)
 QUICK_METHODS = ("semi_implicit", "rk4", "dop853")
+
+MULTISTEPS = (0.004, 0.002, 0.001, 0.0005, 0.00025)
+"""Lengths of the multistep methods' steps [s]."""
 
 COLLOCATION = {
     4: ((0.1, 0.05, 0.04, 0.02, 0.01, 0.004, 0.002), (1e-4, 1e-6, 1e-9, 1e-12)),
@@ -166,6 +170,55 @@ class _Prepared:
     def __call__(self) -> None:
         self._run = self._run or self._prepare()
         self._run()
+
+
+# --- exponential multistep methods -------------------------------------------------------------------------------
+
+
+def multistep_contenders(problem: Problem, quick: bool) -> list[Contender]:
+    """Return the exponential multistep methods, each with all lengths of step.
+
+    Parameters
+    ----------
+    problem : Problem
+        The problem.
+    quick : bool
+        None of them.
+
+    Returns
+    -------
+    list of Contender
+        Those whose steps fit into the run.
+    """
+    return [
+        Contender(
+            OURS,
+            method.name,
+            f"{h * 1e3:g} ms",
+            partial(_follow, problem, method, h),
+            _Prepared(partial(_chained, problem, method, h, round(problem.duration / h))),
+            inputs=False,
+            dense=_Prepared(partial(_chained, problem, method, h, meeting(h)[0])) if h <= SPACING else None,
+        )
+        for method in OFFLINE
+        if method.chained and not quick
+        for h in MULTISTEPS
+        if _divides(h, problem.duration)
+    ]
+
+
+def _chained(problem: Problem, method: Offline, h: float, every: int) -> Callable[[], Array]:
+    """Return a run that keeps a state after every so many steps."""
+    count = round(problem.duration / h)
+    hands = drives_at(problem.waves, multiples(count + 1, h))
+    return method.prepare(problem.first, hands, h, problem.parts, problem.scene, every)
+
+
+def _follow(problem: Problem, method: Offline, h: float) -> Solution:
+    """Run a method, and keep the states that meet points of the reference."""
+    every, stride = meeting(h)
+    count = round(problem.duration / h)
+    return Solution(_chained(problem, method, h, every)(), stride, count, count + 1)
 
 
 # --- collocation -------------------------------------------------------------------------------------------------

@@ -18,7 +18,7 @@ from netboard.studies.contender import Contender, installed
 from netboard.studies.holds import hold_rows
 from netboard.studies.horizons import expect_parts
 from netboard.studies.machine import describe
-from netboard.studies.own_methods import collocation_contenders, one_step_contenders, own_solution
+from netboard.studies.own_methods import collocation_contenders, multistep_contenders, one_step_contenders, own_solution
 from netboard.studies.physics_parts import Checked
 from netboard.studies.problem import MODELS, STARTS, Model, Problem, errors_of, make_reference, tight
 from netboard.studies.results import Folder, Part, new_folder, show
@@ -267,6 +267,7 @@ def find_reference(problem: Problem) -> Checked:
 def _contenders(problem: Problem, wanted: Wanted) -> list[Contender]:
     """Return all who take part in a problem."""
     found = one_step_contenders(problem, wanted.quick) + collocation_contenders(problem, wanted.quick)
+    found += multistep_contenders(problem, wanted.quick)
     for name in wanted.peers:
         found += PEERS[name].contenders(problem, wanted.quick)
     return found
