@@ -141,6 +141,12 @@ def study_machine(study: str) -> Callable[[], str]:
 PHYSICS = ("expect", "left-out", "growth", "holds", "frontier", "ratios", "mujoco", "tick", "skips")
 """Tables of `netboard bench physics` that are in the page on accuracy."""
 
+STABILITY = (
+    *("tick-limits", "map-coupling-summary", "map-inertia-summary", "stiff-forces", "large-tilts"),
+    *("energy-drift", "ball-at-ends", "perfect-rest", "odd-hands", "soak"),
+)
+"""Tables of `netboard bench stability` that are in the page on that."""
+
 GENERATED: dict[str, tuple[str, Callable[[], str]]] = {
     "state diagram": ("trial-machine.md", state_diagram),
     "edge table": ("trial-machine.md", edge_table),
@@ -148,6 +154,8 @@ GENERATED: dict[str, tuple[str, Callable[[], str]]] = {
     "commands": ("reference/commands.md", commands),
     "machine": ("accuracy.md", study_machine("physics")),
     **{name: ("accuracy.md", study_part("physics", name)) for name in PHYSICS},
+    "stability machine": ("stability.md", study_machine("stability")),
+    **{name: ("stability.md", study_part("stability", name)) for name in STABILITY},
 }
 
 

@@ -156,7 +156,7 @@ def test_a_run_is_as_good_as_its_method(method: str, order: int) -> None:
     contenders = [one for one in one_step_contenders(SHORT, quick=False) if one.method == method]
     rows = measure(SHORT, reference, contenders, 1, 0.0)
     errors = {one.setting: one.scaled for one in rows}
-    slope = log10(errors["1 ms"] / errors["0.125 ms"]) / log10(8.0)
+    slope = log10(errors["1 ms"] / errors["0.25 ms"]) / log10(4.0)
     assert slope == pytest.approx(order, abs=0.35)
     assert errors["4 ms"] > errors["2 ms"] > errors["1 ms"] > errors["0.5 ms"] > errors["0.25 ms"]
     for one in rows:
@@ -215,9 +215,10 @@ def test_what_is_skipped_changes_nothing_else(model: Model, skip: Skip) -> None:
 
 @pytest.mark.slow
 def test_a_quick_study_has_all_its_parts(tmp_path: Path) -> None:
-    rows, parts = study(Wanted((SHORT,), (), quick=True, repeats=1, budget=0.0))
+    rows, parts = study(Wanted((Problem("paper", "settled"),), (), quick=True, repeats=1, budget=0.0))
     names = [part.name for part in parts]
-    assert names == ["reference", "runs", "steps", "costs-paper-settled", "frontier", "holds", "tick", "skips"]
+    assert names[:5] == ["reference", "runs", "steps", "costs-paper-settled", "frontier"]
+    assert {"holds", "tick", "skips"} < set(names)
     assert all(part.rows for part in parts)
     assert all(len(line) == len(part.columns) for part in parts for line in part.rows)
     folder = Folder(tmp_path / "results")

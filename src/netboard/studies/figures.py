@@ -29,7 +29,7 @@ _OTHER = "tab:orange"
 _MARKS = "osD^v<>pXP*h"
 
 
-def draw(rows: Sequence[Row], folder: Folder) -> None:
+def draw(rows: Sequence[Row], folder: Folder, signals: bool = True) -> None:
     """Draw each problem: E against both costs, and each signal's error against the physics' cost.
 
     Parameters
@@ -38,13 +38,16 @@ def draw(rows: Sequence[Row], folder: Folder) -> None:
         Runs of any problems.
     folder : Folder
         Where the figures go.
+    signals : bool
+        Each signal's error too.
     """
     for problem in dict.fromkeys(row.problem for row in rows):
         here = [row for row in rows if row.problem == problem and row.scaled < _LARGEST]
         here.sort(key=lambda row: (row.family != OURS, row.family, row.method))
         name = problem.replace(", ", "-")
         folder.save(_overview(here, problem), f"work-precision-{name}")
-        folder.save(_signals(here, problem), f"work-precision-{name}-signals")
+        if signals:
+            folder.save(_signals(here, problem), f"work-precision-{name}-signals")
 
 
 def _figure(width: float, height: float, across: int, down: int) -> tuple[Any, list[Any]]:

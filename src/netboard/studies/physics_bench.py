@@ -153,7 +153,7 @@ def main(
             show(console, part)
     folder.write(parts, about(wanted))
     if installed("matplotlib"):
-        figures.draw(rows, folder)
+        figures.draw(rows, folder, signals=not quick)
     else:
         console.print("no figures: matplotlib is not installed")
     console.print(f"written to {folder.path}")
