@@ -27,7 +27,7 @@ def stability(
     soak: Annotated[bool, typer.Option("--soak", help="Step 1e9 times through random scenes too.")] = False,
 ) -> None:
     """Where the methods hold and where they fail: theory beside nonlinear runs, stiff scenes, odd hands."""
-    from netboard.studies import stability as study
+    from netboard.endurance import bench as study
 
     raise typer.Exit(study.main(output, quick=quick, force=force, soak_too=soak))
 
@@ -47,7 +47,7 @@ def physics(
     repeats: Annotated[int | None, typer.Option(min=1, help="Turns of each in the timing.")] = None,
 ) -> None:
     """Work and precision of the methods, beside other libraries; cost of a tick, of sampling, of what a scene lacks."""
-    from netboard.studies import physics_bench as study
+    from netboard.precision import bench as study
 
     names = [] if no_peers else peers.split(",") if peers else None
     raise typer.Exit(study.main(output, quick=quick, force=force, peers=names, model=model, repeats=repeats))

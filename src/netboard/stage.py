@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.compiled import inlined, kernel, specialised
+from netboard.compiled import borrowed, inlined, kernel, specialised
 from netboard.config import Config
 from netboard.errors import ConfigError
 from netboard.experiment.machine import (
@@ -256,6 +256,7 @@ def _make_ticks(METHOD: int, SUBSTEPS: int, HOLD: int, FREE: Parts, FIXED: Parts
     def ticks(state: Any, rows: Any, first: int, count: int, book: Any, tables: Any) -> None:
         s, scene, rules, settings = state[0], book[0]["scene"], book[0]["rules"], book[0]["settings"]
         limit = settings["stylus_range"]
+        tables = borrowed(tables)
         place = first % len(rows)
         for _ in range(count):
             row = rows[place]

@@ -1,0 +1,1 @@
+"""``netboard bench stability``: where the methods hold, and where they fail."""

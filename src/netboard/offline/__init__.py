@@ -1,0 +1,1 @@
+"""Runs that no one waits for: thousands of scenes side by side, and methods that know what comes next."""

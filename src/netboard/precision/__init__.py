@@ -1,0 +1,1 @@
+"""``netboard bench physics``: what the physics costs, and how good it is."""
