@@ -138,7 +138,10 @@ def study_machine(study: str) -> Callable[[], str]:
     return write
 
 
-PHYSICS = ("expect", "left-out", "growth", "holds", "frontier", "ratios", "mujoco", "tick", "skips")
+PHYSICS = (
+    *("expect", "left-out", "growth", "holds", "frontier"),
+    *("ratios-physics", "ratios-dense", "mujoco", "tick", "skips"),
+)
 """Tables of `netboard bench physics` that are in the page on accuracy."""
 
 STABILITY = (
