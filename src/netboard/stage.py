@@ -95,7 +95,7 @@ def _used(
 
 @kernel
 def _sense_left(s: Any, row: Any, limit: float, hold: int) -> None:
-    """Take the left stylus into the state and the row."""
+    """Take the left stylus into the state and the row: a compiled record knows its fields by constant names only."""
     z, vz, stamp_ns = row["left_sent_z"], row["left_sent_vz"], row["left_stamp_ns"]
     live = row["left_live"] != 0 and np.isfinite(z) and abs(vz) <= FASTEST
     if live and stamp_ns != s["left_seen_ns"]:
