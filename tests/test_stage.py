@@ -263,6 +263,17 @@ def test_a_board_that_is_no_longer_finite_is_a_fault_and_is_put_at_rest() -> Non
     assert np.isfinite([float(state[name][0]) for name in ("z", "vz", "theta", "omega", "p", "vp")]).all()
 
 
+def test_a_board_that_stands_upright_is_a_fault_and_is_put_at_rest() -> None:
+    stage = make_stage(Config())
+    rows, state = started(inputs(10)), stage.initial()
+    stage.advance(state, rows, 0, 5)
+    state["theta"] = -1.7
+    stage.advance(state, rows, 5, 1)
+    assert rows["event"][5] == Cause.FAULT
+    assert state["phase"] == Phase.PAUSED
+    assert (state["z"], state["theta"], state["omega"]) == (0.0, 0.0, 0.0)
+
+
 @settings(max_examples=60, deadline=None)
 @given(
     seed=st.integers(0, 2**32 - 1),

@@ -55,6 +55,9 @@ SHORTEST_GAP = 0.25e-3
 FASTEST = 10.0
 """No hand that holds a stylus is faster: a sample that says so is wrong, and counts as none [m/s]."""
 
+UPRIGHT = 1.5
+"""A board that stands upright is a fault: hands within their range cannot bring it there [rad]."""
+
 LARGEST_ACCELERATION = 50.0
 """No hand that holds a stylus is quicker: what is measured beyond it counts as this [m/s2]."""
 
@@ -221,13 +224,13 @@ def _decide(s: Any, command: int, rules: Any) -> int:
 
 @inlined
 def _settle(s: Any, x: State) -> bool:
-    """Take over the state of board and ball; put them at rest and return False if that is not finite."""
-    finite = bool(np.isfinite(x[0] + x[1] + x[2] + x[3] + x[4] + x[5]))
-    if finite:
+    """Take over the state of board and ball; put them at rest and return False if no board could be like that."""
+    sound = bool(np.isfinite(x[0] + x[1] + x[2] + x[3] + x[4] + x[5])) and abs(x[2]) <= UPRIGHT
+    if sound:
         s["z"], s["vz"], s["theta"], s["omega"], s["p"], s["vp"] = x
     else:
         s["z"], s["vz"], s["theta"], s["omega"], s["vp"] = 0.0, 0.0, 0.0, 0.0, 0.0
-    return finite
+    return sound
 
 
 _STATE_NAMES = tuple(STATE.names or ())
