@@ -268,8 +268,8 @@ def find_reference(problem: Problem) -> Checked:
     if peer_heyoka.available():
         reference, check = make_reference(problem, "heyoka, 80 bits", peer_heyoka.precise(problem)), "scipy DOP853"
     else:
-        reference, check = make_reference(problem, "scipy DOP853", states), "our dop853, 0.5 ms"
-        states = own_solution(problem, "dop853", 0.0005)
+        reference, check = make_reference(problem, "scipy DOP853", states), "our dop853, 0.25 ms"
+        states = own_solution(problem, "dop853", 0.00025)
     apart = errors_of(problem, reference, states, 1) / reference.scales
     return Checked(problem, reference, check, float(apart.max()))
 
