@@ -28,7 +28,7 @@ class Rig:
     def seated(self) -> "Rig":
         self.router.say(A, hello("agent", "left"))
         self.router.say(B, hello("agent", "right"))
-        self.port.drain(0)
+        self.port.drain(lambda: 0)
         assert [type(m) for m in self.router.heard(A) + self.router.heard(B)] == [Welcome, Welcome]
         self.port.news.clear()
         return self
@@ -42,10 +42,10 @@ class Rig:
 def test_a_stranger_is_told_to_say_hello_and_a_sitter_is_not() -> None:
     rig = Rig()
     rig.router.say(A, STYLUS)
-    rig.port.drain(0)
+    rig.port.drain(lambda: 0)
     assert rig.router.heard(A) == [Refusal("say hello first")]
     rig.seated().router.say(A, STYLUS)
-    rig.port.drain(MS)
+    rig.port.drain(lambda: MS)
     assert rig.router.heard(A) == []
     assert rig.row(MS)["left_live"] == 1
 
@@ -57,7 +57,7 @@ def test_a_stranger_is_told_to_say_hello_and_a_sitter_is_not() -> None:
 def test_who_does_not_belong_is_refused_in_words_and_noted(message: Any) -> None:
     rig = Rig()
     rig.router.say(A, message)
-    rig.port.drain(0)
+    rig.port.drain(lambda: 0)
     (answer,) = rig.router.heard(A)
     assert isinstance(answer, Refusal)
     assert answer.reason
@@ -67,15 +67,15 @@ def test_who_does_not_belong_is_refused_in_words_and_noted(message: Any) -> None
 def test_a_second_agent_for_a_side_waits_until_the_first_is_gone() -> None:
     rig = Rig().seated()
     rig.router.say(b"other", hello("agent", "left", "host:9"))
-    rig.port.drain(MS)
+    rig.port.drain(lambda: MS)
     (answer,) = rig.router.heard(b"other")
     assert isinstance(answer, Refusal)
     assert "already has an agent: host:1" in answer.reason
     rig.router.say(b"other", hello("agent", "left", "host:9"))
-    rig.port.drain(MS + TIMEOUT_NS)
+    rig.port.drain(lambda: MS + TIMEOUT_NS)
     assert isinstance(rig.router.heard(b"other")[0], Welcome)
     rig.router.say(A, STYLUS)
-    rig.port.drain(MS + TIMEOUT_NS)
+    rig.port.drain(lambda: MS + TIMEOUT_NS)
     assert rig.router.heard(A) == [Refusal("say hello first")]
 
 
@@ -83,7 +83,7 @@ def test_the_newest_sample_wins_whatever_the_order() -> None:
     rig = Rig().seated()
     for seq in (3, 5, 4, 5, 1):
         rig.router.say(A, replace(STYLUS, seq=seq, z=seq * 1e-3))
-    rig.port.drain(MS)
+    rig.port.drain(lambda: MS)
     row = rig.row(MS)
     assert (row["left_seq"], row["left_sent_z"]) == (5, 5e-3)
     assert (row["right_seq"], row["right_live"]) == (-1, 0)
@@ -92,11 +92,11 @@ def test_the_newest_sample_wins_whatever_the_order() -> None:
 def test_a_sample_grows_old_and_one_that_is_no_number_never_counts() -> None:
     rig = Rig().seated()
     rig.router.say(A, STYLUS)
-    rig.port.drain(0)
+    rig.port.drain(lambda: 0)
     assert rig.row(TIMEOUT_NS - 1)["left_live"] == 1
     assert rig.row(TIMEOUT_NS)["left_live"] == 0
     rig.router.say(A, replace(STYLUS, seq=1, vz=float("nan")))
-    rig.port.drain(TIMEOUT_NS)
+    rig.port.drain(lambda: TIMEOUT_NS)
     assert rig.row(TIMEOUT_NS)["left_live"] == 0
 
 
@@ -108,7 +108,7 @@ def test_stamps_are_turned_into_server_time_by_the_probes_in_the_samples() -> No
         STYLUS, stamp_ns=answered, force_tick=1, force_sent_ns=sent, force_received_ns=received, sent_ns=answered
     )
     rig.router.say(A, probe)
-    rig.port.drain(10 * MS + 400_000)
+    rig.port.drain(lambda: 10 * MS + 400_000)
     assert rig.row(11 * MS)["left_stamp_ns"] == answered - ahead
     (record,) = rig.port.clock_records(0)
     assert (record.peer, record.offset_ns) == ("agent.left", ahead)
@@ -119,7 +119,7 @@ def test_what_the_safety_chain_did_between_two_ticks_is_not_lost_nor_told_twice(
     rig = Rig().seated()
     for seq, bits in enumerate((Safeguard.ARMED | Safeguard.CLAMPED, Safeguard.ARMED)):
         rig.router.say(A, replace(STYLUS, seq=seq, safeguards=int(bits)))
-    rig.port.drain(MS)
+    rig.port.drain(lambda: MS)
     assert rig.row(MS)["left_safeguards"] == Safeguard.ARMED | Safeguard.CLAMPED
     assert rig.row(MS)["left_safeguards"] == 0
 
@@ -143,7 +143,7 @@ def test_forces_go_every_tick_and_beats_now_and_then_without_a_force() -> None:
 def test_an_agent_that_leaves_frees_its_seat_and_is_sent_nothing_more() -> None:
     rig = Rig().seated()
     rig.router.say(A, Goodbye("done"))
-    rig.port.drain(MS)
+    rig.port.drain(lambda: MS)
     assert rig.port.news == [("agent_left", {"side": "left", "reason": "done"})]
     rig.port.answer(np.zeros(1, TICK)[0], True, MS)
     assert rig.router.heard(A) == []
@@ -153,7 +153,7 @@ def test_an_agent_that_leaves_frees_its_seat_and_is_sent_nothing_more() -> None:
 def test_an_agent_cannot_ask_what_only_an_operator_may() -> None:
     rig = Rig().seated()
     rig.router.say(A, StatusRequest())
-    rig.port.drain(MS)
+    rig.port.drain(lambda: MS)
     assert rig.router.heard(A) == [Refusal("an agent does not send StatusRequest")]
 
 
@@ -162,7 +162,7 @@ def test_an_agent_cannot_ask_what_only_an_operator_may() -> None:
 def test_nonsense_stamps_are_no_sample_and_do_no_harm(field: str, value: int) -> None:
     rig = Rig().seated()
     rig.router.say(A, replace(STYLUS, force_tick=0, **{field: value}))  # type: ignore[arg-type]
-    rig.port.drain(MS)
+    rig.port.drain(lambda: MS)
     assert rig.row(MS)["left_live"] == 0
     assert rig.port.clock_records(0) == []
 
@@ -171,10 +171,10 @@ def test_a_sample_from_the_future_does_not_stay_live_when_its_agent_falls_silent
     rig = Rig().seated()
     probe = {"force_tick": 1, "force_sent_ns": 0, "force_received_ns": MS, "sent_ns": MS}
     rig.router.say(A, replace(STYLUS, stamp_ns=MS, **probe))  # type: ignore[arg-type]
-    rig.port.drain(2 * MS)
+    rig.port.drain(lambda: 2 * MS)
     assert rig.row(2 * MS)["left_live"] == 1
     rig.router.say(A, replace(STYLUS, seq=1, stamp_ns=10_000 * 10**9, **probe))  # type: ignore[arg-type]
-    rig.port.drain(3 * MS)
+    rig.port.drain(lambda: 3 * MS)
     assert rig.row(3 * MS)["left_live"] == 0
 
 
@@ -184,12 +184,12 @@ def test_a_flood_is_taken_bit_by_bit_answered_once_a_second_and_noted_with_its_n
         rig.router.say(b"flood", b"\x00")
     rig.router.say(A, STYLUS)
     for tick in range(11):
-        rig.port.drain(tick * MS)
+        rig.port.drain(lambda now=tick * MS: now)
     assert rig.row(11 * MS)["left_live"] == 1
     assert len(rig.router.heard(b"flood")) == 1
     assert [name for name, _ in rig.port.news] == ["refused"]
     rig.router.say(b"flood", b"\x00")
-    rig.port.drain(AGAIN_NS)
+    rig.port.drain(lambda: AGAIN_NS)
     assert rig.port.news[-1][1]["times"] == str(10 * MOST_FRAMES + 1)
 
 
@@ -198,5 +198,5 @@ def test_however_many_strangers_there_are_only_so_many_are_told_apart() -> None:
     for number in range(2000):
         rig.router.say(b"stranger %d" % number, b"\x00")
     for tick in range(40):
-        rig.port.drain(tick)
+        rig.port.drain(lambda now=tick: now)
     assert len(rig.port.news) == REMEMBERED + 1

@@ -5,6 +5,7 @@ says hello for a side takes the seat (a restarted agent takes over from itself; 
 first one is alive). Nothing here waits.
 """
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -129,12 +130,19 @@ class MotionPort:
         self._by_agent: dict[bytes, Seat] = {}
         self._refusals = Refusals(socket, self.news)
 
-    def drain(self, now_ns: int) -> None:
-        """Take what has arrived."""
+    def drain(self, clock: Callable[[], int]) -> None:
+        """Take what has arrived; what arrives meanwhile must not seem to come before it was sent, so each has its time.
+
+        Parameters
+        ----------
+        clock : callable
+            Returns the time [ns].
+        """
         for _ in range(MOST_FRAMES):
             received = sockets.receive_from(self._socket)
             if received is None:
                 return
+            now_ns = clock()
             agent, frame = received
             try:
                 message = decode(frame)

@@ -156,7 +156,7 @@ class Server:
         index = number % RING_ROWS
         self._rows[index] = self._blank
         row = self._rows[index]
-        self._motion.drain(now_ns())
+        self._motion.drain(now_ns)
         row["tick"], row["time_ns"], row["late_ns"] = number, due_ns, late_ns
         self._motion.fill(row, due_ns)
         row["command"] = self._command(row)
