@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from netboard.config import Config, parse
 from netboard.experiment.machine import BALL_FREE, Cause, Phase
-from netboard.stage import Stage, make_stage, state_of, verify
+from netboard.recording.verification import state_of, verify
+from netboard.stage import Stage, make_stage
 from netboard.tick import INPUT, OUTPUT, SERVICE, STATE, TICK, TICK_NS
 
 RIGHT_FIRST = '[block]\nfirst_target = "right"\ntrials = 2\n'

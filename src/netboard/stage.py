@@ -12,7 +12,6 @@ A tick is one row of `TICK`: what went in, the state it found, and what came out
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -41,7 +40,7 @@ from netboard.physics.hold import later, moving, reached, resting
 from netboard.physics.models import coupling, stopped
 from netboard.physics.scene import SCENE, Parts, pack_scene, parts_of
 from netboard.physics.vectors import State, calm
-from netboard.tick import OUTPUT, STATE, TICK, TICK_SECONDS
+from netboard.tick import STATE, TICK, TICK_SECONDS
 
 VELOCITY_REACH = 0.010
 """A stylus sample is extrapolated by its velocity over at most this time [s]."""
@@ -398,110 +397,3 @@ def make_stage(config: Config) -> Stage:
         ticks=_make_ticks(method, choice.substeps, HOLDS.index(physics.hold), *kinds),
         first_target=first_target(config),
     )
-
-
-@dataclass(frozen=True)
-class Verdict:
-    """Outcome of a verification.
-
-    Attributes
-    ----------
-    checked : int
-        Ticks computed again and compared [1].
-    gaps : int
-        Places where ticks are missing and the comparison started afresh [1].
-    tick : int or None
-        First tick that is not identical to the bit; None if all are [1].
-    field : str
-        Its first field that differs.
-    recorded, computed : float
-        The two values of that field, in its own unit [SI].
-    """
-
-    checked: int
-    gaps: int
-    tick: int | None = None
-    field: str = ""
-    recorded: float = 0.0
-    computed: float = 0.0
-
-    @property
-    def identical(self) -> bool:
-        """Whether every tick is identical to the bit."""
-        return self.tick is None
-
-
-_RESULTS = [*_STATE_NAMES, *(OUTPUT.names or ())]
-
-
-def verify(stage: Stage, ticks: NDArray[Any]) -> Verdict:
-    """Run the stage over recorded inputs and compare every tick to the bit.
-
-    Parameters
-    ----------
-    stage : Stage
-        Made from the recording's own configuration.
-    ticks : ndarray of TICK, shape (n,)
-        The recorded ticks, in order. After a gap the recorded state is taken over.
-
-    Returns
-    -------
-    Verdict
-        Identical, or where and how not.
-    """
-    runs = _runs(ticks["tick"])
-    for first, stop in runs:
-        recorded = ticks[first:stop]
-        computed = recorded.copy()
-        state = state_of(recorded[:1])
-        stage.advance(state, computed, 0, len(computed))
-        difference = _first_difference(recorded, computed)
-        if difference is not None:
-            i, name = difference
-            return Verdict(
-                first + i + 1, len(runs) - 1, int(recorded["tick"][i]), name, recorded[name][i], computed[name][i]
-            )
-    return Verdict(len(ticks), max(len(runs) - 1, 0))
-
-
-def state_of(row: NDArray[Any]) -> NDArray[Any]:
-    """State found by a tick, from its row.
-
-    Parameters
-    ----------
-    row : ndarray of TICK, shape (1,)
-        The row.
-
-    Returns
-    -------
-    ndarray of STATE, shape (1,)
-        The state at that tick.
-    """
-    state = np.zeros(1, STATE)
-    for name in _STATE_NAMES:
-        state[name] = row[name]
-    return state
-
-
-def _runs(numbers: NDArray[np.int64]) -> list[tuple[int, int]]:
-    """Split consecutive tick numbers into (first index, index after the last)."""
-    if len(numbers) == 0:
-        return []
-    breaks = np.flatnonzero(np.diff(numbers) != 1) + 1
-    edges = [0, *breaks.tolist(), len(numbers)]
-    return list(pairwise(edges))
-
-
-def _bits(values: NDArray[Any]) -> NDArray[np.int64]:
-    """The 64-bit patterns of a column, so that NaN equals NaN and -0 is not 0."""
-    return np.ascontiguousarray(values).view(np.int64)
-
-
-def _first_difference(recorded: NDArray[Any], computed: NDArray[Any]) -> tuple[int, str] | None:
-    """Index and field of the first value that is not the same to the bit."""
-    found: list[tuple[int, str]] = []
-    for name in _RESULTS:
-        same = _bits(recorded[name]) == _bits(computed[name])
-        if not same.all():
-            found.append((int(np.argmin(same)), name))
-    return min(found, key=lambda place: place[0], default=None)

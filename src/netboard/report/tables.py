@@ -5,7 +5,7 @@ from rich.table import Table
 
 from netboard.recording.reader import Recording
 from netboard.recording.summary import Attempt, Spread, Summary, summarise
-from netboard.stage import Verdict
+from netboard.recording.verification import Verdict
 
 _SIDES = {-1: "left", 1: "right"}
 
