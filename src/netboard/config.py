@@ -165,14 +165,38 @@ class Network:
     host: Annotated[str, about("address of the physics server as the peers see it", min_length=1)] = "127.0.0.1"
     bind: Annotated[str, about("address the server binds to", min_length=1)] = "127.0.0.1"
     port: Annotated[int, about("first of the six TCP ports in use", "1", ge=1024, le=65_000)] = 5550
+    transport: Annotated[
+        Literal["tcp", "ipc"], about("tcp, or sockets of this machine's file system, named after the port")
+    ] = "tcp"
+    curve: Annotated[
+        Literal["auto", "on", "off"], about("encryption and keys; auto: on where other machines can reach the server")
+    ] = "auto"
+    keys: Annotated[str, about("folder of this machine's keys (netboard keys)", min_length=1)] = "keys"
     sample_timeout_ms: Annotated[
         float, about("a stylus sample older than this pauses the trial", "ms", gt=0, le=10_000)
     ] = 50.0
+    clock_bound_ms: Annotated[
+        float, about("a device is armed only while its clock is known to this bound", "ms", gt=0, le=1000)
+    ] = 0.5
     view_rate_hz: Annotated[float, about("highest rate of views sent to a display", "Hz", gt=0, le=1000)] = 120.0
     log_ring_s: Annotated[float, about("seconds of records the server keeps for a late logger", "s", ge=1, le=3600)] = (
         120.0
     )
+    log_spill_mb: Annotated[
+        float, about("records that leave the ring unwritten go to a file of at most this size", "MB", ge=0, le=1e6)
+    ] = 4000.0
     require_logger: Annotated[StrictBool, about("true: a block starts only while a logger records")] = True
+
+
+@dataclass(frozen=True, slots=True)
+class Realtime:
+    """What each process asks its machine for; what is refused is said, and the process goes on without it."""
+
+    __pydantic_config__ = NO_EXTRAS
+    scheduling: Annotated[StrictBool, about("true: real-time scheduling (SCHED_FIFO) of the 1 kHz loops")] = True
+    lock_memory: Annotated[StrictBool, about("true: keep the processes' memory from being paged out")] = True
+    server_cpus: Annotated[str, about("CPUs of the server, such as 2 or 0,2-3; empty: any", pattern=r"^[0-9,-]*$")] = ""
+    agent_cpus: Annotated[str, about("CPUs of the agents, likewise", pattern=r"^[0-9,-]*$")] = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -316,6 +340,7 @@ class Config:
     physics: Physics = field(default_factory=Physics)
     geometry: Geometry = field(default_factory=Geometry)
     network: Network = field(default_factory=Network)
+    realtime: Realtime = field(default_factory=Realtime)
     safety: Safety = field(default_factory=Safety)
     fixture: Fixture = field(default_factory=Fixture)
     agents: Agents = field(default_factory=Agents)

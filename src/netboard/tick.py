@@ -90,7 +90,7 @@ OUTPUT = np.dtype(
 
 SERVICE = np.dtype(
     [
-        ("late_ns", "<i8"),  # how late the tick began [ns]
+        ("late_ns", "<i8"),  # how late the tick began; negative: before its deadline, all samples being there [ns]
         *(
             field
             for side in _BOTH
@@ -101,6 +101,7 @@ SERVICE = np.dtype(
                 (f"{side}_safeguards", "<i8"),  # what its safety chain did (netboard.wire.messages.Safeguard)
                 (f"{side}_buttons", "<i8"),  # bit mask of pressed buttons
                 (f"{side}_loop_ns", "<i8"),  # stylus read to rendering of the force computed from it [ns]
+                (f"{side}_lead_ns", "<i8"),  # how long before the deadline of a tick the sample arrived [ns]
             )
         ),
     ]

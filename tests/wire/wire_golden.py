@@ -17,11 +17,13 @@ SERVER_NS = 81_234_567_890_123
 PEER_NS = 5_000_000_000_000
 
 EXAMPLES: dict[str, m.Message] = {
-    "hello-agent": m.Hello("agent", "left", 1, "lab-pc-1: 4711", "0.1.0", {"model": "virtual", "max_force": "3.3 N"}),
-    "hello-logger": m.Hello("logger", "", 1, "", "0.1.0", {}),
-    "welcome": m.Welcome("7f3a9c52d1e84b06", 1, SERVER_NS, '[session]\nname = "S01"\n'),
-    "refusal": m.Refusal("the server speaks protocol 1, the agent 2"),
+    "hello-agent": m.Hello("agent", "left", 2, "lab-pc-1: 4711", "0.1.0", {"model": "virtual", "max_force": "3.3 N"}),
+    "hello-logger": m.Hello("logger", "", 2, "", "0.1.0", {}),
+    "welcome": m.Welcome("7f3a9c52d1e84b06", 2, SERVER_NS, '[session]\nname = "S01"\n'),
+    "refusal": m.Refusal("the server speaks protocol 2, the agent 1"),
     "goodbye": m.Goodbye("stopped by the operator: Schluß für heute"),
+    "ping": m.Ping(SERVER_NS),
+    "pong": m.Pong(SERVER_NS, PEER_NS + 300_000, PEER_NS + 305_000),
     "stylus": m.Stylus(
         seq=123_456,
         stamp_ns=PEER_NS + 123_456_000_000,
@@ -58,8 +60,9 @@ EXAMPLES: dict[str, m.Message] = {
         sent_ns=2**32,
         loop_ns=65_535,
     ),
-    "force": m.Force(123_457, SERVER_NS + 57_000_000, 123_456, -0.735),
-    "beat": m.Beat(123_460, SERVER_NS + 60_000_000, -1),
+    "force": m.Force(123_457, SERVER_NS + 57_000_000, 123_456, -0.735, 287_000),
+    "beat": m.Beat(123_460, SERVER_NS + 60_000_000, -1, 0, False),
+    "beat-arm": m.Beat(123_464, SERVER_NS + 64_000_000, 123_462, 301_500, True),
     "view-dyadic": m.View(
         station="left",
         tick=123_457,
@@ -92,7 +95,7 @@ EXAMPLES: dict[str, m.Message] = {
     "tick-record": m.TickRecord(bytes(range(256)) * 2),
     "event-record": m.EventRecord(17, 123_457, SERVER_NS, "agent_joined", {"side": "left", "name": "lab-pc-1"}),
     "clock-record": m.ClockRecord(
-        120, "agent.left", SERVER_NS, PEER_NS, PEER_NS + 400_000, SERVER_NS + 520_000, PEER_NS - SERVER_NS, 60_001
+        120, "agent.left", SERVER_NS, PEER_NS, PEER_NS + 400_000, SERVER_NS + 520_000, PEER_NS - SERVER_NS, 60_001, 3.25
     ),
     "frame-record": m.FrameRecord(5210, "left", 123_457, PEER_NS, PEER_NS + 4_000_000, 3),
     "command": m.Command("start"),
@@ -110,6 +113,10 @@ EXAMPLES: dict[str, m.Message] = {
         waiting_for=("display.right",),
         peers=("agent.left", "agent.right", "logger"),
         notice="",
+        links=(
+            ("agent.left", "lab-pc-1:4711", "0.2.0", 0.0004, 0.000118, 0.000059, 3.25, 999.8, 0),
+            ("logger", "lab-pc-3:88", "0.2.0", 0.11, 0.000431, 0.000217, math.nan, 5.0, 2),
+        ),
     ),
     "move": m.Move("right", -0.0125, 0.313, 0.021),
 }

@@ -126,7 +126,7 @@ _TICK_TEXTS: dict[str, tuple[str, str]] = {
     "run_ticks": ("ticks since the release", "1"),
     "mark_ticks": ("run_ticks when the ball came into the target", "1"),
     "event": (f"what changed the phase at this tick: {_numbered(Cause)}", "1"),
-    "late_ns": ("how late the tick began", "ns"),
+    "late_ns": ("how late the tick began; negative: before its deadline, all samples being there", "ns"),
 }
 
 _SIDE_TEXTS: dict[str, tuple[str, str]] = {
@@ -150,6 +150,7 @@ _SIDE_TEXTS: dict[str, tuple[str, str]] = {
     "safeguards": (f"what the {{}} agent's safety chain did: {_SAFEGUARDS}", "1"),
     "buttons": ("bit mask of the pressed buttons of the {} stylus", "1"),
     "loop_ns": ("{} stylus read to rendering of the force computed from it, 0 for none yet", "ns"),
+    "lead_ns": ("how long before the deadline of a tick the {} sample arrived", "ns"),
 }
 
 
@@ -204,6 +205,7 @@ CHANNELS = (
             Field("t3_ns", "integer", "received by the server, server time", "ns"),
             Field("offset_ns", "integer", "estimated peer clock minus server clock", "ns"),
             Field("bound_ns", "integer", "bound of the estimate's error", "ns"),
+            Field("drift_ppm", "number", "rate of the peer's clock minus the server's, NaN while unknown", "1e-6"),
         ),
     ),
     Channel(

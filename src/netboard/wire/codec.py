@@ -39,6 +39,8 @@ from netboard.wire.messages import (
     LogRequest,
     Message,
     Move,
+    Ping,
+    Pong,
     Refusal,
     Status,
     StatusRequest,
@@ -75,6 +77,8 @@ KINDS: dict[int, Kind] = {
     2: Kind(Welcome, 262_144),
     3: Kind(Refusal, 8192),  # may quote anything of a Hello
     4: Kind(Goodbye, 4096),
+    5: Kind(Ping, 64),
+    6: Kind(Pong, 64),
     10: Kind(Stylus, 256),
     11: Kind(Force, 64),
     12: Kind(Beat, 64),

@@ -8,7 +8,7 @@ unless a field says "server time"; all other quantities are SI. PROTOCOL.md says
 from dataclasses import dataclass
 from enum import IntFlag
 
-PROTOCOL_VERSION = 1
+PROTOCOL_VERSION = 2
 
 
 class Safeguard(IntFlag):
@@ -123,6 +123,38 @@ class Goodbye:
     reason: str
 
 
+@dataclass(frozen=True, slots=True)
+class Ping:
+    """The server asks a peer for its time, a few times a second, on the log and control channels.
+
+    Attributes
+    ----------
+    sent_ns : int
+        Server time when it was sent: t0 of a clock probe [ns].
+    """
+
+    sent_ns: int
+
+
+@dataclass(frozen=True, slots=True)
+class Pong:
+    """The peer's answer to a `Ping`, at once.
+
+    Attributes
+    ----------
+    ping_ns : int
+        The ping's ``sent_ns`` [ns].
+    received_ns : int
+        When it was received: t1 of a clock probe [ns].
+    sent_ns : int
+        When this was sent: t2 of a clock probe [ns].
+    """
+
+    ping_ns: int
+    received_ns: int
+    sent_ns: int
+
+
 # --- motion: agents <-> server, 1 kHz ----------------------------------------------------------------------------
 
 
@@ -190,12 +222,15 @@ class Force:
         Newest stylus sample it was computed from, -1 for none yet [1].
     force : float
         Force on the hand, + = up [N].
+    lead_ns : int
+        How long before the deadline of a tick that sample arrived: what the agent sets its phase by [ns].
     """
 
     tick: int
     sent_ns: int
     stylus_seq: int
     force: float
+    lead_ns: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,11 +245,17 @@ class Beat:
         Server time when it was sent [ns].
     stylus_seq : int
         Newest stylus sample received, -1 for none yet [1].
+    lead_ns : int
+        How long before the deadline of a tick that sample arrived [ns].
+    arm : bool
+        Whether the device may be armed: the server knows the agent's clock well enough.
     """
 
     tick: int
     sent_ns: int
     stylus_seq: int
+    lead_ns: int
+    arm: bool
 
 
 # --- views: server -> displays, at most 120 Hz -------------------------------------------------------------------
@@ -415,6 +456,8 @@ class ClockRecord:
         Estimated peer clock minus server clock [ns].
     bound_ns : int
         Bound of the estimate's error [ns].
+    drift_ppm : float
+        Rate of the peer's clock minus that of the server's, NaN while unknown [1e-6].
     """
 
     seq: int
@@ -425,6 +468,7 @@ class ClockRecord:
     t3_ns: int
     offset_ns: int
     bound_ns: int
+    drift_ppm: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -500,6 +544,10 @@ class Status:
         Peers that are there.
     notice : str
         What the operator should know, or empty.
+    links : tuple of (str, str, str, float, float, float, float, float, int)
+        For each peer that is there: what it is (``agent.left``), host and process, version; time since it was heard [s],
+        shortest round trip of late [s], bound of its clock's error [s], its drift [1e-6] (NaN: not known), messages a
+        second [Hz], messages lost [1].
     """
 
     session: str
@@ -514,6 +562,7 @@ class Status:
     waiting_for: tuple[str, ...]
     peers: tuple[str, ...]
     notice: str
+    links: tuple[tuple[str, str, str, float, float, float, float, float, int], ...]
 
 
 # --- nerve: the brain of a simulated bimanual participant -> the agent with the other hand ------------------------
@@ -546,6 +595,8 @@ Message = (
     | Welcome
     | Refusal
     | Goodbye
+    | Ping
+    | Pong
     | Stylus
     | Force
     | Beat

@@ -1,0 +1,1 @@
+"""Keys of a rig: who may connect, as whom."""
