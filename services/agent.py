@@ -3,12 +3,9 @@
 from netboard import sockets
 from netboard.config import Config, Side
 from netboard.devices import registry
-from netboard.devices.virtual import VirtualTouch
 from netboard.nodes.agent import Agent
-from netboard.nodes.companion import companion_of
-from netboard.process import Stopping, lock_memory, real_time, speak
-
-PRIORITY = 50
+from netboard.nodes.companion import Held, companion_of
+from netboard.process import Priority, Stopping, io_priority, prepare, speak
 
 
 def main(config: Config, *, side: Side) -> int:
@@ -27,9 +24,12 @@ def main(config: Config, *, side: Side) -> int:
         Exit code.
     """
     speak(f"agent {side}")
-    real_time(PRIORITY)
-    lock_memory()
-    with Stopping() as stopping, sockets.open_context() as context, registry.make(side, config) as device:
-        companion = companion_of(config, device, context) if isinstance(device, VirtualTouch) else None
+    came = prepare(config.realtime, Priority.AGENT, config.realtime.agent_cpus)
+    with (
+        Stopping() as stopping,
+        sockets.open_context(io_priority(came, Priority.AGENT)) as context,
+        registry.make(side, config) as device,
+    ):
+        companion = companion_of(config, device, context) if isinstance(device, Held) else None
         Agent(config, side, device, context, companion).run(stopping)
     return 0

@@ -5,7 +5,6 @@ of the services it runs. Exit codes: 0 clean, 1 fault, 2 wrong configuration or 
 (`NetboardError`) is one line on stderr; ``--debug`` shows where it came from.
 """
 
-import ipaddress
 import platform
 from importlib.metadata import version
 from pathlib import Path
@@ -16,7 +15,8 @@ from typer.core import TyperGroup
 
 from netboard.config import Config, Side
 from netboard.errors import ConfigError, NetboardError
-from netboard.services import bench, configuration
+from netboard.services import bench, configuration, keys
+from netboard.services.configuration import ConfigFile, Overrides
 
 OK, FAULT, WRONG = 0, 1, 2
 
@@ -58,17 +58,8 @@ app = typer.Typer(
 config_app = typer.Typer(help="Check, show or write the configuration file.", no_args_is_help=True)
 app.add_typer(config_app, name="config")
 app.add_typer(bench.app, name="bench")
+app.add_typer(keys.app, name="keys")
 
-ConfigFile = Annotated[
-    Path | None,
-    typer.Option(
-        "--config", "-c", metavar="FILE", help="The TOML file; else ./netboard.toml if it is there, else the defaults."
-    ),
-]
-Overrides = Annotated[
-    list[str] | None,
-    typer.Option("--set", metavar="TABLE.KEY=VALUE", help="Override one setting; may be given again."),
-]
 RecordingFile = Annotated[Path, typer.Argument(metavar="RECORDING", help="The recording, an .mcap file.")]
 Screenshot = Annotated[Path | None, typer.Option(metavar="FILE", help="Save the first picture as a PNG file and stop.")]
 
@@ -90,41 +81,54 @@ def root(
     """Take the options that go before the command; `Guarded` reads ``debug``."""
 
 
-@app.command(epilog=examples("netboard server", "netboard server -c rig.toml --no-autostart"))
+@app.command(
+    epilog=examples(
+        "netboard server", "netboard server -c rig.toml --no-autostart", "netboard server -c a.toml -c b.toml"
+    )
+)
 def server(
-    config: ConfigFile = None,
+    config: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--config",
+            "-c",
+            metavar="FILE",
+            help="The TOML file; else ./netboard.toml if it is there, else the defaults. Given again: one more dyad, "
+            "on the port that its file names.",
+        ),
+    ] = None,
     overrides: Overrides = None,
     autostart: Annotated[bool, typer.Option(help="Start the block when all peers are there.")] = True,
     insecure: Annotated[
         bool, typer.Option("--insecure", help="Listen beyond this machine although nothing is encrypted.")
     ] = False,
 ) -> None:
-    """Run the physics server: one per dyad; it computes the board and decides the trials."""
-    settings = configuration.load(config, overrides or ())
+    """Run the physics server: it computes the board and decides the trials, of one dyad or of several."""
+    settings = [configuration.load(file, overrides or ()) for file in config or [None]]
     if not insecure:
-        refuse_open_network(settings)
+        for one in settings:
+            refuse_open_network(one)
     from netboard.services import server as service
 
     raise typer.Exit(service.main(settings, autostart=autostart))
 
 
 def refuse_open_network(config: Config) -> None:
-    """Refuse an address that other machines can reach.
+    """Refuse an address that other machines can reach, where nothing is encrypted.
 
     Raises
     ------
     ConfigError
-        If the server would listen beyond this machine.
+        If the server would listen beyond this machine without keys.
     """
-    address = config.network.bind
-    try:
-        local = ipaddress.ip_address(address).is_loopback
-    except ValueError:
-        local = address == "localhost"
-    if not local:
+    from netboard.keys import encrypted, local
+
+    network = config.network
+    if network.transport == "tcp" and not local(network.bind) and not encrypted(network):
         raise ConfigError(
-            f'[network] bind: found "{address}", which other machines can reach, and netboard\'s traffic is not '
-            "encrypted yet; on a network of your own, start the server with --insecure"
+            f'[network] bind: found "{network.bind}", which other machines can reach, with curve = "{network.curve}": '
+            'leave that to "auto" and make keys (netboard keys init), or, on a network of your own, start the server '
+            "with --insecure"
         )
 
 
@@ -358,6 +362,52 @@ def recover(
     from netboard.services import recover as service
 
     raise typer.Exit(service.main(recording, output))
+
+
+@app.command(epilog=examples("netboard doctor -c rig.toml", "netboard doctor --quick --json report.json"))
+def doctor(
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    quick: Annotated[bool, typer.Option("--quick", help="In seconds instead of half a minute.")] = False,
+    json: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write the report there too.")] = None,
+) -> None:
+    """Check whether this machine is fit for a session, and say what to do where it is not."""
+    settings = configuration.load(config, overrides or ())
+    from netboard.services import doctor as service
+
+    raise typer.Exit(service.main(settings, quick=quick, json=json))
+
+
+@app.command(
+    epilog=examples(
+        "netboard up --server /etc/netboard/netboard.toml",
+        "netboard up --station left /etc/netboard/netboard.toml",
+        "netboard up --server --station both",
+    )
+)
+def up(
+    config: Annotated[
+        Path | None,
+        typer.Argument(metavar="CONFIG", help="The TOML file; else ./netboard.toml if it is there, else the defaults."),
+    ] = None,
+    station: Annotated[
+        Literal["left", "right", "both"] | None, typer.Option(help="The seat here: its agent and its display.")
+    ] = None,
+    server: Annotated[bool, typer.Option("--server", help="The server here, and the logger.")] = False,
+    overrides: Overrides = None,
+    autostart: Annotated[bool, typer.Option(help="Start the block when all peers are there.")] = True,
+    insecure: Annotated[
+        bool, typer.Option("--insecure", help="Listen beyond this machine although nothing is encrypted.")
+    ] = False,
+) -> None:
+    """Start all that belongs on this machine, watch it, and stop it in order on Ctrl-C."""
+    configuration.load(config, overrides or ())
+    from netboard.services import up as service
+
+    wanted = service.processes(
+        config, overrides or (), server=server, station=station, autostart=autostart, insecure=insecure
+    )
+    raise typer.Exit(service.main(wanted))
 
 
 @config_app.command(epilog=examples("netboard config check -c rig.toml"))

@@ -1,12 +1,29 @@
-"""Finding, checking and writing the configuration file: the one place where a file becomes a `Config`."""
+"""Finding, checking and writing the configuration file: the one place where a file becomes a `Config`.
+
+Commands that read it take `ConfigFile` and `Overrides`.
+"""
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Annotated
+
+import typer
 
 from netboard.config import Config, digest, parse, resolve, template
 from netboard.errors import ConfigError
 
 DEFAULT_FILE = Path("netboard.toml")
+
+ConfigFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--config", "-c", metavar="FILE", help="The TOML file; else ./netboard.toml if it is there, else the defaults."
+    ),
+]
+Overrides = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="TABLE.KEY=VALUE", help="Override one setting; may be given again."),
+]
 
 
 def load(file: Path | None, overrides: Sequence[str] = ()) -> Config:

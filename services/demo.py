@@ -1,7 +1,5 @@
 """A whole session on this machine: every process for real, the people simulated."""
 
-import random
-import socket as net
 import subprocess
 import sys
 import tempfile
@@ -16,7 +14,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from netboard import sockets
 from netboard.config import SIDES, Config, resolve
 from netboard.errors import NetboardError
-from netboard.nodes.launcher import Launcher
+from netboard.nodes.launcher import Launcher, free_port
 from netboard.nodes.operator import Operator
 from netboard.process import Stopping
 from netboard.recording.reader import Recording
@@ -24,7 +22,6 @@ from netboard.recording.verification import verify_recording
 from netboard.report.tables import summary_of, summary_tables, verdict_line
 from netboard.stage import make_stage
 
-CHANNELS = 6
 PICTURE_AFTER = 8.0
 """The displays' pictures are taken so long after the first view [s]."""
 
@@ -87,20 +84,6 @@ def why_no_windows() -> str:
         [sys.executable, "-c", "import PySide6.QtWidgets"], capture_output=True, text=True, check=False
     )
     return tried.stderr.strip().splitlines()[-1] if tried.returncode else ""
-
-
-def free_port() -> int:
-    """First of enough free ports in a row, looked for from anywhere, so that two demos do not look at the same."""
-    ports = range(5550, 32_000, CHANNELS)
-    for port in random.sample(ports, len(ports)):
-        try:
-            for channel in range(CHANNELS):
-                with net.socket() as probe:
-                    probe.bind(("127.0.0.1", port + channel))
-        except OSError:
-            continue
-        return port
-    raise NetboardError(f"there are no {CHANNELS} free ports in a row on this machine")
 
 
 def play(config: Config, words: Path, displays: bool, stopping: Stopping) -> str:

@@ -4,7 +4,7 @@ import os
 from pathlib import Path
 
 from netboard.config import Config, Side
-from netboard.process import Stopping, speak
+from netboard.process import Stopping, make_way, speak
 
 
 def main(
@@ -36,6 +36,7 @@ def main(
         Exit code.
     """
     speak(f"display {station}")
+    make_way(config.realtime)
     if offscreen:
         os.environ["QT_QPA_PLATFORM"] = "offscreen"
     from netboard.display import client

@@ -3,7 +3,7 @@
 from netboard import sockets
 from netboard.config import Config
 from netboard.nodes.logger import Logger, SocketLink
-from netboard.process import Stopping, speak
+from netboard.process import Stopping, make_way, speak
 
 
 def main(config: Config, *, once: bool = False) -> int:
@@ -22,5 +22,6 @@ def main(config: Config, *, once: bool = False) -> int:
         Exit code: 1 if something could not be recorded.
     """
     speak("logger")
+    make_way(config.realtime)
     with Stopping() as stopping, sockets.open_context() as context:
         return Logger(config.recording, SocketLink(config, context), once=once).run(stopping)

@@ -1,22 +1,22 @@
 """The physics server as a process."""
 
-from netboard import sockets
+from collections.abc import Sequence
+
+from netboard import keys, sockets
 from netboard.config import Config
 from netboard.nodes.server import Server
-from netboard.process import Stopping, lock_memory, real_time, speak
-
-PRIORITY = 60
+from netboard.process import Priority, Stopping, io_priority, prepare, speak
 
 
-def main(config: Config, *, autostart: bool = True) -> int:
-    """Serve one session.
+def main(configs: Sequence[Config], *, autostart: bool = True) -> int:
+    """Serve one session of each of some dyads.
 
     Parameters
     ----------
-    config : Config
-        Rig and experiment.
+    configs : sequence of Config
+        One for each dyad; what the process asks of its machine is that of the first.
     autostart : bool
-        Start the block as soon as everything is there.
+        Start each block as soon as everything is there.
 
     Returns
     -------
@@ -24,9 +24,9 @@ def main(config: Config, *, autostart: bool = True) -> int:
         Exit code: 1 if records are not known to be on disk.
     """
     speak("server")
-    real_time(PRIORITY)
-    lock_memory()
-    with Stopping() as stopping, sockets.open_context() as context:
-        server = Server(config, context, autostart=autostart)
-        server.run(stopping)
+    wanted = configs[0].realtime
+    came = prepare(wanted, Priority.SERVER, wanted.server_cpus)
+    with Stopping() as stopping, sockets.open_context(io_priority(came, Priority.SERVER)) as context:
+        server = Server(configs, context, [keys.door(config.network) for config in configs], autostart=autostart)
+        server.run(stopping, came)
     return 0 if server.everything_recorded else 1

@@ -1,23 +1,34 @@
 """What a process does when it is asked to stop, and what it says of the system."""
 
+import errno
 import gc
 import logging
 import os
 import signal
+import socket
 import sys
+from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
+from netboard.config import Realtime
 from netboard.process import (
-    MCL_CURRENT,
-    MCL_FUTURE,
+    IO_ABOVE,
+    OFF,
+    OK,
     STOP_SIGNALS,
     WITH_PARENT,
+    Priority,
     Stopping,
-    lock_memory,
-    real_time,
+    cpu_set,
+    io_priority,
+    make_way,
+    prepare,
     steady_loop,
 )
+
+linux = pytest.mark.skipif(sys.platform != "linux", reason="what Linux offers")
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
@@ -51,36 +62,177 @@ def test_a_steady_loop_is_not_interrupted_by_the_collector() -> None:
         sys.setswitchinterval(interval)
 
 
-class Refusing:
-    """An operating system that does not grant real-time scheduling."""
+class Machine:
+    """A machine that grants what it is told to, and notes what it was asked for."""
 
-    SCHED_FIFO = 1
+    def __init__(self, answer: int = 0) -> None:
+        self.answer = answer
+        self.asked: list[object] = []
 
-    @staticmethod
-    def sched_param(priority: int) -> int:
-        return priority
+    def grant(self, *request: object) -> None:
+        self.asked.append(request)
+        if self.answer:
+            raise OSError(self.answer, os.strerror(self.answer))
 
-    @staticmethod
-    def sched_setscheduler(process: int, policy: int, parameter: int) -> None:
-        raise PermissionError(1, "Operation not permitted")
+    def prctl(self, *request: int) -> int:
+        return self._library(request)
+
+    def mlockall(self, *request: int) -> int:
+        return self._library(request)
+
+    def _library(self, request: object) -> int:
+        self.asked.append(request)
+        return -1 if self.answer else 0
 
 
-def test_refused_real_time_scheduling_is_one_line_and_not_fatal(
+def on(machine: Machine, monkeypatch: pytest.MonkeyPatch, folder: Path) -> Machine:
+    """Let what is asked for reach this machine only."""
+    monkeypatch.setattr("netboard.process.os.sched_setscheduler", machine.grant)
+    monkeypatch.setattr("netboard.process.os.sched_setaffinity", machine.grant)
+    monkeypatch.setattr("netboard.process.os.sched_getaffinity", lambda process: {0, 1, 2, 3})
+    monkeypatch.setattr("netboard.process.os.geteuid", lambda: 0)
+    monkeypatch.setattr("netboard.process.ctypes.CDLL", lambda name, use_errno: machine)
+    monkeypatch.setattr("netboard.process.ctypes.get_errno", lambda: machine.answer)
+    monkeypatch.setattr("netboard.process.AWAKE", folder / "cpu_dma_latency")
+    return machine
+
+
+ASKED = ("scheduling", "cpus", "memory", "timer_slack", "core_sleep")
+
+
+@linux
+def test_everything_is_asked_for_and_granted(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, tmp_path: Path
+) -> None:
+    machine = on(Machine(), monkeypatch, tmp_path)
+    (tmp_path / "cpu_dma_latency").touch()
+    with caplog.at_level(logging.INFO):
+        came = prepare(Realtime(), Priority.SERVER, "2-3")
+    assert came == dict.fromkeys(ASKED, OK)
+    assert caplog.messages == ["real time: scheduling ok, cpus ok, memory ok, timer_slack ok, core_sleep ok"]
+    assert machine.asked[0] == (0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(60))
+    assert (0, {2, 3}) in machine.asked
+    assert (tmp_path / "cpu_dma_latency").read_bytes() == (2).to_bytes(4, sys.byteorder)
+    assert io_priority(came, Priority.SERVER) == Priority.SERVER + IO_ABOVE
+
+
+@linux
+def test_what_is_refused_is_one_line_each_and_not_fatal(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, tmp_path: Path
+) -> None:
+    on(Machine(errno.EPERM), monkeypatch, tmp_path)
+    with caplog.at_level(logging.INFO):
+        came = prepare(Realtime(), Priority.AGENT, "1")
+    assert set(came) == set(ASKED)
+    assert not {OK, OFF} & set(came.values())
+    assert "real time: scheduling refused (Operation not permitted); going on without it" in caplog.messages
+    assert "real time: core_sleep refused (No such file or directory); going on without it" in caplog.messages
+    assert len([line for line in caplog.messages if "refused" in line]) == len(ASKED)
+    assert io_priority(came, Priority.AGENT) is None
+
+
+def test_what_is_switched_off_is_not_asked_for(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    machine = Machine() if sys.platform != "linux" else on(Machine(), monkeypatch, tmp_path)
+    came = prepare(Realtime(scheduling=False, lock_memory=False), Priority.AGENT, "")
+    assert came == dict.fromkeys(ASKED, OFF)
+    assert machine.asked == []
+
+
+def test_a_system_that_does_not_offer_it_is_said_too(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.setattr("netboard.process.os", Refusing)
+    monkeypatch.setattr("netboard.process.sys.platform", "plan9")
     with caplog.at_level(logging.INFO):
-        real_time(50)
-    assert caplog.messages == ["real-time scheduling refused (Operation not permitted); going on without it"]
+        came = prepare(Realtime(), Priority.AGENT, "0")
+    assert set(came.values()) == {"not offered on plan9"}
 
 
-def test_a_system_without_real_time_scheduling_is_said_too(
-    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+@linux
+def test_memory_is_not_locked_within_a_limit_that_would_end_the_process_later(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr("netboard.process.os", object())
-    with caplog.at_level(logging.INFO):
-        real_time(50)
-    assert "not offered" in caplog.text
+    machine = on(Machine(), monkeypatch, tmp_path)
+    monkeypatch.setattr("netboard.process.os.geteuid", lambda: 1000)
+    monkeypatch.setattr("netboard.process.resource.getrlimit", lambda which: (8_000_000, 8_000_000))
+    came = prepare(Realtime(scheduling=False), Priority.AGENT, "")
+    assert came["memory"] == "the limit is 8 MB, expected none"
+    assert machine.asked == []
+
+
+@linux
+def test_who_may_wait_stays_off_the_loops_cpus(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    machine = on(Machine(), monkeypatch, tmp_path)
+    make_way(Realtime())
+    make_way(Realtime(server_cpus="0-1", agent_cpus="2,3"))
+    assert machine.asked == []
+    make_way(Realtime(server_cpus="2", agent_cpus=""))
+    assert machine.asked == [(0, {0, 1, 3})]
+
+
+def test_lists_of_cpus() -> None:
+    assert cpu_set("") == set()
+    assert cpu_set("2") == {2}
+    assert cpu_set("0,2-4,7") == {0, 2, 3, 4, 7}
+
+
+@pytest.mark.parametrize("cpus", ["3-", "-", "1-2-3"])
+def test_a_list_that_is_none_is_refused(cpus: str) -> None:
+    with pytest.raises(OSError, match="expected CPUs such as 0,2-3"):
+        cpu_set(cpus)
+
+
+@pytest.fixture
+def supervisor(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[socket.socket]:
+    """What listens where a started process shall report."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as listening:
+        listening.bind(str(tmp_path / "notify"))
+        listening.setblocking(False)
+        monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "notify"))
+        yield listening
+
+
+def heard(supervisor: socket.socket) -> list[bytes]:
+    words = []
+    try:
+        while True:
+            words.append(supervisor.recv(100))
+    except BlockingIOError:
+        return words
+
+
+@linux
+def test_who_asks_whether_to_stop_is_ready_then_alive_then_stopping(
+    supervisor: socket.socket, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now = [100.0]
+    monkeypatch.setattr("netboard.process.time.monotonic", lambda: now[0])
+    with Stopping() as stopping:
+        assert heard(supervisor) == []
+        stopping()
+        stopping()
+        assert heard(supervisor) == [b"READY=1"]
+        for now[0] in (100.9, 101.0, 101.1, 102.1):
+            stopping()
+        assert heard(supervisor) == [b"WATCHDOG=1", b"WATCHDOG=1"]
+    assert heard(supervisor) == [b"STOPPING=1"]
+
+
+@linux
+def test_a_process_asked_to_stop_does_not_say_that_it_is_alive(supervisor: socket.socket) -> None:
+    with Stopping() as stopping:
+        os.kill(os.getpid(), signal.SIGTERM)
+        assert stopping()
+        assert heard(supervisor) == []
+
+
+@linux
+def test_a_supervisor_that_is_gone_is_said_once(
+    supervisor: socket.socket, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    (tmp_path / "notify").unlink()
+    with caplog.at_level(logging.INFO), Stopping() as stopping:
+        stopping()
+    assert caplog.messages == [f"cannot tell {tmp_path / 'notify'} READY=1 (No such file or directory)"]
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="POSIX processes")
@@ -93,29 +245,3 @@ def test_a_process_that_shall_not_outlive_its_parent_stops_when_it_is_gone(monke
     monkeypatch.delenv(WITH_PARENT)
     with Stopping() as stopping:
         assert not stopping()
-
-
-class Library:
-    """A C library whose mlockall answers as it is told."""
-
-    def __init__(self, answer: int) -> None:
-        self.answer = answer
-
-    def mlockall(self, flags: int) -> int:
-        assert flags == MCL_CURRENT | MCL_FUTURE
-        return self.answer
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="mlockall of Linux")
-@pytest.mark.parametrize(
-    ("answer", "said"),
-    [(0, "memory locked"), (-1, "locking memory refused (Operation not permitted); going on without it")],
-)
-def test_locked_memory_is_said_and_refusal_is_not_fatal(
-    answer: int, said: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-) -> None:
-    monkeypatch.setattr("netboard.process.ctypes.CDLL", lambda name, use_errno: Library(answer))
-    monkeypatch.setattr("netboard.process.ctypes.get_errno", lambda: 1)
-    with caplog.at_level(logging.INFO):
-        lock_memory()
-    assert caplog.messages == [said]

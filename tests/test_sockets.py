@@ -1,7 +1,13 @@
 """The sockets' options, and what they do on a real loopback."""
 
+import contextlib
+import os
+import socket as net
+import stat
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
 
 import pytest
 import zmq
@@ -10,121 +16,230 @@ from netboard import sockets
 from netboard.config import Network
 from netboard.errors import NetboardError
 
-Socket = sockets.Socket
+ANYWHERE = sockets.Endpoint("tcp://127.0.0.1:*")
+PATIENCE = 30.0
 
 
 class Made:
     """Makes sockets as `netboard.sockets` does, in one context, and closes them all in the end."""
 
-    def __init__(self) -> None:
-        self.context: sockets.Context = zmq.Context()
-        self.sockets: list[Socket] = []
+    def __init__(self, context: sockets.Context) -> None:
+        self.context = context
 
-    def __getattr__(self, kind: str) -> Callable[..., Socket]:
-        def make(*arguments: str) -> Socket:
-            self.sockets.append(getattr(sockets, kind)(self.context, *arguments))
-            return self.sockets[-1]
-
-        return make
+    def __getattr__(self, kind: str) -> Callable[..., Any]:
+        return lambda *arguments: getattr(sockets, kind)(self.context, *arguments)
 
 
 @pytest.fixture
 def made() -> Iterator[Made]:
-    made = Made()
-    yield made
-    for socket in made.sockets:
-        socket.close(linger=0)
-    made.context.term()
+    with sockets.open_context() as context:
+        yield Made(context)
+        context.destroy(linger=0)
 
 
-def endpoint_of(socket: Socket) -> str:
-    return socket.getsockopt(zmq.LAST_ENDPOINT).decode().rstrip("\0")  # type: ignore[union-attr]
+def raw(end: Any) -> sockets.Socket:
+    return end if isinstance(end, zmq.Socket) else end.socket
+
+
+def endpoint_of(end: Any) -> sockets.Endpoint:
+    return sockets.Endpoint(raw(end).getsockopt(zmq.LAST_ENDPOINT).decode().rstrip("\0"))  # type: ignore[union-attr]
+
+
+def until(what: Callable[[], Any]) -> Any:
+    """Wait for something to come true."""
+    end = time.monotonic() + PATIENCE
+    while not (found := what()):
+        assert time.monotonic() < end, "waited in vain"
+        time.sleep(0.002)
+    return found
 
 
 def test_every_socket_has_the_options_its_channel_needs(made: Made) -> None:
-    any_port = "tcp://127.0.0.1:*"
-    motion, log = made.motion_server(any_port), made.log_server(any_port)
+    motion, log = made.motion_server(ANYWHERE), made.log_server(ANYWHERE)
     agent = made.motion_agent(endpoint_of(motion), "agent.left@test")
     logger = made.log_client(endpoint_of(log), "logger@test")
-    view = made.view_publisher(any_port)
+    view = made.view_publisher(ANYWHERE)
     eye = made.view_subscriber(endpoint_of(view))
-    for socket in (motion, agent):
-        assert socket.getsockopt(zmq.SNDHWM) == socket.getsockopt(zmq.RCVHWM) == sockets.MOTION_HWM
-        assert socket.getsockopt(zmq.LINGER) == 0
-    for socket in (log, logger):
-        assert socket.getsockopt(zmq.LINGER) == sockets.LOG_LINGER_MS > 0
-        assert socket.getsockopt(zmq.SNDHWM) == sockets.LOG_HWM
-    for socket in (agent, logger):
-        assert socket.getsockopt(zmq.IMMEDIATE) == 1
-    for socket in (motion, log, agent, logger, view, eye):
-        assert socket.getsockopt(zmq.HEARTBEAT_IVL) == 0
-        assert socket.getsockopt(zmq.TCP_KEEPALIVE) == 1
-        assert socket.getsockopt(zmq.MAXMSGSIZE) == sockets.LARGEST_FRAME
+    for end in (motion, agent):
+        assert raw(end).getsockopt(zmq.SNDHWM) == raw(end).getsockopt(zmq.RCVHWM) == sockets.MOTION_HWM
+        assert raw(end).getsockopt(zmq.LINGER) == 0
+    for end in (log, logger):
+        assert raw(end).getsockopt(zmq.LINGER) == sockets.LOG_LINGER_MS > 0
+        assert raw(end).getsockopt(zmq.SNDHWM) == sockets.LOG_HWM
+    for end in (agent, logger):
+        assert end.getsockopt(zmq.IMMEDIATE) == 1
+    for end in (motion, log, agent, logger, view, eye):
+        assert raw(end).getsockopt(zmq.HEARTBEAT_IVL) == 0
+        assert raw(end).getsockopt(zmq.TCP_KEEPALIVE) == 1
+        assert raw(end).getsockopt(zmq.MAXMSGSIZE) == sockets.LARGEST_FRAME
 
 
 def test_addresses_count_the_channels_from_the_first_port() -> None:
     where = sockets.addresses(Network(host="10.0.0.1", bind="0.0.0.0", port=6000))
-    assert where.listen(sockets.MOTION) == "tcp://0.0.0.0:6000"
-    assert where.reach(sockets.CONTROL) == "tcp://10.0.0.1:6004"
+    assert where.listen(sockets.MOTION).address == "tcp://0.0.0.0:6000"
+    assert where.reach(sockets.CONTROL).address == "tcp://10.0.0.1:6004"
     assert {sockets.VIEW["left"], sockets.VIEW["right"]} == {2, 3}
+    assert len(sockets.CHANNELS) == sockets.NERVE + 1
+
+
+def test_the_nerve_stays_on_its_machine_and_needs_no_keys() -> None:
+    keys = sockets.Credentials("p" * 40, "s" * 40, "q" * 40)
+    where = sockets.addresses(Network(host="10.0.0.1", bind="0.0.0.0", port=6000), keys)
+    for nerve in (where.listen(sockets.NERVE), where.reach(sockets.NERVE)):
+        assert nerve == sockets.Endpoint("tcp://127.0.0.1:6005", sockets.NERVE)
+    assert where.reach(sockets.LOG).lock is keys
+    assert "ssss" not in repr(keys)
 
 
 def test_a_taken_port_is_said_in_words(made: Made) -> None:
-    first = made.motion_server("tcp://127.0.0.1:*")
+    first = made.motion_server(ANYWHERE)
     with pytest.raises(NetboardError, match=r"cannot listen on tcp://127.0.0.1:.*is another server running"):
         made.motion_server(endpoint_of(first))
 
 
 def test_nothing_is_queued_for_a_server_that_is_not_there(made: Made) -> None:
-    agent = made.motion_agent("tcp://127.0.0.1:9", "agent.left@test")
+    agent = made.motion_agent(sockets.Endpoint("tcp://127.0.0.1:9"), "agent.left@test")
     assert not sockets.send(agent, b"stale")
 
 
 def test_a_peer_that_is_not_there_is_no_error(made: Made) -> None:
-    server = made.motion_server("tcp://127.0.0.1:*")
-    assert not sockets.send_to(server, b"nobody", b"frame")
-    assert sockets.receive_from(server) is None
+    server = made.motion_server(ANYWHERE)
+    assert not server.send(b"nobody", b"frame")
+    assert server.receive() is None
 
 
-def talk(made: Made) -> tuple[Socket, Socket]:
-    server = made.control_server("tcp://127.0.0.1:*")
+def talk(made: Made) -> tuple[sockets.Router, sockets.Socket]:
+    server = made.control_server(ANYWHERE)
     peer = made.control_client(endpoint_of(server), "console@test")
-    until = time.monotonic() + 5
-    while not sockets.send(peer, b"hello") and time.monotonic() < until:
-        sockets.wait_readable(peer, 0.01)
-    assert sockets.wait_readable(server, 5.0)
-    assert sockets.receive_from(server) == (b"console@test", b"hello")
+    until(lambda: sockets.send(peer, b"hello"))
+    assert until(server.receive) == (b"console@test", b"hello")
     return server, peer
 
 
-def test_frames_go_both_ways_and_foreign_shapes_are_dropped(made: Made) -> None:
+def test_frames_go_both_ways_and_foreign_shapes_are_taken_for_empty_ones(made: Made) -> None:
     server, peer = talk(made)
-    peer.send_multipart((b"too", b"many", b"parts"))
+    peer.send_multipart((b"too", b"console@other", b"parts"))
     assert sockets.send(peer, b"good")
-    assert sockets.wait_readable(server, 5.0)
-    until = time.monotonic() + 5
-    while (got := sockets.receive_from(server)) is None and time.monotonic() < until:
-        sockets.wait_readable(server, 0.01)
-    assert got == (b"console@test", b"good")
-    assert sockets.send_to(server, b"console@test", b"answer")
-    assert sockets.wait_readable(peer, 5.0)
+    assert until(server.receive) == (b"console@test", b"")
+    assert until(server.receive) == (b"console@test", b"good")
+    assert server.receive() is None
+    assert server.key == server.forbids("agent", "left") == ""
+    assert server.send(b"console@test", b"answer")
+    assert sockets.wait_readable(peer, PATIENCE)
     assert sockets.receive(peer) == b"answer"
     assert not sockets.wait_readable(peer, 0.0005)
 
 
-def test_a_view_channel_keeps_only_the_newest(made: Made) -> None:
-    publisher = made.view_publisher("tcp://127.0.0.1:*")
+def test_one_waits_for_any_of_several_sockets(made: Made) -> None:
+    server, peer = talk(made)
+    other = made.motion_server(ANYWHERE)
+    waiter = sockets.Waiter((server.socket, other.socket))
+    assert not waiter.wait(0.0)
+    assert not waiter.wait(0.0005)
+    assert sockets.send(peer, b"one")
+    assert waiter.wait(PATIENCE)
+    assert waiter.wait(0.0)
+    assert server.receive() == (b"console@test", b"one")
+    assert not waiter.wait(0.0)
+
+
+def test_one_learns_which_of_several_sockets_have_changed(made: Made) -> None:
+    server, peer = talk(made)
+    other = made.motion_server(ANYWHERE)
+    ends = (server.socket, other.socket)
+    waiter = sockets.Waiter(ends)
+    assert waiter.changed(ends, 0.0) == []
+    assert sockets.send(peer, b"one")
+    assert waiter.changed((), PATIENCE) == [server.socket]
+    assert server.receive() == (b"console@test", b"one")
+    assert server.receive() is None
+    assert waiter.changed(ends, 0.0005) == []
+
+
+def test_a_signal_swallowed_by_sending_is_not_missed(made: Made) -> None:
+    server, peer = talk(made)
+    waiter = sockets.Waiter((server.socket,))
+    assert sockets.send(peer, b"one")
+    assert waiter.wait(PATIENCE)
+    assert server.send(b"console@test", b"answer")
+    assert waiter.changed((server.socket,), 0.0)
+
+
+def test_views_go_to_who_looks_and_only_the_newest_is_kept(made: Made) -> None:
+    publisher = made.view_publisher(ANYWHERE)
+    assert not publisher.wanted()
+    assert not publisher.send(b"for nobody")
     eye = made.view_subscriber(endpoint_of(publisher))
-    until = time.monotonic() + 30
-    while not sockets.wait_readable(eye, 0.01) and time.monotonic() < until:
-        sockets.send(publisher, b"0")
-    for number in range(1, 100):
-        sockets.send(publisher, b"%d" % number)
-    seen = [int(sockets.receive(eye) or b"-1")]
-    # The newest itself is lost if it is written while the one before is being read, and the next one makes up for it.
-    while seen[-1] < 99 and time.monotonic() < until:
-        sockets.send(publisher, b"99")
-        sockets.wait_readable(eye, 0.05)
-        seen.append(int(sockets.receive(eye) or seen[-1]))
-    assert seen[-1] == 99
+    until(publisher.wanted)
+    for number in range(100):
+        assert publisher.send(b"%d" % number)
+    seen = [-1]
+    while seen[-1] < 99:
+        publisher.send(b"99")
+        assert sockets.wait_readable(eye, PATIENCE)
+        seen.append(int(sockets.receive(eye) or -1))
     assert seen == sorted(seen)
+    eye.close()
+    until(lambda: not publisher.wanted())
+    assert not publisher.send(b"for nobody")
+
+
+def test_who_subscribes_to_something_else_is_not_counted(made: Made) -> None:
+    publisher = made.view_publisher(ANYWHERE)
+    odd = made.view_subscriber(endpoint_of(publisher))
+    until(publisher.wanted)
+    odd.setsockopt(zmq.UNSUBSCRIBE, b"")
+    odd.setsockopt(zmq.SUBSCRIBE, b"something else")
+    until(lambda: not publisher.wanted())
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="no sockets in the file system")
+class TestSocketsInTheFileSystem:
+    where = sockets.Addresses("ignored", "ignored", 64_000, "ipc")
+
+    def test_a_frame_goes_through(self, made: Made) -> None:
+        endpoint = self.where.listen(sockets.CONTROL)
+        folder = Path(endpoint.address.removeprefix("ipc://")).parent
+        server = made.control_server(endpoint)
+        assert stat.S_IMODE(folder.stat().st_mode) == 0o700
+        peer = made.control_client(self.where.reach(sockets.CONTROL), "console@test")
+        until(lambda: sockets.send(peer, b"hello"))
+        assert until(server.receive) == (b"console@test", b"hello")
+
+    def test_a_second_server_does_not_take_over(self, made: Made) -> None:
+        made.motion_server(self.where.listen(sockets.MOTION))
+        with pytest.raises(NetboardError, match="is another server running"):
+            made.motion_server(self.where.listen(sockets.MOTION))
+
+    def test_what_a_dead_server_left_is_no_obstacle(self, made: Made) -> None:
+        endpoint = self.where.listen(sockets.LOG)
+        file = endpoint.address.removeprefix("ipc://")
+        with contextlib.suppress(FileNotFoundError):
+            Path(file).unlink()
+        with net.socket(net.AF_UNIX) as dead:
+            dead.bind(file)
+        made.log_server(endpoint)
+
+    def test_a_folder_open_to_others_is_refused(self) -> None:
+        folder = Path(self.where.listen(0).address.removeprefix("ipc://")).parent
+        folder.chmod(0o755)
+        try:
+            with pytest.raises(NetboardError, match="not a folder of this user alone"):
+                self.where.reach(sockets.MOTION)
+        finally:
+            folder.chmod(0o700)
+
+
+def test_libzmq_is_not_asked_for_what_the_system_refuses(caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level("INFO")
+    with sockets.open_context(io_priority=10_000, io_cpus=(9999,)) as context:
+        context.socket(zmq.PAIR).close()
+    assert len(caplog.messages) == 2
+    assert all("refused" in message for message in caplog.messages)
+
+
+def test_libzmq_gets_the_cpus_that_there_are(caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level("INFO")
+    with sockets.open_context(io_cpus=os.sched_getaffinity(0)) as context:
+        context.socket(zmq.PAIR).close()
+    assert caplog.messages == []

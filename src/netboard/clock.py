@@ -33,6 +33,10 @@ class Pacer:
         self.due_ns = start_ns - TICK_NS
         self.moved_ns = 0
 
+    def shift(self, span_ns: int) -> None:
+        """Let this and all later ticks be later by so much; earlier if it is negative [ns]."""
+        self.due_ns += span_ns
+
     def wait(self) -> int:
         """Sleep until the next tick is due and return how late it is [ns]."""
         self.due_ns += TICK_NS

@@ -1,17 +1,31 @@
 """What a process owes its machine and its operator: it stops when asked, keeps a steady loop, says what it does.
 
-Nothing here is fatal: what a system does not offer or allow is said in one line, and the process goes on without it.
+Real time is asked for in one place, `prepare`, with priorities from one table, `Priority`. Nothing here is fatal: what
+a system does not offer or allow is said in one line, and the process goes on without it. docs/how-to/real-time.md
+says what each thing is for and how to permit it.
 """
 
 import ctypes
+import errno
 import gc
 import logging
 import os
 import platform
 import signal
+import socket
 import sys
+import time
+from collections.abc import Callable
+from enum import IntEnum
+from functools import partial
+from pathlib import Path
 from types import FrameType, TracebackType
 from typing import Self
+
+from netboard.config import Realtime
+
+if sys.platform != "win32":
+    import resource
 
 _STOP_NAMES = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
 STOP_SIGNALS = tuple(getattr(signal, name) for name in _STOP_NAMES if hasattr(signal, name))
@@ -20,8 +34,26 @@ STOP_SIGNALS = tuple(getattr(signal, name) for name in _STOP_NAMES if hasattr(si
 NAME = f"{platform.node()}:{os.getpid()}"
 """How this process is told from all others, for peers and people."""
 
+OK, OFF = "ok", "off"
+"""What came of something asked for: granted, or not asked for. Anything else is why it was refused."""
+
 MCL_CURRENT, MCL_FUTURE = 1, 2
 """Flags of mlockall on Linux."""
+
+PR_SET_TIMERSLACK = 29
+"""prctl on Linux: how late a sleeping thread may be woken, to wake others with it."""
+
+AWAKE = Path("/dev/cpu_dma_latency")
+"""While a process holds this open, no core sleeps so deep that waking takes longer than what was written to it."""
+
+AWAKE_US = 2
+"""The lightest sleep of a core is left within this; 0 would let every idle core spin, hot, at the others' cost [us]."""
+
+ALIVE_S = 1.0
+"""What started a process is told so often that it is alive [s]."""
+
+SUPERVISOR = "NOTIFY_SOCKET"
+"""In the environment of a process that shall tell what started it how it is: where."""
 
 WITH_PARENT = "NETBOARD_STOP_WITH_PARENT"
 """Set in the environment of a process that shall not outlive the one that started it."""
@@ -29,20 +61,76 @@ WITH_PARENT = "NETBOARD_STOP_WITH_PARENT"
 log = logging.getLogger(__name__)
 
 
+class Priority(IntEnum):
+    """SCHED_FIFO priorities of netboard's loops; no others are in use.
+
+    The server goes before the agents, because both wait for it. ZeroMQ's own threads go before their loop, by
+    `IO_ABOVE`: what a loop sends is then on its way at once, not after the rest of the tick, even where both share a
+    core. Logger, displays and all else are scheduled as usual. Interrupt threads of a PREEMPT_RT kernel have 50.
+    """
+
+    AGENT = 50
+    SERVER = 60
+
+
+IO_ABOVE = 5
+"""By how much the priority of ZeroMQ's threads is above that of the loop they serve [1]."""
+
+
+class Supervisor:
+    """What started this process and watches over it, where that is systemd or speaks as it does (sd_notify)."""
+
+    def __init__(self) -> None:
+        address = os.environ.get(SUPERVISOR, "")
+        self._address = f"\0{address[1:]}" if address.startswith("@") else address
+        self._due = 0.0
+        self._ready = False
+
+    def alive(self) -> None:
+        """Say that the loop is alive, once a second however often it is called; the first time, that it is ready."""
+        if not self._address:
+            return
+        now = time.monotonic()
+        if now >= self._due:
+            self._due = now + ALIVE_S
+            self._tell("WATCHDOG=1" if self._ready else "READY=1")
+            self._ready = True
+
+    def stopping(self) -> None:
+        """Say that the process is about to end."""
+        if self._address:
+            self._tell("STOPPING=1")
+
+    def _tell(self, words: str) -> None:
+        """Say something without waiting; after a failure, nothing more."""
+        try:
+            with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as to:
+                to.setblocking(False)
+                to.sendto(words.encode(), self._address)
+        except OSError as error:
+            log.warning("cannot tell %s %s (%s)", self._address, words, error.strerror)
+            self._address = ""
+
+
 class Stopping:
     """While entered, turns stop signals into an answer instead of an interruption: ``stopping()`` tells.
 
-    A second signal does not wait for a clean end: it interrupts as usual.
+    A second signal does not wait for a clean end: it interrupts as usual. Every loop asks again and again, so whoever
+    asks is alive, and what started the process is told so.
     """
 
     def __init__(self) -> None:
         self._asked = False
         self._parent = os.getppid() if os.environ.get(WITH_PARENT) else None
         self._before: dict[int, object] = {}
+        self._supervisor = Supervisor()
 
     def __call__(self) -> bool:
         """Whether the process has been asked to stop, or has lost the parent it shall not outlive."""
-        return self._asked or (self._parent is not None and os.getppid() != self._parent)
+        stop = self._asked or (self._parent is not None and os.getppid() != self._parent)
+        if not stop:
+            self._supervisor.alive()
+        return stop
 
     def __enter__(self) -> Self:
         for number in STOP_SIGNALS:
@@ -53,6 +141,7 @@ class Stopping:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._restore()
+        self._supervisor.stopping()
 
     def _ask(self, number: int, frame: FrameType | None) -> None:
         self._asked = True
@@ -75,34 +164,127 @@ def steady_loop() -> None:
     sys.setswitchinterval(5e-4)
 
 
-def real_time(priority: int) -> None:
-    """Ask for real-time scheduling of this process and the threads it starts from now on; say what came of it.
+def prepare(wanted: Realtime, priority: int, cpus: str) -> dict[str, str]:
+    """Ask the machine for what a steady loop needs, before anything else is made; say what was refused.
 
     Parameters
     ----------
+    wanted : Realtime
+        What shall be asked for.
     priority : int
-        SCHED_FIFO priority.
+        SCHED_FIFO priority of the loop.
+    cpus : str
+        CPUs it may run on, as in ``0,2-3``; empty for any.
+
+    Returns
+    -------
+    dict of str to str
+        What came of each: `OK`, `OFF`, or why it was refused.
     """
-    if not hasattr(os, "sched_setscheduler"):
-        log.info("real-time scheduling is not offered on %s; going on without it", sys.platform)
-        return
+    asked: dict[str, Callable[[], None] | None] = {
+        "scheduling": partial(_schedule, priority) if wanted.scheduling else None,
+        "cpus": partial(_stay_on, cpus) if cpus else None,
+        "memory": _lock_memory if wanted.lock_memory else None,
+        "timer_slack": _wake_in_time if wanted.scheduling else None,
+        "core_sleep": _keep_awake if wanted.scheduling else None,
+    }
+    came = {what: OFF if how is None else _tried(what, how) for what, how in asked.items()}
+    log.info("real time: %s", ", ".join(f"{what} {how}" for what, how in came.items() if how in {OK, OFF}))
+    return came
+
+
+def io_priority(came: dict[str, str], priority: int) -> int | None:
+    """SCHED_FIFO priority of ZeroMQ's threads for what came of `prepare`; None to leave them as they are."""
+    return priority + IO_ABOVE if came["scheduling"] == OK else None
+
+
+def make_way(wanted: Realtime) -> None:
+    """Stay off the CPUs that are set aside for server and agents, where others are left; for all who may wait."""
+    if taken := f"{wanted.server_cpus},{wanted.agent_cpus}".strip(","):
+        _tried("cpus", partial(_stay_off, taken))
+
+
+def cpu_set(cpus: str) -> set[int]:
+    """Read a list of CPUs, such as ``0,2-3``.
+
+    Raises
+    ------
+    OSError
+        If it is none; as the system would refuse it.
+    """
+    numbers: set[int] = set()
+    for part in filter(None, cpus.split(",")):
+        first, dash, last = part.partition("-")
+        try:
+            numbers |= set(range(int(first), int(last if dash else first) + 1))
+        except ValueError:
+            raise OSError(errno.EINVAL, f"found {cpus}, expected CPUs such as 0,2-3") from None
+    return numbers
+
+
+def _tried(what: str, ask: Callable[[], None]) -> str:
+    """Ask for something; a refusal is said and not fatal."""
     try:
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+        ask()
     except OSError as error:
-        log.info("real-time scheduling refused (%s); going on without it", error.strerror)
-    else:
-        log.info("real-time scheduling: SCHED_FIFO %d", priority)
+        log.info("real time: %s refused (%s); going on without it", what, error.strerror)
+        return str(error.strerror)
+    return OK
 
 
-def lock_memory() -> None:
-    """Ask that no page of this process is ever taken out of memory, now or later; say what came of it."""
-    if sys.platform != "linux":
-        log.info("memory is not locked on %s; going on without it", sys.platform)
-        return
-    if ctypes.CDLL(None, use_errno=True).mlockall(MCL_CURRENT | MCL_FUTURE):
-        log.info("locking memory refused (%s); going on without it", os.strerror(ctypes.get_errno()))
-    else:
-        log.info("memory locked")
+def _only_on(*systems: str) -> None:
+    """Refuse what other systems do not offer."""
+    if sys.platform not in systems:
+        raise OSError(errno.ENOSYS, f"not offered on {sys.platform}")
+
+
+def _schedule(priority: int) -> None:
+    """Ask for SCHED_FIFO for this thread; what it starts later begins as usual (ZeroMQ's thread asks for itself)."""
+    _only_on("linux")
+    os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(priority))
+
+
+def _stay_on(cpus: str) -> None:
+    """Keep this thread, and those it starts from now on, on some CPUs."""
+    _only_on("linux")
+    os.sched_setaffinity(0, cpu_set(cpus))
+
+
+def _stay_off(cpus: str) -> None:
+    """Keep this thread, and those it starts from now on, off some CPUs, if others are left."""
+    _only_on("linux")
+    if others := os.sched_getaffinity(0) - cpu_set(cpus):
+        os.sched_setaffinity(0, others)
+
+
+def _lock_memory() -> None:
+    """Ask that no page of this process is ever taken out of memory, now or later."""
+    _only_on("linux")
+    limit, _ = resource.getrlimit(resource.RLIMIT_MEMLOCK)
+    if limit != resource.RLIM_INFINITY and os.geteuid() != 0:
+        # It might be enough for now; but beyond it, asking for more memory would fail in the middle of a session.
+        raise OSError(errno.ENOMEM, f"the limit is {limit / 1e6:.0f} MB, expected none")
+    _libc(lambda libc: libc.mlockall(MCL_CURRENT | MCL_FUTURE))
+
+
+def _wake_in_time() -> None:
+    """Ask to be woken exactly when due, not up to 50 us later; matters only without real-time scheduling."""
+    _only_on("linux")
+    _libc(lambda libc: libc.prctl(PR_SET_TIMERSLACK, 1, 0, 0, 0))
+
+
+def _keep_awake() -> None:
+    """Keep every core from sleeping deep until this process ends: the file stays open."""
+    _only_on("linux")
+    handle = os.open(AWAKE, os.O_WRONLY)
+    os.write(handle, AWAKE_US.to_bytes(4, sys.byteorder))
+
+
+def _libc(call: Callable[[ctypes.CDLL], int]) -> None:
+    """Call the C library."""
+    if call(ctypes.CDLL(None, use_errno=True)):
+        number = ctypes.get_errno()
+        raise OSError(number, os.strerror(number))
 
 
 def speak(name: str) -> None:

@@ -2,29 +2,44 @@
 
 Rules that hold here: options are set before bind or connect (later ones do not take hold); the motion channel keeps at
 most a few frames and never waits (the newest sample wins, an absent peer gets nothing stale); the log channel keeps
-many and lingers; views are single frames and conflated. A cut cable is noticed by TCP keepalive and, much earlier, by
-silence; not by ZeroMQ's heartbeats: libzmq 4.3.5 aborts a process that was stopped for some seconds with full queues
-and heartbeats on. Sockets are used by the thread that made them.
+many and lingers; views are single frames, sent to who looks, and conflated where they are seen. With keys (a `Door` at
+the server, `Credentials` at a peer) every frame is encrypted, and a peer is let in by its key, at the handshake. A cut
+cable is noticed by TCP keepalive and, much earlier, by silence; not by ZeroMQ's heartbeats: libzmq 4.3.5 aborts a
+process that was stopped for some seconds with full queues and heartbeats on. Sockets are used by the thread that made
+them.
 """
 
+import logging
+import os
+import secrets
 import select
+import socket as net
+import stat
+import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
-from typing import TypeAlias
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Protocol, TypeAlias
 
 import zmq
 from zmq import Again, ZMQError
+from zmq.utils import z85
+from zmq.utils.monitor import parse_monitor_message
 
 from netboard.config import Network, Side
-from netboard.errors import NetboardError
+from netboard.errors import ConfigError, NetboardError
+
+log = logging.getLogger(__name__)
 
 Socket: TypeAlias = "zmq.Socket[bytes]"
-Context: TypeAlias = "zmq.Context[zmq.Socket[bytes]]"
 
 MOTION, LOG, VIEW_LEFT, VIEW_RIGHT, CONTROL, NERVE = range(6)
 """Channels: TCP port = network.port + channel."""
+
+CHANNELS = ("motion", "log", "view.left", "view.right", "control", "nerve")
+"""Their names."""
 
 VIEW: dict[Side, int] = {"left": VIEW_LEFT, "right": VIEW_RIGHT}
 """Channel of each station's views."""
@@ -32,6 +47,7 @@ VIEW: dict[Side, int] = {"left": VIEW_LEFT, "right": VIEW_RIGHT}
 MOTION_HWM = 4
 LOG_HWM = 64
 CONTROL_HWM = 1000
+VIEW_HWM = 2
 LOG_LINGER_MS = 2000
 GOODBYE_LINGER_MS = 200
 """Last words on a channel that else lets nothing linger are given so long [ms]."""
@@ -41,6 +57,235 @@ KEEPALIVE_S = 1
 KEEPALIVE_PROBES = 3
 RECONNECT_IVL_MS = 100
 RECONNECT_IVL_MAX_MS = 1000
+
+SUBSCRIBED, UNSUBSCRIBED = b"\1", b"\0"
+"""What an XPUB hears when the first one subscribes to everything, and when the last one leaves."""
+MOST_SUBSCRIPTIONS = 16
+"""Subscriptions heard in one go [1]."""
+MOST_HANDSHAKES = 8
+"""Handshakes answered, and failed ones heard of on a channel, in one go: strangers must not hold a tick up [1]."""
+MOST_NAMES = 1000
+"""Peers whose name has been found to go with their key, remembered [1]."""
+TOLD_AGAIN_NS = 10_000_000_000
+"""The same refused handshake, which its peer repeats every second, is told of again after so long [ns]."""
+DEAF_NS = 10_000_000_000
+"""A channel on which more handshakes fail than can be heard of is not listened to for so long [ns]."""
+MOST_REFUSALS = 256
+"""Kinds of refused handshakes told apart [1]."""
+
+ZAP_ADDRESS = "inproc://zeromq.zap.01"
+"""Where libzmq asks whether a key may come in (ZeroMQ's RFC 27)."""
+
+_EVENTS, _POLLIN, _NOBLOCK = int(zmq.EVENTS), int(zmq.POLLIN), int(zmq.NOBLOCK)
+"""As plain numbers: arithmetic with pyzmq's flags costs as much as receiving."""
+
+
+# --- who may come in ---------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Credentials:
+    """A peer's own keys, and the one by which it knows the server (Z85).
+
+    Attributes
+    ----------
+    public, secret : str
+        The peer's key pair.
+    server : str
+        The server's public key.
+    """
+
+    public: str
+    secret: str = field(repr=False)
+    server: str
+
+
+class Ring(Protocol):
+    """The server's own key, and what each peer's key is for."""
+
+    secret: str
+    """The server's secret key (Z85)."""
+
+    def refuses(self, key: str, channel: str) -> str:
+        """Why a key may not come in to a channel; empty if it may."""
+
+    def forbids(self, key: str, role: str, side: str) -> str:
+        """Why the owner of a key may not speak as this; empty if it may."""
+
+    def owner(self, key: str) -> str:
+        """What a key is for, such as ``agent.left``."""
+
+    def fingerprint(self, key: str) -> str:
+        """How people tell a key."""
+
+
+def new_keys() -> tuple[str, str]:
+    """A new pair of keys, public and secret (Z85)."""
+    public, secret = zmq.curve_keypair()
+    return public.decode(), secret.decode()
+
+
+def public_of(secret: str) -> str:
+    """The public key that goes with a secret one (Z85).
+
+    Raises
+    ------
+    ValueError
+        If it is not a key.
+    """
+    return zmq.curve_public(secret.encode()).decode()
+
+
+class Door:
+    """Where one server lets its peers in, by their keys.
+
+    Parameters
+    ----------
+    ring : Ring
+        Its own key and theirs.
+    port : int
+        By which it is told from other servers in the same context.
+    """
+
+    def __init__(self, ring: Ring, port: int) -> None:
+        self.ring = ring
+        self._port = port
+        self._gate: _Gate | None = None
+        self._watched: list[_Watched] = []
+        self._told: dict[tuple[str, str, str], tuple[int, int]] = {}
+        self._news: list[dict[str, str]] = []
+
+    def attend(self) -> list[dict[str, str]]:
+        """Let in who knocks and may; what is to be told of the others since the last time.
+
+        Nobody gets in unless this is called, some fifty times a second.
+        """
+        if self._gate is not None:
+            self._gate.answer()
+        for watched in self._watched:
+            for reason in watched.listen():
+                self.refuse(watched.channel, "", "", reason)
+        news, self._news = self._news, []
+        return news
+
+    def refuse(self, channel: str, address: str, key: str, reason: str) -> None:
+        """Note a refusal: the first of a kind at once, then now and then how many they were."""
+        kind = (channel, key or address, reason)
+        if kind not in self._told and len(self._told) >= MOST_REFUSALS:
+            kind = ("", "", "")
+        now_ns = time.monotonic_ns()
+        times, told_ns = self._told.get(kind, (0, now_ns - TOLD_AGAIN_NS))
+        times += 1
+        if now_ns - told_ns >= TOLD_AGAIN_NS:
+            told_ns = now_ns
+            known = {"address": address, "key": self.ring.fingerprint(key) if key else ""}
+            told = {name: value for name, value in known.items() if value}
+            self._news.append({"channel": channel, **told, "reason": reason, "times": str(times)})
+        self._told[kind] = (times, told_ns)
+
+    def guard(self, context: "Context", socket: Socket, channel: int) -> None:
+        """Put a lock on a socket, before it is bound."""
+        name = CHANNELS[channel]
+        self._gate = context.gate = context.gate or _Gate(context)
+        self._gate.doors[f"{self._port}.{name}"] = (self, name)
+        socket.setsockopt(zmq.CURVE_SERVER, 1)
+        socket.setsockopt(zmq.CURVE_SECRETKEY, self.ring.secret.encode())
+        socket.setsockopt(zmq.ZAP_DOMAIN, f"{self._port}.{name}".encode())
+        socket.setsockopt(zmq.ZAP_ENFORCE_DOMAIN, 1)
+        self._watched.append(_Watched(context, socket, name))
+
+
+class _Gate:
+    """Where libzmq asks: one for a context, however many doors there are."""
+
+    def __init__(self, context: "Context") -> None:
+        self.doors: dict[str, tuple[Door, str]] = {}
+        self._socket: Socket = context.socket(zmq.REP)
+        self._socket.setsockopt(zmq.LINGER, 0)
+        self._socket.bind(ZAP_ADDRESS)
+
+    def answer(self) -> None:
+        """Answer some of those who wait for it."""
+        for _ in range(MOST_HANDSHAKES):
+            if not _readable(self._socket):
+                return
+            version, request, domain, address, _, _, *credentials = self._socket.recv_multipart(_NOBLOCK)
+            key = z85.encode(credentials[0]).decode()
+            door, channel = self.doors[domain.decode()]
+            reason = door.ring.refuses(key, channel)
+            if reason:
+                door.refuse(channel, address.decode(errors="replace"), key, reason)
+                verdict = (b"400", reason.encode(), b"")
+            else:
+                verdict = (b"200", b"OK", key.encode())
+            self._socket.send_multipart((version, request, *verdict, b""), _NOBLOCK)
+
+
+class _Watched:
+    """A socket that tells of handshakes that failed before it came to keys; libzmq does not say whose they were."""
+
+    def __init__(self, context: "Context", socket: Socket, channel: str) -> None:
+        self.channel = channel
+        self._context = context
+        self._socket = socket
+        self._deaf_until_ns = 0
+        self._monitor = self._open()
+
+    def listen(self) -> Iterator[str]:
+        """Why they failed."""
+        if self._deaf_until_ns:
+            if time.monotonic_ns() < self._deaf_until_ns:
+                return
+            self._deaf_until_ns, self._monitor = 0, self._open()
+        for _ in range(MOST_HANDSHAKES):
+            if self._monitor.closed or not _readable(self._monitor):
+                return
+            event = parse_monitor_message(self._monitor.recv_multipart(_NOBLOCK))
+            if event["event"] == zmq.Event.HANDSHAKE_FAILED_PROTOCOL:
+                yield FAILURES.get(event["value"], NO_HANDSHAKE)
+        self._socket.monitor(None, 0)
+        self._monitor.close()
+        self._deaf_until_ns = time.monotonic_ns() + DEAF_NS
+        yield "more handshakes fail here than can be told of"
+
+    def _open(self) -> Socket:
+        """Listen. The queue has no bound: a full one would hold up libzmq's own thread."""
+        address = f"inproc://monitor.{id(self)}.{time.monotonic_ns()}"
+        self._socket.monitor(address, zmq.Event.HANDSHAKE_FAILED_PROTOCOL)
+        monitor: Socket = self._context.socket(zmq.PAIR)
+        monitor.setsockopt(zmq.LINGER, 0)
+        monitor.setsockopt(zmq.RCVHWM, 0)
+        monitor.connect(address)
+        return monitor
+
+
+FAILURES: dict[int, str] = {
+    int(zmq.PROTOCOL_ERROR_ZMTP_MECHANISM_MISMATCH): "it came without a key",
+    int(zmq.PROTOCOL_ERROR_ZMTP_CRYPTOGRAPHIC): "it does not know this server's key, or repeated what another one said",
+}
+NO_HANDSHAKE = "it broke the rules of the handshake"
+
+
+# --- where the channels are --------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Endpoint:
+    """Where a channel is bound or connected to.
+
+    Attributes
+    ----------
+    address : str
+        For ZeroMQ.
+    channel : int
+        Which one it is.
+    lock : Door or Credentials or None
+        The door that is bound there, or the keys to come in with; None where nothing is encrypted.
+    """
+
+    address: str
+    channel: int = MOTION
+    lock: Door | Credentials | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,39 +300,267 @@ class Addresses:
         What the server binds to.
     port : int
         Port of channel 0.
+    transport : str
+        ``tcp`` or ``ipc``.
+    lock : Door or Credentials or None
+        At the server its door, at a peer its keys; None where nothing is encrypted.
     """
 
     host: str
     bind: str
     port: int
+    transport: str = "tcp"
+    lock: Door | Credentials | None = None
 
-    def listen(self, channel: int) -> str:
+    def listen(self, channel: int) -> Endpoint:
         """Endpoint the server binds for a channel."""
-        return f"tcp://{self.bind}:{self.port + channel}"
+        return self._endpoint(self.bind, channel)
 
-    def reach(self, channel: int) -> str:
+    def reach(self, channel: int) -> Endpoint:
         """Endpoint a peer connects to for a channel."""
-        return f"tcp://{self.host}:{self.port + channel}"
+        return self._endpoint(self.host, channel)
+
+    def _endpoint(self, machine: str, channel: int) -> Endpoint:
+        """The nerve does not leave the machine: who has two hands has them at one station."""
+        port = self.port + channel
+        inside = channel == NERVE
+        if self.transport == "ipc":
+            return Endpoint(f"ipc://{_own_folder() / str(port)}", channel, None if inside else self.lock)
+        if inside:
+            return Endpoint(f"tcp://127.0.0.1:{port}", channel)
+        return Endpoint(f"tcp://{machine}:{port}", channel, self.lock)
 
 
-def addresses(network: Network) -> Addresses:
+def addresses(network: Network, lock: Door | Credentials | None = None) -> Addresses:
     """Take the addresses from the configuration."""
-    return Addresses(network.host, network.bind, network.port)
+    return Addresses(network.host, network.bind, network.port, network.transport, lock)
+
+
+def _own_folder() -> Path:
+    """Where sockets of the file system are: a folder that is this user's alone.
+
+    The same for every process of the user, whatever its environment.
+    """
+    if not hasattr(os, "getuid"):
+        raise ConfigError('[network] transport: found "ipc", expected "tcp": this system has no such sockets')
+    folder = Path(f"/tmp/netboard-{os.getuid()}")
+    folder.mkdir(mode=0o700, exist_ok=True)
+    found = folder.lstat()
+    if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid() or stat.S_IMODE(found.st_mode) != 0o700:
+        raise NetboardError(f"{folder}: is not a folder of this user alone (mode 0700); remove it")
+    return folder
+
+
+# --- contexts ----------------------------------------------------------------------------------------------------
+
+
+class Context(zmq.Context["zmq.Socket[bytes]"]):
+    """Where sockets are made, and the gate of the doors among them."""
+
+    gate: _Gate | None = None
 
 
 @contextmanager
-def open_context() -> Iterator[Context]:
-    """Make a context; on leaving, its sockets are closed and what lingers is sent."""
-    context: Context = zmq.Context()
+def open_context(io_priority: int | None = None, io_cpus: Iterable[int] = ()) -> Iterator[Context]:
+    """Make a context; on leaving, its sockets are closed and what lingers is sent.
+
+    Parameters
+    ----------
+    io_priority : int or None
+        SCHED_FIFO priority of libzmq's own thread; None: that of the thread that makes the first socket.
+    io_cpus : iterable of int
+        CPUs it runs on; empty: any. What the system refuses is said, and not asked of libzmq, which would abort.
+    """
+    context = Context()
+    cpus = set(io_cpus)
+    if io_priority is not None and _granted(
+        f"SCHED_FIFO {io_priority}", lambda: os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(io_priority))
+    ):
+        context.set(zmq.THREAD_SCHED_POLICY, os.SCHED_FIFO)
+        context.set(zmq.THREAD_PRIORITY, io_priority)
+    if cpus and _granted(f"CPUs {sorted(cpus)}", lambda: os.sched_setaffinity(0, cpus)):
+        for cpu in cpus:
+            context.set(zmq.THREAD_AFFINITY_CPU_ADD, cpu)
     try:
         yield context
     finally:
         context.destroy()
 
 
+def _granted(what: str, ask: Callable[[], None]) -> bool:
+    """Whether the system gives a thread what it asks for, as one that is made for asking finds out."""
+    refused: list[Exception] = []
+
+    def find_out() -> None:
+        try:
+            ask()
+        except (OSError, AttributeError) as error:
+            refused.append(error)
+
+    thread = threading.Thread(target=find_out)
+    thread.start()
+    thread.join()
+    for error in refused:
+        log.info("%s for the network's thread refused (%s); going on without it", what, error)
+    return not refused
+
+
+# --- sockets -----------------------------------------------------------------------------------------------------
+
+
+class Router:
+    """A ROUTER: frames of many peers, each with the peer's name.
+
+    With keys a peer must be named after what its key is for, such as ``agent.left@`` and something of its own.
+
+    Attributes
+    ----------
+    key : str
+        Key with which the sender of the last frame came in (Z85); empty without keys.
+    """
+
+    def __init__(self, socket: Socket, endpoint: Endpoint) -> None:
+        self.key = ""
+        self.socket = socket
+        self._door = endpoint.lock if isinstance(endpoint.lock, Door) else None
+        self._channel = CHANNELS[endpoint.channel]
+        self._names: dict[bytes, str] = {}
+
+    def receive(self) -> tuple[bytes, bytes] | None:
+        """Next (peer, frame), or None if there is none now.
+
+        What is not one frame, or comes under a name that is not the sender's, is taken for an empty frame, which no
+        message is.
+        """
+        socket = self.socket
+        if not _readable(socket):
+            return None
+        peer = socket.recv(_NOBLOCK)
+        frame = socket.recv(_NOBLOCK, copy=False)
+        if frame.more:
+            while socket.getsockopt(zmq.RCVMORE):
+                socket.recv(_NOBLOCK)
+            return peer, b""
+        if self._door is not None and not self._rightly_named(self._door, peer, frame):
+            return peer, b""
+        return peer, frame.bytes
+
+    def send(self, peer: bytes, frame: bytes) -> bool:
+        """Send without waiting; False if the peer is gone or its queue is full."""
+        try:
+            self.socket.send_multipart((peer, frame), _NOBLOCK)
+        except ZMQError as error:
+            if error.errno in (zmq.EAGAIN, zmq.EHOSTUNREACH):
+                return False
+            raise
+        return True
+
+    def forbids(self, role: str, side: str) -> str:
+        """Why the sender of the last frame may not speak as this; empty if it may, as everybody may without keys."""
+        return "" if self._door is None else self._door.ring.forbids(self.key, role, side)
+
+    def close_after_goodbye(self) -> None:
+        """Close when the last words, which have just been sent, are gone."""
+        self.socket.close(linger=GOODBYE_LINGER_MS)
+
+    def _rightly_named(self, door: Door, peer: bytes, frame: zmq.Frame) -> bool:
+        """Whether a name goes with the key: it is looked up once."""
+        self.key = key = str(frame.get("User-Id"))
+        if self._names.get(peer) == key:
+            return True
+        if peer.partition(b"@")[0] != door.ring.owner(key).encode():
+            name = peer[:64].decode(errors="replace")
+            door.refuse(self._channel, str(frame.get("Peer-Address")), key, f"it calls itself {name}")
+            return False
+        if len(self._names) >= MOST_NAMES:
+            self._names.clear()
+        self._names[peer] = key
+        return True
+
+
+class Publisher:
+    """The server's end of a view channel: knows whether anybody looks."""
+
+    def __init__(self, socket: Socket) -> None:
+        self.socket = socket
+        self._wanted = False
+
+    def wanted(self) -> bool:
+        """Whether anybody has subscribed."""
+        for _ in range(MOST_SUBSCRIPTIONS):
+            if not _readable(self.socket):
+                break
+            word = self.socket.recv(_NOBLOCK)
+            if word in (SUBSCRIBED, UNSUBSCRIBED):
+                self._wanted = word == SUBSCRIBED
+        return self._wanted
+
+    def send(self, frame: bytes) -> bool:
+        """Send to all who have subscribed and keep up, without waiting; False if nobody has."""
+        if not self.wanted():
+            return False
+        self.socket.send(frame, _NOBLOCK)
+        return True
+
+    def close(self) -> None:
+        """Close at once."""
+        self.socket.close()
+
+
+class Waiter:
+    """Waits until any of some sockets can be read.
+
+    ZeroMQ's own poll counts in whole milliseconds, a tick. A socket's file descriptor only tells that something has
+    changed, so what can be read is asked before and after every wait.
+
+    Parameters
+    ----------
+    sockets : iterable of zmq.Socket
+        All of them.
+    """
+
+    def __init__(self, sockets: Iterable[Socket]) -> None:
+        self._sockets = tuple(sockets)
+        self._by_file = {socket.fileno(): socket for socket in self._sockets}
+        self._files = list(self._by_file)
+
+    def wait(self, timeout: float) -> bool:
+        """Wait at most so long [s]; whether there is something to read."""
+        until = time.monotonic() + timeout
+        changed: Iterable[Socket] = self._sockets
+        while True:
+            for socket in changed:
+                if _readable(socket):
+                    return True
+            left = until - time.monotonic()
+            if left <= 0:
+                return False
+            files = select.select(self._files, (), (), left)[0]
+            changed = [self._by_file[file] for file in files]
+
+    def changed(self, used: Iterable[Socket], timeout: float) -> list[Socket]:
+        """Wait at most so long for any that may be read [s]; each must then be read until nothing is left.
+
+        Parameters
+        ----------
+        used : iterable of zmq.Socket
+            Those that have been read or written since the last wait, which may have swallowed a signal.
+        timeout : float
+            Longest wait [s].
+        """
+        ready = [socket for socket in used if _readable(socket)]
+        files = select.select(self._files, (), (), 0.0 if ready else max(timeout, 0.0))[0]
+        return ready + [self._by_file[file] for file in files]
+
+
+def _readable(socket: Socket) -> bool:
+    """Whether there is something to read: cheaper than being told by an exception that there is not."""
+    return int(socket.getsockopt(_EVENTS)) & _POLLIN != 0
+
+
 def _make(context: Context, kind: int, hwm: int, linger_ms: int = 0) -> Socket:
     """A socket with the options every link has."""
-    socket = context.socket(kind)
+    socket: Socket = context.socket(kind)
     socket.setsockopt(zmq.LINGER, linger_ms)
     socket.setsockopt(zmq.SNDHWM, hwm)
     socket.setsockopt(zmq.RCVHWM, hwm)
@@ -101,83 +574,110 @@ def _make(context: Context, kind: int, hwm: int, linger_ms: int = 0) -> Socket:
     return socket
 
 
-def _bind(socket: Socket, endpoint: str) -> Socket:
+def _bind(context: Context, socket: Socket, endpoint: Endpoint) -> Socket:
     """Bind, or say in words why not."""
+    if isinstance(endpoint.lock, Door):
+        endpoint.lock.guard(context, socket, endpoint.channel)
     try:
-        socket.bind(endpoint)
-    except ZMQError as error:
+        _refuse_taken(endpoint.address)
+        socket.bind(endpoint.address)
+    except OSError as error:
         socket.close()
-        raise NetboardError(f"cannot listen on {endpoint}: {error.strerror}; is another server running?") from error
+        raise NetboardError(
+            f"cannot listen on {endpoint.address}: {error.strerror}; is another server running?"
+        ) from error
     return socket
 
 
-def _connect(socket: Socket, endpoint: str) -> Socket:
+def _refuse_taken(address: str) -> None:
+    """Find out whether somebody listens on a socket of the file system: libzmq would just take it away.
+
+    Raises
+    ------
+    OSError
+        If somebody does. What a dead process has left is no obstacle.
+    """
+    if not address.startswith("ipc://"):
+        return
+    with net.socket(net.AF_UNIX) as probe:
+        try:
+            probe.connect(address.removeprefix("ipc://"))
+        except (FileNotFoundError, ConnectionRefusedError):
+            return
+    raise OSError(zmq.EADDRINUSE, os.strerror(zmq.EADDRINUSE))
+
+
+def _connect(socket: Socket, endpoint: Endpoint) -> Socket:
     """Connect, or say in words why not; that nobody is there yet is no error."""
+    if isinstance(endpoint.lock, Credentials):
+        socket.setsockopt(zmq.CURVE_SERVERKEY, endpoint.lock.server.encode())
+        socket.setsockopt(zmq.CURVE_PUBLICKEY, endpoint.lock.public.encode())
+        socket.setsockopt(zmq.CURVE_SECRETKEY, endpoint.lock.secret.encode())
     try:
-        socket.connect(endpoint)
+        socket.connect(endpoint.address)
     except ZMQError as error:
         socket.close()
-        raise NetboardError(f"cannot connect to {endpoint}: {error.strerror}") from error
+        raise NetboardError(f"cannot connect to {endpoint.address}: {error.strerror}") from error
     return socket
 
 
-def _router(context: Context, endpoint: str, hwm: int, linger_ms: int = 0) -> Socket:
+def _router(context: Context, endpoint: Endpoint, hwm: int, linger_ms: int = 0) -> Router:
     """A ROUTER that reports unroutable messages and lets a restarted peer take over its name."""
     socket = _make(context, zmq.ROUTER, hwm, linger_ms)
     socket.setsockopt(zmq.ROUTER_MANDATORY, 1)
     socket.setsockopt(zmq.ROUTER_HANDOVER, 1)
-    return _bind(socket, endpoint)
+    return Router(_bind(context, socket, endpoint), endpoint)
 
 
-def _dealer(context: Context, endpoint: str, identity: str, hwm: int, linger_ms: int = 0) -> Socket:
-    """A DEALER with a name, that queues nothing for a server that is not there."""
+def _dealer(context: Context, endpoint: Endpoint, identity: str, hwm: int, linger_ms: int = 0) -> Socket:
+    """A DEALER with a name, that queues nothing for a server that is not there.
+
+    With keys the name ends in what nobody can guess: who connects under another one's name gets what is sent to it.
+    """
     socket = _make(context, zmq.DEALER, hwm, linger_ms)
+    if endpoint.lock is not None:
+        identity += f".{secrets.token_hex(8)}"
     socket.setsockopt(zmq.IDENTITY, identity.encode())
     socket.setsockopt(zmq.IMMEDIATE, 1)
     return _connect(socket, endpoint)
 
 
-def motion_server(context: Context, endpoint: str) -> Socket:
+def motion_server(context: Context, endpoint: Endpoint) -> Router:
     """Server end of the motion channel."""
     return _router(context, endpoint, MOTION_HWM)
 
 
-def motion_agent(context: Context, endpoint: str, identity: str) -> Socket:
+def motion_agent(context: Context, endpoint: Endpoint, identity: str) -> Socket:
     """Agent end of the motion channel."""
     return _dealer(context, endpoint, identity, MOTION_HWM)
 
 
-def log_server(context: Context, endpoint: str) -> Socket:
+def log_server(context: Context, endpoint: Endpoint) -> Router:
     """Server end of the log channel."""
     return _router(context, endpoint, LOG_HWM, LOG_LINGER_MS)
 
 
-def log_client(context: Context, endpoint: str, identity: str) -> Socket:
+def log_client(context: Context, endpoint: Endpoint, identity: str) -> Socket:
     """Logger end of the log channel."""
     return _dealer(context, endpoint, identity, LOG_HWM, LOG_LINGER_MS)
 
 
-def control_server(context: Context, endpoint: str) -> Socket:
+def control_server(context: Context, endpoint: Endpoint) -> Router:
     """Server end of the control channel."""
     return _router(context, endpoint, CONTROL_HWM)
 
 
-def control_client(context: Context, endpoint: str, identity: str) -> Socket:
+def control_client(context: Context, endpoint: Endpoint, identity: str) -> Socket:
     """Peer end of the control channel."""
     return _dealer(context, endpoint, identity, CONTROL_HWM)
 
 
-def view_publisher(context: Context, endpoint: str) -> Socket:
-    """Server end of one station's view channel: the newest view only.
-
-    A view written while the one before is being read is lost (libzmq's conflated pipe); the next one makes up for it.
-    """
-    socket = _make(context, zmq.PUB, 1)
-    socket.setsockopt(zmq.CONFLATE, 1)
-    return _bind(socket, endpoint)
+def view_publisher(context: Context, endpoint: Endpoint) -> Publisher:
+    """Server end of one station's view channel."""
+    return Publisher(_bind(context, _make(context, zmq.XPUB, VIEW_HWM), endpoint))
 
 
-def view_subscriber(context: Context, endpoint: str) -> Socket:
+def view_subscriber(context: Context, endpoint: Endpoint) -> Socket:
     """Station end of its view channel: the newest view only."""
     socket = _make(context, zmq.SUB, 1)
     socket.setsockopt(zmq.CONFLATE, 1)
@@ -185,12 +685,12 @@ def view_subscriber(context: Context, endpoint: str) -> Socket:
     return _connect(socket, endpoint)
 
 
-def nerve_sender(context: Context, endpoint: str) -> Socket:
+def nerve_sender(context: Context, endpoint: Endpoint) -> Socket:
     """Where the brain of a simulated bimanual participant sends what the other hand shall do."""
-    return _bind(_make(context, zmq.PUSH, CONTROL_HWM), endpoint)
+    return _bind(context, _make(context, zmq.PUSH, CONTROL_HWM), endpoint)
 
 
-def nerve_receiver(context: Context, endpoint: str) -> Socket:
+def nerve_receiver(context: Context, endpoint: Endpoint) -> Socket:
     """Where that other hand receives it."""
     socket = _make(context, zmq.PULL, CONTROL_HWM)
     return _connect(socket, endpoint)
@@ -204,19 +704,10 @@ def receive(socket: Socket) -> bytes | None:
         return None
 
 
-def receive_from(socket: Socket) -> tuple[bytes, bytes] | None:
-    """Next (sender, frame) of a ROUTER, or None if there is none now. What is not of that shape is dropped."""
-    while True:
-        try:
-            parts = socket.recv_multipart(zmq.NOBLOCK)
-        except Again:
-            return None
-        if len(parts) == 2:
-            return parts[0], parts[1]
-
-
 def send(socket: Socket, frame: bytes) -> bool:
     """Send without waiting; False if nobody is there or the queue is full."""
+    if isinstance(socket, Publisher):
+        return socket.send(frame)
     try:
         socket.send(frame, zmq.NOBLOCK)
     except Again:
@@ -224,32 +715,48 @@ def send(socket: Socket, frame: bytes) -> bool:
     return True
 
 
-def send_to(socket: Socket, peer: bytes, frame: bytes) -> bool:
-    """Send to one peer of a ROUTER without waiting; False if it is gone or its queue is full."""
+def close_after_goodbye(socket: Socket) -> None:
+    """Close a socket whose last words have just been sent."""
+    if isinstance(socket, Router):
+        socket.close_after_goodbye()
+        return
+    socket.close(linger=GOODBYE_LINGER_MS)
+
+
+def wait_readable(socket: Socket, timeout: float) -> bool:
+    """Wait until a socket can be read, at most so long [s]; for one socket alone, as `Waiter` does."""
+    until = time.monotonic() + timeout
+    while not _readable(socket):
+        left = until - time.monotonic()
+        if left <= 0:
+            return False
+        select.select((socket.fileno(),), (), (), left)
+    return True
+
+
+def receive_from(router: Router) -> tuple[bytes, bytes] | None:
+    """Until the ports are rewritten."""
+    if isinstance(router, Router):
+        return router.receive()
+    while True:
+        try:
+            parts = router.recv_multipart(zmq.NOBLOCK)
+        except Again:
+            return None
+        if len(parts) == 2:
+            return parts[0], parts[1]
+
+
+def send_to(router: Router, peer: bytes, frame: bytes) -> bool:
+    """Until the ports are rewritten."""
+    return Router.send(router, peer, frame) if isinstance(router, Router) else _old_send_to(router, peer, frame)
+
+
+def _old_send_to(socket: Socket, peer: bytes, frame: bytes) -> bool:
     try:
         socket.send_multipart((peer, frame), zmq.NOBLOCK)
     except ZMQError as error:
         if error.errno in (zmq.EAGAIN, zmq.EHOSTUNREACH):
             return False
         raise
-    return True
-
-
-def close_after_goodbye(socket: Socket) -> None:
-    """Close a socket whose last words have just been sent."""
-    socket.close(linger=GOODBYE_LINGER_MS)
-
-
-def wait_readable(socket: Socket, timeout: float) -> bool:
-    """Wait until a socket can be read, at most so long [s].
-
-    ZeroMQ's own poll counts in whole milliseconds, a tick. Its file descriptor only tells that something has changed,
-    so what can be read is asked before and after every wait.
-    """
-    until = time.monotonic() + timeout
-    while not int(socket.getsockopt(zmq.EVENTS)) & zmq.POLLIN:
-        left = until - time.monotonic()
-        if left <= 0:
-            return False
-        select.select((socket.fileno(),), (), (), left)
     return True

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from PySide6.QtCore import QObject, QSocketNotifier, Qt, QTimer
 
-from netboard import sockets
+from netboard import keys, sockets
 from netboard.clock import now_ns
 from netboard.config import Config, Side, parse
 from netboard.display.frames import FrameTally
@@ -69,7 +69,7 @@ class DisplayClient(QObject):
         self._link_timeout_ns = round(config.display.link_timeout_ms * 1e6)
         self._refresh_ns = round(1e9 / DEFAULT_REFRESH_HZ)
         self.tally = FrameTally(station, self._refresh_ns)
-        self._address = sockets.addresses(config.network)
+        self._address = keys.reach(config.network, f"display.{station}")
         self._views = sockets.view_subscriber(context, self._address.reach(sockets.VIEW[station]))
         self._control = sockets.control_client(
             context, self._address.reach(sockets.CONTROL), f"display.{station}@{NAME}"
@@ -158,6 +158,9 @@ class DisplayClient(QObject):
             match self._decode(frame):
                 case Welcome(session=session, config=text):
                     self._welcome(session, text)
+                case Ping(sent_ns=ping_ns):
+                    received_ns = now_ns()
+                    sockets.send(self._control, encode(Pong(ping_ns, received_ns, now_ns())))
                 case Refusal(reason=reason):
                     self.session = ""
                     self._complain(f"the server refuses this display: {reason}")

@@ -1,16 +1,22 @@
 """The agent: one loop that owns one device.
 
-Each millisecond it reads the stylus and sends it. As soon as a force comes back, and at the latest at the next
+Each millisecond it reads the stylus and sends it. As soon as a force comes back, and at the latest before the next
 millisecond, the safety chain turns it into what the device may render. The agent trusts nobody: without fresh messages
 the force fades, and on every way out the device gets zero force first.
+
+Its milliseconds follow the server's ticks: the server says how long before the tick's deadline a sample came, and the
+agent moves its phase, slowly, until that is `LEAD_NS`. So a sample waits for nothing but the other side's.
 """
 
 import logging
+import struct
 from collections.abc import Callable
 from importlib.metadata import version
 from typing import Protocol
 
-from netboard import sockets
+import numpy as np
+
+from netboard import keys, sockets
 from netboard.clock import Pacer, now_ns
 from netboard.config import Config, Side
 from netboard.devices.base import Device, DeviceInfo, Reading
@@ -19,6 +25,7 @@ from netboard.devices.safety import Guard, Safety
 from netboard.errors import WireError
 from netboard.process import NAME, steady_loop
 from netboard.tick import TICK_NS
+from netboard.wire import fixed
 from netboard.wire.codec import decode, encode
 from netboard.wire.messages import PROTOCOL_VERSION, Beat, Force, Goodbye, Hello, Refusal, Stylus, Welcome
 
@@ -29,6 +36,23 @@ HELLO_NS = 500_000_000
 
 REMEMBERED = 256
 """Samples whose time of reading is remembered [1]."""
+
+LEAD_NS = 300_000
+"""A sample shall come so long before its tick's deadline: enough for most of what delays one [ns]."""
+
+SHIFT_SHARE = 0.02
+"""Share of the error by which the phase is moved with each message [1]."""
+
+LARGEST_SHIFT_NS = 5_000
+"""The phase is moved by at most so much in a tick: the interval of the samples stays 1 ms within 0.5 % [ns]."""
+
+_PACK = struct.Struct("<" + "".join("d" if kind == "<f8" else "q" for _, kind in fixed.fields_of(Stylus)))
+
+
+def phase_shift(lead_ns: int) -> int:
+    """How much later the next sample shall be, for one that came so long before its deadline [ns]."""
+    error = (lead_ns - LEAD_NS + TICK_NS // 2) % TICK_NS - TICK_NS // 2
+    return min(max(round(SHIFT_SHARE * error), -LARGEST_SHIFT_NS), LARGEST_SHIFT_NS)
 
 
 class Companion(Protocol):
@@ -61,15 +85,15 @@ class Link:
         self._looped = -1
         self._refused = ""
 
-    def send(self, stylus: Stylus) -> None:
+    def send(self, seq: int, stamp_ns: int, frame: bytes) -> None:
         """Send a sample, and a hello first where the server is silent."""
         heard_ns = self.received_ns or 0
-        if stylus.sent_ns - max(heard_ns, self._said_hello_ns) >= HELLO_NS:
-            self._said_hello_ns = stylus.sent_ns
+        if stamp_ns - max(heard_ns, self._said_hello_ns) >= HELLO_NS:
+            self._said_hello_ns = stamp_ns
             sockets.send(self._socket, self._hello)
-        self._stamps[stylus.seq % REMEMBERED] = stylus.stamp_ns
+        self._stamps[seq % REMEMBERED] = stamp_ns
         if self._session:
-            sockets.send(self._socket, encode(stylus))
+            sockets.send(self._socket, frame)
 
     def receive(self) -> bool:
         """Take everything that has come; True if there is a newer force or beat."""
@@ -148,7 +172,7 @@ class Agent:
         context: sockets.Context,
         companion: Companion | None = None,
     ) -> None:
-        where = sockets.addresses(config.network)
+        where = keys.reach(config.network, f"agent.{side}")
         socket = sockets.motion_agent(context, where.reach(sockets.MOTION), f"agent.{side}@{NAME}")
         self._link = Link(socket, introduction(side, config, device.info))
         self._device = device
@@ -158,6 +182,8 @@ class Agent:
         self._seq = 0
         self._safeguards = 0
         self._rendered = 0.0
+        self._sample = np.zeros(len(fixed.STYLUS.markers), np.int64)
+        self._frame = np.zeros(fixed.STYLUS.size, np.uint8)
 
     def run(self, stopping: Callable[[], bool]) -> None:
         """Serve the device until told to stop; its owner closes it.
@@ -172,36 +198,54 @@ class Agent:
         DeviceError
             If the device fails.
         """
+        fixed.write(self._frame, *fixed.STYLUS[:2], self._sample)  # compiled before the first tick
         steady_loop()
         pacer = Pacer(now_ns() + TICK_NS)
         while not stopping():
             pacer.wait()
-            self._tick(pacer.due_ns + TICK_NS)
+            pacer.shift(self._tick(pacer.due_ns + TICK_NS))
         self._device.write(0.0, 0.0, 0.0)
         self._link.leave("the agent was stopped")
 
-    def _tick(self, until_ns: int) -> None:
-        """Read and send the stylus, then render what comes until the next tick is due."""
+    def _tick(self, until_ns: int) -> int:
+        """Read and send the stylus, then render what comes until the next tick is due; how to shift that [ns]."""
         reading = self._device.read(now_ns())
         self._send(reading)
+        self._arm(reading.ready)
+        shift_ns = 0
+        lived = rendered = False
+        while (left_ns := until_ns - now_ns()) > 0:
+            wait_ns = left_ns if lived else left_ns - TICK_NS // 4
+            if wait_ns > 0 and self._link.wait(wait_ns * 1e-9) and self._link.receive():
+                self._render(reading)
+                shift_ns += phase_shift(self._link.newest.lead_ns) if self._link.newest else 0
+                rendered = True
+            elif not lived:
+                self._live(reading)
+                lived = True
+        if not lived:
+            self._live(reading)
+        if not rendered:
+            self._render(reading)
+        return shift_ns
+
+    def _live(self, reading: Reading) -> None:
+        """Let whoever lives with the device live for a millisecond, when that holds up no force."""
         if self._companion is not None:
             self._companion.step(reading.stamp_ns, isinstance(self._link.newest, Force))
-        self._link.receive()
-        self._arm(reading.ready)
-        self._render(reading)
-        while (left_ns := until_ns - now_ns()) > 0 and self._link.wait(left_ns * 1e-9):
-            if self._link.receive():
-                self._render(reading)
 
     def _arm(self, ready: bool) -> None:
-        """Arm the device only while the server says that nothing is to be felt: forces come back with the trial.
+        """Arm the device only while the server says that it may be, and that nothing is to be felt.
 
         So a device that has lost the server in a trial stays without force until the trial has been paused and resumed.
         """
         if not ready:
             self._safety.disarm()
-        elif self._safety.guard is Guard.DISARMED and isinstance(self._link.newest, Beat):
-            self._safety.arm()
+            return
+        if self._safety.guard is Guard.DISARMED:
+            beat = self._link.newest
+            if isinstance(beat, Beat) and beat.arm:
+                self._safety.arm()
 
     def _render(self, reading: Reading) -> None:
         """Hand the device the newest force and the fixture's, through the safety chain."""
@@ -217,27 +261,29 @@ class Agent:
 
     def _send(self, reading: Reading) -> None:
         """Send the sample with what has become of the forces since the one before."""
-        message = self._link.newest
-        self._link.send(
-            Stylus(
-                seq=self._seq,
-                stamp_ns=reading.stamp_ns,
-                x=reading.x,
-                y=reading.y,
-                z=reading.z,
-                vx=reading.vx,
-                vy=reading.vy,
-                vz=reading.vz,
-                buttons=reading.buttons,
-                safeguards=self._safeguards,
-                rendered=self._rendered,
-                force_tick=-1 if message is None else message.tick,
-                force_sent_ns=0 if message is None else message.sent_ns,
-                force_received_ns=self._link.received_ns or 0,
-                sent_ns=now_ns(),
-                loop_ns=self._link.loop_ns,
-            )
+        message, seq = self._link.newest, self._seq
+        _PACK.pack_into(
+            self._sample,
+            0,
+            seq,
+            reading.stamp_ns,
+            reading.x,
+            reading.y,
+            reading.z,
+            reading.vx,
+            reading.vy,
+            reading.vz,
+            reading.buttons,
+            self._safeguards,
+            self._rendered,
+            -1 if message is None else message.tick,
+            0 if message is None else message.sent_ns,
+            self._link.received_ns or 0,
+            now_ns(),
+            self._link.loop_ns,
         )
+        fixed.write(self._frame, *fixed.STYLUS[:2], self._sample)
+        self._link.send(seq, reading.stamp_ns, self._frame.tobytes())
         self._seq += 1
         self._safeguards = 0
 

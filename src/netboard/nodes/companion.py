@@ -5,11 +5,13 @@ brain sits at the left station and moves both hands: what the right one shall do
 the left agent to the right one.
 """
 
+from collections.abc import Iterable
+from typing import Protocol, runtime_checkable
+
 import numpy as np
 
-from netboard import sockets
+from netboard import keys, sockets
 from netboard.config import SIDES, Config, Side
-from netboard.devices.virtual import VirtualTouch
 from netboard.errors import WireError
 from netboard.participants.brain import Brain
 from netboard.participants.senses import Glimpse
@@ -19,6 +21,20 @@ from netboard.wire.messages import Move, View
 
 HOST: Side = "left"
 """Where the brain of a bimanual participant sits."""
+
+
+@runtime_checkable
+class Held(Protocol):
+    """A device in a simulated hand, which can be felt and told to move."""
+
+    side: Side
+
+    @property
+    def felt(self) -> float:
+        """Vertical force the motors exert on the hand now [N]."""
+
+    def command(self, moves: Iterable[Submovement]) -> None:
+        """Let the hand do something."""
 
 
 class Eye:
@@ -50,14 +66,14 @@ class Person:
     ----------
     config : Config
         Rig and experiment.
-    device : VirtualTouch
+    device : Held
         The device in the own hand.
     context : zmq.Context
         Where the sockets are made.
     """
 
-    def __init__(self, config: Config, device: VirtualTouch, context: sockets.Context) -> None:
-        where = sockets.addresses(config.network)
+    def __init__(self, config: Config, device: Held, context: sockets.Context) -> None:
+        where = keys.reach(config.network, f"agent.{device.side}")
         bimanual = config.block.configuration == "bimanual"
         sides: tuple[Side, ...] = ("left", "right") if bimanual else (device.side,)
         rng = np.random.default_rng((config.block.seed, len(SIDES) + SIDES.index(device.side)))
@@ -82,7 +98,7 @@ class Person:
 class Limb:
     """A hand without a brain of its own: it does what comes over the nerve."""
 
-    def __init__(self, config: Config, device: VirtualTouch, context: sockets.Context) -> None:
+    def __init__(self, config: Config, device: Held, context: sockets.Context) -> None:
         self._device = device
         self._nerve = sockets.nerve_receiver(context, sockets.addresses(config.network).reach(sockets.NERVE))
 
@@ -98,7 +114,7 @@ class Limb:
                 self._device.command((Submovement(self._device.side, start, move.duration, move.displacement),))
 
 
-def companion_of(config: Config, device: VirtualTouch, context: sockets.Context) -> Person | Limb:
+def companion_of(config: Config, device: Held, context: sockets.Context) -> Person | Limb:
     """Make who holds a virtual device in this block."""
     if config.block.configuration == "bimanual" and device.side != HOST:
         return Limb(config, device, context)

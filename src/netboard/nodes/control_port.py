@@ -8,15 +8,18 @@ from collections.abc import Callable
 
 from netboard import sockets
 from netboard.errors import WireError
+from netboard.nodes.peer import Link, Peer, clock_records, what
 from netboard.nodes.refusals import Refusals
 from netboard.wire.codec import decode, encode
 from netboard.wire.messages import (
+    ClockRecord,
     Command,
     FrameRecord,
     Frames,
     Goodbye,
     Hello,
     Message,
+    Pong,
     Refusal,
     Status,
     StatusRequest,
@@ -31,91 +34,136 @@ MOST_FRAMES = 16
 MOST_PEERS = 32
 """Peers remembered: the oldest makes room for one more [1]."""
 
+SILENT_NS = 3_000_000_000
+"""A display that has said nothing for so long is not there; it is welcome back without another hello [ns]."""
+
 
 class ControlPort:
     """Who is on the control channel, what they wish and what they have shown.
 
     Parameters
     ----------
-    socket : zmq.Socket
-        ROUTER of the control channel.
+    router : sockets.Router
+        Server end of the control channel.
     welcome : Welcome
         What a peer is told first.
     status : callable
         Makes the answer to a `StatusRequest`.
     """
 
-    def __init__(self, socket: sockets.Socket, welcome: Welcome, status: Callable[[], Status]) -> None:
+    def __init__(self, router: sockets.Router, welcome: Welcome, status: Callable[[], Status]) -> None:
         self.wishes: list[str] = []
         self.news: list[tuple[str, dict[str, str]]] = []
         self.frames: list[FrameRecord] = []
-        self._socket = socket
+        self._router = router
         self._welcome = encode(welcome)
         self._status = status
-        self._peers: dict[bytes, Hello] = {}
-        self._refusals = Refusals(socket, self.news)
+        self._peers: dict[bytes, Peer] = {}
+        self._silent: set[bytes] = set()
+        self._refusals = Refusals(router, self.news)
         self._reporting: dict[str, bytes] = {}
         self._shown = {"left": 0, "right": 0}
 
     @property
     def peers(self) -> tuple[str, ...]:
-        """Names of the displays and consoles that have said hello."""
-        return tuple(sorted({f"{hello.role}.{hello.side}".rstrip(".") for hello in self._peers.values()}))
+        """What the displays and consoles are that have said hello, and can still be heard."""
+        return tuple(sorted({what(peer.hello) for name, peer in self._peers.items() if name not in self._silent}))
 
-    def drain(self, now_ns: int) -> None:
-        """Take what has arrived and answer it."""
+    def drain(self, now_ns: int) -> bool:
+        """Take what has arrived and answer it; whether there may be more."""
         for _ in range(MOST_FRAMES):
-            received = sockets.receive_from(self._socket)
+            received = self._router.receive()
             if received is None:
-                return
-            peer, frame = received
-            try:
-                answer = self._answer(peer, decode(frame))
-            except WireError as error:
-                answer = Refusal(str(error))
-            if isinstance(answer, Refusal):
-                self._refusals.refuse(peer, answer.reason, now_ns)
-            elif answer is not None:
-                sockets.send_to(self._socket, peer, answer if isinstance(answer, bytes) else encode(answer))
+                return False
+            self._take(*received, now_ns)
+        return True
+
+    def pump(self, now_ns: int) -> None:
+        """Ask the peers for their time, and note who has fallen silent."""
+        for name, peer in self._peers.items():
+            ping = peer.ping(now_ns)
+            if ping is None:
+                continue
+            self._router.send(name, encode(ping))
+            if name not in self._silent and peer.hello.role == "display" and peer.age_ns(now_ns) > SILENT_NS:
+                self._silent.add(name)
+                self._tell("silent", peer.hello)
+
+    def links(self, now_ns: int) -> list[Link]:
+        """Tell how the peers are connected."""
+        return [peer.link(now_ns) for name, peer in self._peers.items() if name not in self._silent]
+
+    def clock_records(self, seq: int) -> list[ClockRecord]:
+        """The newest raw probe of each peer with the estimate so far, numbered from `seq`."""
+        return clock_records([(what(peer.hello), peer.probe, peer.clock) for peer in self._peers.values()], seq)
 
     def goodbye(self, reason: str) -> None:
         """Tell everybody that the session is over, and close."""
-        for peer in self._peers:
-            sockets.send_to(self._socket, peer, encode(Goodbye(reason)))
-        sockets.close_after_goodbye(self._socket)
+        for name in self._peers:
+            self._router.send(name, encode(Goodbye(reason)))
+        self._router.close_after_goodbye()
 
-    def _answer(self, peer: bytes, message: Message) -> Message | bytes | None:
-        hello = self._peers.get(peer)
+    def _take(self, name: bytes, frame: bytes, now_ns: int) -> None:
+        peer = self._peers.get(name)
+        if peer is not None:
+            peer.hear(now_ns)
+            if name in self._silent:
+                self._silent.discard(name)
+                self._tell("back", peer.hello)
+        try:
+            answer = self._answer(name, peer, decode(frame), now_ns)
+        except WireError as error:
+            answer = Refusal(str(error))
+        if isinstance(answer, Refusal):
+            self._refusals.refuse(name, answer.reason, now_ns)
+        elif answer is not None:
+            self._router.send(name, answer if isinstance(answer, bytes) else encode(answer))
+
+    def _answer(self, name: bytes, peer: Peer | None, message: Message, now_ns: int) -> Message | bytes | None:
+        role = "" if peer is None else peer.hello.role
         match message:
             case Hello():
-                return self._greet(peer, message)
+                return self._greet(name, message, now_ns)
             case Goodbye():
-                self._peers.pop(peer, None)
-                return None
-            case _ if hello is None:
+                self._forget(name)
+            case _ if peer is None:
                 return Refusal("say hello first")
-            case Frames() if hello.role == "display" and message.station == hello.side:
-                if self._reporting[hello.side] == peer:
+            case Pong():
+                peer.answered(message, now_ns)
+            case Frames(station=station) if role == "display" and station == peer.hello.side:
+                if self._reporting[station] == name:
                     self._note(message)
-                return None
-            case StatusRequest() if hello.role == "console":
+            case StatusRequest() if role == "console":
                 return self._status()
-            case Command(name=name) if hello.role == "console":
-                self.wishes.append(name)
+            case Command(name=wish) if role == "console":
+                self.wishes.append(wish)
                 return self._status()
-        return Refusal(f"a {hello.role} may not send {type(message).__name__}")
+            case _:
+                return Refusal(f"a {role} may not send {type(message).__name__}")
+        return None
 
-    def _greet(self, peer: bytes, hello: Hello) -> Message | bytes:
+    def _greet(self, name: bytes, hello: Hello, now_ns: int) -> Message | bytes:
         admit(hello)
         if hello.role not in ROLES:
             return Refusal(f"this is the control channel, not one for a {hello.role}")
-        if peer not in self._peers:
-            self.news.append((f"{hello.role}_joined", {"side": hello.side, "name": hello.name, **hello.details}))
-        self._peers[peer] = hello
-        self._reporting[hello.side] = peer
+        if reason := self._router.forbids(hello.role, hello.side):
+            return Refusal(reason)
+        if name not in self._peers:
+            self._tell("joined", hello)
+            self._peers[name] = Peer(hello, now_ns)
+        self._reporting[hello.side] = name
         if len(self._peers) > MOST_PEERS:
-            del self._peers[next(iter(self._peers))]
+            self._forget(next(iter(self._peers)))
         return self._welcome
+
+    def _forget(self, name: bytes) -> None:
+        peer = self._peers.pop(name, None)
+        if peer is not None:
+            self._silent.discard(name)
+            self._tell("left", peer.hello)
+
+    def _tell(self, happened: str, hello: Hello) -> None:
+        self.news.append((f"{hello.role}_{happened}", {"side": hello.side, "name": hello.name, **hello.details}))
 
     def _note(self, frames: Frames) -> None:
         for tick, received_ns, painted_ns in frames.shown:

@@ -1,22 +1,30 @@
 """A set of netboard processes on this machine: started together, watched, and none left behind.
 
 Each runs ``netboard ...`` in a session of its own, so that a Ctrl-C in the terminal reaches only whoever started them,
-who then ends them in order. What a process says goes to a file.
+who then ends them in order. What a process says goes to a file, or where its starter speaks.
 """
 
 import os
+import random
+import signal
+import socket as net
 import subprocess
 import sys
 import time
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from netboard.process import WITH_PARENT
+from netboard.errors import NetboardError
+from netboard.process import SUPERVISOR, WITH_PARENT
 
 STOP_SECONDS = 15.0
 """Processes get this long to end cleanly before they are killed [s]."""
+
+CHANNELS = 6
+"""Ports that a session takes, one after the other [1]."""
 
 
 @dataclass(frozen=True)
@@ -47,15 +55,16 @@ class Launcher:
 
     Parameters
     ----------
-    folder : Path
-        Where what they say is kept, one file each.
+    folder : Path or None
+        Where what they say is kept, one file each; None lets them speak where this process speaks.
     environment : dict of str
         Environment variables on top of this process's own.
     """
 
-    def __init__(self, folder: Path, environment: dict[str, str]) -> None:
+    def __init__(self, folder: Path | None, environment: dict[str, str]) -> None:
         self._folder = folder
         self._environment = os.environ | environment | {WITH_PARENT: "1"}
+        self._environment.pop(SUPERVISOR, None)  # who watches over this process does not over those
         self._running: dict[str, subprocess.Popen[bytes]] = {}
 
     def __enter__(self) -> Self:
@@ -74,14 +83,19 @@ class Launcher:
             if sys.platform == "win32"
             else {"start_new_session": True}
         )
-        with self.log_of(name).open("ab") as said:
+        log = self.log_of(name)
+        with nullcontext() if log is None else log.open("ab") as said:
             self._running[name] = subprocess.Popen(
                 command, stdin=subprocess.DEVNULL, stdout=said, stderr=said, env=self._environment, **apart
             )
 
-    def log_of(self, name: str) -> Path:
+    def log_of(self, name: str) -> Path | None:
         """File with what a process has said."""
-        return self._folder / f"{name.replace(' ', '-')}.log"
+        return None if self._folder is None else self._folder / f"{name.replace(' ', '-')}.log"
+
+    def running(self) -> list[str]:
+        """Names of all that have not been stopped, in the order they were started."""
+        return list(self._running)
 
     def process_id(self, name: str) -> int:
         """Process id of a running process."""
@@ -104,19 +118,42 @@ class Launcher:
         del self._running[name]
         return str(Ended(name, code, self._last_words(name))) if code else ""
 
-    def stop(self, *names: str) -> None:
-        """Ask processes to stop, all at once, and kill what does not."""
-        processes = [self._running.pop(name) for name in names]
-        for process in processes:
+    def stop(self, *names: str) -> list[Ended]:
+        """Ask processes to stop, all at once, and kill what does not; which of them have failed.
+
+        One that was still starting, and had no answer to being asked yet, has not.
+        """
+        processes = {name: self._running.pop(name) for name in names}
+        for process in processes.values():
             process.terminate()
         until = time.monotonic() + STOP_SECONDS
-        for process in processes:
+        for process in processes.values():
             try:
                 process.wait(max(0.0, until - time.monotonic()))
             except subprocess.TimeoutExpired:
                 process.kill()
                 process.wait()
+        return [
+            Ended(name, process.returncode, self._last_words(name))
+            for name, process in processes.items()
+            if process.returncode not in (0, -signal.SIGTERM)
+        ]
 
     def _last_words(self, name: str) -> str:
-        lines = self.log_of(name).read_text(errors="replace").strip().splitlines()
+        log = self.log_of(name)
+        lines = [] if log is None else log.read_text(errors="replace").strip().splitlines()
         return lines[-1].strip() if lines else ""
+
+
+def free_port() -> int:
+    """First of enough free ports in a row, looked for from anywhere, so that two demos do not look at the same."""
+    ports = range(5550, 32_000, CHANNELS)
+    for port in random.sample(ports, len(ports)):
+        try:
+            for channel in range(CHANNELS):
+                with net.socket() as probe:
+                    probe.bind(("127.0.0.1", port + channel))
+        except OSError:
+            continue
+        return port
+    raise NetboardError(f"there are no {CHANNELS} free ports in a row on this machine")

@@ -1,25 +1,35 @@
-"""The server's end of the lossless log: a ring of records, and a cursor for every logger.
+"""The server's end of the lossless log: the records of a session, and a cursor for every logger.
 
-Rules: a record gets its number when it is made and keeps it; a logger that was away asks for what it misses and gets it
-as long as the ring holds it; what the ring no longer holds is counted and said, never passed over. Nothing here waits:
-what a logger's queue does not take now is sent later.
+Rules: a record gets its number when it is made and keeps it; a logger that was away asks for what it misses and gets
+it, from the ring or from the spill, a file that takes what the ring must let go while no logger takes it. What neither
+holds is counted and said with its cause, never passed over. Nothing here waits: what a logger's queue does not take
+now, or a disk has not read yet, is sent later.
 """
 
+from collections.abc import Callable, Iterator
+
 from netboard import sockets
+from netboard.clock import now_ns
 from netboard.errors import WireError
+from netboard.nodes.peer import Link, Peer, clock_records
 from netboard.nodes.refusals import Refusals
+from netboard.recording.disk import LOW_BYTES
+from netboard.recording.spill import Spill
 from netboard.wire.codec import decode, encode
 from netboard.wire.messages import (
+    ClockRecord,
     Goodbye,
     Hello,
     LogAck,
+    LogBatch,
     LogEnd,
     LogRequest,
     Message,
+    Pong,
     Welcome,
 )
 from netboard.wire.ring import LogRing
-from netboard.wire.session import Liveness, admit
+from netboard.wire.session import admit
 
 BATCHES = 4
 """Batches a logger is sent in one go: a long backlog must not hold up a tick [1]."""
@@ -30,9 +40,28 @@ BATCH_BYTES = 65_536
 GONE_NS = 2_000_000_000
 """A logger that has said nothing for so long is gone; one that has been told the end may still be writing [ns]."""
 
+SPILL_SHARE = 0.75
+"""With this share of the ring taken by no logger, the oldest records go to the spill [1]."""
+
+FULL_SHARE = 0.8
+"""With this share of the ring neither on a logger's disk nor in the spill, the log is nearly full [1]."""
+
+LISTEN_NS = 20_000_000
+"""The answer to a ping is listened for so long at every tick [ns]."""
+
 MOST_LOGGERS = 8
 MOST_FRAMES = 16
 """Frames taken in one go [1]."""
+
+
+class _Logger:
+    """A logger as the server sees it."""
+
+    def __init__(self, peer: Peer) -> None:
+        self.peer = peer
+        self.cursor: int | None = None
+        self.told_end = False
+        self.lost = self.lost_before = 0
 
 
 class LogPort:
@@ -40,54 +69,108 @@ class LogPort:
 
     Parameters
     ----------
-    socket : zmq.Socket
-        ROUTER of the log channel.
+    router : sockets.Router
+        Server end of the log channel.
     welcome : Welcome
         What a logger is told first.
     capacity : int
         Records the ring holds.
+    spill : Spill
+        Takes what the ring must let go.
+    clock : callable
+        Monotonic time [ns].
+
+    Attributes
+    ----------
+    append : callable
+        Keeps a record, given as its frame, for the loggers.
+    trouble : str
+        Why a trial that is to be recorded cannot go on, or nothing; as of the last `pump`.
+    free_bytes : int
+        Free space where a logger writes [1].
+    news : list
+        What has happened: name and details of an event.
     """
 
-    def __init__(self, socket: sockets.Socket, welcome: Welcome, capacity: int) -> None:
+    def __init__(
+        self,
+        router: sockets.Router,
+        welcome: Welcome,
+        capacity: int,
+        spill: Spill,
+        clock: Callable[[], int] = now_ns,
+    ) -> None:
         self.ring = LogRing(capacity)
+        self.append = self.ring.append
+        self.trouble = ""
         self.free_bytes = 0
         self.news: list[tuple[str, dict[str, str]]] = []
-        self._socket = socket
+        self._router = router
         self._welcome = encode(welcome)
-        self._cursors: dict[bytes, int | None] = {}
-        self._alive: dict[bytes, Liveness] = {}
+        self._spill = spill
+        self._clock = clock
+        self._loggers: dict[bytes, _Logger] = {}
+        self._listen_until_ns = 0
+        self._anybody_yet = False
+        self._farewell = ""
+        self._losing = ""
+        self._cause = ""
+        self._spill_trouble = ""
+        self._space_is_low = False
         self._ended = False
-        self._told_end: set[bytes] = set()
-        self._refusals = Refusals(socket, self.news)
+        self._refusals = Refusals(router, self.news)
 
     @property
     def loggers(self) -> int:
         """Loggers that are there and have asked for records."""
-        return sum(cursor is not None for cursor in self._cursors.values())
+        return sum(logger.cursor is not None for logger in self._loggers.values())
 
     @property
     def backlog(self) -> int:
         """Records not yet acknowledged as safely on disk."""
         return self.ring.next - self.ring.acknowledged
 
-    def append(self, record: Message) -> None:
-        """Keep a record for the loggers."""
-        self.ring.append(encode(record))
+    @property
+    def notice(self) -> str:
+        """What an operator should know, or nothing."""
+        if self._space_is_low:
+            return f"the logger's disk has only {self.free_bytes / 1e9:.1f} GB left"
+        if self._spill.next > self.ring.acknowledged and not self.loggers:
+            return f"no logger takes the records: they go to {self._spill.path}"
+        return ""
+
+    def links(self, now_ns: int) -> list[Link]:
+        """Tell how the loggers are connected."""
+        return [(*logger.peer.link(now_ns)[:-1], logger.lost) for logger in self._loggers.values()]
+
+    def clock_records(self, seq: int) -> list[ClockRecord]:
+        """The newest raw probe of each logger with the estimate so far, numbered from `seq`."""
+        peers = [logger.peer for logger in self._loggers.values()]
+        return clock_records([("logger", peer.probe, peer.clock) for peer in peers], seq)
+
+    def listen(self, now_ns: int) -> None:
+        """Take the answer to a ping as soon as it comes; called at every tick, it costs nothing else."""
+        if now_ns < self._listen_until_ns:
+            self._drain()
 
     def pump(self, now_ns: int) -> None:
-        """Answer the loggers and send them what their queues take."""
-        for _ in range(MOST_FRAMES):
-            received = sockets.receive_from(self._socket)
-            if received is None:
-                break
-            self._take(*received, now_ns)
-            if received[0] in self._alive:
-                self._alive[received[0]].hear(now_ns)
-        for logger, cursor in list(self._cursors.items()):
-            if self._alive[logger].gone(now_ns) and logger not in self._told_end:
-                self._forget(logger, "fell silent")
-            elif cursor is not None:
-                self._feed(logger, cursor)
+        """Answer the loggers, send them what their queues take, and look after what no logger takes."""
+        self._drain()
+        for name, logger in list(self._loggers.items()):
+            if logger.peer.age_ns(now_ns) > GONE_NS and not logger.told_end:
+                self._forget(name, "fell silent")
+                continue
+            self._ping(name, logger)
+            if logger.cursor is not None:
+                self._feed(name, logger, logger.cursor)
+        self._let_go()
+        self.trouble = self._find_trouble()
+
+    def batch(self, cursor: int) -> LogBatch | None:
+        """Make the next batch for a logger; None while it is being read from the spill."""
+        if cursor < self.ring.first and cursor < self._spill.next:
+            return self._spill.batch(cursor)
+        return self.ring.batch(cursor, BATCH_RECORDS, BATCH_BYTES)
 
     def end(self) -> None:
         """No record follows: the loggers are told as soon as they have them all."""
@@ -98,57 +181,174 @@ class LogPort:
         """Whether everything is safely on disk."""
         return self.backlog == 0
 
-    def _feed(self, logger: bytes, cursor: int) -> None:
+    def close(self) -> None:
+        """Let the loggers go; what none of them has on disk goes to the spill, which has `closed` when it is there."""
+        for name, logger in self._loggers.items():
+            if not logger.told_end:
+                self._router.send(name, encode(Goodbye("the session is over")))
+        self._router.close_after_goodbye()
+        self._spill.close(self._rest() if self.backlog and self._anybody_yet else None)
+
+    @property
+    def closed(self) -> bool:
+        """Whether the spill has done its work."""
+        return self._spill.closed
+
+    @property
+    def shortfall(self) -> str:
+        """What is not known to be on a logger's disk, and where it is, or nothing; after `closed`."""
+        if self.done:
+            return ""
+        said = f"{self.backlog} records are not known to be on disk: no logger took them"
+        held = self._spill.held
+        if not held:
+            return said + (f"; {self._spill.trouble}" if self._spill.trouble else "")
+        return f"{said}; {held} records are in {self._spill.path}: netboard recover makes a recording of it"
+
+    # --- loggers -------------------------------------------------------------------------------------------------
+
+    def _drain(self) -> None:
+        for _ in range(MOST_FRAMES):
+            received = self._router.receive()
+            if received is None:
+                return
+            name, frame = received
+            now_ns = self._clock()
+            logger = self._loggers.get(name)
+            if logger is not None:
+                logger.peer.hear(now_ns)
+            try:
+                self._take(name, logger, decode(frame), now_ns)
+            except WireError as error:
+                self._refusals.refuse(name, str(error), now_ns)
+
+    def _take(self, name: bytes, logger: _Logger | None, message: Message, now_ns: int) -> None:
+        match message:
+            case Hello():
+                self._greet(name, message, now_ns)
+            case _ if logger is None:
+                raise WireError("say hello first")
+            case LogRequest(first=first):
+                logger.cursor = self.ring.start(first)
+                logger.told_end = False
+                self._farewell = ""
+            case LogAck(durable=durable, free_bytes=free_bytes):
+                self._acknowledge(durable, free_bytes)
+            case Pong():
+                logger.peer.answered(message, now_ns)
+            case Goodbye(reason=reason):
+                self._farewell = reason
+                self._forget(name, reason)
+            case _:
+                raise WireError(f"a logger does not send {type(message).__name__}")
+
+    def _greet(self, name: bytes, hello: Hello, now_ns: int) -> None:
+        admit(hello)
+        if hello.role != "logger":
+            raise WireError(f"this is the log channel, not one for a {hello.role}")
+        if reason := self._router.forbids(hello.role, hello.side):
+            raise WireError(reason)
+        logger = self._loggers.get(name)
+        if logger is None and len(self._loggers) >= MOST_LOGGERS:
+            raise WireError("too many loggers")
+        if not self._router.send(name, self._welcome):
+            return
+        if logger is None or logger.peer.hello != hello:
+            self._loggers[name] = logger = _Logger(Peer(hello, now_ns))
+            self.news.append(("logger_joined", {"name": hello.name, **hello.details}))
+        logger.cursor = None
+        self._anybody_yet = True
+
+    def _forget(self, name: bytes, reason: str) -> None:
+        logger = self._loggers.pop(name)
+        self.news.append(("logger_left", {"name": logger.peer.hello.name, "reason": reason}))
+
+    def _acknowledge(self, durable: int, free_bytes: int) -> None:
+        self.free_bytes = free_bytes
+        low = free_bytes < LOW_BYTES
+        if low and not self._space_is_low:
+            self.news.append(("logger_disk_low", {"free_gb": f"{free_bytes / 1e9:.1f}"}))
+        self._space_is_low = low
+        if self.ring.acknowledge(durable) and self._spill.next:
+            self._spill.forget(self.ring.acknowledged)
+            if not self._spill.next:
+                self.news.append(("log_spill_taken", {}))
+
+    def _ping(self, name: bytes, logger: _Logger) -> None:
+        ping = logger.peer.ping(self._clock())
+        if ping is not None and self._router.send(name, encode(ping)):
+            self._listen_until_ns = ping.sent_ns + LISTEN_NS
+
+    def _feed(self, name: bytes, logger: _Logger, cursor: int) -> None:
         for _ in range(BATCHES):
             if cursor >= self.ring.next:
                 break
-            batch = self.ring.batch(cursor, BATCH_RECORDS, BATCH_BYTES)
-            if not sockets.send_to(self._socket, logger, encode(batch)):
+            batch = self.batch(cursor)
+            if batch is None or not self._router.send(name, encode(batch)):
                 return
-            cursor = self._cursors[logger] = batch.first + len(batch.records)
-        over = self._ended and cursor >= self.ring.next and logger not in self._told_end
-        if over and sockets.send_to(self._socket, logger, encode(LogEnd(self.ring.next - 1))):
-            self._told_end.add(logger)
+            if batch.lost:
+                self._note_lost(logger, cursor, batch.lost)
+            cursor = logger.cursor = batch.first + len(batch.records)
+        over = self._ended and cursor >= self.ring.next and not logger.told_end
+        if over and self._router.send(name, encode(LogEnd(self.ring.next - 1))):
+            logger.told_end = True
 
-    def _take(self, logger: bytes, frame: bytes, now_ns: int) -> None:
-        try:
-            message = decode(frame)
-        except WireError as error:
-            self._refusals.refuse(logger, str(error), now_ns)
+    # --- what no logger takes ------------------------------------------------------------------------------------
+
+    @property
+    def _kept(self) -> int:
+        """Number of the first record that is neither on a logger's disk nor in the spill."""
+        return max(self.ring.acknowledged, self._spill.next)
+
+    def _let_go(self) -> None:
+        """Put what the ring will soon let go into the spill.
+
+        Only once a logger has been there: before that no block can have begun that is to be recorded.
+        """
+        ring = self.ring
+        for _ in range(BATCHES):
+            if not self._anybody_yet or ring.next - self._kept <= SPILL_SHARE * ring.capacity:
+                break
+            fresh = not self._spill.next
+            if not self._spill.put(ring.batch(self._kept, BATCH_RECORDS, BATCH_BYTES)):
+                break
+            if fresh:
+                self.news.append(("log_spilling", {"file": str(self._spill.path)}))
+        if self._spill.trouble != self._spill_trouble:
+            self._spill_trouble = self._spill.trouble
+            if self._spill_trouble:
+                self.news.append(("log_spill_failed", {"reason": self._spill_trouble}))
+        self._watch_losses()
+
+    def _watch_losses(self) -> None:
+        """Note why the ring has to let go of records that nobody has."""
+        losing = ""
+        if self.ring.first > self._kept:
+            losing = self._spill.refusal if self._anybody_yet else "no logger was there yet"
+        if losing and losing != self._losing:
+            self._cause = losing
+            if self._anybody_yet:
+                self.news.append(("log_losing", {"first": str(self._kept), "cause": losing}))
+        self._losing = losing
+
+    def _note_lost(self, logger: _Logger, first: int, count: int) -> None:
+        """Say what a logger cannot be given, once even if it asks again."""
+        if first < logger.lost_before:
             return
-        match message:
-            case Hello():
-                self._greet(logger, message, now_ns)
-            case _ if logger not in self._cursors:
-                self._refusals.refuse(logger, "say hello first", now_ns)
-            case LogRequest(first=first):
-                self._cursors[logger] = self.ring.start(first)
-                self._told_end.discard(logger)
-            case LogAck(durable=durable, free_bytes=free_bytes):
-                self.ring.acknowledge(durable)
-                self.free_bytes = free_bytes
-            case Goodbye(reason=reason):
-                self._forget(logger, reason)
-            case _:
-                self._refusals.refuse(logger, f"a logger does not send {type(message).__name__}", now_ns)
+        logger.lost += count
+        logger.lost_before = first + count
+        acknowledged = logger.lost_before <= self.ring.acknowledged
+        cause = "another logger has them on disk" if acknowledged else self._cause or self._spill.trouble
+        self.news.append(("log_lost", {"first": str(first), "count": str(count), "cause": cause}))
 
-    def _greet(self, logger: bytes, hello: Hello, now_ns: int) -> None:
-        try:
-            admit(hello)
-        except WireError as error:
-            self._refusals.refuse(logger, str(error), now_ns)
-            return
-        if hello.role != "logger":
-            self._refusals.refuse(logger, f"this is the log channel, not one for a {hello.role}", now_ns)
-        elif len(self._cursors) >= MOST_LOGGERS and logger not in self._cursors:
-            self._refusals.refuse(logger, "too many loggers", now_ns)
-        elif sockets.send_to(self._socket, logger, self._welcome):
-            if logger not in self._cursors:
-                self.news.append(("logger_joined", {"name": hello.name}))
-            self._cursors[logger] = None
-            self._alive[logger] = Liveness(GONE_NS)
+    def _find_trouble(self) -> str:
+        if self._farewell and not self.loggers:
+            return f"the logger has left: {self._farewell}"
+        if self.ring.next - self._kept > FULL_SHARE * self.ring.capacity:
+            return "the logger is too far behind"
+        return ""
 
-    def _forget(self, logger: bytes, reason: str) -> None:
-        del self._cursors[logger], self._alive[logger]
-        self._told_end.discard(logger)
-        self.news.append(("logger_left", {"peer": logger.decode(errors="replace"), "reason": reason}))
+    def _rest(self) -> Iterator[LogBatch]:
+        """All records that are neither on a logger's disk nor in the spill."""
+        while (first := self._kept) < self.ring.next:
+            yield self.ring.batch(first, BATCH_RECORDS, BATCH_BYTES)

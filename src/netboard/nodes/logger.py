@@ -2,21 +2,24 @@
 
 Records are numbered. What is doubled is dropped, what is missing is asked for again, and what the server no longer has
 is noted as lost; so a recording has no silent hole. Only what is safely on disk is acknowledged: a logger that starts
-anew goes on with the first record that is not, in the next part.
+anew goes on with the first record that is not, in the next part. A disk that runs out of space or goes away ends it:
+what was written is saved, and the server is told why.
 """
 
 import logging
+import shutil
 import time
 from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
 from typing import Protocol
 
-from netboard import sockets
+from netboard import keys, sockets
 from netboard.clock import now_ns
 from netboard.config import Config, Recording, parse
 from netboard.errors import NetboardError, WireError
 from netboard.process import NAME
+from netboard.recording.disk import Space, require_space
 from netboard.recording.provenance import next_recording, provenance
 from netboard.recording.writer import RecordingWriter
 from netboard.wire.codec import decode, encode
@@ -32,14 +35,14 @@ from netboard.wire.messages import (
     LogEnd,
     LogRequest,
     Message,
+    Ping,
+    Pong,
     Refusal,
     TickRecord,
     Welcome,
 )
 
 log = logging.getLogger(__name__)
-
-"""Host and process."""
 
 HELLO_NS = 500_000_000
 """Hello is said again after so long without an answer [ns]."""
@@ -52,7 +55,6 @@ ASK_NS = 200_000_000
 
 WAIT_SECONDS = 0.02
 BURST = 16
-LOW_SPACE = 5_000_000_000
 
 
 class Link(Protocol):
@@ -80,7 +82,7 @@ class SocketLink:
     """
 
     def __init__(self, config: Config, context: sockets.Context) -> None:
-        endpoint = sockets.addresses(config.network).reach(sockets.LOG)
+        endpoint = keys.reach(config.network, "logger").reach(sockets.LOG)
         self._socket = sockets.log_client(context, endpoint, f"logger@{NAME}")
 
     def wait(self, seconds: float) -> bool:
@@ -236,6 +238,8 @@ class Logger:
             self._ask()
             return
         match message:
+            case Ping(sent_ns=ping_ns):
+                self._say(Pong(ping_ns, self._heard_ns, self._clock()))
             case Welcome():
                 self._enter(message)
             case LogBatch():
@@ -275,6 +279,7 @@ class Logger:
         directory = Path(self._settings.directory)
         try:
             directory.mkdir(parents=True, exist_ok=True)
+            require_space(directory, shutil.disk_usage(directory).free)
         except OSError as error:
             raise NetboardError(f"{directory}: cannot be made: {error.strerror}") from error
         utc_ns, monotonic_ns = self._wall_clock(), self._clock()
@@ -284,7 +289,7 @@ class Logger:
         self._writer = RecordingWriter(path, metadata, welcome.config, self._settings, utc_ns)
         self._session, self._end_doubted = welcome.session, False
         log.info("recording to %s", path)
-        self._look_at_space(self._writer.free_bytes)
+        self._look_at_space(self._writer.space(utc_ns))
 
     def _ask(self) -> None:
         """Ask for the next record we want, and all that follow."""
@@ -362,16 +367,20 @@ class Logger:
                 self._close(reason)
             except NetboardError as error:
                 log.error("%s", error)
+        if self._writer is not None:
+            log.error("what was written is whole up to its last chunk: netboard recover %s", self._writer.part)
         self._say(Goodbye(reason[:1000]))
 
     def _acknowledge(self, writer: RecordingWriter) -> None:
-        free = writer.free_bytes
-        self._look_at_space(free)
+        space = writer.space(self._log_time())
         if writer.durable is not None and self._welcomed:
-            self._say(LogAck(writer.durable, free))
+            self._say(LogAck(writer.durable, space.free))
+        self._look_at_space(space)
 
-    def _look_at_space(self, free: int) -> None:
-        low = free < LOW_SPACE
-        if low and not self._space_is_low:
-            log.warning("only %.1f GB are free in %s", free / 1e9, self._settings.directory)
-        self._space_is_low = low
+    def _look_at_space(self, space: Space) -> None:
+        """Say when space becomes scarce; stop while there is enough to finish the recording."""
+        if space.low and not self._space_is_low:
+            log.warning("%s: only %s", self._settings.directory, space)
+        self._space_is_low = space.low
+        if space.out and self._writer is not None:
+            raise NetboardError(f"{self._settings.directory}: only {space}: the recording had to end")

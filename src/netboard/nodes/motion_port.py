@@ -5,7 +5,9 @@ says hello for a side takes the seat (a restarted agent takes over from itself; 
 first one is alive). Nothing here waits.
 """
 
+import struct
 from collections.abc import Callable
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -13,99 +15,101 @@ import numpy as np
 from netboard import sockets
 from netboard.config import SIDES, Side
 from netboard.errors import WireError
+from netboard.nodes import seats
+from netboard.nodes.peer import Link, Rate, clock_records, link_of
 from netboard.nodes.refusals import Refusals
+from netboard.wire import fixed
 from netboard.wire.codec import decode, encode
-from netboard.wire.messages import (
-    Beat,
-    ClockRecord,
-    Force,
-    Goodbye,
-    Hello,
-    Message,
-    Safeguard,
-    Stylus,
-    Welcome,
-)
-from netboard.wire.session import ClockEstimator, SequenceGuard, admit
+from netboard.wire.messages import Beat, ClockRecord, Goodbye, Hello, Message, Stylus, Welcome
+from netboard.wire.session import ClockEstimator, admit
 
 MOST_FRAMES = 64
-"""Frames taken in one tick: whoever sends more must not hold it up [1]."""
-
-SANE_NS = 2**60
-"""Stamps beyond this, 36 years, are nonsense, and their arithmetic would leave 64 bits [ns]."""
+"""Frames taken in one go: whoever sends more must not hold up a tick [1]."""
 
 BEAT_TICKS = 4
 """Without forces every so many ticks a beat is sent: often enough that nothing counts as stale [1]."""
 
+PROBE_TICKS = 4
+"""Samples that answer so many ticks later than the last clock probe are the next one [1]."""
+
+GONE_NS = 2_000_000_000
+"""An agent that has been silent for so long has left [ns]."""
+
+_FIELDS = fixed.fields_of(Stylus)
+_VALUES = attrgetter(*(name for name, _ in _FIELDS))
+_PACK = struct.Struct("<" + "".join("d" if kind == "<f8" else "q" for _, kind in _FIELDS))
+
 
 class Seat:
-    """One side's agent as the server sees it."""
+    """One side's agent as the server sees it.
 
-    def __init__(self, side: Side) -> None:
+    Parameters
+    ----------
+    side : str
+        ``left`` or ``right``.
+    words : ndarray of int64, shape (netboard.nodes.seats.WORDS,)
+        Where its numbers are.
+    """
+
+    def __init__(self, side: Side, words: Any) -> None:
         self.side = side
         self.hello: Hello | None = None
         self.agent = b""
-        self.sample: Stylus | None = None
-        self.stamp_ns = 0
-        self.heard_ns = 0
-        self.safeguards = 0
-        self.guard = SequenceGuard()
         self.clock = ClockEstimator()
         self.probe: tuple[int, int, int, int] | None = None
+        self._words = words
+        self._sample = np.zeros(seats.SAMPLE_WORDS, np.int64)
+        self._probed_tick = -PROBE_TICKS
+        self._rate = Rate()
+        seats.empty(words)
 
     def sit(self, agent: bytes, hello: Hello, now_ns: int) -> None:
         """Take the seat: nothing of an agent before is kept."""
-        self.hello, self.agent, self.heard_ns = hello, agent, now_ns
-        self.sample, self.safeguards, self.probe = None, 0, None
-        self.guard, self.clock = SequenceGuard(), ClockEstimator()
+        self.leave()
+        self.hello, self.agent = hello, agent
+        self._words[seats.ARRIVED] = now_ns
 
     def leave(self) -> None:
         """Nobody sits here any more."""
-        self.hello, self.agent, self.sample = None, b"", None
+        self.hello, self.agent, self.probe = None, b"", None
+        self.clock, self._probed_tick = ClockEstimator(), -PROBE_TICKS
+        self._rate = Rate()
+        seats.empty(self._words)
 
-    def take(self, stylus: Stylus, received_ns: int) -> None:
-        """Take a sample: the newest wins, the link is measured."""
-        stamps = (stylus.stamp_ns, stylus.force_sent_ns, stylus.force_received_ns, stylus.sent_ns)
-        if max(map(abs, stamps)) > SANE_NS or not self.guard.fresh(stylus.seq):
-            return
-        self.heard_ns = received_ns
-        self.safeguards |= stylus.safeguards
-        if stylus.force_tick >= 0:
-            self.probe = (stylus.force_sent_ns, stylus.force_received_ns, stylus.sent_ns, received_ns)
-            self.clock.add(*self.probe)
-        self.sample = stylus
-        self.stamp_ns = self.clock.to_server(stylus.stamp_ns) if self.clock.known else received_ns
-
-    def live(self, now_ns: int, timeout_ns: int) -> bool:
-        """Whether there is a finite sample that is neither too old nor from the future, and the agent still speaks."""
-        sample = self.sample
-        if sample is None or now_ns - self.heard_ns >= timeout_ns or abs(now_ns - self.stamp_ns) >= timeout_ns:
+    def read(self, frame: bytes, now_ns: int, due_ns: int) -> bool:
+        """Take a sample in its fixed form; False if the frame is anything else."""
+        if not fixed.read(frame, fixed.STYLUS.head, fixed.STYLUS.markers, self._sample):
             return False
-        return bool(np.isfinite(sample.z + sample.vz))
+        self._take(now_ns, due_ns)
+        return True
 
-    @property
-    def armed(self) -> bool:
-        """Whether the device may give forces, as the newest sample says."""
-        return self.sample is not None and bool(self.sample.safeguards & Safeguard.ARMED)
+    def take(self, stylus: Stylus, now_ns: int, due_ns: int) -> None:
+        """Take a sample that came in any other form."""
+        _PACK.pack_into(self._sample, 0, *_VALUES(stylus))
+        self._take(now_ns, due_ns)
 
-    def fill(self, row: Any, live: bool) -> None:
-        """Write the sample to a row of `netboard.tick.TICK`."""
-        side, sample = self.side, self.sample
-        row[f"{side}_live"] = live
-        if sample is None:
-            row[f"{side}_seq"] = -1
+    def _take(self, now_ns: int, due_ns: int) -> None:
+        words = self._words
+        if not seats.take(words, self._sample, now_ns, due_ns):
             return
-        row[f"{side}_seq"] = sample.seq
-        row[f"{side}_stamp_ns"] = self.stamp_ns
-        row[f"{side}_sent_z"] = sample.z
-        row[f"{side}_sent_vz"] = sample.vz
-        row[f"{side}_x"] = sample.x
-        row[f"{side}_y"] = sample.y
-        row[f"{side}_rendered"] = sample.rendered
-        row[f"{side}_safeguards"] = self.safeguards
-        row[f"{side}_buttons"] = sample.buttons
-        row[f"{side}_loop_ns"] = sample.loop_ns
-        self.safeguards = 0
+        tick = int(words[seats.FORCE_TICK])
+        if tick - self._probed_tick >= PROBE_TICKS or tick < self._probed_tick:
+            self._probed_tick = tick
+            sent, received, answered = (int(words[at]) for at in (seats.FORCE_SENT, seats.FORCE_RECEIVED, seats.SENT))
+            self.probe = (sent, received, answered, now_ns)
+            self.clock.add(*self.probe)
+            words[seats.OFFSET], words[seats.CLOCK_KNOWN] = self.clock.offset_ns, self.clock.known
+
+    def silent_ns(self, now_ns: int) -> int:
+        """Time since it was last heard [ns]."""
+        return now_ns - int(self._words[seats.ARRIVED])
+
+    def link(self, now_ns: int) -> Link | None:
+        """Tell how the link is, if somebody sits here."""
+        if self.hello is None:
+            return None
+        rate = self._rate.of(int(self._words[seats.TAKEN]), now_ns)
+        return link_of(self.hello, self.clock, self.silent_ns(now_ns), rate, int(self._words[seats.MISSING]))
 
 
 class MotionPort:
@@ -113,95 +117,149 @@ class MotionPort:
 
     Parameters
     ----------
-    socket : zmq.Socket
-        ROUTER of the motion channel.
+    router : sockets.Router
+        Server end of the motion channel.
     welcome : Welcome
         What an agent is told first.
     timeout_ns : int
         Age at which a sample no longer counts [ns].
+    bound_ns : int
+        A device may be armed only while its agent's clock is known to this bound [ns].
     """
 
-    def __init__(self, socket: sockets.Socket, welcome: Welcome, timeout_ns: int) -> None:
-        self.seats: dict[Side, Seat] = {side: Seat(side) for side in SIDES}
+    def __init__(self, router: sockets.Router, welcome: Welcome, timeout_ns: int, bound_ns: int) -> None:
+        self._words = np.zeros((len(SIDES), seats.WORDS), np.int64)
+        self.seats: dict[Side, Seat] = {side: Seat(side, self._words[place]) for place, side in enumerate(SIDES)}
         self.news: list[tuple[str, dict[str, str]]] = []
-        self._socket = socket
+        self._router = router
         self._welcome = encode(welcome)
         self._timeout_ns = timeout_ns
+        self._bound_ns = bound_ns
         self._by_agent: dict[bytes, Seat] = {}
-        self._refusals = Refusals(socket, self.news)
+        self._refusals = Refusals(router, self.news)
+        self._forces = np.zeros((len(SIDES), fixed.FORCE.size), np.uint8)
+        self._force_words = np.zeros(len(fixed.FORCE.markers), np.int64)
 
-    def drain(self, clock: Callable[[], int]) -> None:
+    @property
+    def empty(self) -> bool:
+        """Whether nobody sits here."""
+        return not self._by_agent
+
+    @property
+    def complete(self) -> bool:
+        """Whether nothing is gained by waiting for the deadline: from whoever was punctual there is a new sample."""
+        return not seats.awaited(self._words)
+
+    def drain(self, clock: Callable[[], int], due_ns: int) -> bool:
         """Take what has arrived; what arrives meanwhile must not seem to come before it was sent, so each has its time.
 
         Parameters
         ----------
         clock : callable
             Returns the time [ns].
+        due_ns : int
+            Deadline of the next tick [ns].
+
+        Returns
+        -------
+        bool
+            Whether there may be more.
         """
         for _ in range(MOST_FRAMES):
-            received = sockets.receive_from(self._socket)
+            received = self._router.receive()
             if received is None:
-                return
+                return False
             now_ns = clock()
             agent, frame = received
-            try:
-                message = decode(frame)
-            except WireError as error:
-                self._refusals.refuse(agent, str(error), now_ns)
-                continue
             seat = self._by_agent.get(agent)
-            if isinstance(message, Stylus) and seat is not None:
-                seat.take(message, now_ns)
-            else:
-                self._other(agent, seat, message, now_ns)
+            if seat is None or not seat.read(frame, now_ns, due_ns):
+                self._read_any(agent, seat, frame, now_ns, due_ns)
+        return True
 
-    def fill(self, row: Any, now_ns: int) -> None:
-        """Write both seats' samples to a row of `netboard.tick.TICK`."""
-        for seat in self.seats.values():
-            seat.fill(row, seat.live(now_ns, self._timeout_ns))
+    def fill(self, row: Any, number: int, due_ns: int, late_ns: int) -> int:
+        """Begin the row of a tick with both seats' samples; see `netboard.nodes.seats.fill`."""
+        return seats.fill(row, self._words, number, due_ns, late_ns, self._timeout_ns)
 
-    def answer(self, row: Any, felt: bool, now_ns: int) -> None:
-        """Send each agent its force, or now and then a beat where nothing is felt."""
-        tick = int(row["tick"])
-        if not felt and tick % BEAT_TICKS:
+    def force(self, row: Any, tick: int, now_ns: int) -> None:
+        """Send each agent its force; at every other tick the other side first."""
+        seats.write_forces(self._forces, row, self._words, now_ns, *fixed.FORCE[:2], self._force_words)
+        for place in (0, 1) if tick & 1 else (1, 0):
+            seat = self.seats[SIDES[place]]
+            if seat.hello is not None:
+                self._router.send(seat.agent, self._forces[place].tobytes())
+
+    def beat(self, tick: int, now_ns: int) -> None:
+        """Where nothing is felt, send each agent a beat now and then."""
+        if tick % BEAT_TICKS:
             return
-        for side, seat in self.seats.items():
-            if seat.hello is None:
-                continue
-            seq = seat.guard.newest
-            message = Force(tick, now_ns, seq, float(row[f"{side}_force"])) if felt else Beat(tick, now_ns, seq)
-            sockets.send_to(self._socket, seat.agent, encode(message))
+        for place, seat in enumerate(self.seats.values()):
+            if seat.hello is not None:
+                seq, lead_ns = int(self._words[place, seats.SEQ]), int(self._words[place, seats.LEAD])
+                arm = seat.clock.bound_ns <= self._bound_ns
+                self._router.send(seat.agent, encode(Beat(tick, now_ns, seq, lead_ns, arm)))
+
+    def lacks(self, now_ns: int) -> list[str]:
+        """What a block needs of the agents and has not."""
+        lacking = []
+        for place, (side, seat) in enumerate(self.seats.items()):
+            if not self._words[place, seats.TAKEN] or seat.silent_ns(now_ns) >= self._timeout_ns:
+                lacking.append(f"the {side} agent")
+            elif seat.clock.bound_ns > self._bound_ns:
+                known = f"{seat.clock.bound_ns * 1e-6:.2f} ms" if seat.clock.known else "nothing yet"
+                lacking.append(f"the {side} agent's clock to {self._bound_ns * 1e-6:g} ms (known to {known})")
+            elif not self._words[place, seats.SAFEGUARDS] & seats.ARMED_BIT:
+                lacking.append(f"the {side} device to be armed")
+        return lacking
+
+    def expire(self, now_ns: int) -> None:
+        """Clear the seats of agents that have been silent for long: they say hello when they are back."""
+        for seat in self.seats.values():
+            if seat.hello is not None and seat.silent_ns(now_ns) > GONE_NS:
+                self._leave(seat, "fell silent")
 
     def clock_records(self, seq: int) -> list[ClockRecord]:
         """The newest raw probe of each agent with the estimate so far, numbered from `seq`."""
-        records: list[ClockRecord] = []
-        for side, seat in self.seats.items():
-            if seat.probe is not None:
-                clock = seat.clock
-                records.append(
-                    ClockRecord(seq + len(records), f"agent.{side}", *seat.probe, clock.offset_ns, clock.bound_ns)
-                )
-        return records
+        found = [(f"agent.{side}", seat.probe, seat.clock) for side, seat in self.seats.items()]
+        return clock_records(found, seq)
+
+    def links(self, now_ns: int) -> list[Link]:
+        """Tell how the agents are connected."""
+        return [link for seat in self.seats.values() if (link := seat.link(now_ns)) is not None]
 
     def goodbye(self, reason: str) -> None:
         """Tell both agents that the session is over, and close."""
         for seat in self.seats.values():
             if seat.hello is not None:
-                sockets.send_to(self._socket, seat.agent, encode(Goodbye(reason)))
-        sockets.close_after_goodbye(self._socket)
+                self._router.send(seat.agent, encode(Goodbye(reason)))
+        self._router.close_after_goodbye()
+
+    def _read_any(self, agent: bytes, seat: Seat | None, frame: bytes, now_ns: int, due_ns: int) -> None:
+        """Take a frame that is no sample in its fixed form."""
+        try:
+            message = decode(frame)
+        except WireError as error:
+            self._refusals.refuse(agent, str(error), now_ns)
+            return
+        if isinstance(message, Stylus) and seat is not None:
+            seat.take(message, now_ns, due_ns)
+        else:
+            self._other(agent, seat, message, now_ns)
 
     def _other(self, agent: bytes, seat: Seat | None, message: Message, now_ns: int) -> None:
         match message:
             case Hello():
                 self._greet(agent, message, now_ns)
             case Goodbye(reason=reason) if seat is not None:
-                self.news.append(("agent_left", {"side": seat.side, "reason": reason}))
-                seat.leave()
-                del self._by_agent[agent]
+                self._leave(seat, reason)
             case _ if seat is None:
                 self._refusals.refuse(agent, "say hello first", now_ns)
             case _:
                 self._refusals.refuse(agent, f"an agent does not send {type(message).__name__}", now_ns)
+
+    def _leave(self, seat: Seat, reason: str) -> None:
+        self.news.append(("agent_left", {"side": seat.side, "reason": reason}))
+        del self._by_agent[seat.agent]
+        seat.leave()
 
     def _greet(self, agent: bytes, hello: Hello, now_ns: int) -> None:
         try:
@@ -212,13 +270,16 @@ class MotionPort:
         if hello.role != "agent":
             self._refusals.refuse(agent, f"this is the motion channel, not one for a {hello.role}", now_ns)
             return
+        if reason := self._router.forbids(hello.role, hello.side):
+            self._refusals.refuse(agent, reason, now_ns)
+            return
         seat = next(seat for seat in self.seats.values() if seat.side == hello.side)
-        taken = seat.hello is not None and now_ns - seat.heard_ns < self._timeout_ns
+        taken = seat.hello is not None and seat.silent_ns(now_ns) < self._timeout_ns
         if taken and seat.hello is not None and seat.hello != hello:
             reason = f"the {seat.side} side already has an agent: {seat.hello.name}"
             self._refusals.refuse(agent, reason, now_ns)
             return
-        if not sockets.send_to(self._socket, agent, self._welcome):
+        if not self._router.send(agent, self._welcome):
             return
         if not taken:
             self.news.append(("agent_joined", {"side": seat.side, "name": hello.name, **hello.details}))

@@ -2,13 +2,13 @@
 
 from importlib.metadata import version
 
-from netboard import sockets
+from netboard import keys, sockets
 from netboard.clock import now_ns
 from netboard.config import Network
 from netboard.errors import NetboardError, WireError
 from netboard.process import NAME
 from netboard.wire.codec import decode, encode
-from netboard.wire.messages import PROTOCOL_VERSION, Command, Hello, Refusal, Status, StatusRequest, Welcome
+from netboard.wire.messages import PROTOCOL_VERSION, Command, Hello, Ping, Pong, Refusal, Status, StatusRequest, Welcome
 
 HELLO_NS = 500_000_000
 """Hello is said again after so long without an answer [ns]."""
@@ -26,7 +26,7 @@ class Operator:
     """
 
     def __init__(self, network: Network, context: sockets.Context) -> None:
-        where = sockets.addresses(network)
+        where = keys.reach(network, "console")
         self.status: Status | None = None
         self._socket = sockets.control_client(context, where.reach(sockets.CONTROL), f"console@{NAME}")
         self._hello = encode(Hello("console", "", PROTOCOL_VERSION, NAME, version("netboard"), {}))
@@ -65,6 +65,9 @@ class Operator:
             match message:
                 case Welcome():
                     self._welcomed = True
+                case Ping(sent_ns=ping_ns):
+                    received_ns = now_ns()
+                    sockets.send(self._socket, encode(Pong(ping_ns, received_ns, now_ns())))
                 case Status():
                     newest = self.status = message
                 case Refusal(reason=reason):

@@ -22,14 +22,14 @@ class Refusals:
 
     Parameters
     ----------
-    socket : zmq.Socket
-        ROUTER of the channel.
+    router : sockets.Router
+        Server end of the channel.
     news : list
         Where they are noted: name and details of an event.
     """
 
-    def __init__(self, socket: sockets.Socket, news: list[tuple[str, dict[str, str]]]) -> None:
-        self._socket = socket
+    def __init__(self, router: sockets.Router, news: list[tuple[str, dict[str, str]]]) -> None:
+        self._router = router
         self._news = news
         self._seen: dict[tuple[bytes, str], tuple[int, int]] = {}
 
@@ -44,5 +44,5 @@ class Refusals:
             said_ns = now_ns
             details = {"peer": peer.decode(errors="replace"), "reason": reason, "times": str(times)}
             self._news.append(("refused", details))
-            sockets.send_to(self._socket, peer, encode(Refusal(reason)))
+            self._router.send(peer, encode(Refusal(reason)))
         self._seen[kind] = (times, said_ns)

@@ -38,15 +38,19 @@ class Watch:
 
     autostart: bool
     notice: str = ""
-    _ready_ticks: int = 0
+    _ready_since: int | None = None
     _faulted: bool = False
     _refused: str = field(default="", repr=False)
 
-    def command(self, phase: Phase, wish: str, missing: tuple[str, ...], trouble: str) -> Cause:
+    def command(self, tick: int, phase: Phase, wish: str, missing: tuple[str, ...], trouble: str) -> Cause:
         """Command for this tick.
+
+        While a trial goes on, nothing is wished and nothing is wrong, it need not be asked.
 
         Parameters
         ----------
+        tick : int
+            Number of the tick [1].
         phase : Phase
             Where the trial is.
         wish : str
@@ -61,14 +65,17 @@ class Watch:
         Cause
             `Cause.NONE` if there is nothing to do.
         """
-        self._ready_ticks = 0 if missing or trouble else self._ready_ticks + 1
+        if missing or trouble:
+            self._ready_since = None
+        elif self._ready_since is None:
+            self._ready_since = tick
         if trouble and wish != "stop" and Cause.FAULT in TABLE[phase]:
             self._faulted = True
             self.notice = f"paused: {trouble}"
             return Cause.FAULT
         if wish:
             return self._wished(phase, WISHES[wish], missing)
-        if self.autostart and self._ready_ticks >= READY_TICKS:
+        if self.autostart and self._ready_since is not None and tick - self._ready_since >= READY_TICKS:
             return self._by_itself(phase)
         if phase == Phase.IDLE and missing and not self._refused:
             self.notice = "waiting for " + ", ".join(missing)

@@ -5,6 +5,8 @@ under its platform, not its name.
 """
 
 import hashlib
+import json
+import os
 import platform
 import re
 from datetime import UTC, datetime
@@ -76,7 +78,27 @@ def provenance(welcome: Welcome, config: Config, part: int, utc_ns: int, monoton
         "python": f"{platform.python_implementation()} {platform.python_version()}",
         "platform": platform.platform(),
         **{package: version(package) for package in _PACKAGES},
+        **_doctor_said(utc_ns),
     }
+
+
+def doctor_report_path() -> Path:
+    """Where `netboard doctor` leaves its newest report, for the recordings made on this machine by this user."""
+    state = os.environ.get("XDG_STATE_HOME")
+    return (Path(state) if state else Path.home() / ".local" / "state") / "netboard" / "doctor.json"
+
+
+def _doctor_said(utc_ns: int) -> dict[str, str]:
+    """What the doctor last found on this machine: in a line, and whole."""
+    try:
+        text = doctor_report_path().read_text(encoding="utf-8")
+        report = json.loads(text)
+        age = datetime.fromtimestamp(utc_ns // 1_000_000_000, UTC) - datetime.fromisoformat(report["utc"])
+        return {"doctor": f"{report['summary']}; {age.total_seconds() / 3600:.1f} h before", "doctor_report": text}
+    except FileNotFoundError:
+        return {"doctor": "not asked", "doctor_report": ""}
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        return {"doctor": f"its report cannot be read: {type(error).__name__}", "doctor_report": ""}
 
 
 def _short(session: str) -> str:

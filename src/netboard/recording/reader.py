@@ -24,7 +24,14 @@ from netboard.errors import RecordingError
 from netboard.recording.channels import FORMAT_VERSION, IDS, decode_ticks, unpack
 from netboard.recording.chunks import MAGIC, RECORD_HEAD, UNSOUND, payloads, unpack_chunk
 from netboard.recording.partfile import PROFILE
-from netboard.recording.provenance import CONFIG_NAME, METADATA, METADATA_END, config_sha256
+from netboard.recording.provenance import (
+    CONFIG_NAME,
+    METADATA,
+    METADATA_END,
+    METADATA_FIRST,
+    METADATA_RECOVERY,
+    config_sha256,
+)
 from netboard.recording.summary import Gap, find_gaps
 from netboard.tick import TICK
 from netboard.wire.messages import ClockRecord, EventRecord, FrameRecord
@@ -53,6 +60,12 @@ class Recording:
         What the file says about session, software and machine.
     end : dict of str
         How it ended; empty for a file that was recovered because it never ended.
+    recovery : dict of str
+        What was recovered and what was not; empty for a file as it was written.
+    first_record : int or None
+        Number of its first record on the log channel; None if there was none [1].
+    counts : dict of int
+        Number of messages, by topic [1].
 
     Raises
     ------
@@ -90,6 +103,9 @@ class Recording:
             raise RecordingError(f"{self.path}: an MCAP file, but not a recording of netboard")
         self.metadata = records[METADATA]
         self.end = records.get(METADATA_END, {})
+        self.recovery = records.get(METADATA_RECOVERY, {})
+        first = records.get(METADATA_FIRST, {}).get("record")
+        self.first_record = None if first is None else int(first)
         if (version := self.metadata.get("format")) != FORMAT_VERSION:
             raise RecordingError(
                 f"{self.path}: has format version {version}, this netboard reads version {FORMAT_VERSION}; "
@@ -98,6 +114,8 @@ class Recording:
         self._chunks = sorted(summary.chunk_indexes, key=lambda chunk: chunk.chunk_start_offset)
         # By name: other MCAP tools may number the channels anew.
         self._ids = IDS | {channel.topic: channel.id for channel in summary.channels.values()}
+        told = {} if summary.statistics is None else summary.statistics.channel_message_counts
+        self.counts = {topic: told.get(number, 0) for topic, number in self._ids.items()}
         self._config: bytes | None = next((found.data for found in attachments if found.name == CONFIG_NAME), None)
         if self._config is not None and config_sha256(self._config) != self.metadata.get("config_sha256"):
             raise RecordingError(f"{self.path}: its configuration is damaged; run: netboard recover {self.path}")

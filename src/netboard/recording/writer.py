@@ -8,7 +8,9 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from netboard.config import Recording
+from netboard.errors import RecordingError
 from netboard.recording.channels import IDS, Record, remark, stamped
+from netboard.recording.disk import Consumption, Space
 from netboard.recording.partfile import PartFile
 from netboard.recording.provenance import CONFIG_NAME, LIBRARY, METADATA, METADATA_END, METADATA_FIRST
 
@@ -43,7 +45,7 @@ class RecordingWriter:
     Raises
     ------
     RecordingError
-        If the file exists or cannot be made.
+        If the file exists or cannot be made; nothing is left of it then.
     """
 
     def __init__(
@@ -57,10 +59,16 @@ class RecordingWriter:
         self._remarks = 0
         self._flush_ns = round(settings.flush_ms * 1e6)
         self._flushed_ns = opened_ns
+        self._tick = -1
+        self._consumption = Consumption()
         self._file = PartFile(path, LIBRARY, settings.chunk_bytes)
-        self._file.add_metadata(METADATA, metadata)
-        self._file.add_attachment(CONFIG_NAME, "application/toml", config_text.encode(), opened_ns)
-        self._file.sync()
+        try:
+            self._file.add_metadata(METADATA, metadata)
+            self._file.add_attachment(CONFIG_NAME, "application/toml", config_text.encode(), opened_ns)
+            self._file.sync()
+        except RecordingError:
+            self._file.discard()
+            raise
 
     @property
     def is_open(self) -> bool:
@@ -68,9 +76,19 @@ class RecordingWriter:
         return self._file.is_open
 
     @property
-    def free_bytes(self) -> int:
-        """Free space where the recording is written, in bytes [1]."""
-        return self._file.free_bytes()
+    def part(self) -> Path:
+        """Name until `finish`."""
+        return self._file.part
+
+    def space(self, now_ns: int) -> Space:
+        """Tell how much space there is where the recording is written.
+
+        Parameters
+        ----------
+        now_ns : int
+            Log time [ns].
+        """
+        return self._consumption.judge(now_ns, self._file.size, self._file.free_bytes())
 
     def write(self, record: Record, number: int, log_time_ns: int) -> None:
         """Write the next record from the server.
@@ -89,6 +107,8 @@ class RecordingWriter:
         self._file.add(IDS[message.topic], message, log_time_ns)
         self.next_record = number + 1
         self._written += 1
+        if message.topic == "/tick":
+            self._tick = message.sequence
 
     def note_lost(self, first: int, count: int, log_time_ns: int) -> None:
         """Note that records are missing for good.
@@ -103,7 +123,8 @@ class RecordingWriter:
             Log time [ns].
         """
         self._begin(first)
-        self.remark("log_lost", {"first": str(first), "count": str(count)}, log_time_ns)
+        details = {"first": str(first), "count": str(count), "after_tick": str(self._tick)}
+        self.remark("log_lost", details, log_time_ns)
         self.next_record = first + count
         self.lost += count
 
@@ -151,7 +172,8 @@ class RecordingWriter:
         Raises
         ------
         RecordingError
-            If the disk is full or gone; the file is closed then, and can be recovered.
+            If the disk is gone, and the file is closed then and can be recovered; or if the disk is full, or the file
+            was deleted or moved: then it is still open, and `finish` saves what was written.
         """
         self._file.sync()
         self._flushed_ns = now_ns
@@ -173,12 +195,13 @@ class RecordingWriter:
         RecordingError
             If the disk refuses, or the final name is taken by now; the part stays.
         """
-        self.flush(now_ns)
+        self._file.close_chunk()
         end = {"ended": ended, "log_ns": str(now_ns), "records": str(self._written), "lost": str(self.lost)}
         if self.next_record is not None:
             end["next_record"] = str(self.next_record)
         self._file.add_metadata(METADATA_END, end)
         self._file.finish()
+        self.durable = self.next_record
 
     def abandon(self) -> None:
         """Close the part as it is."""

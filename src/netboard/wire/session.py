@@ -5,6 +5,7 @@ clock, so the same rules run live, in a simulation and in a test. What a peer do
 late answer, an impossible stamp) is counted; only a `Hello` that cannot be accepted is a `WireError`.
 """
 
+import math
 from collections import deque
 from typing import NamedTuple
 
@@ -14,7 +15,15 @@ from netboard.wire.messages import PROTOCOL_VERSION, Hello
 NEVER_NS = 2**63 - 1
 """Age of what was never heard, and error bound of a clock that was never probed [ns]."""
 
+FAR_NS = 2**61
+"""Clocks further apart than this, 73 years, are nonsense; nearer, every figure of an estimate fits 64 bits [ns]."""
+
 _MILLION = 1_000_000
+
+_SPANS = 8
+_POINT_NS = 4_000_000_000
+_POINTS = 64
+_DRIFT_KNOWN_PPM = 10.0
 
 _SEATED = ("agent", "display")
 
@@ -128,31 +137,47 @@ class Liveness:
         return self.age_ns(now_ns) > self.timeout_ns
 
 
-class _Probe(NamedTuple):
-    """An exchange that is, or may yet become, the best one."""
+class _Span(NamedTuple):
+    """The best that the probes of an eighth of the window say: the limits of the offset as they would be at time 0."""
 
-    rank: int  # twice the bound it would have at time 0, in 1e-6 ns: a whole number, and the same at all times
-    t0_ns: int
+    until_ns: int
+    upper: int
+    lower: int
+    round_trip_ns: int
+
+
+class _Point(NamedTuple):
+    """What the estimate was at a time."""
+
+    at_ns: int
     offset_ns: int
+    bound_ns: int
+
+
+_NOTHING = _Span(NEVER_NS, NEVER_NS, -NEVER_NS, NEVER_NS)
 
 
 class ClockEstimator:
     """Offset of a peer's clock, from the four stamps of an exchange, with a bound on its error.
 
     The server sends at t0, the peer receives at t1 and sends at t2, the server receives at t3; t0 and t3 on the
-    server's clock, t1 and t2 on the peer's. A message that takes no negative time puts the offset (peer minus server)
-    between t2 - t3 and t1 - t0; the estimate is the middle, the bound half the width, which is half the round trip:
-    delay/2 of NTP (RFC 5905). From then on the bound grows with the age of t0 by the largest skew assumed between two
-    clocks, NTP's dispersion. The probe with the least bound is used. All bounds grow alike, so which one that is does
-    not change with time, and a queue of the probes that may still become the best holds the answer at its head.
+    server's clock, t1 and t2 on the peer's. A message takes no negative time: t1 - t0 is an upper limit of the offset
+    (peer minus server), t2 - t3 a lower one. Both loosen with age, by the largest skew assumed between two clocks: the
+    upper one from t0 on, the lower one from t3 on, however late the answer. The estimate is the middle between the
+    tightest limits of the window, which need not be of one probe, and the bound is half their distance: with a single
+    probe delay/2 and dispersion of NTP (RFC 5905). All limits loosen alike, so the tightest stays the tightest.
 
-    A peer may answer one server stamp several times, or late: the age counts from t0, so the bound stays true. A probe
-    whose interval does not meet the present one proves that a clock was stepped or suspended: the estimate starts anew.
+    A probe whose limits contradict those before proves that a clock was stepped, suspended or ran away: the estimate
+    starts anew. A step that is smaller than the delay can hide in it. Until the window has passed, the error may then
+    exceed the bound, by the shortest delay one way since the step at most.
+
+    The drift is the slope between two estimates of the last minutes. Its bound, the sum of theirs over the time between
+    them, is that of the mean rate. It never tightens the bound of the offset, for a rate may change.
 
     Parameters
     ----------
     window_ns : int
-        Probes older than this are forgotten as soon as there is a newer one [ns].
+        Probes older than this are forgotten, at times a quarter sooner [ns].
     skew_ppm : int
         Largest skew between two clocks: 100 allows 50 parts per million to each [1e-6].
 
@@ -162,6 +187,12 @@ class ClockEstimator:
         Estimated peer clock minus server clock; 0 before the first probe [ns].
     bound_ns : int
         Largest possible error of the offset when the newest probe came in; `NEVER_NS` before the first [ns].
+    round_trip_ns : int
+        Shortest time on the way, there and back, of the probes in the window; `NEVER_NS` before the first [ns].
+    drift_ppm : float
+        Rate of the peer's clock minus that of the server's; NaN until it is known to 10e-6 [1e-6].
+    drift_bound_ppm : float
+        Largest possible error of the drift; infinite before it can be told [1e-6].
     accepted, rejected : int
         Probes used, and impossible ones: a negative round trip, or an answer before its question [1].
     restarts : int
@@ -170,16 +201,18 @@ class ClockEstimator:
 
     def __init__(self, window_ns: int = 2_000_000_000, skew_ppm: int = 100) -> None:
         self.offset_ns = 0
-        self.bound_ns = NEVER_NS
+        self.bound_ns = self.round_trip_ns = NEVER_NS
         self.accepted = self.rejected = self.restarts = 0
         self._window_ns = window_ns
         self._skew_ppm = skew_ppm
-        self._probes: deque[_Probe] = deque()
+        self._spans: deque[_Span] = deque()
+        self._points: deque[_Point] = deque(maxlen=_POINTS)
+        self._forget()
 
     @property
     def known(self) -> bool:
         """Whether there has been a probe."""
-        return bool(self._probes)
+        return self.accepted > 0
 
     def add(self, t0_ns: int, t1_ns: int, t2_ns: int, t3_ns: int) -> bool:
         """Take one exchange; False if it is impossible.
@@ -196,22 +229,31 @@ class ClockEstimator:
             Received by the server, on its clock [ns].
         """
         highest, lowest = t1_ns - t0_ns, t2_ns - t3_ns
-        if highest < lowest or t2_ns < t1_ns:  # together they also rule out t3 before t0
+        if t2_ns < t1_ns or not -FAR_NS < lowest <= highest < FAR_NS:  # which also rules out t3 before t0
             self.rejected += 1
             return False
         self.accepted += 1
-        probes = self._probes
-        if probes and not self._meets(lowest, highest, t3_ns):
-            probes.clear()
+        age = t3_ns * self._skew_ppm // _MILLION + 1  # at t3 an upper limit is its value at time 0 and this, rounded up
+        upper = highest - t0_ns * self._skew_ppm // _MILLION
+        lower = lowest + age - 1
+        if upper + 2 * age < self._lower or lower - 2 * age > self._upper:
+            self._forget()
             self.restarts += 1
-        new = _Probe((highest - lowest) * _MILLION - 2 * self._skew_ppm * t0_ns, t0_ns, (highest + lowest) // 2)
-        while probes and probes[-1].rank >= new.rank:
-            probes.pop()
-        probes.append(new)
-        while probes[0].t0_ns < t3_ns - self._window_ns and len(probes) > 1:
-            probes.popleft()
-        self.offset_ns = probes[0].offset_ns
-        self.bound_ns = self._bound_ns(t3_ns)
+        if t3_ns >= self._turn_ns:
+            self._turn(t3_ns)
+        if upper < self._span_upper:
+            self._span_upper = upper
+            self._upper = min(self._upper, upper)
+        if lower > self._span_lower:
+            self._span_lower = lower
+            self._lower = max(self._lower, lower)
+        if highest - lowest < self._span_round_trip_ns:
+            self._span_round_trip_ns = highest - lowest
+            self.round_trip_ns = min(self.round_trip_ns, highest - lowest)
+        self.offset_ns = (self._upper + self._lower) // 2
+        self.bound_ns = (self._upper - self._lower) // 2 + age + 1  # 1 for the rounding of both halves
+        if t3_ns >= self._point_ns:
+            self._measure_drift(t3_ns)
         return True
 
     def to_server(self, peer_ns: int) -> int:
@@ -224,11 +266,41 @@ class ClockEstimator:
         """
         return peer_ns - self.offset_ns
 
-    def _bound_ns(self, now_ns: int) -> int:
-        """Bound of the best probe, rounded up, with 1 ns for the offset's own rounding."""
-        return -(-(self._probes[0].rank + 2 * self._skew_ppm * now_ns) // (2 * _MILLION)) + 1
+    def _forget(self) -> None:
+        """Begin without a past."""
+        self._spans.clear()
+        self._points.clear()
+        self._turn_ns = self._point_ns = -NEVER_NS
+        self._begin(_NOTHING)
+        self.drift_ppm, self.drift_bound_ppm = math.nan, math.inf
 
-    def _meets(self, lowest: int, highest: int, now_ns: int) -> bool:
-        """Whether an offset in a new probe's interval is also within the present bound."""
-        bound = self._bound_ns(now_ns)
-        return highest >= self.offset_ns - bound and lowest <= self.offset_ns + bound
+    def _begin(self, best: _Span) -> None:
+        """Begin an empty span, after others of which this is the best."""
+        _, self._upper, self._lower, self.round_trip_ns = best
+        _, self._span_upper, self._span_lower, self._span_round_trip_ns = _NOTHING
+
+    def _turn(self, now_ns: int) -> None:
+        """Put the present span to the others, drop the old ones, and begin a new one."""
+        length = self._window_ns // _SPANS
+        self._spans.append(_Span(self._turn_ns, self._span_upper, self._span_lower, self._span_round_trip_ns))
+        while self._spans and self._spans[0].until_ns < now_ns - (_SPANS - 2) * length:
+            self._spans.popleft()
+        _, uppers, lowers, round_trips = zip(_NOTHING, *self._spans, strict=True)
+        self._begin(_Span(0, min(uppers), max(lowers), min(round_trips)))
+        self._turn_ns = now_ns + length
+
+    def _measure_drift(self, now_ns: int) -> None:
+        """Take the slope from the one of the earlier estimates that leaves the least doubt."""
+        self._point_ns = now_ns + _POINT_NS
+        new = _Point(now_ns, self.offset_ns, self.bound_ns)
+        if self._points:
+            doubt, slope = min(_slope(old, new) for old in self._points)
+            self.drift_bound_ppm = doubt
+            self.drift_ppm = slope if doubt <= _DRIFT_KNOWN_PPM else math.nan
+        self._points.append(new)
+
+
+def _slope(old: _Point, new: _Point) -> tuple[float, float]:
+    """Bound of the mean rate between two estimates, and the rate itself [1e-6]."""
+    per_million = _MILLION / (new.at_ns - old.at_ns)
+    return (new.bound_ns + old.bound_ns) * per_million, (new.offset_ns - old.offset_ns) * per_million

@@ -1,0 +1,55 @@
+"""Is this machine fit for a session? Looks at everything, says what to do, and leaves a report for the recordings."""
+
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from netboard.config import Config
+from netboard.doctor.report import QUICK, THOROUGH, Report, examine
+from netboard.recording.provenance import doctor_report_path
+
+console = Console(highlight=False)
+
+
+def main(config: Config, *, quick: bool = False, json: Path | None = None) -> int:
+    """Examine this machine.
+
+    Parameters
+    ----------
+    config : Config
+        Rig and experiment.
+    quick : bool
+        Take seconds instead of half a minute.
+    json : Path or None
+        Where else the report goes.
+
+    Returns
+    -------
+    int
+        Exit code: 1 if anything is red.
+    """
+    columns = (TextColumn("{task.description:20}"), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=console, transient=True) as progress:
+        task = progress.add_task("", total=1.0)
+        report = examine(
+            config,
+            QUICK if quick else THOROUGH,
+            lambda what, done: progress.update(task, description=what, completed=done),
+        )
+    console.print(report_table(report))
+    console.print(report.summary)
+    for path in filter(None, (doctor_report_path(), json)):
+        report.save(path)
+        console.print(f"report  {path}")
+    return 0 if report.fit else 1
+
+
+def report_table(report: Report) -> Table:
+    """Lay the findings out, with what to do below each that is not green."""
+    table = Table(title="This machine", title_justify="left", show_header=False)
+    for finding in report.findings:
+        advice = f"\n[bold]{finding.advice}[/bold]" if finding.advice else ""
+        table.add_row(f"[{finding.colour}]{finding.colour}[/{finding.colour}]", finding.name, finding.found + advice)
+    return table

@@ -1,0 +1,91 @@
+"""Keys of a rig: ``netboard keys``.
+
+Keys are made, listed and revoked at the server; a station is brought its own. Secrets are never shown.
+"""
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from netboard.config import Side
+from netboard.services import configuration
+from netboard.services.configuration import ConfigFile, Overrides
+
+app = typer.Typer(
+    help="Make, list and revoke the keys by which the server knows its peers.",
+    no_args_is_help=True,
+)
+
+
+def folder_of(config: Path | None, overrides: list[str] | None) -> Path:
+    """Where the keys are."""
+    return Path(configuration.load(config, overrides or ()).network.keys)
+
+
+@app.command(epilog="Examples:\n\n  netboard keys init\n\n  netboard keys init -c rig.toml")
+def init(config: ConfigFile = None, overrides: Overrides = None) -> None:
+    """Make the server's key, and a list of those who may connect, which is empty."""
+    from netboard import keys
+
+    path = keys.init(folder_of(config, overrides))
+    typer.echo(f"{path}: written; it stays here. Now make a key for each process, such as: netboard keys add agent left")
+
+
+@app.command(
+    epilog="Examples:\n\n  netboard keys add agent left\n\n  netboard keys add display right --to carry\n\n"
+    "  netboard keys add logger"
+)
+def add(
+    role: Annotated[
+        Literal["agent", "display", "logger", "console"],
+        typer.Argument(help="What the key is for; console: netboard status, and whatever else gives commands."),
+    ],
+    side: Annotated[Side | None, typer.Argument(help="Of an agent or display: whose.")] = None,
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    to: Annotated[
+        Path | None, typer.Option(metavar="FOLDER", help="Where the file goes; else into the folder of the keys.")
+    ] = None,
+) -> None:
+    """Make the key of one process and let it in; the one file is all that the process needs."""
+    from netboard import keys
+
+    folder = folder_of(config, overrides)
+    peer, path = keys.add(folder, role, side or "", to or folder)
+    typer.echo(f"{path}: written, {keys.fingerprint(peer.public)}; move it to the folder of keys where {peer.what} runs")
+
+
+@app.command("list", epilog="Examples:\n\n  netboard keys list")
+def list_(config: ConfigFile = None, overrides: Overrides = None) -> None:
+    """Tell who may connect, and which secret keys are here, by their fingerprints."""
+    from rich.console import Console
+    from rich.table import Table
+
+    from netboard import keys
+
+    folder = folder_of(config, overrides)
+    console = Console(highlight=False)
+    if (folder / keys.LIST).exists():
+        table = Table("name", "fingerprint", "created", "revoked", title="Who may connect", title_justify="left")
+        for peer in keys.read_list(folder):
+            revoked = f"{peer.revoked:%Y-%m-%dT%H:%MZ}" if peer.revoked else ""
+            table.add_row(peer.name, keys.fingerprint(peer.public), f"{peer.created:%Y-%m-%dT%H:%MZ}", revoked)
+        console.print(table)
+    table = Table("file", "fingerprint", "of the server", title=f"Secret keys in {folder}", title_justify="left")
+    for row in keys.key_files(folder):
+        table.add_row(*row)
+    console.print(table)
+
+
+@app.command(epilog="Examples:\n\n  netboard keys revoke agent.left\n\n  netboard keys revoke display.right-2")
+def revoke(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Which one, as netboard keys list names it.")],
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+) -> None:
+    """Let a key in no more, from its next connection on; the server need not be started anew."""
+    from netboard import keys
+
+    peer = keys.revoke(folder_of(config, overrides), name)
+    typer.echo(f"{peer.name}, {keys.fingerprint(peer.public)}: revoked; who is connected with it stays until cut off")

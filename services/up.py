@@ -1,0 +1,101 @@
+"""What belongs on one machine, started together and stopped in order.
+
+Nothing is started again by itself: a process that ends takes the others with it, and this one says which it was. Who
+wants more lets systemd run the services, each for itself (docs/how-to/two-stations.md).
+"""
+
+import logging
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Literal
+
+from netboard.config import SIDES, Side
+from netboard.errors import ConfigError
+from netboard.nodes.launcher import Ended, Launcher
+from netboard.process import Stopping, speak
+
+STOP_ORDER = ("display", "agent", "server", "logger")
+"""Nobody sees or feels a server that is gone, and what the server says last is still recorded."""
+
+ROUND_SECONDS = 0.1
+
+log = logging.getLogger(__name__)
+
+
+def processes(
+    config: Path | None,
+    overrides: Sequence[str],
+    *,
+    server: bool,
+    station: Side | Literal["both"] | None,
+    autostart: bool = True,
+    insecure: bool = False,
+) -> dict[str, list[str]]:
+    """What is to be run: commands by the names of their processes, in the order of their start.
+
+    Parameters
+    ----------
+    config : Path or None
+        The configuration file.
+    overrides : sequence of str
+        Settings as ``table.key=value``, for all of them.
+    server : bool
+        Whether server and logger belong here.
+    station : str or None
+        Which station is here: ``left``, ``right``, ``both``; None for none.
+    autostart, insecure : bool
+        Options of the server.
+
+    Raises
+    ------
+    ConfigError
+        If nothing belongs here.
+    """
+    if not server and station is None:
+        raise ConfigError("say what belongs on this machine: --server, --station left|right|both, or both of these")
+    sides = [side for side in SIDES if station in (side, "both")]
+    common = ["-c", str(config)] if config else []
+    common += [word for setting in overrides for word in ("--set", setting)]
+    wanted: dict[str, list[str]] = {}
+    if server:
+        options = ["--autostart" if autostart else "--no-autostart", *(["--insecure"] if insecure else [])]
+        wanted["logger"] = ["logger", *common]
+        wanted["server"] = ["server", *options, *common]
+    for side in sides:
+        wanted[f"{side} agent"] = ["agent", "--side", side, *common]
+    for side in sides:
+        wanted[f"{side} display"] = ["display", "--station", side, *common]
+    return wanted
+
+
+def main(wanted: dict[str, list[str]]) -> int:
+    """Run processes until told to stop or one of them ends; then stop the others.
+
+    Parameters
+    ----------
+    wanted : dict of str to list of str
+        Commands by name, as from `processes`.
+
+    Returns
+    -------
+    int
+        Exit code: 1 if one of them failed.
+    """
+    speak("up")
+    with Stopping() as stopping, Launcher(None, {}) as launcher:
+        for name, command in wanted.items():
+            launcher.start(name, *command)
+        log.info("started: %s", ", ".join(wanted))
+        ended: Ended | None = None
+        while not stopping() and ended is None:
+            time.sleep(ROUND_SECONDS)
+            ended = launcher.ended()
+        if ended is not None:
+            log.info("%s; stopping the others", ended)
+        failed: list[Ended] = []
+        for kind in STOP_ORDER:
+            failed += launcher.stop(*(name for name in launcher.running() if name.endswith(kind)))
+    for one in failed:
+        log.error("%s", one)
+    return 1 if failed else 0

@@ -1,0 +1,112 @@
+"""What the network's side of a machine is like: how well clocks can be compared here, and whether the ports are free.
+
+Two sockets of this process exchange stamps over loopback, through ZeroMQ, as server and agents do over the network.
+Both ends have one clock, so the offset found must be 0 within the bound; between machines a bound cannot be smaller.
+"""
+
+import errno
+import socket as net
+import time
+from collections.abc import Callable
+from typing import TypeVar
+
+from netboard import sockets
+from netboard.clock import now_ns
+from netboard.config import Network
+from netboard.doctor.finding import Finding
+from netboard.errors import NetboardError
+from netboard.wire.session import ClockEstimator
+
+LOOPBACK = "127.0.0.1"
+PATIENCE_NS = 5_000_000_000
+"""Loopback that takes longer for one frame is out of order [ns]."""
+
+T = TypeVar("T")
+
+
+def clock_bound(network: Network, exchanges: int, progress: Callable[[float], None]) -> Finding:
+    """Compare the clock of this machine with itself, over loopback."""
+    name = "clock bound"
+    estimator = compare(exchanges, progress)
+    offset_us, bound_us = estimator.offset_ns / 1000, estimator.bound_ns / 1000
+    found = f"{offset_us:+.1f} us, known to {bound_us:.1f} us"
+    figures = {"offset_us": offset_us, "bound_us": bound_us}
+    if abs(offset_us) > bound_us:
+        return Finding(
+            name, "red", found, "the clock jumps: look for a faulty virtual machine or clock source", figures
+        )
+    if bound_us > network.clock_bound_ms * 1000:
+        return Finding(name, "red", found, f"devices are armed below {network.clock_bound_ms:g} ms only", figures)
+    return Finding(name, "green", found, figures=figures)
+
+
+def compare(exchanges: int, progress: Callable[[float], None]) -> ClockEstimator:
+    """Exchange stamps between two sockets of this process.
+
+    Raises
+    ------
+    NetboardError
+        If nothing comes through.
+    """
+    where = sockets.addresses(Network(host=LOOPBACK, bind=LOOPBACK, port=free_port()))
+    estimator = ClockEstimator()
+    with sockets.open_context() as context:
+        server = sockets.control_server(context, where.listen(sockets.CONTROL))
+        peer = sockets.control_client(context, where.reach(sockets.CONTROL), "doctor")
+        server_hears, peer_hears = sockets.Waiter((server.socket,)), sockets.Waiter((peer,))
+        for number in range(exchanges):
+            _send_when_connected(peer, b"hello")
+            name = _heard(server_hears, server.receive)[0]
+            t0 = now_ns()
+            server.send(name, b"ping")
+            _heard(peer_hears, lambda: sockets.receive(peer))
+            t1 = now_ns()
+            sockets.send(peer, b"pong")
+            _heard(server_hears, server.receive)
+            estimator.add(t0, t1, t1, now_ns())
+            progress((number + 1) / exchanges)
+    return estimator
+
+
+def _send_when_connected(peer: sockets.Socket, frame: bytes) -> None:
+    """Send as soon as somebody listens."""
+    until = now_ns() + PATIENCE_NS
+    while not sockets.send(peer, frame):
+        if now_ns() > until:
+            raise NetboardError(f"no connection over loopback within {PATIENCE_NS * 1e-9:g} s")
+        time.sleep(0.001)
+
+
+def _heard(waiter: sockets.Waiter, receive: Callable[[], T | None]) -> T:
+    """What has come, when it has."""
+    heard = receive() if waiter.wait(PATIENCE_NS * 1e-9) else None
+    if heard is None:
+        raise NetboardError(f"a frame did not come through loopback within {PATIENCE_NS * 1e-9:g} s")
+    return heard
+
+
+def free_port() -> int:
+    """First port of which the one of the control channel is free now."""
+    with net.socket() as probe:
+        probe.bind((LOOPBACK, 0))
+        return int(probe.getsockname()[1]) - sockets.CONTROL
+
+
+def ports(network: Network) -> Finding:
+    """Whether a server could listen here."""
+    name = "ports"
+    if network.transport != "tcp":
+        return Finding(name, "green", f"none needed: transport is {network.transport}")
+    numbers = range(network.port, network.port + len(sockets.CHANNELS))
+    found = f"{network.bind}:{numbers[0]}-{numbers[-1]}"
+    for number in numbers:
+        try:
+            with net.socket() as probe:
+                probe.setsockopt(net.SOL_SOCKET, net.SO_REUSEADDR, 1)
+                probe.bind((network.bind, number))
+        except OSError as error:
+            if error.errno == errno.EADDRNOTAVAIL:
+                return Finding(name, "green", f"{network.bind} is another machine's address: no server listens here")
+            advice = "is a server running? else choose another [network] port"
+            return Finding(name, "yellow", f"{network.bind}:{number}: {error.strerror}", advice)
+    return Finding(name, "green", f"{found} are free")

@@ -1,0 +1,192 @@
+"""Backend ``tampered``: the virtual device, which writes down what it is handed and can be made to fail while it runs.
+
+It is no backend of netboard: the harness puts it in the way of its own processes as a plug-in (`install`), as a lab
+would. Every force handed to it goes to a file of its process at once, with the time, so that the file tells what was at
+the motors even if the process is killed. What it does wrong is one byte in another file, read at every reading.
+
+Options (``agents.<side>.options``): ``folder``, where both files are.
+"""
+
+import os
+from collections.abc import Iterable
+from dataclasses import replace
+from math import nan
+from pathlib import Path
+from typing import Any, Literal, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.clock import now_ns
+from netboard.config import Agent, Config, Side
+from netboard.devices.base import Device, DeviceInfo, Reading
+from netboard.devices.registry import GROUP
+from netboard.devices.velocity import Velocimeter
+from netboard.devices.virtual import VirtualTouch
+from netboard.errors import ConfigError, DeviceLost
+from netboard.participants.submovement import Submovement
+
+NAME = "tampered"
+
+TRACE = np.dtype([("time_ns", "<i8"), ("fx", "<f8"), ("fy", "<f8"), ("fz", "<f8"), ("z", "<f8")])
+"""One row for each force handed to the device: when, the force, and the height read last [ns, N, N, N, m]."""
+
+Trick = Literal["none", "nan", "frozen", "jump", "gone"]
+
+_TRICKS: dict[bytes, Trick] = {b"-": "none", b"n": "nan", b"f": "frozen", b"j": "jump", b"g": "gone"}
+
+JUMP = 0.1
+"""How far the stylus seems to jump [m]."""
+
+
+@final
+class TamperedTouch(Device):
+    """A virtual device that can be tampered with.
+
+    Parameters
+    ----------
+    side : {"left", "right"}
+        Whose device it is.
+    config : Config
+        The whole configuration.
+
+    Raises
+    ------
+    ConfigError
+        If it is not told its folder.
+    """
+
+    def __init__(self, side: Side, config: Config) -> None:
+        super().__init__(side, config)
+        folder = self.agent.options.get("folder")
+        if not isinstance(folder, str) or set(self.agent.options) != {"folder"}:
+            raise ConfigError(f"[agents.{side}.options] the tampered device has one option, its folder")
+        self._folder = Path(folder)
+        self._touch = VirtualTouch(side, _plain(config, side))
+        self._velocimeter = Velocimeter(config.virtual.resolution)
+        self._reading: Reading | None = None
+        self._trace = self._trick = -1
+
+    @property
+    def felt(self) -> float:
+        """Vertical force the motors exert on the hand now [N]."""
+        return self._touch.felt
+
+    def command(self, moves: Iterable[Submovement]) -> None:
+        """Let the hand do something.
+
+        Parameters
+        ----------
+        moves : iterable of Submovement
+            Movements of this side's hand.
+        """
+        self._touch.command(moves)
+
+    def _open(self) -> DeviceInfo:
+        flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND
+        self._trace = os.open(self._folder / f"{self.side}-{os.getpid()}.trace", flags, 0o600)
+        self._trick = os.open(_trick_file(self._folder, self.side), os.O_RDONLY | os.O_CREAT, 0o600)
+        return self._touch.open()
+
+    def _read(self, now_ns: int) -> Reading:
+        trick = self._tricked()
+        if trick == "gone":
+            raise DeviceLost("the device is gone")
+        if trick == "frozen" and self._reading is not None:
+            return self._reading
+        there = self._touch.read(now_ns)
+        x, y, z = (nan, nan, nan) if trick == "nan" else (there.x, there.y, there.z)
+        if trick == "jump":
+            z += JUMP
+        vx, vy, vz = self._velocimeter.update(now_ns, x, y, z)
+        self._reading = replace(there, x=x, y=y, z=z, vx=vx, vy=vy, vz=vz)
+        return self._reading
+
+    def _write(self, fx: float, fy: float, fz: float) -> None:
+        z = self._reading.z if self._reading is not None else nan
+        os.write(self._trace, np.array((now_ns(), fx, fy, fz, z), TRACE).tobytes())
+        if self._tricked() == "gone":
+            raise DeviceLost("the device is gone")
+        self._touch.write(fx, fy, fz)
+
+    def _close(self) -> None:
+        os.close(self._trace)
+        os.close(self._trick)
+        self._reading = None
+        self._touch.close()
+
+    def _tricked(self) -> Trick:
+        return _TRICKS.get(os.pread(self._trick, 1, 0), "none")
+
+
+def _plain(config: Config, side: Side) -> Config:
+    """Return the configuration as the virtual device within is to see it."""
+    return replace(config, agents=replace(config.agents, **{side: Agent()}))
+
+
+def _trick_file(folder: Path, side: Side) -> Path:
+    return folder / f"{side}.trick"
+
+
+def play_trick(folder: Path, side: Side, trick: Trick) -> None:
+    """Make the device of a side fail, or work again.
+
+    Parameters
+    ----------
+    folder : Path
+        Its folder.
+    side : {"left", "right"}
+        Whose device.
+    trick : str
+        What it does wrong; ``none`` for nothing.
+    """
+    letter = next(letter for letter, name in _TRICKS.items() if name == trick)
+    _trick_file(folder, side).write_bytes(letter)
+
+
+def read_traces(folder: Path, side: Side, newest: int | None = None) -> list[NDArray[Any]]:
+    """Read what was handed to the devices of a side.
+
+    Parameters
+    ----------
+    folder : Path
+        Their folder.
+    side : {"left", "right"}
+        Whose devices.
+    newest : int or None
+        Only so many of the last forces of each; None for all [1].
+
+    Returns
+    -------
+    list of ndarray of TRACE
+        One for each agent that was started, the first one first; an agent that is running may be among them.
+    """
+    rows = [_rows(path, newest) for path in folder.glob(f"{side}-*.trace")]
+    return sorted((trace for trace in rows if trace.size), key=lambda trace: int(trace["time_ns"][0]))
+
+
+def _rows(path: Path, newest: int | None) -> NDArray[Any]:
+    there = path.stat().st_size // TRACE.itemsize
+    count = there if newest is None else min(there, newest)
+    return np.fromfile(path, TRACE, count, offset=(there - count) * TRACE.itemsize)
+
+
+def install(folder: Path) -> dict[str, str]:
+    """Make a folder that, put in a process' way, gives it this backend.
+
+    Parameters
+    ----------
+    folder : Path
+        Where; it is made.
+
+    Returns
+    -------
+    dict of str
+        Environment of such a process.
+    """
+    info = folder / "netboard_faults-0.dist-info"
+    info.mkdir(parents=True, exist_ok=True)
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: netboard-faults\nVersion: 0\n", encoding="utf-8")
+    (info / "entry_points.txt").write_text(f"[{GROUP}]\n{NAME} = {__name__}:TamperedTouch\n", encoding="utf-8")
+    before = os.environ.get("PYTHONPATH")
+    return {"PYTHONPATH": os.pathsep.join(filter(None, (str(folder), before)))}

@@ -1,0 +1,281 @@
+"""A dyad on this machine, every process for real, that can be harmed: killed, stopped, reached by another way.
+
+A rig belongs to whoever entered it: on leaving, all its processes are ended, the stopped ones too. What a process says
+goes to a file of its name in the rig's folder. Two rigs may share a server, which then is the first one's.
+"""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from netboard import sockets
+from netboard.config import SIDES, Config, Side, parse, resolve
+from netboard.errors import NetboardError
+from netboard.faults.devices import NAME, install, read_traces
+from netboard.nodes.launcher import free_port
+from netboard.nodes.operator import Operator
+from netboard.process import WITH_PARENT
+from netboard.wire.messages import Status
+
+PATIENCE = 60.0
+"""Nothing here takes this long unless it is broken [s]."""
+
+ANSWER_SECONDS = 0.2
+LOOK_SECONDS = 0.02
+
+ACTIVE = ("levelling", "running", "holding")
+"""Phases in which there are forces, and that last."""
+
+FELT_ROWS = 50
+"""Both devices have been handed so many different forces in a row when a trial counts as felt [1]."""
+
+
+@dataclass(frozen=True)
+class Way:
+    """How a process gets to the server.
+
+    Attributes
+    ----------
+    host : str
+        Address, in place of the rig's.
+    port : int
+        First port, in place of the rig's.
+    before : tuple of str
+        Command that runs it.
+    """
+
+    host: str
+    port: int
+    before: tuple[str, ...] = ()
+
+
+class Rig:
+    """The processes of one dyad.
+
+    Parameters
+    ----------
+    folder : Path
+        For everything they write and say.
+    settings : tuple of str
+        Settings as ``table.key=value``.
+    environment : dict of str
+        Environment of its processes on top of this one's.
+    ways : dict of str to Way
+        Who does not get to the server as the configuration has it, by name of the process.
+
+    Attributes
+    ----------
+    config : Config
+        Rig and experiment.
+    file : Path
+        The same as a file.
+    running : dict of str to Popen
+        The processes that have been started and not ended, by name.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        settings: tuple[str, ...] = (),
+        environment: Mapping[str, str] | None = None,
+        ways: Mapping[str, Way] | None = None,
+    ) -> None:
+        own = (f"network.port={free_port()}", f"recording.directory={folder / 'recordings'}")
+        self.folder = folder
+        self.config: Config = parse("", "rig", (*own, *settings))
+        self.file = self._write("rig", self.config)
+        self.running: dict[str, subprocess.Popen[bytes]] = {}
+        self._environment = os.environ | {"QT_QPA_PLATFORM": "offscreen", WITH_PARENT: "1"} | dict(environment or {})
+        self._ways = dict(ways or {})
+        self._stack = ExitStack()
+        self.context = self._stack.enter_context(sockets.open_context())
+        self._line = ExitStack()
+        self._operator: Operator | None = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        for process in self.running.values():
+            process.kill()
+            process.wait()
+        self._line.close()
+        self._stack.close()
+
+    @property
+    def operator(self) -> Operator:
+        """Whoever talks to the server for this rig; a new one after the server has ended."""
+        if self._operator is None:
+            self._operator = Operator(self.config.network, self._line.enter_context(sockets.open_context()))
+        return self._operator
+
+    def start(self, name: str, *arguments: str) -> subprocess.Popen[bytes]:
+        """Start ``netboard ARGUMENTS -c FILE`` under a name."""
+        way = self._ways.get(name)
+        file = self.file if way is None else self._write(name, _by_way(self.config, way))
+        before = () if way is None else way.before
+        command = [*before, sys.executable, "-m", "netboard.services.cli", *arguments, "-c", str(file)]
+        with self._words(name).open("ab") as said:
+            process = subprocess.Popen(
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=said,
+                stderr=said,
+                env=self._environment,
+                start_new_session=True,
+            )
+        self.running[name] = process
+        return process
+
+    def start_all(self, displays: bool = False) -> None:
+        """Start the processes of a session."""
+        self.start("logger", "logger", "--once")
+        self.start("server", "server")
+        self.start_stations(displays)
+
+    def start_stations(self, displays: bool = False) -> None:
+        """Start what belongs to the two stations."""
+        for side in SIDES:
+            self.start_agent(side)
+            if displays:
+                self.start(f"{side} display", "display", "--station", side)
+
+    def start_agent(self, side: Side) -> subprocess.Popen[bytes]:
+        """Start an agent."""
+        return self.start(f"{side} agent", "agent", "--side", side)
+
+    def until(self, what: Callable[[Status], bool], seconds: float = PATIENCE) -> Status:
+        """Wait for a status that answers a description.
+
+        Raises
+        ------
+        NetboardError
+            If there is none within so long [s].
+        """
+        end = time.monotonic() + seconds
+        while time.monotonic() < end and not self._lost_server():
+            status = self.operator.ask(ANSWER_SECONDS)
+            if status is not None and what(status):
+                return status
+            time.sleep(LOOK_SECONDS)
+        words = self.said("server")[-2000:]
+        raise NetboardError(f"waited {seconds:g} s, or for a server that ended: {self.operator.status}\n{words}")
+
+    def _lost_server(self) -> bool:
+        """Whether this rig's server has ended, though nobody asked it to."""
+        return "server" in self.running and self.running["server"].poll() is not None
+
+    def until_felt(self, seconds: float = PATIENCE) -> Status:
+        """Wait until a trial is on and both hands feel it; for a rig with tampered devices."""
+        return self.until(lambda status: status.phase in ACTIVE and all(map(self._feels, SIDES)), seconds)
+
+    def _feels(self, side: Side) -> bool:
+        """Whether the newest device of a side is handed forces that change."""
+        traces = read_traces(self.folder, side, newest=FELT_ROWS)
+        if not traces or traces[-1].size < FELT_ROWS:
+            return False
+        forces = traces[-1]["fz"].tolist()
+        return 0.0 not in forces and len(set(forces)) > FELT_ROWS // 4
+
+    def said(self, name: str) -> str:
+        """What a process has said so far."""
+        return self._words(name).read_text(errors="replace") if self._words(name).exists() else ""
+
+    def send_signal(self, name: str, number: signal.Signals) -> None:
+        """Send a process a signal."""
+        self.running[name].send_signal(number)
+
+    def kill(self, name: str) -> None:
+        """Kill a process the hard way."""
+        process = self.running.pop(name)
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+        self._forget(name)
+
+    def stop(self, name: str, number: signal.Signals = signal.SIGTERM) -> int:
+        """Ask a process to stop; its exit code."""
+        self.running[name].send_signal(number)
+        return self.wait(name)
+
+    def wait(self, name: str) -> int:
+        """Wait until a process has ended by itself; its exit code.
+
+        Raises
+        ------
+        NetboardError
+            If it does not.
+        """
+        try:
+            code = self.running[name].wait(PATIENCE)
+        except subprocess.TimeoutExpired as error:
+            raise NetboardError(f"the {name} did not end within {PATIENCE:g} s:\n{self.said(name)[-2000:]}") from error
+        del self.running[name]
+        self._forget(name)
+        return code
+
+    def _forget(self, name: str) -> None:
+        """Nobody answers any more whom the operator has greeted."""
+        if name == "server":
+            self._line.close()
+            self._operator = None
+
+    def finish(self) -> list[Path]:
+        """Shut the session down in order; the recordings.
+
+        Raises
+        ------
+        NetboardError
+            If the server or the logger does not end cleanly.
+        """
+        self.operator.command("shutdown")
+        for name in ("server", "logger"):
+            if self.wait(name) != 0:
+                raise NetboardError(f"the {name} did not end cleanly:\n{self.said(name)[-2000:]}")
+        return self.recordings()
+
+    def recordings(self) -> list[Path]:
+        """The finished recordings, oldest first."""
+        return sorted(Path(self.config.recording.directory).glob("*.mcap"))
+
+    def _words(self, name: str) -> Path:
+        return self.folder / f"{name}.log"
+
+    def _write(self, name: str, config: Config) -> Path:
+        file = self.folder / f"{name}.toml"
+        file.write_text(resolve(config), encoding="utf-8")
+        return file
+
+
+def _by_way(config: Config, way: Way) -> Config:
+    return replace(config, network=replace(config.network, host=way.host, port=way.port))
+
+
+def tampered(folder: Path) -> tuple[tuple[str, ...], dict[str, str]]:
+    """Settings and environment that give a rig in this folder devices that can be tampered with.
+
+    Parameters
+    ----------
+    folder : Path
+        The rig's.
+
+    Returns
+    -------
+    tuple of str
+        Settings.
+    dict of str
+        Environment.
+    """
+    settings = [
+        setting
+        for side in SIDES
+        for setting in (f"agents.{side}.device={NAME}", f"agents.{side}.options.folder={folder}")
+    ]
+    return tuple(settings), install(folder / "plug-in")

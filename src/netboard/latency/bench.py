@@ -1,0 +1,187 @@
+"""``netboard bench loop`` and ``netboard bench soak``: how quick and how steady the real thing is, on this machine.
+
+Nothing is simulated but the people: server, agents, loggers and displays are the processes that a lab runs, at their
+true cadence. What else the machine was doing shows in the figures; its load is noted.
+"""
+
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, replace
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, Literal
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+from netboard.config import Config
+from netboard.latency.loop import measure_loop
+from netboard.latency.loop_tables import costs_part, latency_part, lateness_part, loop_series
+from netboard.latency.rig import Tell
+from netboard.latency.spreads import draw_histogram, histogram_part
+from netboard.stage import make_stage
+from netboard.studies.machine import describe
+from netboard.studies.results import Folder, Part, new_folder, show
+
+SECONDS, QUICK_SECONDS = 60.0, 8.0
+"""Netboard, the echo and the timer are each measured for so long, unless told otherwise [s]."""
+
+TURN_SECONDS, QUICK_TURN_SECONDS = 10.0, 4.0
+"""They take turns of about this length [s]."""
+
+WIDTH = 132
+"""Tables are this wide at the least [characters]."""
+
+Transport = Literal["tcp", "ipc"]
+
+
+@dataclass(frozen=True)
+class Setting:
+    """In what setting netboard is measured.
+
+    Attributes
+    ----------
+    transport : str
+        ``tcp`` or ``ipc``.
+    curve, real_time : bool
+        With keys and encryption; with real-time scheduling.
+    displays : int
+        Displays of a dyad [1].
+    quick : bool
+        A short form.
+    """
+
+    transport: Transport = "tcp"
+    curve: bool = False
+    real_time: bool = True
+    displays: int = 0
+    quick: bool = False
+
+    @property
+    def config(self) -> Config:
+        """What it makes of the configuration."""
+        plain = Config()
+        return replace(
+            plain,
+            network=replace(plain.network, transport=self.transport, curve="on" if self.curve else "off"),
+            realtime=replace(plain.realtime, scheduling=self.real_time, lock_memory=self.real_time),
+        )
+
+    def __str__(self) -> str:
+        keys, scheduling = "keys" if self.curve else "no keys", "real-time" if self.real_time else "usual"
+        return f"{self.transport}, {keys}, {scheduling} scheduling, displays: {self.displays}"
+
+
+def loop(setting: Setting, seconds: float | None, output: Path | None, json: Path | None, *, force: bool) -> int:
+    """Run ``netboard bench loop``.
+
+    Parameters
+    ----------
+    setting : Setting
+        In what setting.
+    seconds : float or None
+        For how long each thing is measured; None for the usual time [s].
+    output : Path or None
+        Folder of the results; None for a new one here.
+    json : Path or None
+        File that gets the results too.
+    force : bool
+        The folder may be there already.
+
+    Returns
+    -------
+    int
+        Exit code: 0, also if verdicts fail, for that is a result.
+    """
+    seconds = seconds or (QUICK_SECONDS if setting.quick else SECONDS)
+    rounds = max(1, round(seconds / (QUICK_TURN_SECONDS if setting.quick else TURN_SECONDS)))
+    with _study("loop", setting, output, force=force) as study:
+        found = measure_loop(setting.config, study.scratch, setting.displays, seconds, rounds, study.tell)
+        series = loop_series(found)
+        study.add(latency_part(found, real_time=setting.real_time))
+        study.add(lateness_part(found.played.ticks, found.timer, real_time=setting.real_time))
+        study.add(costs_part(found.costs, found.echo_costs, setting.displays))
+        study.add(histogram_part(series))
+        if find_spec("matplotlib") is not None:
+            study.folder.save(draw_histogram(series, f"Stylus to force: {setting}"), "loop")
+        study.write({"seconds": seconds, "rounds": rounds}, json)
+    return 0
+
+
+class Study:
+    """A study under way: its results, and where they go.
+
+    Parameters
+    ----------
+    name : str
+        What it is called.
+    setting : Setting
+        In what setting.
+    folder : Folder
+        Where the results go.
+    console : Console
+        Where they are shown.
+    tell : callable
+        Hears how far it is.
+
+    Attributes
+    ----------
+    scratch : Path
+        For what the processes record and say; it is removed when all has gone well.
+    """
+
+    def __init__(self, name: str, setting: Setting, folder: Folder, console: Console, tell: Tell) -> None:
+        self.folder = folder
+        self.tell = tell
+        self.scratch = folder.path / "processes"
+        shutil.rmtree(self.scratch, ignore_errors=True)
+        self.scratch.mkdir()
+        self._about = {"study": name, **asdict(setting)}
+        self._console = console
+        self._parts: list[Part] = []
+
+    def add(self, part: Part) -> None:
+        """Add one part of the results, and show it.
+
+        Parameters
+        ----------
+        part : Part
+            The part.
+        """
+        self._parts.append(part)
+        if part.on_screen:
+            show(self._console, part)
+
+    def write(self, about: dict[str, Any], json: Path | None) -> None:
+        """Write all results.
+
+        Parameters
+        ----------
+        about : dict
+            What was asked for.
+        json : Path or None
+            File that gets the results too.
+        """
+        self.folder.write(self._parts, self._about | about)
+        if json is not None:
+            shutil.copyfile(self.folder.path / "results.json", json)
+        shutil.rmtree(self.scratch)
+        self._console.print(f"written to {self.folder.path}")
+
+
+@contextmanager
+def _study(name: str, setting: Setting, output: Path | None, *, force: bool) -> Iterator[Study]:
+    """Begin a study: say where it runs, and show how far it is."""
+    folder = Folder(output or new_folder(f"bench-{name}"), force=force)
+    console = Console(highlight=False, markup=False)
+    console.width = max(console.width, WIDTH)
+    for line in (*describe().lines(), str(setting)):
+        console.print(line)
+    bar = Progress(TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), console=Console(stderr=True))
+    with bar:
+        task = bar.add_task("getting the kernels ready", total=1.0)
+        make_stage(setting.config).warm()
+        yield Study(
+            name, setting, folder, console, lambda text, share: bar.update(task, description=text, completed=share)
+        )

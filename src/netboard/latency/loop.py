@@ -1,0 +1,227 @@
+"""The loop from stylus to force as it is in use, and beside it, in turns, what the transport and a timer alone take.
+
+In each round netboard plays for a while and is then stopped where it is; an echo over the same sockets, with as many
+peers, in step as the agents are, and with frames of the same size, runs for as long; then a timer. So all of them see
+the same machine. What netboard took is read from its own recording.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from netboard.clock import now_ns
+from netboard.config import SIDES, Config
+from netboard.latency.played import Played, Punctuality, played, punctuality
+from netboard.latency.rig import Rig, Tell, own_configs, write_configs
+from netboard.latency.spreads import Times
+from netboard.latency.usage import Spent, Usage, read_usage
+from netboard.latency.workers import Worker, Workers
+from netboard.recording.reader import Recording
+from netboard.tick import TICK_NS
+
+BASELINES = "netboard.latency.baselines"
+
+LEAD_NS = 50_000_000
+"""Baselines begin together, so long after they were told [ns]."""
+
+GREETINGS = 100
+"""Frames that go to and fro before an echo is measured [1]."""
+
+
+@dataclass
+class Cost:
+    """What a process used while it was measured.
+
+    Attributes
+    ----------
+    spent : dict of str to Spent
+        By kind of thread.
+    seconds : float
+        For how long it was measured [s].
+    """
+
+    spent: dict[str, Spent] = field(default_factory=dict)
+    seconds: float = 0.0
+
+    def add(self, before: Usage, after: Usage) -> None:
+        """Add a measurement.
+
+        Parameters
+        ----------
+        before, after : Usage
+            The process at its beginning and its end.
+        """
+        for kind, spent in after.since(before).items():
+            self.spent[kind] = self.spent.get(kind, Spent()).plus(spent)
+        self.seconds += (after.at_ns - before.at_ns) * 1e-9
+
+
+Costs = dict[str, Cost]
+
+
+def add_costs(costs: Costs, before: Mapping[str, Usage], after: Mapping[str, Usage]) -> None:
+    """Add a measurement of some processes.
+
+    Parameters
+    ----------
+    costs : dict of str to Cost
+        What they used so far, by name; changed.
+    before, after : mapping of str to Usage
+        The processes at its beginning and its end.
+    """
+    for name, usage in after.items():
+        costs.setdefault(name, Cost()).add(before[name], usage)
+
+
+@dataclass
+class Measured:
+    """Everything that was found.
+
+    Attributes
+    ----------
+    played : Played
+        What netboard did.
+    echo_ns : dict of str to ndarray of int64
+        Of each peer of the echo: from waking to the answer [ns].
+    timer : Punctuality
+        Of a timer alone.
+    costs, echo_costs : dict of str to Cost
+        Of netboard's processes, and of those of the echo, by name.
+    recording : Path
+        Netboard's recording.
+    """
+
+    played: Played
+    echo_ns: dict[str, Times]
+    timer: Punctuality
+    costs: Costs
+    echo_costs: Costs
+    recording: Path
+
+
+def measure_loop(config: Config, folder: Path, displays: int, seconds: float, rounds: int, tell: Tell) -> Measured:
+    """Measure netboard and the baselines in turns.
+
+    Parameters
+    ----------
+    config : Config
+        Rig and experiment.
+    folder : Path
+        For what is recorded and said.
+    displays : int
+        How many displays there are [1].
+    seconds : float
+        For how long each is measured, in all [s].
+    rounds : int
+        In so many turns [1].
+    tell : callable
+        Hears how far it is.
+
+    Returns
+    -------
+    Measured
+        What was found.
+    """
+    own, spare = own_configs(config, folder, 2)
+    costs: Costs = {}
+    times = []
+    with Workers() as workers, Rig([own], folder, displays) as rig:
+        baselines = Baselines(spare, folder, workers, round(seconds / rounds * 1e9) // TICK_NS)
+        for number in range(rounds):
+            say = _progress(tell, number, rounds)
+            say("waiting for a trial", 0.0)
+            rig.play()
+            window = rig.measure(seconds / rounds, partial(say, "netboard"))
+            times.append((window.start_ns, window.end_ns))
+            add_costs(costs, window.before, window.after)
+            rig.halt()
+            say("echo", 1.0)
+            baselines.run_echo()
+            say("timer", 1.0)
+            baselines.run_timer()
+            rig.go_on()
+        tell("reading the recording", 1.0)
+        rig.play()
+        (path,) = rig.finish()
+    with Recording(path) as recording:
+        found = played(recording.ticks(), times)
+    return Measured(found, baselines.echo_ns, baselines.timer, costs, baselines.costs, path)
+
+
+def _progress(tell: Tell, number: int, rounds: int) -> Tell:
+    """Return what tells how far one of several rounds is."""
+    return lambda text, share: tell(f"round {number + 1} of {rounds}: {text}", (number + share) / rounds)
+
+
+class Baselines:
+    """An echo with a peer for each agent, and a timer; they sleep until it is their turn.
+
+    Parameters
+    ----------
+    config : Config
+        As netboard's, with a port of its own.
+    folder : Path
+        For what they say.
+    workers : Workers
+        Where they are started.
+    count : int
+        How many ticks a turn has [1].
+
+    Attributes
+    ----------
+    costs : dict of str to Cost
+        What the echo's processes used.
+    """
+
+    def __init__(self, config: Config, folder: Path, workers: Workers, count: int) -> None:
+        (file,) = write_configs([config], folder)
+
+        def start(role: str, name: str = "") -> Worker:
+            return workers.start(f"{role} {name}".strip(), BASELINES, role, name, str(file), folder=folder)
+
+        self.costs: Costs = {}
+        self._count = count
+        self._echo, self._timer = start("echo"), start("timer")
+        self._peers = {f"peer {side}": start("peer", f"agent.{side}") for side in SIDES}
+        self._took: dict[str, list[int]] = {name: [] for name in self._peers}
+        self._late: list[int] = []
+        self._moved_ns = 0
+        self._exchange(GREETINGS, greeting=True)
+
+    @property
+    def echo_ns(self) -> dict[str, Times]:
+        """Of each peer: from waking to the answer [ns]."""
+        return {name: np.array(took, np.int64) for name, took in self._took.items()}
+
+    @property
+    def timer(self) -> Punctuality:
+        """How the timer kept its time."""
+        return punctuality(np.array(self._late, np.int64), self._moved_ns // TICK_NS)
+
+    def run_echo(self) -> None:
+        """Have the echo's turn."""
+        processes = {"echo": self._echo, **self._peers}
+        before = {name: read_usage(worker.process_id) for name, worker in processes.items()}
+        found = self._exchange(self._count)
+        add_costs(self.costs, before, {name: read_usage(worker.process_id) for name, worker in processes.items()})
+        for name, took in found.items():
+            self._took[name] += took
+
+    def run_timer(self) -> None:
+        """Have the timer's turn."""
+        self._timer.order(count=self._count, start_ns=now_ns() + LEAD_NS)
+        found = self._timer.answer()
+        self._late += found["late_ns"]
+        self._moved_ns += found["moved_ns"]
+
+    def _exchange(self, count: int, *, greeting: bool = False) -> dict[str, list[int]]:
+        self._echo.order(count=count * len(self._peers), greeting=greeting)
+        start_ns = now_ns() + LEAD_NS
+        for worker in self._peers.values():
+            worker.order(count=count, start_ns=start_ns)
+        found = {name: worker.answer()["took_ns"] for name, worker in self._peers.items()}
+        self._echo.answer()
+        return found

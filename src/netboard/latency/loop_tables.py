@@ -1,0 +1,162 @@
+"""What was found about the loop, as tables with verdicts.
+
+Verdicts hold netboard's loop against the echo and its ticks against the timer, both measured in the same run; only the
+last ones are about the machine as well.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from netboard.latency.loop import Costs, Measured
+from netboard.latency.played import Punctuality
+from netboard.latency.spreads import HEADS, Times, ratio_row, spread_rows
+from netboard.latency.usage import KINDS, LOOP, TRANSPORT, total
+from netboard.recording.summary import spread
+from netboard.studies.results import Part, Value, Verdict
+from netboard.tick import TICK_NS, TICK_SECONDS
+
+MOST_MEDIAN, MOST_P99 = 1.5, 2.0
+"""The loop may take so many times as long as an echo, at 50 and 99 % [1]."""
+
+MANY = 100_000
+MOST_MISSED = 1.0
+"""Of so many ticks, so many may be missed beyond what the timer misses [1]."""
+
+MOST_SERVER = 0.2
+"""A server of one dyad, with a logger and two displays, may use so much of a core [1]."""
+
+LOOP_NAME, ECHO_NAME = "stylus to force", "echo"
+
+
+def loop_series(found: Measured) -> dict[str, Times]:
+    """Return what was measured from end to end, for histograms.
+
+    Parameters
+    ----------
+    found : Measured
+        What was found.
+    """
+    late_ns = found.played.ticks.late_ns
+    return {
+        LOOP_NAME: _together(found.played.took_ns),
+        ECHO_NAME: _together(found.echo_ns),
+        "tick late": late_ns[late_ns > 0],
+        "timer late": found.timer.late_ns,
+    }
+
+
+def latency_part(found: Measured, *, real_time: bool) -> Part:
+    """Return the loop beside the echo, and its parts.
+
+    Parameters
+    ----------
+    found : Measured
+        What was found.
+    real_time : bool
+        Real-time scheduling was asked for: then the loop should take less than a tick.
+    """
+    took, echo = _together(found.played.took_ns), _together(found.echo_ns)
+    rows = spread_rows(
+        {LOOP_NAME: took}
+        | {f"  {side}": times for side, times in found.played.took_ns.items()}
+        | {f"  of it: {name}": times for name, times in found.played.parts_ns.items()}
+        | {f"{ECHO_NAME} of the same bytes": echo}
+    )
+    ratios = ratio_row("stylus to force / echo [1]", took, echo)
+    median, p99 = float(ratios[1]), float(ratios[2])
+    rows.append((ratios[0], "", *ratios[1:]))
+    verdicts = [
+        Verdict(
+            f"at 50 % the loop takes at most {MOST_MEDIAN:g} times an echo", median <= MOST_MEDIAN, f"{median:.2f}"
+        ),
+        Verdict(f"at 99 % it takes at most {MOST_P99:g} times an echo", p99 <= MOST_P99, f"{p99:.2f}"),
+    ]
+    if real_time:
+        p999 = spread(took).p999
+        verdicts.append(Verdict("99.9 % take less than a tick", p999 < TICK_SECONDS, f"{p999 * 1e3:.3f} ms"))
+    return Part(
+        "latency",
+        f"Stylus read to force at the device, beside an echo; {found.played.answered:.2%} of the ticks closed a loop",
+        ("", "samples [1]", *HEADS),
+        rows,
+        verdicts,
+    )
+
+
+def lateness_part(ticks: Punctuality, timer: Punctuality, *, real_time: bool) -> Part:
+    """Return how the server's ticks kept their time, beside a timer alone.
+
+    Parameters
+    ----------
+    ticks, timer : Punctuality
+        Of the server's ticks, and of the timer.
+    real_time : bool
+        Real-time scheduling was asked for: then no more should be missed.
+    """
+    named = {"server's ticks": ticks, "timer alone": timer}
+    rows: list[tuple[Value, ...]] = [
+        (*row, one.late, one.missed, one.missed_of(MANY))
+        for row, one in zip(
+            spread_rows({name: one.late_ns for name, one in named.items()}), named.values(), strict=True
+        )
+    ]
+    beyond = ticks.missed_of(MANY) - timer.missed_of(MANY)
+    claim = f"of {MANY} ticks at most {MOST_MISSED:g} more is missed than by a timer alone"
+    found = f"{beyond:+.2f}, of {ticks.ticks} ticks measured"
+    return Part(
+        "lateness",
+        f"How late ticks begin; late: by more than {TICK_NS / 2e6:g} ms; missed: by more than a tick, or never",
+        ("", "ticks [1]", *HEADS, "late [1]", "missed [1]", f"missed of {MANY} [1]"),
+        rows,
+        [Verdict(claim, beyond <= MOST_MISSED, found)] if real_time else [],
+    )
+
+
+def costs_part(costs: Costs, echo_costs: Costs, displays: int) -> Part:
+    """Return what every process uses.
+
+    Parameters
+    ----------
+    costs, echo_costs : dict of str to Cost
+        Of netboard's processes, and of those of the echo, by name.
+    displays : int
+        How many displays there were [1].
+    """
+    rows: list[tuple[Value, ...]] = []
+    for name, cost in [*costs.items(), *echo_costs.items()]:
+        whole = total(cost.spent.values())
+        rows.append(
+            (
+                name,
+                *(100 * cost.spent[kind].seconds / cost.seconds for kind in KINDS),
+                100 * whole.seconds / cost.seconds,
+                100 * whole.waited / cost.seconds,
+                *(cost.spent[kind].slept * TICK_SECONDS / cost.seconds for kind in (LOOP, TRANSPORT)),
+                whole.ousted * TICK_SECONDS / cost.seconds,
+            )
+        )
+    share = total(costs["server"].spent.values()).seconds / costs["server"].seconds
+    verdicts = []
+    if displays <= 2:
+        claim = f"the server uses at most {MOST_SERVER:.0%} of a core"
+        verdicts.append(Verdict(claim, share <= MOST_SERVER, f"{share:.1%}, with a logger and {displays} displays"))
+    return Part(
+        "costs",
+        "What every process uses: of a core, and how often in a tick it goes to sleep or is put aside for another",
+        (
+            "",
+            *(f"{kind} [%]" for kind in KINDS),
+            "all [%]",
+            "waits for a core [%]",
+            *(f"{kind} sleeps [1]" for kind in (LOOP, TRANSPORT)),
+            "put aside [1]",
+        ),
+        rows,
+        verdicts,
+    )
+
+
+def _together(named: Mapping[str, Times]) -> Times:
+    """Return all durations in one array."""
+    return np.concatenate([*named.values(), np.empty(0, np.int64)])

@@ -1,0 +1,211 @@
+"""The server's two seats, one for each side's agent, as rows of words that compiled code reads and writes.
+
+A seat holds the newest sample of its agent and what is known of the link. What happens 1000 times a second (a sample
+comes, a row of the tick is filled, a force goes out) happens here, without an object for each number: in a loop that
+sleeps most of the time each of Python's steps costs four times what it costs in a benchmark.
+
+Whatever time a sample carries is the agent's; `STAMP` is the same in server time.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from netboard.compiled import kernel
+from netboard.config import SIDES
+from netboard.tick import TICK, TICK_NS
+from netboard.wire import fixed
+from netboard.wire.messages import Safeguard, Stylus
+
+SANE_NS = 2**60
+"""Stamps beyond this, 36 years, are nonsense, and their arithmetic would leave 64 bits [ns]."""
+
+OWN = (
+    "arrived_ns",  # when the newest sample came [ns]
+    "server_stamp_ns",  # its stamp in server time [ns]
+    "lead_ns",  # how long before the deadline of a tick it came [ns]
+    "gathered",  # safeguards of all samples since the last tick
+    "fresh",  # 1: it came since the last tick
+    "punctual",  # 1: at the last tick there was a fresh one
+    "taken",  # samples taken
+    "missing",  # numbers skipped between them
+    "stale",  # samples not taken: repeated or overtaken
+    "offset_ns",  # agent's clock minus the server's [ns]
+    "clock_known",  # 1: there is such an estimate
+)
+"""What the server notes beside a sample."""
+
+SEAT = np.dtype([*fixed.fields_of(Stylus), *((name, "<i8") for name in OWN)])
+"""One seat. Every field is one word; those of the sample come first, in the order of `Stylus`."""
+
+WORDS = len(SEAT)
+SAMPLE_WORDS = WORDS - len(OWN)
+_AT = {name: place for place, name in enumerate(SEAT.names or ())}
+
+# Plain integers: what numba folds into the kernels below.
+SEQ, FORCE_TICK, FORCE_SENT, FORCE_RECEIVED, SENT = (
+    _AT[name] for name in ("seq", "force_tick", "force_sent_ns", "force_received_ns", "sent_ns")
+)
+ARRIVED, STAMP, LEAD, GATHERED, FRESH, PUNCTUAL = (_AT[name] for name in OWN[:6])
+TAKEN, MISSING, STALE, OFFSET, CLOCK_KNOWN = (_AT[name] for name in OWN[6:])
+_STAMPED, _Z, _VZ, SAFEGUARDS = (_AT[name] for name in ("stamp_ns", "z", "vz", "safeguards"))
+ARMED_BIT = int(Safeguard.ARMED)
+
+_ROW = {name: place for place, name in enumerate(TICK.names or ())}
+_COPIED = {
+    "seq": "seq",
+    "stamp_ns": "server_stamp_ns",
+    "sent_z": "z",
+    "sent_vz": "vz",
+    "x": "x",
+    "y": "y",
+    "rendered": "rendered",
+    "safeguards": "gathered",
+    "buttons": "buttons",
+    "loop_ns": "loop_ns",
+    "lead_ns": "lead_ns",
+}
+"""Fields of a row, without their side, and those of the seat they are filled from."""
+
+_FROM = np.array([_AT[name] for name in _COPIED.values()])
+_TO = np.array([[_ROW[f"{side}_{name}"] for name in _COPIED] for side in SIDES])
+_LIVE = np.array([_ROW[f"{side}_live"] for side in SIDES])
+_ROW_SEQ = np.array([_ROW[f"{side}_seq"] for side in SIDES])
+_ROW_FORCE = np.array([_ROW[f"{side}_force"] for side in SIDES])
+_TICK, _TIME, _LATE = _ROW["tick"], _ROW["time_ns"], _ROW["late_ns"]
+
+LIVE, ARMED = 1, 4
+"""Bits that `fill` returns for the left side; the right side's are twice as large."""
+
+
+@kernel
+def empty(seat: Any) -> None:
+    """Forget everything: somebody else sits here, or nobody."""
+    for k in range(len(seat)):
+        seat[k] = 0
+    seat[SEQ] = -1
+
+
+@kernel
+def take(seat: Any, sample: Any, now_ns: int, due_ns: int) -> bool:
+    """Take a sample: the newest wins. False if it is not newer, or its stamps are nonsense.
+
+    Parameters
+    ----------
+    seat : ndarray of int64, shape (WORDS,)
+        The seat.
+    sample : ndarray of int64, shape (SAMPLE_WORDS,)
+        The sample.
+    now_ns : int
+        When it came, server time [ns].
+    due_ns : int
+        Deadline of the next tick [ns].
+    """
+    for k in (_STAMPED, FORCE_SENT, FORCE_RECEIVED, SENT):
+        if not -SANE_NS <= sample[k] <= SANE_NS:
+            return False
+    seq, newest = sample[SEQ], seat[SEQ]
+    if seq <= newest:
+        seat[STALE] += 1
+        return False
+    if seat[TAKEN] > 0:  # what was sent before the first one heard was sent to nobody
+        seat[MISSING] += seq - newest - 1
+    for k in range(SAMPLE_WORDS):
+        seat[k] = sample[k]
+    seat[TAKEN] += 1
+    seat[ARRIVED] = now_ns
+    seat[STAMP] = seat[_STAMPED] - seat[OFFSET] if seat[CLOCK_KNOWN] else now_ns
+    seat[LEAD] = due_ns - now_ns
+    seat[GATHERED] |= seat[SAFEGUARDS]
+    seat[FRESH] = 1
+    return True
+
+
+@kernel
+def awaited(seats: Any) -> bool:
+    """Tell whether a tick should wait for its deadline: a sample is missing from a side that was punctual so far."""
+    fresh = 0
+    for place in range(2):
+        fresh += seats[place, FRESH]
+        if seats[place, PUNCTUAL] and not seats[place, FRESH]:
+            return True
+    return fresh == 0
+
+
+@kernel
+def fill(row: Any, seats: Any, number: int, due_ns: int, late_ns: int, timeout_ns: int) -> int:
+    """Begin the row of a tick with the newest samples; which sides are live, and which devices are armed.
+
+    Parameters
+    ----------
+    row : ndarray of int64
+        The words of a row of `netboard.tick.TICK`.
+    seats : ndarray of int64, shape (2, WORDS)
+        The seats.
+    number : int
+        Number of the tick [1].
+    due_ns, late_ns : int
+        Its deadline, and how much later it is [ns].
+    timeout_ns : int
+        Age at which a sample no longer counts [ns].
+
+    Returns
+    -------
+    int
+        The sum of `LIVE` and `ARMED` for the left side, and twice that for the right one.
+    """
+    for k in range(len(row)):
+        row[k] = 0
+    row[_TICK], row[_TIME], row[_LATE] = number, due_ns, late_ns
+    found = 0
+    values = seats.view(np.float64)
+    for place in range(2):
+        seat = seats[place]
+        for k in range(len(_FROM)):
+            row[_TO[place, k]] = seat[_FROM[k]]
+        finite = np.isfinite(values[place, _Z] + values[place, _VZ])
+        in_time = due_ns - seat[ARRIVED] < timeout_ns and abs(due_ns - seat[STAMP]) < timeout_ns
+        if seat[TAKEN] > 0 and finite and in_time:
+            row[_LIVE[place]] = 1
+            found |= LIVE << place
+        if seat[SAFEGUARDS] & ARMED_BIT:
+            found |= ARMED << place
+        seat[PUNCTUAL], seat[FRESH], seat[GATHERED] = seat[FRESH], 0, 0
+    return found
+
+
+@kernel
+def write_forces(frames: Any, row: Any, seats: Any, sent_ns: int, head: Any, markers: Any, words: Any) -> None:
+    """Write the `Force` of each side for one tick.
+
+    Parameters
+    ----------
+    frames : ndarray of uint8, shape (2, size)
+        Where they go.
+    row : ndarray of int64
+        The words of the tick's row.
+    seats : ndarray of int64, shape (2, WORDS)
+        The seats.
+    sent_ns : int
+        Server time [ns].
+    head, markers : ndarray of uint8
+        The form of a `Force`.
+    words : ndarray of int64, shape (5,)
+        Room for its numbers.
+    """
+    for place in range(2):
+        words[0], words[1], words[2] = row[_TICK], sent_ns, seats[place, SEQ]
+        words[3], words[4] = row[_ROW_FORCE[place]], seats[place, LEAD]
+        fixed.write(frames[place], head, markers, words)
+
+
+def warm() -> None:
+    """Compile (or load) the kernels, so that no first sample is late."""
+    row, seats, sample = np.zeros(len(TICK), np.int64), np.zeros((2, WORDS), np.int64), np.zeros(SAMPLE_WORDS, np.int64)
+    for seat in seats:
+        empty(seat)
+    fixed.read(b"", *fixed.STYLUS[:2], sample)
+    take(seats[0], sample, TICK_NS, TICK_NS)
+    awaited(seats)
+    fill(row, seats, 0, TICK_NS, 0, TICK_NS)
+    write_forces(np.zeros((2, fixed.FORCE.size), np.uint8), row, seats, 0, *fixed.FORCE[:2], np.zeros(5, np.int64))
