@@ -16,6 +16,8 @@ from netboard import sockets
 from netboard.config import Network
 from netboard.errors import NetboardError
 
+pytestmark = pytest.mark.integration
+
 ANYWHERE = sockets.Endpoint("tcp://127.0.0.1:*")
 PATIENCE = 30.0
 
@@ -25,9 +27,14 @@ class Made:
 
     def __init__(self, context: sockets.Context) -> None:
         self.context = context
+        self.ends: list[Any] = []
 
     def __getattr__(self, kind: str) -> Callable[..., Any]:
-        return lambda *arguments: getattr(sockets, kind)(self.context, *arguments)
+        def make(*arguments: Any) -> Any:
+            self.ends.append(getattr(sockets, kind)(self.context, *arguments))
+            return self.ends[-1]
+
+        return make
 
 
 @pytest.fixture
@@ -195,7 +202,7 @@ def test_who_subscribes_to_something_else_is_not_counted(made: Made) -> None:
 
 @pytest.mark.skipif(not hasattr(os, "getuid"), reason="no sockets in the file system")
 class TestSocketsInTheFileSystem:
-    where = sockets.Addresses("ignored", "ignored", 64_000, "ipc")
+    where = sockets.Addresses("ignored", "ignored", 30_000 + os.getpid() % 30_000, "ipc")
 
     def test_a_frame_goes_through(self, made: Made) -> None:
         endpoint = self.where.listen(sockets.CONTROL)

@@ -11,7 +11,8 @@ import hashlib
 import ipaddress
 import os
 import tomllib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -289,7 +290,7 @@ def add(folder: Path, role: Role, side: str, to: Path) -> tuple[Peer, Path]:
     if (role in AT_A_STATION) != (side in SIDES):
         raise ConfigError(f"{role}: expected a side, left or right" if not side else f"{role}: has no side")
     server = _read_key(key_path(folder, SERVER), "make it with: netboard keys init")
-    with _Changed(folder) as peers:
+    with _changed_list(folder) as peers:
         others = sum(peer.what == what(role, side) for peer in peers)
         name = what(role, side) + (f"-{others + 1}" if others else "")
         public, secret = sockets.new_keys()
@@ -309,7 +310,7 @@ def revoke(folder: Path, name: str) -> Peer:
     ConfigError
         If there is none of that name, or it has been revoked before.
     """
-    with _Changed(folder) as peers:
+    with _changed_list(folder) as peers:
         good = [place for place, peer in enumerate(peers) if peer.name == name and peer.revoked is None]
         if not good:
             names = ", ".join(peer.name for peer in peers if peer.revoked is None) or "none"
@@ -371,27 +372,21 @@ def key_path(folder: Path, name: str) -> Path:
 # --- files -------------------------------------------------------------------------------------------------------
 
 
-class _Changed:
-    """The list while it is being changed, by one at a time; written anew at the end, as a whole or not at all."""
-
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
-        self._new = folder / f"{LIST}.new"
-
-    def __enter__(self) -> list[Peer]:
-        self._peers = list(read_list(self._folder))
-        _write_new(self._new, "")
-        return self._peers
-
-    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        if kind is not None:
-            self._new.unlink()
-            return
-        with self._new.open("w", encoding="utf-8", newline="\n") as file:
-            file.write(_list_text(self._peers))
+@contextmanager
+def _changed_list(folder: Path) -> Iterator[list[Peer]]:
+    """The list, to be changed by one at a time; written anew at the end, as a whole or not at all."""
+    new = folder / f"{LIST}.new"
+    _write_new(new, "")
+    try:
+        peers = list(read_list(folder))
+        yield peers
+        with new.open("w", encoding="utf-8", newline="\n") as file:
+            file.write(_list_text(peers))
             file.flush()
             os.fsync(file.fileno())
-        self._new.replace(self._folder / LIST)
+        new.replace(folder / LIST)
+    finally:
+        new.unlink(missing_ok=True)
 
 
 def _list_text(peers: Iterable[Peer]) -> str:

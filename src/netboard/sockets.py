@@ -581,7 +581,7 @@ def _bind(context: Context, socket: Socket, endpoint: Endpoint) -> Socket:
     try:
         _refuse_taken(endpoint.address)
         socket.bind(endpoint.address)
-    except OSError as error:
+    except ZMQError as error:
         socket.close()
         raise NetboardError(
             f"cannot listen on {endpoint.address}: {error.strerror}; is another server running?"
@@ -594,7 +594,7 @@ def _refuse_taken(address: str) -> None:
 
     Raises
     ------
-    OSError
+    ZMQError
         If somebody does. What a dead process has left is no obstacle.
     """
     if not address.startswith("ipc://"):
@@ -604,7 +604,7 @@ def _refuse_taken(address: str) -> None:
             probe.connect(address.removeprefix("ipc://"))
         except (FileNotFoundError, ConnectionRefusedError):
             return
-    raise OSError(zmq.EADDRINUSE, os.strerror(zmq.EADDRINUSE))
+    raise ZMQError(zmq.EADDRINUSE)
 
 
 def _connect(socket: Socket, endpoint: Endpoint) -> Socket:

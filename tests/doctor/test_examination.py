@@ -3,11 +3,13 @@
 import json
 import os
 import socket as net
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
+from netboard import keys
 from netboard.config import Config, Network, Recording
 from netboard.doctor import disk, network, software, timing
 from netboard.doctor.finding import Finding
@@ -106,6 +108,27 @@ def test_ports_in_use_are_told() -> None:
 def test_ports_of_another_machine_are_its_own() -> None:
     finding = network.ports(Network(bind="192.0.2.1"))
     assert (finding.colour, finding.advice) == ("green", "")
+
+
+OUTSIDE = Network(bind="192.0.2.1", host="192.0.2.1")
+
+
+def test_keys_are_needed_beyond_this_machine(tmp_path: Path) -> None:
+    assert network.secrets(Network()).colour == "green"
+    assert network.secrets(replace(OUTSIDE, curve="off")).colour == "yellow"
+    assert network.secrets(OUTSIDE).colour == "red"
+    keys.init(Path("keys"))
+    keys.add(Path("keys"), "logger", "", Path("keys"))
+    assert network.secrets(OUTSIDE) == Finding("keys", "green", "logger.key, server.key in keys")
+
+
+@pytest.mark.skipif(os.name != "posix", reason="modes of POSIX")
+def test_a_key_that_others_can_read_is_red() -> None:
+    keys.init(Path("keys"))
+    Path("keys/server.key").chmod(0o640)
+    finding = network.secrets(OUTSIDE)
+    assert finding.colour == "red"
+    assert "is open to others (mode 0640)" in finding.found
 
 
 @pytest.mark.parametrize(

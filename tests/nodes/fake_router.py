@@ -1,8 +1,6 @@
-"""A ROUTER socket in memory, with the few methods the ports use."""
+"""The server's end of a channel in memory, as `sockets.Router` is to the ports."""
 
 from collections import deque
-
-import zmq
 
 from netboard.wire.codec import decode, encode
 from netboard.wire.messages import PROTOCOL_VERSION, Hello, Message, Welcome
@@ -14,24 +12,32 @@ class FakeRouter:
     """What peers have sent waits in `arrived`; what they are sent piles up in `sent`, up to `room` frames for each."""
 
     def __init__(self, room: int = 1000) -> None:
-        self.arrived: deque[list[bytes]] = deque()
+        self.arrived: deque[tuple[bytes, bytes]] = deque()
         self.sent: dict[bytes, list[bytes]] = {}
         self.room = room
+        self.key = ""
+        self.forbidden = ""
+        self.closed = False
 
-    def recv_multipart(self, flags: int) -> list[bytes]:
-        if not self.arrived:
-            raise zmq.Again
-        return self.arrived.popleft()
+    def receive(self) -> tuple[bytes, bytes] | None:
+        return self.arrived.popleft() if self.arrived else None
 
-    def send_multipart(self, parts: tuple[bytes, bytes], flags: int) -> None:
-        frames = self.sent.setdefault(parts[0], [])
+    def send(self, peer: bytes, frame: bytes) -> bool:
+        frames = self.sent.setdefault(peer, [])
         if len(frames) >= self.room:
-            raise zmq.Again
-        frames.append(parts[1])
+            return False
+        frames.append(frame)
+        return True
+
+    def forbids(self, role: str, side: str) -> str:
+        return self.forbidden
+
+    def close_after_goodbye(self) -> None:
+        self.closed = True
 
     def say(self, peer: bytes, message: Message | bytes) -> None:
         """Let a peer send something."""
-        self.arrived.append([peer, message if isinstance(message, bytes) else encode(message)])
+        self.arrived.append((peer, message if isinstance(message, bytes) else encode(message)))
 
     def heard(self, peer: bytes) -> list[Message]:
         """Take everything a peer has been sent."""

@@ -2,12 +2,15 @@
 
 from fake_router import WELCOME, FakeRouter, hello
 
-from netboard.nodes.control_port import ControlPort
+from netboard.nodes.control_port import SILENT_NS, ControlPort
+from netboard.nodes.peer import PING_NS
 from netboard.wire.messages import (
     Command,
     Frames,
     Goodbye,
     Message,
+    Ping,
+    Pong,
     Refusal,
     Status,
     StatusRequest,
@@ -15,7 +18,7 @@ from netboard.wire.messages import (
     Welcome,
 )
 
-STATUS = Status("session", 1, "idle", 1, 60, 0, 0, (), 0, (), (), "")
+STATUS = Status("session", 1, "idle", 1, 60, 0, 0, (), 0, (), (), "", ())
 STYLUS = Stylus(0, 0, 0.0, 0.0, 0.01, 0.0, 0.0, 0.1, 0, 0, 0.0, -1, 0, 0, 0, 0)
 D, C = b"display.left@1", b"console@1"
 
@@ -85,3 +88,31 @@ def test_who_is_there_is_listed_and_the_last_display_of_a_station_reports() -> N
     assert [frame.tick for frame in rig.port.frames] == [4]
     rig.say(C, Goodbye("off"))
     assert rig.port.peers == ("display.left",)
+
+
+def test_peers_are_asked_for_their_time_and_their_clocks_are_known_then() -> None:
+    rig = Rig()
+    rig.port.pump(PING_NS)
+    ahead = 5_000_000_000
+    assert rig.router.heard(D) == [Ping(PING_NS)]
+    rig.router.say(D, Pong(PING_NS, PING_NS + ahead + 10, PING_NS + ahead + 30))
+    rig.port.drain(PING_NS + 40)
+    (record,) = rig.port.clock_records(7)
+    assert (record.seq, record.peer, record.offset_ns) == (7, "display.left", ahead)
+    links = {link[0]: link for link in rig.port.links(PING_NS + 40)}
+    assert links["display.left"][4] == 20e-9
+    assert links["display.left"][5] < 1e-6
+    rig.router.heard(C)
+    rig.port.pump(2 * PING_NS - 1)
+    assert rig.router.heard(C) == []
+
+
+def test_a_display_that_falls_silent_is_missed_and_welcome_back() -> None:
+    rig = Rig()
+    rig.port.pump(SILENT_NS + PING_NS)
+    assert rig.port.peers == ("console",)
+    rig.say(D, Frames("left", ((1, 2, 3),), 0))
+    assert rig.port.peers == ("console", "display.left")
+    names = [name for name, _ in rig.port.news]
+    assert names == ["display_joined", "console_joined", "display_silent", "display_back"]
+    assert [frame.tick for frame in rig.port.frames] == [1]

@@ -1,9 +1,18 @@
-"""The lossless log from the server's side: cursors, loggers that come and go, the end."""
+"""The lossless log from the server's side: cursors, loggers that come and go, the spill, clocks, the end."""
 
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
 from fake_router import WELCOME, FakeRouter, hello
 
-from netboard.nodes.log_port import GONE_NS, LogPort
-from netboard.wire.codec import decode
+from fakes import FakeClock
+from netboard.nodes.log_port import FULL_SHARE, GONE_NS, LISTEN_NS, LogPort
+from netboard.recording import spill as spilling
+from netboard.recording.disk import LOW_BYTES
+from netboard.recording.spill import Spill, read_spill
+from netboard.wire.codec import decode, encode
 from netboard.wire.messages import (
     Goodbye,
     LogAck,
@@ -11,6 +20,8 @@ from netboard.wire.messages import (
     LogEnd,
     LogRequest,
     Message,
+    Ping,
+    Pong,
     Refusal,
     StatusRequest,
     TickRecord,
@@ -21,22 +32,53 @@ L, M = b"logger@1", b"logger@2"
 
 
 class Rig:
-    """A port with its fake socket and a clock."""
+    """A port with its fake socket, a clock and a spill."""
 
-    def __init__(self, capacity: int = 1000, room: int = 1000) -> None:
+    def __init__(self, folder: Path, capacity: int = 1000, room: int = 1000, spill_bytes: int = 10**7) -> None:
         self.router = FakeRouter(room)
-        self.port = LogPort(self.router, WELCOME, capacity)  # type: ignore[arg-type]
-        self.now_ns = 0
+        self.clock = FakeClock()
+        self.spill = Spill(folder / "a.spill", WELCOME, spill_bytes)
+        self.port = LogPort(self.router, WELCOME, capacity, self.spill, self.clock)  # type: ignore[arg-type]
 
-    def record(self, count: int) -> None:
-        for _ in range(count):
-            self.port.append(TickRecord(str(self.port.ring.next).encode()))
+    def record(self, count: int, pump_each: int = 0) -> None:
+        for k in range(count):
+            self.port.append(encode(TickRecord(str(self.port.ring.next).encode())))
+            if pump_each and k % pump_each == 0:
+                self.port.pump(self.clock())
 
     def pump(self, peer: bytes, *says: Message) -> list[Message]:
+        """What a peer hears after it has said something; clock probes apart."""
         for message in says:
             self.router.say(peer, message)
-        self.port.pump(self.now_ns)
-        return self.router.heard(peer)
+        self.port.pump(self.clock())
+        return [message for message in self.router.heard(peer) if not isinstance(message, Ping)]
+
+    def join(self, peer: bytes, first: int = -1) -> list[Message]:
+        """Let a logger come and ask."""
+        assert isinstance(self.pump(peer, hello("logger", name=peer.decode()))[0], Welcome)
+        return self.pump(peer, LogRequest(first))
+
+    def catch_up(self, peer: bytes, heard: list[Message], last: int) -> list[int]:
+        """Numbers of all records a logger gets until it has one, however long the disk takes."""
+        got = self.numbers(heard)
+        for _ in range(10_000):
+            if got and got[-1] >= last:
+                return got
+            if self.spill._thread is not None:
+                self.spill._thread.join(1e-4)
+            got += self.numbers(self.pump(peer))
+        raise AssertionError(f"got no further than {got[-1:]}")
+
+    def fill_spill(self, count: int) -> None:
+        """Let a logger come and go, and many records be made after that."""
+        self.join(L)
+        self.pump(L, LogAck(0, 10**12))
+        self.clock.advance(2 * GONE_NS * 1e-9)
+        self.record(count, pump_each=20)
+        assert self.port.loggers == 0
+
+    def names(self) -> list[str]:
+        return [name for name, _ in self.port.news]
 
     def numbers(self, heard: list[Message]) -> list[int]:
         """Numbers of all records in the batches, checking that each is what it says it is."""
@@ -51,8 +93,22 @@ class Rig:
         return got
 
 
-def test_a_logger_gets_every_record_once_in_order() -> None:
-    rig = Rig()
+@pytest.fixture
+def rig(tmp_path: Path) -> Iterator[Rig]:
+    rig = Rig(tmp_path)
+    yield rig
+    end(rig)
+
+
+def end(rig: Rig) -> None:
+    """Let the spill be done."""
+    rig.port.close()
+    if rig.spill._thread is not None:
+        rig.spill._thread.join(30)
+    assert rig.port.closed
+
+
+def test_a_logger_gets_every_record_once_in_order(rig: Rig) -> None:
     rig.record(5)
     assert isinstance(rig.pump(L, hello("logger"))[0], Welcome)
     assert rig.numbers(rig.pump(L, LogRequest(-1))) == [0, 1, 2, 3, 4]
@@ -64,8 +120,8 @@ def test_a_logger_gets_every_record_once_in_order() -> None:
     assert (rig.port.backlog, rig.port.free_bytes) == (0, 10**9)
 
 
-def test_a_full_queue_delays_and_loses_nothing() -> None:
-    rig = Rig(capacity=5000, room=2)
+def test_a_full_queue_delays_and_loses_nothing(tmp_path: Path) -> None:
+    rig = Rig(tmp_path, capacity=5000, room=2)
     rig.record(4000)
     rig.pump(L, hello("logger"))
     got = rig.numbers(rig.pump(L, LogRequest(0)))
@@ -76,8 +132,7 @@ def test_a_full_queue_delays_and_loses_nothing() -> None:
     assert got == list(range(4000))
 
 
-def test_a_restarted_logger_goes_on_with_the_first_record_that_is_not_on_disk() -> None:
-    rig = Rig()
+def test_a_restarted_logger_goes_on_with_the_first_record_that_is_not_on_disk(rig: Rig) -> None:
     rig.record(10)
     rig.pump(L, hello("logger"))
     rig.pump(L, LogRequest(-1), LogAck(6, 0))
@@ -85,28 +140,30 @@ def test_a_restarted_logger_goes_on_with_the_first_record_that_is_not_on_disk() 
     assert rig.numbers(rig.pump(M, LogRequest(-1))) == [6, 7, 8, 9]
 
 
-def test_what_the_ring_no_longer_holds_is_counted() -> None:
-    rig = Rig(capacity=10)
-    rig.record(25)
+def test_what_nobody_holds_is_counted(tmp_path: Path) -> None:
+    rig = Rig(tmp_path, capacity=10)
+    rig.record(25, pump_each=1)
     rig.pump(L, hello("logger"))
     (batch,) = rig.pump(L, LogRequest(0))
     assert isinstance(batch, LogBatch)
     assert (batch.first, batch.lost, len(batch.records)) == (15, 15, 10)
+    assert ("log_lost", {"first": "0", "count": "15", "cause": "no logger was there yet"}) in rig.port.news
+    rig.pump(L, LogRequest(0))
+    assert rig.names().count("log_lost") == 1
+    assert rig.port.links(rig.clock())[0][-1] == 15
 
 
-def test_a_logger_that_falls_silent_is_gone_and_must_say_hello_again() -> None:
-    rig = Rig()
+def test_a_logger_that_falls_silent_is_gone_and_must_say_hello_again(rig: Rig) -> None:
     rig.pump(L, hello("logger"))
     rig.pump(L, LogRequest(-1))
     assert rig.port.loggers == 1
-    rig.now_ns = GONE_NS + 1
+    rig.clock.advance(GONE_NS * 1e-9 + 1e-3)
     rig.pump(L)
     assert rig.port.loggers == 0
     assert rig.pump(L, LogAck(0, 0)) == [Refusal("say hello first")]
 
 
-def test_the_end_is_told_once_all_records_are_sent_and_done_once_they_are_on_disk() -> None:
-    rig = Rig()
+def test_the_end_is_told_once_all_records_are_sent_and_done_once_they_are_on_disk(rig: Rig) -> None:
     rig.record(3)
     rig.pump(L, hello("logger"))
     rig.port.end()
@@ -119,32 +176,197 @@ def test_the_end_is_told_once_all_records_are_sent_and_done_once_they_are_on_dis
     assert rig.port.done
 
 
-def test_a_logger_that_has_been_told_the_end_may_take_its_time() -> None:
-    rig = Rig()
+def test_a_logger_that_has_been_told_the_end_may_take_its_time(rig: Rig) -> None:
     rig.record(3)
     rig.pump(L, hello("logger"))
     rig.port.end()
     rig.pump(L, LogRequest(-1))
-    rig.now_ns = 3 * GONE_NS
+    rig.clock.advance(3 * GONE_NS * 1e-9)
     rig.pump(L)
     assert rig.pump(L, LogAck(3, 0)) == []
     assert rig.port.done
 
 
-def test_a_logger_that_leaves_is_noted_and_what_it_has_not_got_stays() -> None:
-    rig = Rig()
+def test_a_logger_that_leaves_is_noted_and_what_it_has_not_got_stays(rig: Rig) -> None:
     rig.record(3)
     rig.pump(L, hello("logger"))
     rig.pump(L, LogRequest(-1), Goodbye("done"))
     assert not rig.port.done
-    assert [name for name, _ in rig.port.news] == ["logger_joined", "logger_left"]
+    assert rig.names() == ["logger_joined", "logger_left"]
     assert rig.port.backlog == 3
+    assert rig.port.trouble == "the logger has left: done"
+    rig.join(M)
+    assert rig.port.trouble == ""
 
 
-def test_who_does_not_belong_is_refused() -> None:
-    rig = Rig()
+def test_who_does_not_belong_is_refused(rig: Rig) -> None:
     assert rig.pump(L, LogRequest(0)) == [Refusal("say hello first")]
     assert rig.pump(L, hello("agent", "left")) == [Refusal("this is the log channel, not one for a agent")]
     assert isinstance(rig.pump(L, hello("logger", "left"))[0], Refusal)
     rig.pump(L, hello("logger"))
     assert rig.pump(L, StatusRequest()) == [Refusal("a logger does not send StatusRequest")]
+    rig.router.forbidden = "this key is that of an agent"
+    assert rig.pump(M, hello("logger")) == [Refusal("this key is that of an agent")]
+
+
+def test_a_logger_that_is_silent_does_not_stop_the_trial_before_there_is_no_room(rig: Rig) -> None:
+    rig.join(L)
+    rig.clock.advance(2 * GONE_NS * 1e-9)
+    rig.record(500)
+    rig.pump(L)
+    assert (rig.port.loggers, rig.port.trouble) == (0, "")
+
+
+def test_what_no_logger_takes_goes_to_the_spill_and_from_there_to_the_next_one(rig: Rig) -> None:
+    rig.fill_spill(20_000)
+    assert rig.port.ring.first == 19_000
+    assert rig.port.trouble == ""
+    assert "no logger takes the records" in rig.port.notice
+    assert rig.names().count("log_spilling") == 1
+    got = rig.catch_up(M, rig.join(M), 19_999)
+    assert got == list(range(20_000))
+    assert "log_lost" not in rig.names()
+    rig.pump(M, LogAck(20_000, 10**12))
+    assert rig.names()[-1] == "log_spill_taken"
+    end(rig)
+    assert not rig.spill.path.exists()
+    assert rig.port.shortfall == ""
+
+
+def test_two_loggers_read_the_spill_at_their_own_pace(rig: Rig) -> None:
+    rig.fill_spill(5000)
+    one, other = rig.join(L), rig.join(M, 1234)
+    assert rig.catch_up(M, other, 4999) == list(range(1234, 5000))
+    assert rig.catch_up(L, one, 4999) == list(range(5000))
+
+
+def test_the_ring_is_read_again_while_the_spill_is_still_growing(rig: Rig) -> None:
+    rig.fill_spill(5000)
+    got = rig.numbers(rig.join(M))
+    while rig.port.ring.next < 20_000:
+        rig.record(50)
+        got += rig.numbers(rig.pump(M))
+    assert rig.catch_up(M, [], 19_999)[-1] == 19_999
+
+
+def test_a_spill_of_its_full_size_stops_the_trial_and_what_is_lost_is_said(tmp_path: Path) -> None:
+    rig = Rig(tmp_path, capacity=100, spill_bytes=3000)
+    rig.fill_spill(150)
+    assert rig.port.trouble == ""
+    rig.record(800, pump_each=10)
+    assert rig.port.trouble == "the logger is too far behind"
+    losing = dict(rig.port.news)["log_losing"]
+    assert "log_spill_mb" in losing["cause"]
+    held = rig.spill.next
+    assert int(losing["first"]) == held
+    got = rig.catch_up(M, rig.join(M), 949)
+    assert got == [*range(held), *range(850, 950)]
+    lost = dict(rig.port.news)["log_lost"]
+    assert lost == {"first": str(held), "count": str(850 - held), "cause": losing["cause"]}
+    rig.pump(M, LogAck(950, 10**12))
+    assert rig.port.trouble == ""
+    end(rig)
+
+
+def test_without_a_spill_the_trial_stops_before_anything_is_lost(tmp_path: Path) -> None:
+    rig = Rig(tmp_path, capacity=100, spill_bytes=0)
+    rig.fill_spill(int(100 * FULL_SHARE))
+    assert rig.port.trouble == ""
+    rig.record(1)
+    rig.pump(M)
+    assert rig.port.trouble == "the logger is too far behind"
+    assert "log_losing" not in rig.names()
+    end(rig)
+    assert rig.port.shortfall == "81 records are not known to be on disk: no logger took them"
+
+
+def test_a_disk_that_refuses_the_spill_is_said_and_what_it_costs_is_counted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(spilling, "RETRY_SECONDS", 0.001)
+    monkeypatch.setattr(spilling, "MOST_WAITING", 2)
+    rig = Rig(tmp_path / "nowhere", capacity=100)
+    rig.fill_spill(400)
+    while not rig.spill.trouble:
+        pass
+    rig.record(200, pump_each=10)
+    news = dict(rig.port.news)
+    assert news["log_spill_failed"] == {"reason": "No such file or directory"}
+    assert news["log_losing"]["cause"] in ("No such file or directory", f"{rig.spill.path}: the disk does not follow")
+    assert rig.port.trouble == "the logger is too far behind"
+    (tmp_path / "nowhere").mkdir()
+    while rig.spill.trouble:
+        pass
+    rig.record(300, pump_each=1)
+    assert rig.port.trouble == ""
+    got = rig.catch_up(M, rig.join(M), 899)
+    lost = sum(int(details["count"]) for name, details in rig.port.news if name == "log_lost")
+    assert lost > 0
+    assert got == sorted(set(got))
+    assert len(got) + lost == 900
+    end(rig)
+
+
+def test_before_the_first_logger_nothing_is_spilled(rig: Rig) -> None:
+    rig.record(5000, pump_each=10)
+    assert rig.names() == []
+    assert rig.spill.next == 0
+    end(rig)
+    assert not rig.spill.path.exists()
+
+
+def test_what_no_logger_took_by_the_end_is_in_the_spill(rig: Rig) -> None:
+    rig.fill_spill(3000)
+    rig.port.end()
+    end(rig)
+    assert rig.router.closed
+    assert rig.port.shortfall == (
+        f"3000 records are not known to be on disk: no logger took them; 3000 records are in {rig.spill.path}: "
+        "netboard recover makes a recording of it"
+    )
+    _, _, *batches = [message for _, _, message in read_spill(rig.spill.path.read_bytes())]
+    assert rig.numbers(batches) == list(range(3000))  # type: ignore[arg-type]
+
+
+def test_a_logger_that_is_there_at_the_end_is_told_goodbye(rig: Rig) -> None:
+    rig.record(10)
+    rig.join(L)
+    end(rig)
+    assert Goodbye("the session is over") in rig.router.heard(L)
+
+
+def test_the_clock_of_a_logger_is_probed(rig: Rig) -> None:
+    rig.pump(L, hello("logger", name="lab:7"))
+    assert rig.port.clock_records(3) == []
+    what, name, _, _, _, bound, *_ = rig.port.links(rig.clock())[0]
+    assert (what, name, math.isnan(bound)) == ("logger", "lab:7", True)
+    for _ in range(5):
+        rig.clock.advance(0.2)
+        rig.port.pump(rig.clock())
+        (ping,) = [message for message in rig.router.heard(L) if isinstance(message, Ping)]
+        rig.clock.advance(0.001)
+        rig.router.say(L, Pong(ping.sent_ns, ping.sent_ns + 5_000_400_000, ping.sent_ns + 5_000_500_000))
+        rig.port.listen(rig.clock())
+    (probe,) = rig.port.clock_records(3)
+    assert (probe.seq, probe.peer, probe.t3_ns - probe.t0_ns) == (3, "logger", 1_000_000)
+    assert abs(probe.offset_ns - 5_000_000_000) <= probe.bound_ns < 1_000_000
+    assert rig.port.links(rig.clock())[0][4] == pytest.approx(0.9e-3)
+
+
+def test_an_answer_is_listened_for_at_every_tick_for_a_while_only(rig: Rig) -> None:
+    rig.join(L)
+    rig.clock.advance(LISTEN_NS * 1e-9)
+    rig.router.say(L, LogAck(0, 7))
+    rig.port.listen(rig.clock())
+    assert rig.port.free_bytes == 0
+    rig.port.pump(rig.clock())
+    assert rig.port.free_bytes == 7
+
+
+def test_a_disk_that_gets_full_is_said_once(rig: Rig) -> None:
+    rig.record(3)
+    rig.join(L)
+    for free in (LOW_BYTES, LOW_BYTES - 10**8, 10**8, LOW_BYTES + 1):
+        rig.pump(L, LogAck(1, free))
+        assert (rig.port.notice != "") == (free < LOW_BYTES)
+    assert [details for name, details in rig.port.news if name == "logger_disk_low"] == [{"free_gb": "4.9"}]

@@ -1,18 +1,23 @@
 """The two seats: who may sit, which sample counts, what is answered."""
 
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import astuple, replace
 from typing import Any
 
 import numpy as np
 import pytest
 from fake_router import WELCOME, FakeRouter, hello
 
-from netboard.nodes.motion_port import BEAT_TICKS, MOST_FRAMES, SANE_NS, MotionPort
+from netboard.nodes.motion_port import BEAT_TICKS, GONE_NS, MOST_FRAMES, MotionPort
 from netboard.nodes.refusals import AGAIN_NS, REMEMBERED
-from netboard.tick import TICK
+from netboard.nodes.seats import ARMED, LIVE, SANE_NS
+from netboard.tick import TICK, TICK_NS
+from netboard.wire import fixed
+from netboard.wire.codec import encode
 from netboard.wire.messages import Beat, Force, Goodbye, Refusal, Safeguard, StatusRequest, Stylus, Welcome
 
 TIMEOUT_NS = 50_000_000
+BOUND_NS = 500_000
 MS = 1_000_000
 A, B = b"agent.left@1", b"agent.right@2"
 STYLUS = Stylus(0, 0, 0.0, 0.0, 0.01, 0.0, 0.0, 0.1, 0, 0, 0.0, -1, 0, 0, 0, 0)
@@ -23,29 +28,37 @@ class Rig:
 
     def __init__(self) -> None:
         self.router = FakeRouter()
-        self.port = MotionPort(self.router, WELCOME, TIMEOUT_NS)  # type: ignore[arg-type]
+        self.port = MotionPort(self.router, WELCOME, TIMEOUT_NS, BOUND_NS)  # type: ignore[arg-type]
 
     def seated(self) -> "Rig":
         self.router.say(A, hello("agent", "left"))
         self.router.say(B, hello("agent", "right"))
-        self.port.drain(lambda: 0)
+        self.drain(lambda: 0)
         assert [type(m) for m in self.router.heard(A) + self.router.heard(B)] == [Welcome, Welcome]
         self.port.news.clear()
         return self
 
+    def drain(self, clock: Callable[[], int], due_ns: int = 0) -> bool:
+        return self.port.drain(clock, due_ns)
+
     def row(self, now_ns: int) -> Any:
-        row = np.zeros(1, TICK)[0]
-        self.port.fill(row, now_ns)
-        return row
+        row = np.zeros(1, TICK)
+        self.found = self.port.fill(row.view(np.int64), 0, now_ns, 0)
+        return row[0]
+
+    def force(self, tick: int, left: float = 0.0, right: float = 0.0) -> None:
+        row = np.zeros(1, TICK)
+        row["tick"], row["left_force"], row["right_force"] = tick, left, right
+        self.port.force(row.view(np.int64), tick, tick)
 
 
 def test_a_stranger_is_told_to_say_hello_and_a_sitter_is_not() -> None:
     rig = Rig()
     rig.router.say(A, STYLUS)
-    rig.port.drain(lambda: 0)
+    rig.drain(lambda: 0)
     assert rig.router.heard(A) == [Refusal("say hello first")]
     rig.seated().router.say(A, STYLUS)
-    rig.port.drain(lambda: MS)
+    rig.drain(lambda: MS)
     assert rig.router.heard(A) == []
     assert rig.row(MS)["left_live"] == 1
 
@@ -57,7 +70,7 @@ def test_a_stranger_is_told_to_say_hello_and_a_sitter_is_not() -> None:
 def test_who_does_not_belong_is_refused_in_words_and_noted(message: Any) -> None:
     rig = Rig()
     rig.router.say(A, message)
-    rig.port.drain(lambda: 0)
+    rig.drain(lambda: 0)
     (answer,) = rig.router.heard(A)
     assert isinstance(answer, Refusal)
     assert answer.reason
@@ -67,15 +80,15 @@ def test_who_does_not_belong_is_refused_in_words_and_noted(message: Any) -> None
 def test_a_second_agent_for_a_side_waits_until_the_first_is_gone() -> None:
     rig = Rig().seated()
     rig.router.say(b"other", hello("agent", "left", "host:9"))
-    rig.port.drain(lambda: MS)
+    rig.drain(lambda: MS)
     (answer,) = rig.router.heard(b"other")
     assert isinstance(answer, Refusal)
     assert "already has an agent: host:1" in answer.reason
     rig.router.say(b"other", hello("agent", "left", "host:9"))
-    rig.port.drain(lambda: MS + TIMEOUT_NS)
+    rig.drain(lambda: MS + TIMEOUT_NS)
     assert isinstance(rig.router.heard(b"other")[0], Welcome)
     rig.router.say(A, STYLUS)
-    rig.port.drain(lambda: MS + TIMEOUT_NS)
+    rig.drain(lambda: MS + TIMEOUT_NS)
     assert rig.router.heard(A) == [Refusal("say hello first")]
 
 
@@ -83,7 +96,7 @@ def test_the_newest_sample_wins_whatever_the_order() -> None:
     rig = Rig().seated()
     for seq in (3, 5, 4, 5, 1):
         rig.router.say(A, replace(STYLUS, seq=seq, z=seq * 1e-3))
-    rig.port.drain(lambda: MS)
+    rig.drain(lambda: MS)
     row = rig.row(MS)
     assert (row["left_seq"], row["left_sent_z"]) == (5, 5e-3)
     assert (row["right_seq"], row["right_live"]) == (-1, 0)
@@ -92,11 +105,11 @@ def test_the_newest_sample_wins_whatever_the_order() -> None:
 def test_a_sample_grows_old_and_one_that_is_no_number_never_counts() -> None:
     rig = Rig().seated()
     rig.router.say(A, STYLUS)
-    rig.port.drain(lambda: 0)
+    rig.drain(lambda: 0)
     assert rig.row(TIMEOUT_NS - 1)["left_live"] == 1
     assert rig.row(TIMEOUT_NS)["left_live"] == 0
     rig.router.say(A, replace(STYLUS, seq=1, vz=float("nan")))
-    rig.port.drain(lambda: TIMEOUT_NS)
+    rig.drain(lambda: TIMEOUT_NS)
     assert rig.row(TIMEOUT_NS)["left_live"] == 0
 
 
@@ -108,7 +121,7 @@ def test_stamps_are_turned_into_server_time_by_the_probes_in_the_samples() -> No
         STYLUS, stamp_ns=answered, force_tick=1, force_sent_ns=sent, force_received_ns=received, sent_ns=answered
     )
     rig.router.say(A, probe)
-    rig.port.drain(lambda: 10 * MS + 400_000)
+    rig.drain(lambda: 10 * MS + 400_000)
     assert rig.row(11 * MS)["left_stamp_ns"] == answered - ahead
     (record,) = rig.port.clock_records(0)
     assert (record.peer, record.offset_ns) == ("agent.left", ahead)
@@ -119,33 +132,124 @@ def test_what_the_safety_chain_did_between_two_ticks_is_not_lost_nor_told_twice(
     rig = Rig().seated()
     for seq, bits in enumerate((Safeguard.ARMED | Safeguard.CLAMPED, Safeguard.ARMED)):
         rig.router.say(A, replace(STYLUS, seq=seq, safeguards=int(bits)))
-    rig.port.drain(lambda: MS)
+    rig.drain(lambda: MS)
     assert rig.row(MS)["left_safeguards"] == Safeguard.ARMED | Safeguard.CLAMPED
     assert rig.row(MS)["left_safeguards"] == 0
 
 
 def test_forces_go_every_tick_and_beats_now_and_then_without_a_force() -> None:
     rig = Rig().seated()
-    row = np.zeros(1, TICK)[0]
-    row["left_force"], row["right_force"] = -0.5, 0.25
     for tick in range(2 * BEAT_TICKS):
-        row["tick"] = tick
-        rig.port.answer(row, True, tick)
+        rig.force(tick, -0.5, 0.25)
     assert [(m.tick, m.force) for m in rig.router.heard(A)] == [(t, -0.5) for t in range(2 * BEAT_TICKS)]  # type: ignore[union-attr]
-    assert isinstance(rig.router.heard(B)[0], Force)
+    assert [m.force for m in rig.router.heard(B)] == [0.25] * 2 * BEAT_TICKS  # type: ignore[union-attr]
     for tick in range(2 * BEAT_TICKS):
-        row["tick"] = tick
-        rig.port.answer(row, False, tick)
+        rig.port.beat(tick, tick)
     beats = rig.router.heard(A)
     assert [type(m) for m in beats] == [Beat, Beat]
+
+
+def test_a_force_tells_which_sample_it_is_of_and_how_long_before_its_deadline_that_came() -> None:
+    rig = Rig().seated()
+    rig.router.say(A, replace(STYLUS, seq=9))
+    rig.drain(lambda: 700_000, TICK_NS)
+    rig.row(TICK_NS)
+    rig.force(12, 0.5)
+    assert rig.router.heard(A) == [Force(12, 12, 9, 0.5, 300_000)]
+    assert rig.router.heard(B) == [Force(12, 12, -1, 0.0, 0)]
+
+
+def test_a_sample_counts_in_its_fixed_form_as_in_any_other() -> None:
+    stylus = replace(STYLUS, seq=3, x=-0.25, z=0.5, safeguards=1, force_tick=7, sent_ns=2**40)
+    words, frame = np.zeros(len(fixed.STYLUS.markers), np.int64), np.zeros(fixed.STYLUS.size, np.uint8)
+    record = words.view(np.dtype(fixed.fields_of(Stylus)))
+    record[0] = astuple(stylus)
+    fixed.write(frame, *fixed.STYLUS[:2], words)
+    rows = []
+    for form in (frame.tobytes(), encode(stylus)):
+        rig = Rig().seated()
+        rig.router.say(A, form)
+        rig.drain(lambda: MS)
+        rows.append(rig.row(MS))
+    assert rows[0] == rows[1]
+    assert (rows[0]["left_seq"], rows[0]["left_x"], rows[0]["left_sent_z"]) == (3, -0.25, 0.5)
+
+
+def test_a_tick_waits_for_whoever_was_punctual_and_for_nobody_else() -> None:
+    rig = Rig().seated()
+    assert not rig.port.complete
+    rig.router.say(A, STYLUS)
+    rig.drain(lambda: 0)
+    assert rig.port.complete  # the right agent has never been in time
+    rig.router.say(B, STYLUS)
+    rig.drain(lambda: 0)
+    rig.row(0)
+    for agent, complete in ((B, False), (A, True)):
+        rig.router.say(agent, replace(STYLUS, seq=1))
+        rig.drain(lambda: MS)
+        assert rig.port.complete == complete
+    rig.row(MS)
+    rig.row(2 * MS)  # the left one comes too late for this one
+    rig.router.say(B, replace(STYLUS, seq=2))
+    rig.drain(lambda: 3 * MS)
+    assert rig.port.complete
+
+
+def test_what_is_live_and_what_is_armed_is_told_at_every_tick() -> None:
+    rig = Rig().seated()
+    rig.router.say(B, replace(STYLUS, safeguards=int(Safeguard.ARMED)))
+    rig.drain(lambda: MS)
+    rig.row(MS)
+    assert rig.found == 2 * (LIVE | ARMED)
+    rig.row(MS + TIMEOUT_NS)
+    assert rig.found == 2 * ARMED
+
+
+def test_a_device_may_be_armed_only_while_its_clock_is_known_well_enough() -> None:
+    rig = Rig().seated()
+    for seq, delay_ns, may in ((0, 600_000, False), (1, 400_000, True)):
+        sent = seq * MS
+        probe = replace(
+            STYLUS, seq=seq, force_tick=4 * seq, force_sent_ns=sent, force_received_ns=sent, sent_ns=sent, stamp_ns=sent
+        )
+        rig.router.say(A, probe)
+        rig.drain(lambda now=sent + 2 * delay_ns: now)
+        rig.router.heard(A)
+        rig.port.beat(0, sent)
+        (beat,) = rig.router.heard(A)
+        assert isinstance(beat, Beat)
+        assert beat.arm == may
+        lacking = rig.port.lacks(sent + 2 * delay_ns)
+        assert any("clock" in what for what in lacking) != may, lacking
+    assert rig.port.lacks(MS) == ["the left device to be armed", "the right agent"]
+
+
+def test_an_agent_that_has_been_silent_for_long_has_left() -> None:
+    rig = Rig().seated()
+    rig.port.expire(GONE_NS)
+    assert not rig.port.empty
+    rig.port.expire(GONE_NS + 1)
+    assert rig.port.empty
+    assert [details["reason"] for name, details in rig.port.news if name == "agent_left"] == ["fell silent"] * 2
+
+
+def test_the_link_to_an_agent_is_described() -> None:
+    rig = Rig().seated()
+    for seq in (0, 1, 4):
+        rig.router.say(A, replace(STYLUS, seq=seq))
+    rig.drain(lambda: MS)
+    left, right = rig.port.links(3 * MS)
+    assert left[:4] == ("agent.left", "host:1", "0", 0.002)
+    assert left[8] == 2
+    assert right[0] == "agent.right"
 
 
 def test_an_agent_that_leaves_frees_its_seat_and_is_sent_nothing_more() -> None:
     rig = Rig().seated()
     rig.router.say(A, Goodbye("done"))
-    rig.port.drain(lambda: MS)
+    rig.drain(lambda: MS)
     assert rig.port.news == [("agent_left", {"side": "left", "reason": "done"})]
-    rig.port.answer(np.zeros(1, TICK)[0], True, MS)
+    rig.force(1)
     assert rig.router.heard(A) == []
     assert len(rig.router.heard(B)) == 1
 
@@ -153,7 +257,7 @@ def test_an_agent_that_leaves_frees_its_seat_and_is_sent_nothing_more() -> None:
 def test_an_agent_cannot_ask_what_only_an_operator_may() -> None:
     rig = Rig().seated()
     rig.router.say(A, StatusRequest())
-    rig.port.drain(lambda: MS)
+    rig.drain(lambda: MS)
     assert rig.router.heard(A) == [Refusal("an agent does not send StatusRequest")]
 
 
@@ -162,7 +266,7 @@ def test_an_agent_cannot_ask_what_only_an_operator_may() -> None:
 def test_nonsense_stamps_are_no_sample_and_do_no_harm(field: str, value: int) -> None:
     rig = Rig().seated()
     rig.router.say(A, replace(STYLUS, force_tick=0, **{field: value}))  # type: ignore[arg-type]
-    rig.port.drain(lambda: MS)
+    rig.drain(lambda: MS)
     assert rig.row(MS)["left_live"] == 0
     assert rig.port.clock_records(0) == []
 
@@ -171,10 +275,10 @@ def test_a_sample_from_the_future_does_not_stay_live_when_its_agent_falls_silent
     rig = Rig().seated()
     probe = {"force_tick": 1, "force_sent_ns": 0, "force_received_ns": MS, "sent_ns": MS}
     rig.router.say(A, replace(STYLUS, stamp_ns=MS, **probe))  # type: ignore[arg-type]
-    rig.port.drain(lambda: 2 * MS)
+    rig.drain(lambda: 2 * MS)
     assert rig.row(2 * MS)["left_live"] == 1
     rig.router.say(A, replace(STYLUS, seq=1, stamp_ns=10_000 * 10**9, **probe))  # type: ignore[arg-type]
-    rig.port.drain(lambda: 3 * MS)
+    rig.drain(lambda: 3 * MS)
     assert rig.row(3 * MS)["left_live"] == 0
 
 
@@ -184,12 +288,12 @@ def test_a_flood_is_taken_bit_by_bit_answered_once_a_second_and_noted_with_its_n
         rig.router.say(b"flood", b"\x00")
     rig.router.say(A, STYLUS)
     for tick in range(11):
-        rig.port.drain(lambda now=tick * MS: now)
+        rig.drain(lambda now=tick * MS: now)
     assert rig.row(11 * MS)["left_live"] == 1
     assert len(rig.router.heard(b"flood")) == 1
     assert [name for name, _ in rig.port.news] == ["refused"]
     rig.router.say(b"flood", b"\x00")
-    rig.port.drain(lambda: AGAIN_NS)
+    rig.drain(lambda: AGAIN_NS)
     assert rig.port.news[-1][1]["times"] == str(10 * MOST_FRAMES + 1)
 
 
@@ -198,5 +302,5 @@ def test_however_many_strangers_there_are_only_so_many_are_told_apart() -> None:
     for number in range(2000):
         rig.router.say(b"stranger %d" % number, b"\x00")
     for tick in range(40):
-        rig.port.drain(lambda now=tick: now)
+        rig.drain(lambda now=tick: now)
     assert len(rig.port.news) == REMEMBERED + 1

@@ -1,16 +1,20 @@
 """The watch over a block: when it starts, pauses and goes on."""
 
+from itertools import count, islice
+
 import pytest
 
 from netboard.experiment.machine import Cause, Phase
 from netboard.nodes.watch import READY_TICKS, WISHES, Watch
 
 ALL_THERE: tuple[str, ...] = ()
+TICKS = count()
 
 
 def wait(watch: Watch, phase: Phase, ticks: int, missing: tuple[str, ...] = ALL_THERE, trouble: str = "") -> Cause:
     """The last of so many commands, asserting that those before were none."""
-    causes = [watch.command(phase, "", missing, trouble) for _ in range(ticks)]
+    first = next(TICKS)
+    causes = [watch.command(tick, phase, "", missing, trouble) for tick in [first, *islice(TICKS, ticks - 1)]]
     assert not any(causes[:-1])
     return causes[-1]
 
@@ -21,52 +25,55 @@ def test_a_block_starts_by_itself_once_all_have_been_there_for_half_a_second() -
     assert watch.notice == "waiting for the logger"
     assert wait(watch, Phase.IDLE, READY_TICKS - 1) is Cause.NONE
     assert wait(watch, Phase.IDLE, 1, ("the logger",)) is Cause.NONE
-    assert wait(watch, Phase.IDLE, READY_TICKS) is Cause.START
+    assert wait(watch, Phase.IDLE, READY_TICKS + 1) is Cause.START
     assert watch.notice == ""
 
 
 def test_without_autostart_it_waits_for_the_operator() -> None:
     watch = Watch(autostart=False)
     assert wait(watch, Phase.IDLE, 10 * READY_TICKS) is Cause.NONE
-    assert watch.command(Phase.IDLE, "start", ALL_THERE, "") is Cause.START
+    assert watch.command(next(TICKS), Phase.IDLE, "start", ALL_THERE, "") is Cause.START
 
 
 def test_an_operator_cannot_start_without_the_peers_and_is_told_so() -> None:
     watch = Watch(autostart=False)
-    assert watch.command(Phase.IDLE, "start", ("the left agent", "the logger"), "") is Cause.NONE
+    assert watch.command(next(TICKS), Phase.IDLE, "start", ("the left agent", "the logger"), "") is Cause.NONE
     assert watch.notice == "cannot start without the left agent, the logger"
 
 
 @pytest.mark.parametrize("wish", sorted(set(WISHES) - {"start", "stop"}))
 def test_a_wish_that_does_not_fit_the_phase_is_refused_in_words(wish: str) -> None:
     watch = Watch(autostart=False)
-    assert watch.command(Phase.IDLE, wish, ALL_THERE, "") is Cause.NONE
+    assert watch.command(next(TICKS), Phase.IDLE, wish, ALL_THERE, "") is Cause.NONE
     assert watch.notice == f"cannot {wish} while idle"
 
 
 @pytest.mark.parametrize("phase", [Phase.LEVELLING, Phase.RUNNING, Phase.HOLDING])
 def test_trouble_pauses_a_trial_at_once_before_any_wish_but_the_last(phase: Phase) -> None:
     watch = Watch(autostart=True)
-    assert watch.command(phase, "abort", ALL_THERE, "no sample from the left agent") is Cause.FAULT
+    assert watch.command(next(TICKS), phase, "abort", ALL_THERE, "no sample from the left agent") is Cause.FAULT
     assert watch.notice == "paused: no sample from the left agent"
-    assert Watch(autostart=True).command(phase, "stop", ALL_THERE, "no sample from the left agent") is Cause.STOP
+    assert (
+        Watch(autostart=True).command(next(TICKS), phase, "stop", ALL_THERE, "no sample from the left agent")
+        is Cause.STOP
+    )
 
 
 @pytest.mark.parametrize("phase", [Phase.IDLE, Phase.PAUSED, Phase.FINISHED])
 def test_trouble_changes_nothing_where_no_trial_is_going_on(phase: Phase) -> None:
-    assert Watch(autostart=True).command(phase, "", ALL_THERE, "no sample") is Cause.NONE
+    assert Watch(autostart=True).command(next(TICKS), phase, "", ALL_THERE, "no sample") is Cause.NONE
 
 
 def test_after_a_fault_it_goes_on_by_itself_only_with_autostart() -> None:
     for autostart, cause in ((True, Cause.RESUME), (False, Cause.NONE)):
         watch = Watch(autostart)
-        watch.command(Phase.RUNNING, "", ALL_THERE, "no sample")
+        watch.command(next(TICKS), Phase.RUNNING, "", ALL_THERE, "no sample")
         wait(watch, Phase.PAUSED, 50, ALL_THERE, "no sample")
-        assert wait(watch, Phase.PAUSED, READY_TICKS) is cause
+        assert wait(watch, Phase.PAUSED, READY_TICKS + 1) is cause
 
 
 def test_what_the_operator_has_paused_only_the_operator_resumes() -> None:
     watch = Watch(autostart=True)
-    assert watch.command(Phase.RUNNING, "pause", ALL_THERE, "") is Cause.PAUSE
+    assert watch.command(next(TICKS), Phase.RUNNING, "pause", ALL_THERE, "") is Cause.PAUSE
     assert wait(watch, Phase.PAUSED, 10 * READY_TICKS) is Cause.NONE
-    assert watch.command(Phase.PAUSED, "resume", ALL_THERE, "") is Cause.RESUME
+    assert watch.command(next(TICKS), Phase.PAUSED, "resume", ALL_THERE, "") is Cause.RESUME

@@ -49,6 +49,30 @@ def slope(times: NDArray[np.float64], values: NDArray[np.float64], count: int, b
     return best
 
 
+@numba.njit(cache=True)
+def _taken(
+    stamps: NDArray[np.int64],
+    places: NDArray[np.float64],
+    count: int,
+    band: float,
+    stamp_ns: int,
+    place: tuple[float, ...],
+) -> tuple[int, float, float, float]:
+    """Take a position into the memory; how many there are now, and the slope along each axis."""
+    if count == 0 or stamp_ns > stamps[0]:
+        for k in range(SAMPLES - 1, 0, -1):
+            stamps[k] = stamps[k - 1]
+            for axis in range(3):
+                places[axis, k] = places[axis, k - 1]
+        count = min(count + 1, SAMPLES)
+        stamps[0] = stamp_ns
+    for axis in range(3):
+        places[axis, 0] = place[axis]
+    times = (stamps - stamps[0]) * 1e-9
+    vx, vy = slope(times, places[0], count, band), slope(times, places[1], count, band)
+    return count, vx, vy, slope(times, places[2], count, band)
+
+
 class Velocimeter:
     """Velocity of a stylus from its positions.
 
@@ -79,13 +103,5 @@ class Velocimeter:
         tuple of float
             Velocity x, y, z; 0 before the second position [m/s].
         """
-        stamps, places = self._stamps_ns, self._places
-        if self._count == 0 or stamp_ns > stamps[0]:
-            stamps[1:] = stamps[:-1]
-            places[:, 1:] = places[:, :-1]
-            self._count = min(self._count + 1, SAMPLES)
-            stamps[0] = stamp_ns
-        places[:, 0] = x, y, z
-        times = (stamps - stamps[0]) * 1e-9
-        n, band = self._count, self._band
-        return slope(times, places[0], n, band), slope(times, places[1], n, band), slope(times, places[2], n, band)
+        self._count, vx, vy, vz = _taken(self._stamps_ns, self._places, self._count, self._band, stamp_ns, (x, y, z))
+        return vx, vy, vz

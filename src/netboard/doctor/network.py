@@ -1,4 +1,4 @@
-"""What the network's side of a machine is like: how well clocks can be compared here, and whether the ports are free.
+"""What the network's side of a machine is like: how well clocks can be compared here, and are ports and keys in order.
 
 Two sockets of this process exchange stamps over loopback, through ZeroMQ, as server and agents do over the network.
 Both ends have one clock, so the offset found must be 0 within the bound; between machines a bound cannot be smaller.
@@ -8,13 +8,14 @@ import errno
 import socket as net
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import TypeVar
 
-from netboard import sockets
+from netboard import keys, sockets
 from netboard.clock import now_ns
 from netboard.config import Network
 from netboard.doctor.finding import Finding
-from netboard.errors import NetboardError
+from netboard.errors import ConfigError, NetboardError
 from netboard.wire.session import ClockEstimator
 
 LOOPBACK = "127.0.0.1"
@@ -110,3 +111,21 @@ def ports(network: Network) -> Finding:
             advice = "is a server running? else choose another [network] port"
             return Finding(name, "yellow", f"{network.bind}:{number}: {error.strerror}", advice)
     return Finding(name, "green", f"{found} are free")
+
+
+def secrets(network: Network) -> Finding:
+    """Whether the keys that are needed are here, and for their owner's eyes only."""
+    name = "keys"
+    if not keys.encrypted(network):
+        if keys.local(network.bind) and keys.local(network.host):
+            return Finding(name, "green", "none needed within one machine")
+        return Finding(name, "yellow", "switched off", 'with [network] curve = "on" nobody comes in without a key')
+    folder = Path(network.keys)
+    try:
+        found = [file for file, _, _ in keys.key_files(folder)]
+    except ConfigError as error:
+        return Finding(name, "red", str(error), "keys are for their owner's eyes only")
+    if not found:
+        advice = "at the server: netboard keys init; at a station: bring the files that netboard keys add made for it"
+        return Finding(name, "red", f"none in {folder}", advice)
+    return Finding(name, "green", f"{', '.join(found)} in {folder}")

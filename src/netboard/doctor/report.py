@@ -121,7 +121,7 @@ def steps(config: Config, effort: Effort) -> dict[str, Step]:
             system.clock_source(),
         ],
         "clock": lambda progress: [network.clock_bound(config.network, effort.exchanges, progress)],
-        "network": lambda progress: [network.ports(config.network)],
+        "network": lambda progress: [network.ports(config.network), network.secrets(config.network)],
         "disk": lambda progress: [
             disk.space(config.recording),
             disk.speed(config.recording, effort.chunks, progress),

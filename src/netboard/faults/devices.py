@@ -84,7 +84,7 @@ class TamperedTouch(Device):
 
     def _open(self) -> DeviceInfo:
         flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND
-        self._trace = os.open(self._folder / f"{self.side}-{os.getpid()}.trace", flags, 0o600)
+        self._trace = os.open(trace_file(self._folder, self.side, os.getpid()), flags, 0o600)
         self._trick = os.open(_trick_file(self._folder, self.side), os.O_RDONLY | os.O_CREAT, 0o600)
         return self._touch.open()
 
@@ -144,8 +144,23 @@ def play_trick(folder: Path, side: Side, trick: Trick) -> None:
     _trick_file(folder, side).write_bytes(letter)
 
 
-def read_traces(folder: Path, side: Side, newest: int | None = None) -> list[NDArray[Any]]:
-    """Read what was handed to the devices of a side.
+def trace_file(folder: Path, side: Side, process_id: int) -> Path:
+    """File with what the device of a process was handed.
+
+    Parameters
+    ----------
+    folder : Path
+        The devices' folder.
+    side : {"left", "right"}
+        Whose device.
+    process_id : int
+        Of the agent [1].
+    """
+    return folder / f"{side}-{process_id}.trace"
+
+
+def read_traces(folder: Path, side: Side) -> list[NDArray[Any]]:
+    """Read what was handed to all devices of a side.
 
     Parameters
     ----------
@@ -153,21 +168,35 @@ def read_traces(folder: Path, side: Side, newest: int | None = None) -> list[NDA
         Their folder.
     side : {"left", "right"}
         Whose devices.
-    newest : int or None
-        Only so many of the last forces of each; None for all [1].
 
     Returns
     -------
     list of ndarray of TRACE
-        One for each agent that was started, the first one first; an agent that is running may be among them.
+        One for each agent that was started, the first one first.
     """
-    rows = [_rows(path, newest) for path in folder.glob(f"{side}-*.trace")]
-    return sorted((trace for trace in rows if trace.size), key=lambda trace: int(trace["time_ns"][0]))
+    traces = [read_trace(path) for path in folder.glob(f"{side}-*.trace")]
+    return sorted((trace for trace in traces if trace.size), key=lambda trace: int(trace["time_ns"][0]))
 
 
-def _rows(path: Path, newest: int | None) -> NDArray[Any]:
-    there = path.stat().st_size // TRACE.itemsize
+def read_trace(path: Path, newest: int | None = None) -> NDArray[Any]:
+    """Read what a device was handed, up to now if its agent still runs.
+
+    Parameters
+    ----------
+    path : Path
+        Its file.
+    newest : int or None
+        Only so many of the last forces; None for all [1].
+
+    Returns
+    -------
+    ndarray of TRACE
+        In order.
+    """
+    there = path.stat().st_size // TRACE.itemsize if path.exists() else 0
     count = there if newest is None else min(there, newest)
+    if not count:
+        return np.empty(0, TRACE)
     return np.fromfile(path, TRACE, count, offset=(there - count) * TRACE.itemsize)
 
 

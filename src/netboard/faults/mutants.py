@@ -151,18 +151,24 @@ class Mutants:
 
     def __next__(self) -> bytes:
         chance = self._chance
-        if chance.random() < 0.5:
+        if chance.random() < 0.6:
             frame = self._writer.write(self._spoiled_tree())
+            times = chance.choice((0, 0, 0, 1))
         else:
             frame = chance.choice(self._frames)
-        for _ in range(chance.choice((0, 1, 1, 1, 2, 4))):
-            frame = chance.choice(_BYTEWISE)(chance, frame, chance.choice(self._frames))
+            times = chance.choice((1, 1, 2, 4))
+        for _ in range(times):
+            at = 0 if chance.random() < 0.1 else 2  # mostly behind the kind, so that there is more to read
+            spoil = chance.choice(_BYTEWISE)
+            frame = frame[:at] + spoil(chance, frame[at:], chance.choice(self._frames)[at:])
         return frame[:LARGEST]
 
     def _spoiled_tree(self) -> Any:
         """A message as a list of its kind and fields, with something wrong in one place or some."""
         chance = self._chance
         tree = _copy(chance.choice(self._trees))
+        if chance.random() < 0.1:
+            tree[0] = chance.choice((*KINDS, chance.randrange(256)))
         for _ in range(chance.choice((1, 1, 1, 2, 3))):
             holder = tree
             while chance.random() < 0.4 and (inner := [item for item in _items(holder) if _items(item)]):
@@ -173,20 +179,24 @@ class Mutants:
     def _spoil(self, holder: Any) -> None:
         """Spoil a list or a map at a place."""
         chance = self._chance
-        odd = chance.choice((self._odd, self._odd, self._foreign, self._nest, self._huge))()
+        odd = chance.choice((self._odd, self._odd, self._odd, self._foreign, self._nest, self._huge))()
         if isinstance(holder, dict):
             holder[chance.choice(("", "x", 1, *holder))] = odd
             return
-        at = chance.randrange(len(holder) + 1)
-        match chance.randrange(6):
+        at = chance.randrange(len(holder) + 1) or chance.randrange(len(holder) + 1)  # the first is often the kind
+        match chance.randrange(16):
             case 0:
                 holder.insert(at, odd)
             case 1:
                 del holder[at : at + 1]
             case 2:
-                holder[at : at + 1] *= chance.choice((2, 3, 20, 5000))
-            case 3:
-                chance.shuffle(holder)
+                holder[at : at + 1] *= chance.choice((2, 3, 20))
+            case 3 if len(holder) < 40:
+                holder += [_copy(item) for item in holder[at : at + 1] if not _items(item)] * chance.choice(
+                    (9, 9, 9, 300, 5000)
+                )
+            case 4:
+                holder[1:] = chance.sample(holder[1:], len(holder[1:]))
             case _:
                 holder[at : at + 1] = [odd]
 
@@ -218,16 +228,15 @@ class Liar:
     ----------
     chance : random.Random
         What decides when.
-    lies : float
-        How often a header is not the usual one [1].
     """
 
-    def __init__(self, chance: random.Random, lies: float = 0.05) -> None:
+    def __init__(self, chance: random.Random) -> None:
         self._chance = chance
-        self._lies = lies
+        self._lies = 0.0
 
     def write(self, value: Any) -> bytes:
-        """Write a value."""
+        """Write a value: most of them truly."""
+        self._lies = self._chance.choice((0.0, 0.0, 0.0, 0.1))  # how often a header is not the usual one
         parts: list[bytes] = []
         self._put(value, parts)
         return b"".join(parts)
@@ -317,12 +326,7 @@ def _repeat(chance: random.Random, frame: bytes, other: bytes) -> bytes:
 
 
 def _splice(chance: random.Random, frame: bytes, other: bytes) -> bytes:
-    return frame[: chance.randrange(len(frame) + 1)] + other[chance.randrange(len(other)) :]
-
-
-def _other_kind(chance: random.Random, frame: bytes, other: bytes) -> bytes:
-    at = 3 if frame[:1] == b"\xdc" else 1
-    return frame[:at] + bytes([chance.choice((*KINDS, chance.randrange(256)))]) + frame[at + 1 :]
+    return frame[: chance.randrange(len(frame) + 1)] + other[chance.randrange(len(other) + 1) :]
 
 
 def _lengthen(chance: random.Random, frame: bytes, other: bytes) -> bytes:
@@ -343,7 +347,6 @@ _BYTEWISE = (
     _remove,
     _repeat,
     _splice,
-    _other_kind,
     _lengthen,
     _noise,
 )

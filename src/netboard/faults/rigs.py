@@ -19,7 +19,7 @@ from typing import Self
 from netboard import sockets
 from netboard.config import SIDES, Config, Side, parse, resolve
 from netboard.errors import NetboardError
-from netboard.faults.devices import NAME, install, read_traces
+from netboard.faults.devices import NAME, install, read_trace, trace_file
 from netboard.nodes.launcher import free_port
 from netboard.nodes.operator import Operator
 from netboard.process import WITH_PARENT
@@ -88,8 +88,8 @@ class Rig:
         environment: Mapping[str, str] | None = None,
         ways: Mapping[str, Way] | None = None,
     ) -> None:
-        own = (f"network.port={free_port()}", f"recording.directory={folder / 'recordings'}")
-        self.folder = folder
+        self.folder = folder.resolve()
+        own = (f"network.port={free_port()}", f"recording.directory={self.folder / 'recordings'}")
         self.config: Config = parse("", "rig", (*own, *settings))
         self.file = self._write("rig", self.config)
         self.running: dict[str, subprocess.Popen[bytes]] = {}
@@ -130,6 +130,7 @@ class Rig:
                 stdout=said,
                 stderr=said,
                 env=self._environment,
+                cwd=self.folder,
                 start_new_session=True,
             )
         self.running[name] = process
@@ -178,12 +179,10 @@ class Rig:
         return self.until(lambda status: status.phase in ACTIVE and all(map(self._feels, SIDES)), seconds)
 
     def _feels(self, side: Side) -> bool:
-        """Whether the newest device of a side is handed forces that change."""
-        traces = read_traces(self.folder, side, newest=FELT_ROWS)
-        if not traces or traces[-1].size < FELT_ROWS:
-            return False
-        forces = traces[-1]["fz"].tolist()
-        return 0.0 not in forces and len(set(forces)) > FELT_ROWS // 4
+        """Whether the device of a side is handed forces that change."""
+        agent = self.running[f"{side} agent"].pid
+        forces = read_trace(trace_file(self.folder, side, agent), FELT_ROWS)["fz"].tolist()
+        return len(forces) == FELT_ROWS and 0.0 not in forces and len(set(forces)) > FELT_ROWS // 4
 
     def said(self, name: str) -> str:
         """What a process has said so far."""

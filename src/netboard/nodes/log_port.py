@@ -40,11 +40,11 @@ BATCH_BYTES = 65_536
 GONE_NS = 2_000_000_000
 """A logger that has said nothing for so long is gone; one that has been told the end may still be writing [ns]."""
 
-SPILL_SHARE = 0.75
-"""With this share of the ring taken by no logger, the oldest records go to the spill [1]."""
+MARGIN = 4096
+"""Records go to the spill so many before the ring lets go of them, or a quarter of the ring if that is less [1]."""
 
 FULL_SHARE = 0.8
-"""With this share of the ring neither on a logger's disk nor in the spill, the log is nearly full [1]."""
+"""With this share of the ring held by nobody else, and a spill that takes nothing, the log is nearly full [1]."""
 
 LISTEN_NS = 20_000_000
 """The answer to a ping is listened for so long at every tick [ns]."""
@@ -111,7 +111,8 @@ class LogPort:
         self._clock = clock
         self._loggers: dict[bytes, _Logger] = {}
         self._listen_until_ns = 0
-        self._anybody_yet = False
+        self._margin = min(MARGIN, capacity // 4)
+        self._recorded = False
         self._farewell = ""
         self._losing = ""
         self._cause = ""
@@ -187,7 +188,7 @@ class LogPort:
             if not logger.told_end:
                 self._router.send(name, encode(Goodbye("the session is over")))
         self._router.close_after_goodbye()
-        self._spill.close(self._rest() if self.backlog and self._anybody_yet else None)
+        self._spill.close(self._rest() if self.backlog and self._recorded else None)
 
     @property
     def closed(self) -> bool:
@@ -257,13 +258,13 @@ class LogPort:
             self._loggers[name] = logger = _Logger(Peer(hello, now_ns))
             self.news.append(("logger_joined", {"name": hello.name, **hello.details}))
         logger.cursor = None
-        self._anybody_yet = True
 
     def _forget(self, name: bytes, reason: str) -> None:
         logger = self._loggers.pop(name)
         self.news.append(("logger_left", {"name": logger.peer.hello.name, "reason": reason}))
 
     def _acknowledge(self, durable: int, free_bytes: int) -> None:
+        self._recorded = True
         self.free_bytes = free_bytes
         low = free_bytes < LOW_BYTES
         if low and not self._space_is_low:
@@ -300,34 +301,35 @@ class LogPort:
         """Number of the first record that is neither on a logger's disk nor in the spill."""
         return max(self.ring.acknowledged, self._spill.next)
 
-    def _let_go(self) -> None:
-        """Put what the ring will soon let go into the spill.
+    @property
+    def _refusal(self) -> str:
+        """Why nothing goes to the spill now, or nothing.
 
-        Only once a logger has been there: before that no block can have begun that is to be recorded.
+        Before a logger has written something, no block can have begun that is to be recorded.
         """
-        ring = self.ring
+        return self._spill.refusal if self._recorded else "no logger was there yet"
+
+    def _let_go(self) -> None:
+        """Put what the ring will soon let go into the spill."""
+        ring, spill = self.ring, self._spill
         for _ in range(BATCHES):
-            if not self._anybody_yet or ring.next - self._kept <= SPILL_SHARE * ring.capacity:
+            if ring.next - self._kept <= ring.capacity - self._margin or self._refusal:
                 break
-            fresh = not self._spill.next
-            if not self._spill.put(ring.batch(self._kept, BATCH_RECORDS, BATCH_BYTES)):
-                break
-            if fresh:
-                self.news.append(("log_spilling", {"file": str(self._spill.path)}))
-        if self._spill.trouble != self._spill_trouble:
-            self._spill_trouble = self._spill.trouble
+            if not spill.next:
+                self.news.append(("log_spilling", {"file": str(spill.path)}))
+            spill.put(ring.batch(self._kept, BATCH_RECORDS, BATCH_BYTES))
+        if spill.trouble != self._spill_trouble:
+            self._spill_trouble = spill.trouble
             if self._spill_trouble:
                 self.news.append(("log_spill_failed", {"reason": self._spill_trouble}))
         self._watch_losses()
 
     def _watch_losses(self) -> None:
-        """Note why the ring has to let go of records that nobody has."""
-        losing = ""
-        if self.ring.first > self._kept:
-            losing = self._spill.refusal if self._anybody_yet else "no logger was there yet"
+        """Note why the ring has to let go of records that nobody else has."""
+        losing = (self._refusal or "the disk does not follow") if self.ring.first > self._kept else ""
         if losing and losing != self._losing:
             self._cause = losing
-            if self._anybody_yet:
+            if self._recorded:
                 self.news.append(("log_losing", {"first": str(self._kept), "cause": losing}))
         self._losing = losing
 
@@ -344,9 +346,8 @@ class LogPort:
     def _find_trouble(self) -> str:
         if self._farewell and not self.loggers:
             return f"the logger has left: {self._farewell}"
-        if self.ring.next - self._kept > FULL_SHARE * self.ring.capacity:
-            return "the logger is too far behind"
-        return ""
+        full = FULL_SHARE * self.ring.capacity if self._refusal else self.ring.capacity - self._margin // 2
+        return "the logger is too far behind" if self.ring.next - self._kept > full else ""
 
     def _rest(self) -> Iterator[LogBatch]:
         """All records that are neither on a logger's disk nor in the spill."""

@@ -19,15 +19,13 @@ from netboard.clock import now_ns
 from netboard.config import Config, Recording, parse
 from netboard.errors import NetboardError, WireError
 from netboard.process import NAME
+from netboard.recording.channels import record_of
 from netboard.recording.disk import Space, require_space
 from netboard.recording.provenance import next_recording, provenance
 from netboard.recording.writer import RecordingWriter
 from netboard.wire.codec import decode, encode
 from netboard.wire.messages import (
     PROTOCOL_VERSION,
-    ClockRecord,
-    EventRecord,
-    FrameRecord,
     Goodbye,
     Hello,
     LogAck,
@@ -38,7 +36,6 @@ from netboard.wire.messages import (
     Ping,
     Pong,
     Refusal,
-    TickRecord,
     Welcome,
 )
 
@@ -322,17 +319,12 @@ class Logger:
 
     def _write(self, writer: RecordingWriter, frame: bytes, number: int, now: int) -> None:
         try:
-            record = decode(frame)
+            record = record_of(frame)
         except WireError as error:
-            reason = str(error)
+            log.error("record %d cannot be read: %s", number, error)
+            writer.note_unreadable(frame, number, str(error), now)
         else:
-            if isinstance(record, TickRecord | EventRecord | ClockRecord | FrameRecord):
-                writer.write(record, number, now)
-                return
-            reason = f"a {type(record).__name__} is not a record"
-        log.error("record %d cannot be read: %s", number, reason)
-        writer.remark("log_unreadable", {"number": str(number), "reason": reason, "hex": frame.hex()}, now)
-        writer.note_lost(number, 1, now)
+            writer.write(record, number, now)
 
     def _end(self, last: int) -> None:
         """Finish the recording if it is whole; otherwise ask for the rest."""

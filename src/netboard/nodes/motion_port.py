@@ -89,16 +89,20 @@ class Seat:
         self._take(now_ns, due_ns)
 
     def _take(self, now_ns: int, due_ns: int) -> None:
-        words = self._words
-        if not seats.take(words, self._sample, now_ns, due_ns):
-            return
-        tick = int(words[seats.FORCE_TICK])
-        if tick - self._probed_tick >= PROBE_TICKS or tick < self._probed_tick:
-            self._probed_tick = tick
-            sent, received, answered = (int(words[at]) for at in (seats.FORCE_SENT, seats.FORCE_RECEIVED, seats.SENT))
-            self.probe = (sent, received, answered, now_ns)
-            self.clock.add(*self.probe)
-            words[seats.OFFSET], words[seats.CLOCK_KNOWN] = self.clock.offset_ns, self.clock.known
+        if seats.take(self._words, self._sample, now_ns, due_ns):
+            tick = int(self._words[seats.FORCE_TICK])
+            if tick - self._probed_tick >= PROBE_TICKS or tick < self._probed_tick:
+                self._probe(tick, now_ns)
+
+    def _probe(self, tick: int, now_ns: int) -> None:
+        """Let the newest sample tell the time there."""
+        words, clock = self._words, self.clock
+        sent, received, answered = (int(words[at]) for at in (seats.FORCE_SENT, seats.FORCE_RECEIVED, seats.SENT))
+        self.probe = (sent, received, answered, now_ns)
+        self._probed_tick = tick
+        if clock.add(*self.probe):
+            words[seats.OFFSET], words[seats.CLOCK_KNOWN] = clock.offset_ns, True
+            words[seats.STAMP] = words[seats.STAMPED] - clock.offset_ns
 
     def silent_ns(self, now_ns: int) -> int:
         """Time since it was last heard [ns]."""

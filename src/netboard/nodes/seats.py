@@ -48,7 +48,7 @@ SEQ, FORCE_TICK, FORCE_SENT, FORCE_RECEIVED, SENT = (
 )
 ARRIVED, STAMP, LEAD, GATHERED, FRESH, PUNCTUAL = (_AT[name] for name in OWN[:6])
 TAKEN, MISSING, STALE, OFFSET, CLOCK_KNOWN = (_AT[name] for name in OWN[6:])
-_STAMPED, _Z, _VZ, SAFEGUARDS = (_AT[name] for name in ("stamp_ns", "z", "vz", "safeguards"))
+STAMPED, _Z, _VZ, SAFEGUARDS = (_AT[name] for name in ("stamp_ns", "z", "vz", "safeguards"))
 ARMED_BIT = int(Safeguard.ARMED)
 
 _ROW = {name: place for place, name in enumerate(TICK.names or ())}
@@ -101,7 +101,7 @@ def take(seat: Any, sample: Any, now_ns: int, due_ns: int) -> bool:
     due_ns : int
         Deadline of the next tick [ns].
     """
-    for k in (_STAMPED, FORCE_SENT, FORCE_RECEIVED, SENT):
+    for k in (STAMPED, FORCE_SENT, FORCE_RECEIVED, SENT):
         if not -SANE_NS <= sample[k] <= SANE_NS:
             return False
     seq, newest = sample[SEQ], seat[SEQ]
@@ -114,7 +114,7 @@ def take(seat: Any, sample: Any, now_ns: int, due_ns: int) -> bool:
         seat[k] = sample[k]
     seat[TAKEN] += 1
     seat[ARRIVED] = now_ns
-    seat[STAMP] = seat[_STAMPED] - seat[OFFSET] if seat[CLOCK_KNOWN] else now_ns
+    seat[STAMP] = seat[STAMPED] - seat[OFFSET] if seat[CLOCK_KNOWN] else now_ns
     seat[LEAD] = due_ns - now_ns
     seat[GATHERED] |= seat[SAFEGUARDS]
     seat[FRESH] = 1

@@ -76,24 +76,25 @@ class Server:
                 running.remove(session)
 
     def _run(self, running: list[Session], stopping: Callable[[], bool]) -> None:
-        """Run these sessions until one of them is over or begins to end."""
-        inlets = {socket: session for session in running for socket in session.inlets}
+        """Run these sessions until one of them begins to end, or is over."""
+        inlets = {socket: session for session in running if not session.ending for socket in session.inlets}
         waiter = sockets.Waiter(inlets)
-        more: set[Session] = set(running)
-        used: list[sockets.Socket] = []
+        more, used = set(running), list(inlets)
         while True:
             sleep_ns = 0 if more else min(min(session.wake_ns for session in running) - now_ns(), LONGEST_SLEEP_NS)
-            called = more | {inlets[socket] for socket in waiter.changed(used, sleep_ns * 1e-9)}
+            changed = waiter.changed(used, sleep_ns * 1e-9)
+            called = more | {inlets[socket] for socket in changed}
             now = now_ns()
             more, used = set(), []
             for session in running:
-                if session in called or now >= session.wake_ns:
-                    ended = session.ending
-                    if session.go_on():
-                        more.add(session)
-                    used.extend(session.inlets)
-                    if session.ending and (not ended or session.over):
-                        return
+                if session not in called and now < session.wake_ns:
+                    continue
+                before = session.ending
+                if session.go_on(session.inlets[1] in changed):
+                    more.add(session)
+                used += session.used
+                if session.over or session.ending != before:
+                    return
             if stopping():
                 for session in running:
                     session.stop()

@@ -86,8 +86,10 @@ class Session:
     ----------
     wake_ns : int
         When the session wants to go on, if nothing comes before [ns].
-    inlets : tuple of zmq.Socket
-        Where something may come that it wants to know at once.
+    inlets : (zmq.Socket, zmq.Socket)
+        Where something may come that it wants to know at once: motion, control.
+    used : tuple of zmq.Socket
+        Those of them that the last `go_on` has used.
     """
 
     def __init__(self, config: Config, context: sockets.Context, door: sockets.Door | None, *, autostart: bool) -> None:
@@ -135,7 +137,7 @@ class Session:
         self._log = LogPort(sockets.log_server(context, where.listen(sockets.LOG)), welcome, ring, spill)
         self._views = {side: sockets.view_publisher(context, where.listen(sockets.VIEW[side])) for side in SIDES}
         self._view_ticks = ceil(1000 / network.view_rate_hz)
-        self.inlets = (motion.socket, control.socket)
+        self.inlets = self.used = (motion.socket, control.socket)
 
     # --- what the server asks ----------------------------------------------------------------------------------
 
@@ -219,14 +221,22 @@ class Session:
         """Ask the session to end."""
         self._asked_to_end = True
 
-    def go_on(self) -> bool:
-        """Take what has come, and do the tick that can be done; whether there may be more to take."""
+    def go_on(self, control: bool) -> bool:
+        """Take what has come, and do the tick that can be done; whether there may be more to take.
+
+        Parameters
+        ----------
+        control : bool
+            Whether something may have come on the control channel; on the motion channel it always may.
+        """
         if self._ending_until_ns:
             return self._go_on_ending()
         idle = self._motion.empty and not self._active
+        self.used = self.inlets if control else self.inlets[:1]
         more = self._motion.drain(now_ns, self._due_ns)
         now = now_ns()
-        more |= self._control.drain(now)
+        if control:
+            more |= self._control.drain(now)
         self._mind_the_gap(now - self._due_ns, CATCH_UP_TICKS + (IDLE_TICKS if idle else 0))
         if idle:
             self._idle_ticks(now)
@@ -390,6 +400,7 @@ class Session:
     def _keep_house(self) -> None:
         """Do what need not be done at once: records to the loggers, clocks, who is missing."""
         now = now_ns()
+        self.used = self.inlets
         self._motion.expire(now)
         self._missing = self._lacks()
         self._control.pump(now)
@@ -437,13 +448,13 @@ class Session:
         self._keep_records(now_ns())
         self._log.end()
         self._ending_until_ns = now_ns() + FINISH_NS
-        self.inlets = ()
 
     def _go_on_ending(self) -> bool:
         """Feed the loggers."""
         if not self._log_closing:
             self._keep_records(now_ns())
         self.wake_ns = now_ns() + TICK_NS
+        self.used = ()
         return False
 
     def close(self) -> None:

@@ -18,9 +18,10 @@ import msgpack
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.errors import RecordingError
+from netboard.errors import RecordingError, WireError
 from netboard.experiment.machine import Cause, Phase
 from netboard.tick import TICK
+from netboard.wire.codec import decode
 from netboard.wire.messages import ClockRecord, EventRecord, FrameRecord, Safeguard, TickRecord
 
 FORMAT_VERSION = "1"
@@ -370,6 +371,25 @@ def stamped(record: Record) -> Stamped:
             return Stamped("/clock", record.seq, record.t3_ns, _map(record))
         case FrameRecord():
             return Stamped("/frame", record.seq, record.painted_ns, _map(record))
+
+
+def record_of(frame: bytes) -> Record:
+    """Read a record as it came over the log channel.
+
+    Parameters
+    ----------
+    frame : bytes
+        An encoded record message.
+
+    Raises
+    ------
+    WireError
+        If it is not one.
+    """
+    record = decode(frame)
+    if not isinstance(record, Record):
+        raise WireError(f"a {type(record).__name__} is not a record")
+    return record
 
 
 def remark(seq: int, name: str, details: dict[str, str], log_time_ns: int) -> Stamped:

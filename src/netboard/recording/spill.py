@@ -16,6 +16,7 @@ from collections import deque
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from io import FileIO
+from mmap import mmap
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from threading import Thread
@@ -121,13 +122,10 @@ class Spill:
             return self.trouble or f"{self.path}: the disk does not follow"
         return ""
 
-    def put(self, batch: LogBatch) -> bool:
-        """Take records that come after those taken before, perhaps behind a hole; False if they are not taken now."""
-        if self.refusal:
-            return False
+    def put(self, batch: LogBatch) -> None:
+        """Take records that come after those taken before, perhaps behind a hole; only without a `refusal`."""
         self._add(batch)
         self._wake([])
-        return True
 
     def batch(self, cursor: int) -> LogBatch | None:
         """Make the next batch for a logger.
@@ -178,7 +176,7 @@ class Spill:
         rest : iterable of LogBatch, optional
             The last to be put, taken by the thread at its own pace.
         """
-        if rest is not None:
+        if rest is not None and self._most_bytes:
             self._rest = rest
         elif self._thread is None:
             return
@@ -277,14 +275,17 @@ class Spill:
             self._write()
         for block in filter(None, self._unwritten):
             self._blocks.remove(block)
-        if not self._blocks:
+        if not self._blocks or self._file is None:
             self._delete()
-        elif self._file is not None:
-            try:
-                os.fsync(self._file.fileno())
-            except OSError as error:
-                self._complain(error.strerror or str(error))
-            self._file.close()
+            return
+        try:
+            os.fsync(self._file.fileno())
+        except OSError as error:
+            self._complain(error.strerror or str(error))
+        if os.fstat(self._file.fileno()).st_nlink == 0:
+            self._complain("was deleted")
+            self._blocks.clear()
+        self._file.close()
 
     def _delete(self) -> None:
         if self._file is None:
@@ -302,7 +303,7 @@ class Spill:
         self.trouble = trouble
 
 
-def read_spill(data: bytes) -> Iterator[tuple[int, int, Message | None]]:
+def read_spill(data: "mmap | bytes") -> Iterator[tuple[int, int, Message | None]]:
     """Walk the blocks of a spill.
 
     Parameters

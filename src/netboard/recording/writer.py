@@ -12,7 +12,14 @@ from netboard.errors import RecordingError
 from netboard.recording.channels import IDS, Record, remark, stamped
 from netboard.recording.disk import Consumption, Space
 from netboard.recording.partfile import PartFile
-from netboard.recording.provenance import CONFIG_NAME, LIBRARY, METADATA, METADATA_END, METADATA_FIRST
+from netboard.recording.provenance import (
+    CONFIG_NAME,
+    LIBRARY,
+    METADATA,
+    METADATA_END,
+    METADATA_FIRST,
+    METADATA_RECOVERY,
+)
 
 
 class RecordingWriter:
@@ -30,6 +37,8 @@ class RecordingWriter:
         Sizes and times of chunks.
     opened_ns : int
         Log time of opening [ns].
+    recovery : mapping of str, optional
+        The ``netboard.recovery`` metadata record, for what is written anew from something else.
 
     Attributes
     ----------
@@ -49,7 +58,13 @@ class RecordingWriter:
     """
 
     def __init__(
-        self, path: Path, metadata: Mapping[str, str], config_text: str, settings: Recording, opened_ns: int
+        self,
+        path: Path,
+        metadata: Mapping[str, str],
+        config_text: str,
+        settings: Recording,
+        opened_ns: int,
+        recovery: Mapping[str, str] | None = None,
     ) -> None:
         self.path = path
         self.next_record: int | None = None
@@ -64,6 +79,8 @@ class RecordingWriter:
         self._file = PartFile(path, LIBRARY, settings.chunk_bytes)
         try:
             self._file.add_metadata(METADATA, metadata)
+            if recovery is not None:
+                self._file.add_metadata(METADATA_RECOVERY, recovery)
             self._file.add_attachment(CONFIG_NAME, "application/toml", config_text.encode(), opened_ns)
             self._file.sync()
         except RecordingError:
@@ -127,6 +144,24 @@ class RecordingWriter:
         self.remark("log_lost", details, log_time_ns)
         self.next_record = first + count
         self.lost += count
+
+    def note_unreadable(self, frame: bytes, number: int, reason: str, log_time_ns: int) -> None:
+        """Note a record that cannot be read, as it came; it counts as lost.
+
+        Parameters
+        ----------
+        frame : bytes
+            What came.
+        number : int
+            Its number on the log channel [1].
+        reason : str
+            What is wrong with it.
+        log_time_ns : int
+            Log time [ns].
+        """
+        self._begin(number)
+        self.remark("log_unreadable", {"number": str(number), "reason": reason, "hex": frame.hex()}, log_time_ns)
+        self.note_lost(number, 1, log_time_ns)
 
     def _begin(self, number: int) -> None:
         """Check the number of what comes next; note the first one."""

@@ -287,6 +287,8 @@ def _plan(number: int, kind: Kind) -> _Plan:
         max_array_len=max(length, kind.most_items),  # an array is made at its full claimed length, so not the default
         max_ext_len=0,
     )  # maps, strings and bytes may claim no more than the frame has, which is msgpack's default
+    if kind.most_items > length:
+        unpack = partial(_unpack_whole, unpack)
     return _Plan(
         number,
         message.__name__,
@@ -299,6 +301,17 @@ def _plan(number: int, kind: Kind) -> _Plan:
         checks(_WRITE),
         unpack,
     )
+
+
+def _unpack_whole(unpack: Callable[[bytes], Any], frame: bytes) -> Any:
+    """Unpack what may have long arrays: first make sure that everything they claim is there.
+
+    Else a nest of a thousand arrays, each of a full length that never comes, would be made of 3 KB.
+    """
+    whole = msgpack.Unpacker(read_size=64)
+    whole.feed(frame)
+    whole.skip()
+    return unpack(frame)
 
 
 _PLANS = {number: _plan(number, kind) for number, kind in KINDS.items()}
