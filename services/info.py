@@ -53,6 +53,7 @@ def provenance_table(recording: Recording) -> Table:
         "block": f"{block.configuration}, haptics {'on' if block.haptics else 'off'}, {block.trials} trials",
         "ended": recording.end.get("ended", "not known: the file was recovered"),
         "written by": f"netboard {said.get('netboard', '?')}, {said.get('python', '?')}, {said.get('platform', '?')}",
+        "doctor": said.get("doctor", "?"),
         "configuration": said.get("config_sha256", "?"),
     }
     table = Table(title="Recording", title_justify="left", show_header=False)

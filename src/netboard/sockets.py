@@ -241,7 +241,9 @@ class _Watched:
             if self._monitor.closed or not _readable(self._monitor):
                 return
             event = parse_monitor_message(self._monitor.recv_multipart(_NOBLOCK))
-            if event["event"] == zmq.Event.HANDSHAKE_FAILED_PROTOCOL:
+            if event["event"] == zmq.Event.HANDSHAKE_FAILED_NO_DETAIL:
+                yield NO_KEY
+            elif event["event"] == zmq.Event.HANDSHAKE_FAILED_PROTOCOL:
                 yield FAILURES.get(event["value"], NO_HANDSHAKE)
         self._socket.monitor(None, 0)
         self._monitor.close()
@@ -251,7 +253,7 @@ class _Watched:
     def _open(self) -> Socket:
         """Listen. The queue has no bound: a full one would hold up libzmq's own thread."""
         address = f"inproc://monitor.{id(self)}.{time.monotonic_ns()}"
-        self._socket.monitor(address, zmq.Event.HANDSHAKE_FAILED_PROTOCOL)
+        self._socket.monitor(address, zmq.Event.HANDSHAKE_FAILED_PROTOCOL | zmq.Event.HANDSHAKE_FAILED_NO_DETAIL)
         monitor: Socket = self._context.socket(zmq.PAIR)
         monitor.setsockopt(zmq.LINGER, 0)
         monitor.setsockopt(zmq.RCVHWM, 0)
@@ -259,8 +261,10 @@ class _Watched:
         return monitor
 
 
+NO_KEY = "it came without a key, or hung up before the handshake was over"
+"""Whoever has no key may find out first that the server has one, and hang up."""
 FAILURES: dict[int, str] = {
-    int(zmq.PROTOCOL_ERROR_ZMTP_MECHANISM_MISMATCH): "it came without a key",
+    int(zmq.PROTOCOL_ERROR_ZMTP_MECHANISM_MISMATCH): NO_KEY,
     int(zmq.PROTOCOL_ERROR_ZMTP_CRYPTOGRAPHIC): "it does not know this server's key, or repeated what another one said",
 }
 NO_HANDSHAKE = "it broke the rules of the handshake"

@@ -1,7 +1,7 @@
 """The lossless log from the server's side: cursors, loggers that come and go, the spill, clocks, the end."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import pytest
@@ -58,16 +58,25 @@ class Rig:
         assert isinstance(self.pump(peer, hello("logger", name=peer.decode()))[0], Welcome)
         return self.pump(peer, LogRequest(first))
 
-    def catch_up(self, peer: bytes, heard: list[Message], last: int) -> list[int]:
+    def catch_up(self, peer: bytes, heard: list[Message], last: int, before: Sequence[int] = ()) -> list[int]:
         """Numbers of all records a logger gets until it has one, however long the disk takes."""
-        got = self.numbers(heard)
-        for _ in range(10_000):
-            if got and got[-1] >= last:
-                return got
+        got = [*before, *self.numbers(heard)]
+
+        def arrived() -> bool:
+            got.extend(self.numbers(self.pump(peer)))
+            return got[-1:] == [last]
+
+        self.until(lambda: got[-1:] == [last] or arrived())
+        return got
+
+    def until(self, what: Callable[[], bool]) -> None:
+        """Let the spill's thread work until something holds."""
+        for _ in range(100_000):
+            if what():
+                return
             if self.spill._thread is not None:
                 self.spill._thread.join(1e-4)
-            got += self.numbers(self.pump(peer))
-        raise AssertionError(f"got no further than {got[-1:]}")
+        raise AssertionError("waited in vain")
 
     def fill_spill(self, count: int) -> None:
         """Let a logger come and go, and many records be made after that."""
@@ -246,7 +255,8 @@ def test_the_ring_is_read_again_while_the_spill_is_still_growing(rig: Rig) -> No
     while rig.port.ring.next < 20_000:
         rig.record(50)
         got += rig.numbers(rig.pump(M))
-    assert rig.catch_up(M, [], 19_999)[-1] == 19_999
+    got = rig.catch_up(M, [], 19_999, got)
+    assert got == list(range(20_000))
 
 
 def test_a_spill_of_its_full_size_stops_the_trial_and_what_is_lost_is_said(tmp_path: Path) -> None:
@@ -287,18 +297,16 @@ def test_a_disk_that_refuses_the_spill_is_said_and_what_it_costs_is_counted(
     monkeypatch.setattr(spilling, "MOST_WAITING", 2)
     rig = Rig(tmp_path / "nowhere", capacity=100)
     rig.fill_spill(400)
-    while not rig.spill.trouble:
-        pass
+    rig.until(lambda: rig.spill.trouble != "")
     rig.record(200, pump_each=10)
     news = dict(rig.port.news)
     assert news["log_spill_failed"] == {"reason": "No such file or directory"}
     assert news["log_losing"]["cause"] in ("No such file or directory", f"{rig.spill.path}: the disk does not follow")
     assert rig.port.trouble == "the logger is too far behind"
     (tmp_path / "nowhere").mkdir()
-    while rig.spill.trouble:
-        pass
+    rig.until(lambda: rig.spill.trouble == "")
     rig.record(300, pump_each=1)
-    assert rig.port.trouble == ""
+    rig.until(lambda: rig.pump(M) == [] and rig.port.trouble == "")
     got = rig.catch_up(M, rig.join(M), 899)
     lost = sum(int(details["count"]) for name, details in rig.port.news if name == "log_lost")
     assert lost > 0

@@ -122,10 +122,10 @@ def test_stamps_are_turned_into_server_time_by_the_probes_in_the_samples() -> No
     )
     rig.router.say(A, probe)
     rig.drain(lambda: 10 * MS + 400_000)
-    assert rig.row(11 * MS)["left_stamp_ns"] == answered - ahead
     (record,) = rig.port.clock_records(0)
-    assert (record.peer, record.offset_ns) == ("agent.left", ahead)
-    assert record.bound_ns >= 100_000
+    assert record.peer == "agent.left"
+    assert abs(record.offset_ns - ahead) <= 100 < 100_000 <= record.bound_ns <= 101_000
+    assert rig.row(11 * MS)["left_stamp_ns"] == answered - record.offset_ns
 
 
 def test_what_the_safety_chain_did_between_two_ticks_is_not_lost_nor_told_twice() -> None:

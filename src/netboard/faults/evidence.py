@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from netboard.devices.safety import LONGEST_STEP_NS
 from netboard.experiment.machine import Cause, Phase
+from netboard.tick import TICK_NS
 from netboard.wire.messages import EventRecord
 
 HELD_UP_NS = 20_000_000
@@ -40,6 +41,8 @@ class Fade:
         How much later there was another one; not a number without any [s].
     zero : float
         How much later it was zero; not a number if it was not before it was renewed [s].
+    held_up : float
+        For how much of this time the machine had held the agent up [s].
     """
 
     last_ns: int
@@ -47,10 +50,12 @@ class Fade:
     held: float
     begun: float
     zero: float
+    held_up: float
 
-
-NO_FADE = Fade(0, 0.0, 0.0, float("nan"), float("nan"))
-"""Of forces that were renewed all the time."""
+    def __str__(self) -> str:
+        words = f"{self.force:.2f} N falls after {self.begun * 1e3:.1f} ms"
+        words += f", zero after {self.zero * 1e3:.1f} ms" if self.zero == self.zero else ", renewed before it was zero"
+        return words + (f" (the agent was held up for {self.held_up * 1e3:.1f} ms)" if self.held_up else "")
 
 
 def fades(trace: NDArray[Any], longer_ns: int) -> list[Fade]:
@@ -77,8 +82,13 @@ def fades(trace: NDArray[Any], longer_ns: int) -> list[Fade]:
         after = forces[stop:]
         zeros = np.flatnonzero(after == 0.0)
         begun = (int(times[stop]) - last) * 1e-9 if after.size else float("nan")
-        zero = (int(times[stop + zeros[0]]) - last) * 1e-9 if zeros.size else float("nan")
-        found.append(Fade(last, float(forces[first]), (int(times[stop - 1]) - last) * 1e-9, begun, zero))
+        rises = np.flatnonzero(np.abs(after) > max(np.abs(forces[first]), 0.0))
+        gone = zeros.size and (not rises.size or zeros[0] < rises[0])
+        zero = (int(times[stop + zeros[0]]) - last) * 1e-9 if gone else float("nan")
+        until = stop + int(zeros[0]) if gone else min(stop, forces.size - 1)
+        gaps = np.diff(times[first : until + 1])
+        held_up = float(np.sum(gaps[gaps > LONGEST_STEP_NS] - TICK_NS)) * 1e-9
+        found.append(Fade(last, float(forces[first]), (int(times[stop - 1]) - last) * 1e-9, begun, zero, held_up))
     return found
 
 

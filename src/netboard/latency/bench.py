@@ -16,9 +16,13 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from netboard.config import Config
-from netboard.latency.loop import measure_loop
+from netboard.latency.loop import Costs, add_costs, measure_loop
 from netboard.latency.loop_tables import costs_part, latency_part, lateness_part, loop_series
 from netboard.latency.rig import Tell
+from netboard.latency.scale import measure_scale, measure_waiting, scale_part, waiting_part
+from netboard.latency.serving import Crowd
+from netboard.latency.skips import measure_skips, skips_part, tick_part
+from netboard.latency.soak import measure_soak, memory_part, minutes_part, records_part
 from netboard.latency.spreads import draw_histogram, histogram_part
 from netboard.stage import make_stage
 from netboard.studies.machine import describe
@@ -29,6 +33,9 @@ SECONDS, QUICK_SECONDS = 60.0, 8.0
 
 TURN_SECONDS, QUICK_TURN_SECONDS = 10.0, 4.0
 """They take turns of about this length [s]."""
+
+MINUTES, QUICK_MINUTES = 30.0, 0.5
+"""A soak takes so long, unless told otherwise [60 s]."""
 
 WIDTH = 132
 """Tables are this wide at the least [characters]."""
@@ -71,42 +78,6 @@ class Setting:
     def __str__(self) -> str:
         keys, scheduling = "keys" if self.curve else "no keys", "real-time" if self.real_time else "usual"
         return f"{self.transport}, {keys}, {scheduling} scheduling, displays: {self.displays}"
-
-
-def loop(setting: Setting, seconds: float | None, output: Path | None, json: Path | None, *, force: bool) -> int:
-    """Run ``netboard bench loop``.
-
-    Parameters
-    ----------
-    setting : Setting
-        In what setting.
-    seconds : float or None
-        For how long each thing is measured; None for the usual time [s].
-    output : Path or None
-        Folder of the results; None for a new one here.
-    json : Path or None
-        File that gets the results too.
-    force : bool
-        The folder may be there already.
-
-    Returns
-    -------
-    int
-        Exit code: 0, also if verdicts fail, for that is a result.
-    """
-    seconds = seconds or (QUICK_SECONDS if setting.quick else SECONDS)
-    rounds = max(1, round(seconds / (QUICK_TURN_SECONDS if setting.quick else TURN_SECONDS)))
-    with _study("loop", setting, output, force=force) as study:
-        found = measure_loop(setting.config, study.scratch, setting.displays, seconds, rounds, study.tell)
-        series = loop_series(found)
-        study.add(latency_part(found, real_time=setting.real_time))
-        study.add(lateness_part(found.played.ticks, found.timer, real_time=setting.real_time))
-        study.add(costs_part(found.costs, found.echo_costs, setting.displays))
-        study.add(histogram_part(series))
-        if find_spec("matplotlib") is not None:
-            study.folder.save(draw_histogram(series, f"Stylus to force: {setting}"), "loop")
-        study.write({"seconds": seconds, "rounds": rounds}, json)
-    return 0
 
 
 class Study:
@@ -168,6 +139,111 @@ class Study:
             shutil.copyfile(self.folder.path / "results.json", json)
         shutil.rmtree(self.scratch)
         self._console.print(f"written to {self.folder.path}")
+
+
+def loop(
+    setting: Setting,
+    seconds: float | None,
+    dyads: Sequence[int],
+    output: Path | None,
+    json: Path | None,
+    *,
+    skips: bool,
+    force: bool,
+) -> int:
+    """Run ``netboard bench loop``.
+
+    Parameters
+    ----------
+    setting : Setting
+        In what setting.
+    seconds : float or None
+        For how long each thing is measured; None for the usual time [s].
+    dyads : sequence of int
+        Of how many dyads a server is measured; none to leave that out [1].
+    skips : bool
+        Measure what is saved where less is there.
+    output : Path or None
+        Folder of the results; None for a new one here.
+    json : Path or None
+        File that gets the results too.
+    force : bool
+        The folder may be there already.
+
+    Returns
+    -------
+    int
+        Exit code: 0, also if verdicts fail, for that is a result.
+    """
+    seconds = seconds or (QUICK_SECONDS if setting.quick else SECONDS)
+    rounds = max(1, round(seconds / (QUICK_TURN_SECONDS if setting.quick else TURN_SECONDS)))
+    with _study("loop", setting, output, force=force) as study:
+        found = measure_loop(setting.config, study.scratch, setting.displays, seconds, rounds, study.tell)
+        series = loop_series(found)
+        study.add(latency_part(found, real_time=setting.real_time))
+        study.add(lateness_part(found.played.ticks, found.timer, real_time=setting.real_time))
+        study.add(costs_part(found.costs, found.echo_costs, server_verdict=setting.displays))
+        study.add(histogram_part(series))
+        if dyads or skips:
+            with Crowd(study.scratch) as crowd:
+                _add_crowded(study, crowd, setting.config, dyads, seconds / rounds, skips=skips)
+        if find_spec("matplotlib") is not None:
+            study.folder.save(draw_histogram(series, f"Stylus to force: {setting}"), "loop")
+        study.write({"seconds": seconds, "rounds": rounds, "dyads": list(dyads)}, json)
+    return 0
+
+
+def _add_crowded(
+    study: Study, crowd: Crowd, config: Config, dyads: Sequence[int], seconds: float, *, skips: bool
+) -> None:
+    """Measure what takes many peers, or other ones than a lab has."""
+    if dyads:
+        found = measure_scale(config, crowd, dyads, seconds, study.tell)
+        study.add(scale_part(found))
+        most = max(found)
+        study.add(waiting_part(most, measure_waiting(config, crowd, most, seconds, study.tell)))
+    if skips:
+        study.add(skips_part(measure_skips(config, crowd, seconds, study.tell)))
+        study.add(tick_part(config))
+
+
+def soak(
+    setting: Setting, minutes: float | None, dyads: int, output: Path | None, json: Path | None, *, force: bool
+) -> int:
+    """Run ``netboard bench soak``.
+
+    Parameters
+    ----------
+    setting : Setting
+        In what setting.
+    minutes : float or None
+        For how long; None for the usual time [60 s].
+    dyads : int
+        How many [1].
+    output : Path or None
+        Folder of the results; None for a new one here.
+    json : Path or None
+        File that gets the results too.
+    force : bool
+        The folder may be there already.
+
+    Returns
+    -------
+    int
+        Exit code: 1 if anything that was recorded is lost.
+    """
+    minutes = minutes or (QUICK_MINUTES if setting.quick else MINUTES)
+    with _study("soak", setting, output, force=force) as study:
+        found = measure_soak(setting.config, study.scratch, dyads, setting.displays, 60 * minutes, study.tell)
+        kept = records_part(found.kept)
+        study.add(kept)
+        study.add(memory_part(found.samples))
+        study.add(minutes_part(found.kept))
+        costs: Costs = {}
+        add_costs(costs, found.samples[0], found.samples[-1])
+        study.add(costs_part(costs))
+        study.write({"minutes": minutes, "dyads": dyads}, json)
+    return 0 if kept.holds else 1
 
 
 @contextmanager

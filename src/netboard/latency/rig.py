@@ -121,7 +121,7 @@ class Rig:
     def _until_active(self, operator: Operator) -> None:
         until = time.monotonic() + START_SECONDS
         while time.monotonic() < until:
-            self._look()
+            self.look()
             status = operator.ask(ANSWER_SECONDS)
             if status is not None and status.phase in ACTIVE:
                 return
@@ -143,7 +143,7 @@ class Rig:
         while (done := (now_ns() - start_ns) * 1e-9) < seconds:
             tell(done / seconds)
             time.sleep(min(LOOK_SECONDS, seconds - done))
-            self._look()
+            self.look()
         return Window(start_ns, now_ns(), before, self.usage())
 
     def usage(self) -> dict[str, Usage]:
@@ -170,9 +170,8 @@ class Rig:
             for config in self._configs:
                 operator = Operator(config.network, context)
                 while operator.ask(ANSWER_SECONDS) is None:
-                    self._look()
+                    self.look()
                 operator.command("shutdown")
-
             names = [name for name in self._pids if name.startswith(("server", "logger"))]
             for name in names:
                 if trouble := self._launcher.wait(name, END_SECONDS):
@@ -183,7 +182,14 @@ class Rig:
             raise NetboardError(f"expected one recording of each dyad, found {[len(paths) for paths in found]}")
         return [path for (path,) in found]
 
-    def _look(self) -> None:
+    def look(self) -> None:
+        """Look after the processes.
+
+        Raises
+        ------
+        NetboardError
+            If one has ended.
+        """
         if (ended := self._launcher.ended()) is not None:
             raise NetboardError(str(ended))
 
@@ -208,7 +214,7 @@ def own_configs(config: Config, folder: Path, count: int) -> list[Config]:
     while len(ports) < count:
         ports.add(free_port())
     network = replace(config.network, host="127.0.0.1", bind="127.0.0.1", keys=str(folder / "keys"))
-    if keys.encrypted(network):
+    if keys.encrypted(network) and not Path(network.keys).exists():
         make_keys(Path(network.keys))
     return [
         replace(

@@ -1,172 +1,211 @@
-"""Many dyads in one server process on one core, with peers that cost little on another: cost and lateness as they grow.
+"""Many dyads in one server process on one core: what they cost and how late ticks are as they grow, until it breaks.
 
-The server is measured with every dyad in a trial, all forces on and a logger for each; then with dyads that wait: with
-agents and no trial, and with nobody at all.
+Every dyad is in a trial with forces on and a logger; all peers are on another core. Then dyads that wait: with agents
+but no trial, and with nobody at all.
 """
 
 import os
-import signal
-import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import partial
-from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from netboard import sockets
-from netboard.clock import now_ns
 from netboard.config import Config
-from netboard.errors import NetboardError
-from netboard.latency.loop import Cost
-from netboard.latency.played import Punctuality, punctuality
-from netboard.latency.rig import Tell, own_configs, write_configs
-from netboard.latency.usage import read_usage
-from netboard.latency.workers import Workers
-from netboard.nodes.launcher import Launcher
-from netboard.nodes.operator import Operator
+from netboard.latency.rig import Tell
+from netboard.latency.serving import Crowd, Scene, Served
+from netboard.latency.spreads import HEADS, in_milliseconds
+from netboard.latency.usage import LOOP, TRANSPORT, total
+from netboard.recording.summary import spread
+from netboard.studies.results import Part, Value, Verdict
 
-CROWD = "netboard.latency.crowd"
+MOST_LATE = 0.01
+"""A server holds so many dyads while no larger share of its ticks begins more than half a tick late, [1]"""
 
-WARM_SECONDS = 4.0
-"""Sessions get so long to begin their trials, and agents to find their phase, before anything is counted [s]."""
+LEAST_ACTIVE = 0.99
+"""and so large a share of them is in a trial: none is paused for long [1]."""
 
-START_SECONDS = 60.0
-ANSWER_SECONDS = 0.2
+MANY_DYADS = 8
+"""One core should hold so many [1]."""
 
+MOST_GROWTH = 1.2
+"""Cost grows linearly if no dyad among many costs more than so many times what one alone does [1]."""
 
-@dataclass(frozen=True)
-class Scene:
-    """What is there besides the server.
-
-    Attributes
-    ----------
-    agents, loggers, displays : bool
-        Whether every dyad has these.
-    moving : bool
-        The hands move.
-    trial : bool
-        A block is begun as soon as all are there.
-    """
-
-    agents: bool = True
-    loggers: bool = True
-    displays: bool = False
-    moving: bool = True
-    trial: bool = True
+MOST_IDLE = 0.01
+"""A dyad that has nobody should cost less of a core [1]."""
 
 
-@dataclass(frozen=True)
-class Served:
-    """What a server did.
-
-    Attributes
-    ----------
-    cost : Cost
-        What it used.
-    counts : dict of str to float
-        What its peers got, in a second [Hz].
-    ticks : Punctuality
-        Of all dyads, as far as there are loggers.
-    active : float
-        Share of the ticks that were in a trial [1].
-    peers_late_ns : ndarray of int64
-        How late the peers themselves sent their samples [ns].
-    """
-
-    cost: Cost
-    counts: dict[str, float]
-    ticks: Punctuality
-    active: float
-    peers_late_ns: Any
-
-
-class Crowd:
-    """The two processes that are all peers of a server; on leaving, they are ended.
+def on_cores(config: Config) -> Config:
+    """Put the server on one core and its peers on another, where there are two.
 
     Parameters
     ----------
-    folder : Path
-        For what is said.
+    config : Config
+        Rig and experiment.
     """
-
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
-        self._workers = Workers()
-        self._agents, self._watchers = (
-            self._workers.start(role, CROWD, role, folder=folder) for role in ("agents", "watchers")
-        )
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._workers.__exit__(kind, error, trace)
-
-    def serve(self, config: Config, dyads: int, scene: Scene, seconds: float) -> Served:
-        """Run a server of some dyads, with these as its peers.
-
-        Parameters
-        ----------
-        config : Config
-            What the dyads have in common.
-        dyads : int
-            How many [1].
-        scene : Scene
-            Who is there.
-        seconds : float
-            For how long it is measured [s].
-        """
-        configs = own_configs(config, self._folder, dyads)
-        files = [str(file) for file in write_configs(configs, self._folder)]
-        with Launcher(self._folder, {}) as launcher:
-            words = [word for file in files for word in ("-c", file)]
-            launcher.start("server", "server", *words, *([] if scene.trial else ["--no-autostart"]))
-            _await_answer(launcher, configs[-1])
-            from_ns = now_ns() + round(WARM_SECONDS * 1e9)
-            until_ns = from_ns + round(seconds * 1e9)
-            order: dict[str, Any] = {"files": files, "from_ns": from_ns, "until_ns": until_ns}
-            self._watchers.order(**order, loggers=scene.loggers, displays=scene.displays)
-            if scene.agents:
-                self._agents.order(**order, moving=scene.moving)
-            cost, process = Cost(), launcher.process_id("server")
-            _sleep_until(from_ns)
-            before = read_usage(process)
-            _sleep_until(until_ns)
-            cost.add(before, read_usage(process))
-            seen = self._watchers.answer()
-            felt = self._agents.answer() if scene.agents else {"counts": {}, "late_ns": []}
-            os.kill(process, signal.SIGKILL)  # what it has not recorded was never meant to be
-        return Served(
-            cost,
-            {name: count / seconds for name, count in (seen["counts"] | felt["counts"]).items()},
-            punctuality(np.array(seen["late_ns"], np.int64), seen["passed_over"]),
-            seen["active"],
-            np.array(felt["late_ns"], np.int64),
-        )
+    cores = sorted(os.sched_getaffinity(0))
+    return replace(config, realtime=replace(config.realtime, server_cpus=str(cores[0]), agent_cpus=str(cores[-1])))
 
 
-def _await_answer(launcher: Launcher, config: Config) -> None:
-    """Wait until a server answers an operator.
+def holds(served: Served) -> bool:
+    """Tell whether a server held its dyads.
 
-    Raises
-    ------
-    NetboardError
-        If it has ended, or does not.
+    Parameters
+    ----------
+    served : Served
+        What it did.
     """
-    until = time.monotonic() + START_SECONDS
-    with sockets.open_context() as context:
-        operator = Operator(config.network, context)
-        while operator.ask(ANSWER_SECONDS) is None:
-            if (ended := launcher.ended()) is not None:
-                raise NetboardError(str(ended))
-            if time.monotonic() > until:
-                raise NetboardError(f"the server did not answer within {START_SECONDS:.0f} s")
+    return served.ticks.late <= MOST_LATE * served.ticks.ticks and served.active >= LEAST_ACTIVE
 
 
-def _sleep_until(at_ns: int) -> None:
-    time.sleep(max(0.0, (at_ns - now_ns()) * 1e-9))
+def core_share(served: Served) -> float:
+    """Return how much of a core a server used [1].
+
+    Parameters
+    ----------
+    served : Served
+        What it did.
+    """
+    return total(served.cost.spent.values()).seconds / served.cost.seconds
+
+
+def measure_scale(config: Config, crowd: Crowd, dyads: Sequence[int], seconds: float, tell: Tell) -> dict[int, Served]:
+    """Let more and more dyads play at one server, until it holds them no more.
+
+    Parameters
+    ----------
+    config : Config
+        What they have in common.
+    crowd : Crowd
+        Their peers.
+    dyads : sequence of int
+        How many, each time [1].
+    seconds : float
+        For how long each number is measured [s].
+    tell : callable
+        Hears how far it is.
+    """
+    found: dict[int, Served] = {}
+    for step, count in enumerate(sorted(dyads)):
+        tell(f"dyads at one server: {count}", step / len(dyads))
+        found[count] = crowd.serve(on_cores(config), count, Scene(), seconds)
+        if not holds(found[count]):
+            break
+    return found
+
+
+def scale_part(found: Mapping[int, Served]) -> Part:
+    """Return what many dyads cost.
+
+    Parameters
+    ----------
+    found : mapping of int to Served
+        By number of dyads.
+    """
+    rows: list[tuple[Value, ...]] = []
+    for count, served in found.items():
+        share, seconds = core_share(served), served.cost.seconds
+        rows.append(
+            (
+                count,
+                *(100 * served.cost.spent[kind].seconds / seconds for kind in (LOOP, TRANSPORT)),
+                100 * share,
+                100 * share / count,
+                *in_milliseconds(spread(served.ticks.late_ns)),
+                100 * served.ticks.late / max(served.ticks.ticks, 1),
+                served.ticks.missed,
+                100 * served.active,
+                spread(served.peers_late_ns).p99 * 1e3,
+                holds(served),
+            )
+        )
+    return Part(
+        "scale",
+        "Dyads in trials at one server process on one core; its ticks: how late they begin",
+        (
+            "dyads",
+            f"{LOOP} [%]",
+            f"{TRANSPORT} [%]",
+            "all [%]",
+            "each dyad [%]",
+            *HEADS,
+            "late [%]",
+            "missed [1]",
+            "in a trial [%]",
+            "peers late by, 99 % [ms]",
+            "holds",
+        ),
+        rows,
+        _verdicts(found),
+    )
+
+
+def _verdicts(found: Mapping[int, Served]) -> list[Verdict]:
+    held = {count: core_share(served) for count, served in found.items() if holds(served)}
+    most = max(held, default=0)
+    verdicts = []
+    if max(found) >= MANY_DYADS:
+        said = f"{most} dyads" + ("" if most == max(found) else f", not {max(found)}")
+        verdicts.append(Verdict(f"one core holds {MANY_DYADS} dyads", most >= MANY_DYADS, said))
+    if len(held) > 1:
+        slope, base = np.polyfit(list(held), list(held.values()), 1)
+        least = min(held)
+        growth = max(share / count for count, share in held.items()) * least / held[least]
+        fit = (
+            f"{100 * base:.2f} % + {100 * slope:.2f} % a dyad; each costs at most {growth:.2f} times as much as {least}"
+        )
+        verdicts.append(Verdict("cost grows linearly", growth <= MOST_GROWTH, fit))
+    return verdicts
+
+
+WAITING = {
+    "agents, loggers, no trial": Scene(trial=False),
+    "nobody": Scene(agents=False, loggers=False, trial=False),
+}
+"""Dyads that wait, by who is there."""
+
+
+def measure_waiting(config: Config, crowd: Crowd, dyads: int, seconds: float, tell: Tell) -> dict[str, Served]:
+    """Let dyads wait.
+
+    Parameters
+    ----------
+    config : Config
+        What they have in common.
+    crowd : Crowd
+        Their peers.
+    dyads : int
+        How many [1].
+    seconds : float
+        For how long each kind is measured [s].
+    tell : callable
+        Hears how far it is.
+    """
+    found = {}
+    for step, (name, scene) in enumerate(WAITING.items()):
+        tell(f"dyads that wait: {name}", step / len(WAITING))
+        found[name] = crowd.serve(on_cores(config), dyads, scene, seconds)
+    return found
+
+
+def waiting_part(dyads: int, found: Mapping[str, Served]) -> Part:
+    """Return what dyads that wait cost.
+
+    Parameters
+    ----------
+    dyads : int
+        How many [1].
+    found : mapping of str to Served
+        By who is there.
+    """
+    rows: list[tuple[Value, ...]] = [
+        (name, 100 * core_share(served), 100 * core_share(served) / dyads) for name, served in found.items()
+    ]
+    idle = core_share(found["nobody"]) / dyads
+    claim = f"a dyad with nobody costs less than {MOST_IDLE:.0%} of a core"
+    return Part(
+        "waiting",
+        f"{dyads} dyads that wait, at one server process",
+        ("who is there", "all [%]", "each dyad [%]"),
+        rows,
+        [Verdict(claim, idle < MOST_IDLE, f"{idle:.2%}")],
+    )

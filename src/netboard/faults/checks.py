@@ -1,0 +1,243 @@
+"""What must hold after a fault: each check is made once, with what it asks for, and judges the evidence of any case.
+
+Where a time is judged, the time for which the machine itself held the agent up is taken off: that is the machine's
+fault, and on a machine in use it happens. It is read from the rows the agent wrote, which are then far apart. A pause
+nobody asked for is excused for the same reason only: because an agent or the server stood still shortly before.
+"""
+
+from collections.abc import Callable
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.config import SIDES, Side
+from netboard.experiment.machine import Phase
+from netboard.faults.evidence import Fade, Pause, fades, largest_step, steps_to_nothing, without_cut
+from netboard.faults.gathering import Evidence, Taken
+from netboard.studies.results import Verdict
+from netboard.tick import TICK_NS
+
+Check: TypeAlias = Callable[[Evidence], Verdict]
+
+STALE_NS = 5_000_000
+"""A force that is not renewed for longer than this is looked at [ns]."""
+
+GONE = 0.06
+"""So long after a force has begun to fall it is zero [s]."""
+
+EXCUSED_NS = 150_000_000
+"""A pause this soon after a loop stood still is put down to that [ns]."""
+
+TICK = TICK_NS * 1e-9
+
+
+def longest_fade(evidence: Evidence, side: Side) -> Fade | None:
+    """Longest time in which a side's force was not renewed, if there is one."""
+    found = [fade for trace in evidence.traces[side] for fade in fades(trace, STALE_NS)]
+    return max(found, key=lambda fade: fade.held, default=None)
+
+
+def falls(*sides: Side, to_zero: bool = True) -> Check:
+    """Check that a force that is no longer renewed begins to fall in time, and is zero in time."""
+
+    def check(evidence: Evidence) -> Verdict:
+        stale = evidence.limits.stale_after_ms * 1e-3 + TICK
+        claim = f"the force begins to fall within {stale * 1e3:g} ms of the last fresh one"
+        claim += f" and is zero {GONE * 1e3:g} ms later" if to_zero else ""
+        good, words = True, []
+        for side in sides:
+            fade = longest_fade(evidence, side)
+            if fade is None:
+                return Verdict(claim, False, f"{side}: it was renewed all the time")
+            good &= fade.begun <= stale + fade.held_up
+            good &= not to_zero or fade.zero <= stale + GONE + fade.held_up
+            words.append(f"{side} {fade}")
+        return Verdict(claim, good, ", ".join(words))
+
+    return check
+
+
+def gentle(cut: Side | None = None) -> Check:
+    """Check that no force changes faster than the slew limit; on one side it may be cut to zero, by a fault."""
+
+    def check(evidence: Evidence) -> Verdict:
+        slew = evidence.limits.max_slew
+        claim = f"no step of the force is larger than {slew:g} N/s allow"
+        worst, cuts = 0.0, 0
+        for side in SIDES:
+            for trace in evidence.traces[side]:
+                cuts += len(steps_to_nothing(trace, slew)) if side == cut else 0
+                parts = without_cut(trace, slew) if side == cut else [trace]
+                worst = max([worst, *(largest_step(part, slew).share for part in parts)])
+        found = f"at most {worst:.2f} of it" + (f", cut to zero at once {cuts} times" if cut else "")
+        return Verdict(claim + (", except to nothing" if cut else ""), worst <= 1.0 + 1e-9, found)
+
+    return check
+
+
+def paused(*whys: str) -> Check:
+    """Check that the trial is paused, that it is recorded why, and that the same trial comes again."""
+
+    def check(evidence: Evidence) -> Verdict:
+        claim = f"the trial is paused ({' or '.join(whys)}), marked and repeated"
+        mine = [pause for pause in evidence.pauses if any(why in pause.why for why in whys)]
+        if not mine:
+            return Verdict(claim, False, f"pauses: {_told(evidence.pauses)}")
+        repeated = all(pause.repeated for pause in evidence.pauses if pause.again is not None)
+        again = mine[-1].again is not None or evidence.pauses[-1].again is not None
+        return Verdict(claim, repeated and again, _told(evidence.pauses))
+
+    return check
+
+
+def goes_on() -> Check:
+    """Check that no trial is paused, but for what the machine itself did."""
+
+    def check(evidence: Evidence) -> Verdict:
+        return _undisturbed("the trial goes on", evidence.pauses, evidence.held_up)
+
+    return check
+
+
+def either(*whys: str) -> Check:
+    """Check that the trial goes on, or is paused for one of these reasons and repeated."""
+
+    def check(evidence: Evidence) -> Verdict:
+        if not [pause for pause in evidence.pauses if any(why in pause.why for why in whys)]:
+            return goes_on()(evidence)
+        return paused(*whys)(evidence)
+
+    return check
+
+
+def rests() -> Check:
+    """Check that nothing vertical is felt from shortly after a pause until the trial is resumed."""
+
+    def check(evidence: Evidence) -> Verdict:
+        claim = "while the trial is paused no hand is given a vertical force"
+        late = evidence.limits.stale_after_ms * 1e-3 + TICK + GONE
+        ticks = evidence.ticks
+        largest, looked = 0.0, 0
+        for pause in evidence.pauses:
+            later = ticks[ticks["time_ns"] > pause.at_ns]
+            on = later["time_ns"][later["phase"] != Phase.PAUSED]
+            from_ns, to_ns = pause.at_ns + round(late * 1e9), int(on[0]) if on.size else evidence.window.stop_ns
+            for trace in (trace for side in SIDES for trace in evidence.traces[side]):
+                rows = trace[(trace["time_ns"] > _after_hold_up(trace, from_ns)) & (trace["time_ns"] < to_ns)]
+                looked += rows.size
+                largest = max(largest, float(np.max(np.abs(rows["fz"]), initial=0.0)))
+        return Verdict(claim, largest == 0.0, f"at most {largest:.3g} N in {looked} forces")
+
+    return check
+
+
+def _after_hold_up(trace: NDArray[Any], from_ns: int) -> int:
+    """The same time, or if the agent did nothing then, when it had time to find out that it was late [ns]."""
+    row = int(np.searchsorted(trace["time_ns"], from_ns))
+    if 0 < row < trace.size and trace["time_ns"][row] - trace["time_ns"][row - 1] > 2 * TICK_NS:
+        return int(trace["time_ns"][row]) + (from_ns - int(trace["time_ns"][row - 1])) % 100_000_000
+    return from_ns
+
+
+def whole() -> Check:
+    """Check that the recordings account for every tick: it is there, or listed as lost with its cause."""
+
+    def check(evidence: Evidence) -> Verdict:
+        return _accounted(evidence.rig)
+
+    return check
+
+
+def nothing_lost() -> Check:
+    """Check that no tick is lost at all."""
+
+    def check(evidence: Evidence) -> Verdict:
+        lost = sum(stretch.last - stretch.first + 1 for account in evidence.rig.accounts for stretch in account.lost)
+        return Verdict("no tick is lost", lost == 0 and _accounted(evidence.rig).holds, f"{lost} lost")
+
+    return check
+
+
+def _accounted(taken: Taken) -> Verdict:
+    claim = "every tick is recorded, or listed as lost with its cause"
+    lost = [stretch for account in taken.accounts for stretch in account.lost]
+    unexplained = [
+        stretch for account in taken.accounts for stretch in (*account.unexplained, *account.unexplained_records)
+    ]
+    count = sum(stretch.last - stretch.first + 1 for stretch in lost)
+    words = f"{taken.ticks.size} ticks in {sum(len(account.parts) for account in taken.accounts)} parts, {count} lost"
+    causes = sorted({stretch.cause for stretch in lost})
+    words += f" ({'; '.join(causes)})" if causes else ""
+    words += f", unexplained: {unexplained}" if unexplained else ""
+    sound = bool(taken.accounts) and all(account.sound for account in taken.accounts)
+    return Verdict(claim, sound, words)
+
+
+def noted(name: str, *words: str) -> Check:
+    """Check that an event is recorded, with these words somewhere in its details."""
+
+    def check(evidence: Evidence) -> Verdict:
+        claim = f"recorded: {name}" + (f" ({', '.join(words)})" if words else "")
+        told = [" ".join(event.details.values()) for event in evidence.events if event.name == name]
+        good = any(all(word in text for word in words) for text in told)
+        return Verdict(claim, good, f"{len(told)} times" + (f": {told[-1]}" if told else ""))
+
+    return check
+
+
+def told(fact: str, wanted: str) -> Check:
+    """Check what was noted while the fault was made: it contains what is wanted."""
+
+    def check(evidence: Evidence) -> Verdict:
+        found = evidence.window.facts.get(fact, "nothing")
+        return Verdict(f"{fact}: {wanted}", wanted in found, found)
+
+    return check
+
+
+def back(evidence: Evidence) -> Verdict:
+    """Check that everything was made as meant, and was well again at the end."""
+    return Verdict("a trial is on again", not evidence.window.trouble, evidence.window.trouble or "it is")
+
+
+def neighbour_unmoved(evidence: Evidence) -> Verdict:
+    """Check that the other dyad notices nothing: no pause, no tick lost, and no later than at other times."""
+    claim = "the other dyad does not notice"
+    other, window = evidence.neighbour, evidence.window
+    if other is None:
+        return Verdict(claim, True, "there is none")
+    mine = [pause for pause in other.pauses if window.start_ns <= pause.at_ns < window.stop_ns]
+    calm = _undisturbed(claim, mine, evidence.held_up)
+    now = (other.ticks["time_ns"] >= window.start_ns) & (other.ticks["time_ns"] < window.stop_ns)
+    sound = _accounted(other)
+    words = f"ticks late by {_late(other.ticks[now])}, at all times {_late(other.ticks)}; {calm.found}"
+    return Verdict(claim, calm.holds and sound.holds, words if sound.holds else f"{words}; {sound.found}")
+
+
+def _late(ticks: NDArray[Any]) -> str:
+    """Median and 99th percentile of the lateness of ticks, in words."""
+    if not ticks.size:
+        return "nothing"
+    half, most = np.percentile(ticks["late_ns"], (50, 99)) * 1e-6
+    return f"{half:.2f} / {most:.2f} ms (p50 / p99)"
+
+
+def _undisturbed(claim: str, found: list[Pause], held_up: NDArray[np.int64]) -> Verdict:
+    excused = [pause for pause in found if _excused(pause, held_up)]
+    words = f"pauses: {_told(found)}" + (f", {len(excused)} of them the machine's fault" if excused else "")
+    return Verdict(claim, len(excused) == len(found), words)
+
+
+def _excused(pause: Pause, held_up: NDArray[np.int64]) -> bool:
+    """Whether the machine, not what was done, may have made a pause."""
+    if "stood still" in pause.why:
+        return True
+    started, ended = held_up[:, 0], held_up[:, 1]
+    return bool(np.any((started < pause.at_ns) & (pause.at_ns < ended + EXCUSED_NS)))
+
+
+def _told(found: list[Pause]) -> str:
+    if not found:
+        return "none"
+    return "; ".join(f"trial {p.trial}.{p.attempt} {p.why}" for p in found)

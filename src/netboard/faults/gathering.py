@@ -1,0 +1,187 @@
+"""Brings together what there is to judge a fault by: what the devices were handed, and what was recorded.
+
+An unfinished part is recovered first, as a lab would do it. A fault is judged by the time from just before it was made
+to when everything was well again; that every tick is accounted for is judged over whole sessions.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.config import SIDES, Safety, Side
+from netboard.faults.devices import read_traces
+from netboard.faults.evidence import Pause, between, pauses, pauses_between
+from netboard.faults.sites import Site
+from netboard.recording.account import Account, account_of
+from netboard.recording.reader import Recording
+from netboard.recording.recovery import recover
+from netboard.tick import TICK
+from netboard.wire.messages import EventRecord
+
+
+@dataclass(frozen=True)
+class Window:
+    """When a fault was made.
+
+    Attributes
+    ----------
+    start_ns, stop_ns : int
+        Just before it was made, and when everything was well again [ns].
+    facts : dict of str
+        What was noted while it was made.
+    trouble : str
+        Why it was not made as meant, or nothing became well again; empty if neither.
+    """
+
+    start_ns: int
+    stop_ns: int
+    facts: Mapping[str, str] = field(default_factory=dict)
+    trouble: str = ""
+
+
+@dataclass(frozen=True)
+class Taken:
+    """All recordings of one dyad.
+
+    Attributes
+    ----------
+    ticks : ndarray of TICK
+        Every tick of every session, once, by time.
+    events : tuple of EventRecord
+        All events, by time.
+    pauses : tuple of Pause
+        All pauses by faults, by time.
+    accounts : tuple of Account
+        Of each session.
+    """
+
+    ticks: NDArray[Any]
+    events: tuple[EventRecord, ...]
+    pauses: tuple[Pause, ...]
+    accounts: tuple[Account, ...]
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What there is to judge a fault by.
+
+    Attributes
+    ----------
+    window : Window
+        When it was made.
+    limits : netboard.config.Safety
+        The safety chain's limits.
+    traces : dict of list of ndarray of TRACE
+        What each device of each side was handed in that time.
+    rig : Taken
+        What was recorded of the dyad.
+    neighbour : Taken or None
+        What was recorded of the other one.
+    """
+
+    window: Window
+    limits: Safety
+    traces: Mapping[Side, Sequence[NDArray[Any]]]
+    rig: Taken
+    neighbour: Taken | None
+
+    @property
+    def ticks(self) -> NDArray[Any]:
+        """The dyad's ticks of that time."""
+        return between(self.rig.ticks, self.window.start_ns, self.window.stop_ns)
+
+    @property
+    def events(self) -> list[EventRecord]:
+        """The dyad's events of that time."""
+        return [event for event in self.rig.events if self._within(event.time_ns)]
+
+    @property
+    def pauses(self) -> list[Pause]:
+        """The dyad's pauses of that time."""
+        return [pause for pause in self.rig.pauses if self._within(pause.at_ns)]
+
+    @property
+    def held_up(self) -> NDArray[np.int64]:
+        """When an agent did nothing for long, shape (k, 2) [ns]."""
+        found = [pauses_between(trace["time_ns"]) for traces in self.traces.values() for trace in traces]
+        return np.concatenate([np.empty((0, 2), np.int64), *found])
+
+    def _within(self, time_ns: int) -> bool:
+        return self.window.start_ns <= time_ns < self.window.stop_ns
+
+
+def gather(site: Site, windows: Sequence[Window]) -> list[Evidence]:
+    """Read what there is of a site in which nothing runs any more.
+
+    Parameters
+    ----------
+    site : Site
+        The site.
+    windows : sequence of Window
+        When faults were made in it.
+
+    Returns
+    -------
+    list of Evidence
+        For each of them.
+    """
+    rig = take(recordings_in(site.rig.folder))
+    neighbour = take(recordings_in(site.neighbour.folder)) if site.neighbour is not None else None
+    traces = {side: read_traces(site.rig.folder, side) for side in SIDES}
+    return [Evidence(window, site.rig.config.safety, _traces_in(traces, window), rig, neighbour) for window in windows]
+
+
+def _traces_in(traces: Mapping[Side, Sequence[NDArray[Any]]], window: Window) -> dict[Side, list[NDArray[Any]]]:
+    cut = {side: [between(trace, window.start_ns, window.stop_ns) for trace in found] for side, found in traces.items()}
+    return {side: [trace for trace in found if trace.size] for side, found in cut.items()}
+
+
+def recordings_in(folder: Path) -> list[Path]:
+    """Find all recordings below a folder; what was not finished, or spilled, is recovered.
+
+    Parameters
+    ----------
+    folder : Path
+        The folder.
+    """
+    for unfinished in (*folder.rglob("*.mcap.part"), *folder.rglob("*.spill")):
+        recover(unfinished)
+    return sorted(folder.rglob("*.mcap"))
+
+
+def take(paths: Sequence[Path]) -> Taken:
+    """Read the recordings of a dyad.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        All of them, of any number of sessions.
+    """
+    sessions: dict[str, list[Path]] = {}
+    for path in paths:
+        with Recording(path) as recording:
+            sessions.setdefault(recording.metadata["session"], []).append(path)
+    accounts = [account_of(parts) for parts in sessions.values()]
+    ticks = [_ticks(parts) for parts in sessions.values()]
+    found = [pause for rows, account in zip(ticks, accounts, strict=True) for pause in pauses(rows, account.events)]
+    whole = np.concatenate([np.empty(0, TICK), *ticks])
+    return Taken(
+        ticks=whole[np.argsort(whole["time_ns"], kind="stable")],
+        events=tuple(sorted((e for account in accounts for e in account.events), key=lambda event: event.time_ns)),
+        pauses=tuple(sorted(found, key=lambda pause: pause.at_ns)),
+        accounts=tuple(accounts),
+    )
+
+
+def _ticks(parts: Sequence[Path]) -> NDArray[Any]:
+    """Every tick of a session once."""
+    rows = []
+    for path in parts:
+        with Recording(path) as recording:
+            rows.append(recording.ticks())
+    together = np.concatenate(rows)
+    return together[np.unique(together["tick"], return_index=True)[1]]

@@ -1,0 +1,224 @@
+"""Where a fault is made: a rig, and around it whatever the fault needs.
+
+That may be a relay on a peer's line, real links between stations, a wall clock that can be set, a small disk, a second
+dyad on the same server to be looked at for what it notices. Which of these there are is a `Setup`; cases that need the
+same one can be played one after another in one site.
+"""
+
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import cast
+
+from netboard.config import SIDES, Side
+from netboard.errors import NetboardError
+from netboard.faults import links, wall_clock
+from netboard.faults.relay import Relay, between
+from netboard.faults.rigs import Rig, Way, tampered
+from netboard.nodes.launcher import free_port
+
+PACE = (
+    *("task.level_time=0.05", "task.level_angle_deg=5.0", "task.level_rate_deg_s=30.0", "block.trials=10000"),
+    "safety.arm_time=0.2",
+)
+"""Trials that begin at once and never end the block, felt in full from the beginning: so that there is a force to judge
+at any time. No limit of the safety chain is changed."""
+
+DISK_BYTES = 300_000_000
+"""Size of a small disk: little more than what a logger asks for to begin [bytes]."""
+
+
+@dataclass(frozen=True)
+class Setup:
+    """What a site is made of.
+
+    Attributes
+    ----------
+    name : str
+        For people.
+    settings : tuple of str
+        Settings of the rig on top of `PACE`.
+    relayed : tuple of str
+        Processes whose line goes through a relay.
+    displays : bool
+        The displays run too.
+    neighbour : bool
+        A second dyad is on the same server.
+    spaces : bool
+        The stations are joined by real links.
+    wall_clock : bool
+        The wall clock can be set.
+    small_disk : bool
+        The recordings are on a small disk.
+    follow : bool
+        The logger goes on with the next session of the server.
+    """
+
+    name: str
+    settings: tuple[str, ...] = ()
+    relayed: tuple[str, ...] = ()
+    displays: bool = False
+    neighbour: bool = False
+    spaces: bool = False
+    wall_clock: bool = False
+    small_disk: bool = False
+    follow: bool = False
+
+    def refusal(self) -> str:
+        """Why there can be no such site on this machine, or nothing."""
+        asked: list[tuple[bool, Callable[[], str]]] = [
+            (self.spaces, links.refusal),
+            (self.wall_clock, wall_clock.refusal),
+            (self.small_disk, _disk_refusal),
+        ]
+        return next((why for wanted, ask in asked if wanted and (why := ask())), "")
+
+
+@dataclass
+class Site:
+    """A rig and what is around it.
+
+    Attributes
+    ----------
+    setup : Setup
+        What was asked for.
+    rig : Rig
+        The dyad that is harmed.
+    relays : dict of str to Relay
+        The lines that go through one, by process.
+    neighbour : Rig or None
+        The other dyad.
+    spaces : Spaces or None
+        The real links.
+    clock : WallClock or None
+        The wall clock.
+    quick : bool
+        Whatever can be done in less time is.
+    """
+
+    setup: Setup
+    rig: Rig
+    relays: dict[str, Relay] = field(default_factory=dict)
+    neighbour: Rig | None = None
+    spaces: links.Spaces | None = None
+    clock: wall_clock.WallClock | None = None
+    quick: bool = False
+
+    @property
+    def rigs(self) -> list[Rig]:
+        """All dyads."""
+        return [self.rig] if self.neighbour is None else [self.rig, self.neighbour]
+
+    def start(self) -> None:
+        """Start everything and wait until a trial is on."""
+        for rig in self.rigs:
+            rig.start("logger", "logger", *([] if self.setup.follow else ["--once"]))
+        self.start_server()
+        for rig in self.rigs:
+            rig.start_stations(self.setup.displays)
+        for rig in self.rigs:
+            rig.until_felt()
+
+    def start_server(self) -> None:
+        """Start the server of all dyads."""
+        others = [word for rig in self.rigs[1:] for word in ("-c", str(rig.file))]
+        insecure = ["--insecure"] if self.setup.spaces else []
+        self.rig.start("server", "server", *others, *insecure)
+
+    def sleep(self, seconds: float, quick: float | None = None) -> None:
+        """Let time pass, less of it if that is wanted [s]."""
+        time.sleep(quick if self.quick and quick is not None else seconds)
+
+    def finish(self) -> None:
+        """Shut the sessions down in order."""
+        for rig in reversed(self.rigs):
+            rig.until(lambda status: True)
+            rig.operator.command("shutdown")
+        self.rig.wait("server")
+        for rig in self.rigs:
+            if self.setup.follow:
+                rig.stop("logger")
+            else:
+                rig.wait("logger")
+
+
+@contextmanager
+def open_site(setup: Setup, folder: Path, *, quick: bool) -> Iterator[Site]:
+    """Make a site; nothing in it runs yet.
+
+    Parameters
+    ----------
+    setup : Setup
+        What it is made of.
+    folder : Path
+        For everything that is written and said in it; made.
+    quick : bool
+        Whatever can be done in less time is.
+
+    Yields
+    ------
+    Site
+        The site; on leaving, all its processes are ended.
+    """
+    (folder / "a").mkdir(parents=True)
+    settings, environment = tampered((folder / "a").resolve())
+    with ExitStack() as stack:
+        spaces = stack.enter_context(links.Spaces()) if setup.spaces else None
+        clock = wall_clock.WallClock(folder) if setup.wall_clock else None
+        if setup.small_disk:
+            stack.enter_context(_mounted(folder / "a" / "recordings"))
+        port = free_port()
+        settings += (*PACE, f"network.port={port}", *_address(spaces), *setup.settings)
+        relays = {name: stack.enter_context(between(("127.0.0.1", port))) for name in setup.relayed}
+        ways = {name: Way("127.0.0.1", relay.port) for name, relay in relays.items()}
+        if spaces is not None:
+            ways |= {f"{side} agent": spaces.way(side, port) for side in SIDES}
+        rig = Rig(folder / "a", settings, environment | (clock.environment if clock else {}), ways)
+        site = Site(setup, stack.enter_context(rig), relays, None, spaces, clock, quick)
+        if setup.neighbour:
+            site.neighbour = stack.enter_context(_neighbour(folder / "b"))
+        yield site
+
+
+def _neighbour(folder: Path) -> Rig:
+    folder.mkdir()
+    settings, environment = tampered(folder.resolve())
+    return Rig(folder, (*settings, *PACE, "session.name=S02", "session.dyad=D02"), environment)
+
+
+def _address(spaces: links.Spaces | None) -> tuple[str, ...]:
+    """Settings for a server that others than this machine shall reach."""
+    if spaces is None:
+        return ()
+    return f"network.host={links.SERVER}", f"network.bind={links.SERVER}", "network.curve=off"
+
+
+def side_of(process: str) -> Side:
+    """Whose process it is, by its name: ``left agent`` is of the left side."""
+    return cast("Side", process.split(maxsplit=1)[0])
+
+
+@contextmanager
+def _mounted(place: Path) -> Iterator[None]:
+    """A small disk, in memory."""
+    place.mkdir()
+    _system("mount", "-t", "tmpfs", "-o", f"size={DISK_BYTES}", "none", str(place))
+    try:
+        yield
+    finally:
+        _system("umount", "-l", str(place))
+
+
+def _disk_refusal() -> str:
+    """Why no small disk can be mounted here, or nothing."""
+    tried = subprocess.run(["unshare", "-m", "mount", "-t", "tmpfs", "none", "/mnt"], capture_output=True, check=False)
+    return "disks cannot be mounted here" if tried.returncode else ""
+
+
+def _system(*command: str) -> None:
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise NetboardError(f"{' '.join(command)}: {done.stderr.strip()}")

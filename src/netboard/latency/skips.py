@@ -1,0 +1,208 @@
+"""What a scene does not need is not done: the work of a server with and without each thing, counted and measured."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from time import perf_counter
+
+import numpy as np
+
+from netboard.config import Config
+from netboard.experiment.machine import Phase
+from netboard.latency.rig import Tell
+from netboard.latency.scale import core_share, on_cores
+from netboard.latency.serving import Crowd, Scene, Served
+from netboard.latency.usage import LOOP, TRANSPORT
+from netboard.stage import make_stage
+from netboard.studies.results import Part, Value, Verdict
+from netboard.tick import TICK, TICK_NS, TICK_SECONDS
+
+
+@dataclass(frozen=True)
+class Case:
+    """Something that may be there or not.
+
+    Attributes
+    ----------
+    scene : Scene
+        Who is there.
+    haptics : bool
+        The hands feel the board.
+    logger : bool
+        A trial needs a logger.
+    """
+
+    scene: Scene
+    haptics: bool = True
+    logger: bool = True
+
+    def of(self, config: Config) -> Config:
+        """Return what it makes of a configuration.
+
+        Parameters
+        ----------
+        config : Config
+            Rig and experiment.
+        """
+        return replace(
+            config,
+            block=replace(config.block, haptics=self.haptics),
+            network=replace(config.network, require_logger=self.logger),
+        )
+
+
+FULL = "everything there, in a trial"
+CASES = {
+    FULL: Case(Scene(displays=True)),
+    "hands at rest": Case(Scene(displays=True, moving=False)),
+    "no forces": Case(Scene(displays=True), haptics=False),
+    "no displays": Case(Scene()),
+    "no logger": Case(Scene(displays=True, loggers=False), logger=False),
+    "no trial": Case(Scene(displays=True, trial=False)),
+    "no agents": Case(Scene(agents=False, displays=True, trial=False)),
+    "nobody": Case(Scene(agents=False, loggers=False, trial=False)),
+}
+
+
+def measure_skips(config: Config, crowd: Crowd, seconds: float, tell: Tell) -> dict[str, Served]:
+    """Run a server of one dyad in every case.
+
+    Parameters
+    ----------
+    config : Config
+        Rig and experiment.
+    crowd : Crowd
+        Its peers.
+    seconds : float
+        For how long each case is measured [s].
+    tell : callable
+        Hears how far it is.
+    """
+    found = {}
+    for step, (name, case) in enumerate(CASES.items()):
+        tell(f"work done: {name}", step / len(CASES))
+        found[name] = crowd.serve(case.of(on_cores(config)), 1, case.scene, seconds)
+    return found
+
+
+SENT = ("forces", "beats", "views", "records", "batches")
+"""What a server sends."""
+
+
+def skips_part(found: dict[str, Served]) -> Part:
+    """Return the work done in every case.
+
+    Parameters
+    ----------
+    found : dict of str to Served
+        What was measured.
+    """
+    rows: list[tuple[Value, ...]] = []
+    for name, served in found.items():
+        spent, seconds = served.cost.spent, served.cost.seconds
+        rows.append(
+            (
+                name,
+                *(served.counts.get(what, 0.0) for what in SENT),
+                *(spent[kind].slept / seconds for kind in (LOOP, TRANSPORT)),
+                *(1e6 * spent[kind].seconds * TICK_SECONDS / seconds for kind in (LOOP, TRANSPORT)),
+                100 * core_share(served),
+            )
+        )
+    return Part(
+        "skips",
+        "What a server of one dyad does, with and without",
+        (
+            "",
+            *(f"{what} [Hz]" for what in SENT),
+            *(f"{kind} wakes [Hz]" for kind in (LOOP, TRANSPORT)),
+            *(f"{kind}, of a tick [us]" for kind in (LOOP, TRANSPORT)),
+            "of a core [%]",
+        ),
+        rows,
+        _verdicts(found),
+    )
+
+
+def _verdicts(found: dict[str, Served]) -> list[Verdict]:
+    """Return what follows from the work that was counted."""
+    counts = {name: served.counts for name, served in found.items()}
+    forces, beats = counts["no forces"].get("forces", 0.0), counts["no forces"].get("beats", 0.0)
+    views, fewer = counts[FULL].get("views", 0.0), counts["hands at rest"].get("views", 0.0)
+    busy, idle = core_share(found[FULL]), core_share(found["nobody"])
+    return [
+        Verdict("no force is sent where none is felt", forces == 0, f"{forces:.0f} Hz, and beats with {beats:.0f} Hz"),
+        Verdict(
+            "a view is sent only if it is new, or now and then",
+            fewer < views / 2,
+            f"{fewer:.0f} Hz at rest, {views:.0f} Hz in motion",
+        ),
+        Verdict("a server that has nobody sleeps", idle < busy / 10, f"{idle:.2%} of a core instead of {busy:.1%}"),
+    ]
+
+
+# --- inside a tick -------------------------------------------------------------------------------------------------
+
+RUNS, TICKS = 30, 2000
+"""So many runs of so many ticks, of which the quickest counts [1]."""
+
+
+def tick_part(config: Config) -> Part:
+    """Return what the stage's part of a tick costs, with and without.
+
+    Parameters
+    ----------
+    config : Config
+        Rig and experiment.
+    """
+    bare = replace(config, physics=replace(config.physics, balls=0))
+    lone = replace(bare, physics=replace(bare.physics, coupling="left"))
+    costs = {
+        "the ball rolls": stage_cost(config, Phase.RUNNING),
+        "the ball is fixed": stage_cost(config, Phase.LEVELLING),
+        "no ball": stage_cost(bare, Phase.LEVELLING),
+        "no ball, one hand": stage_cost(lone, Phase.LEVELLING),
+    }
+    whole = costs["the ball rolls"]
+    return Part(
+        "stage",
+        "The stage's part of a tick",
+        ("", "a tick [ns]", "of the whole [1]"),
+        [(name, cost * 1e9, cost / whole) for name, cost in costs.items()],
+    )
+
+
+def stage_cost(config: Config, phase: Phase) -> float:
+    """Time the stage's part of a tick [s].
+
+    Parameters
+    ----------
+    config : Config
+        Rig and experiment.
+    phase : Phase
+        In which the trial is, and stays: the board is not level, and the ball at rest is far from target and edge.
+    """
+    stage = make_stage(config)
+    rows = np.zeros(TICKS, TICK)
+    rows["time_ns"] = (1 + np.arange(TICKS)) * TICK_NS
+    for side, z in (("left", 0.02), ("right", 0.02)):
+        rows[f"{side}_live"], rows[f"{side}_stamp_ns"], rows[f"{side}_sent_z"] = 1, rows["time_ns"], z
+
+    def run() -> float:
+        state = stage.initial()
+        state["phase"] = phase
+        begun = perf_counter()
+        stage.advance(state, rows, 0, TICKS)
+        return (perf_counter() - begun) / TICKS
+
+    return quickest(run)
+
+
+def quickest(run: Callable[[], float]) -> float:
+    """Return the least of many runs [s].
+
+    Parameters
+    ----------
+    run : callable
+        Returns how long it took [s].
+    """
+    return min(run() for _ in range(RUNS))

@@ -1,0 +1,176 @@
+"""Frames that are malformed in every way there is: a message or a `WireError`, the right one, at bounded cost."""
+
+import random
+import struct
+import tracemalloc
+from itertools import islice
+from pathlib import Path
+
+import msgpack
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from wire_oracle import Refused, read_message
+
+from netboard.errors import WireError
+from netboard.faults.mutants import NESTED, Mutants, true_frames
+from netboard.wire import fixed
+from netboard.wire.codec import KINDS, decode, encode
+from netboard.wire.messages import Force, Message, Refusal, Stylus
+
+GOLDEN = [path.read_bytes() for path in sorted((Path(__file__).parent.parent / "data" / "frames").glob("*.bin"))]
+SEEDS = range(4)
+OF_EACH = 5000
+
+
+def bits(message: Message) -> str:
+    """What tells messages apart: with NaN equal to NaN, and -0.0 apart from 0.0."""
+    return repr(message)
+
+
+def judge(frame: bytes) -> Message | None:
+    """What the codec makes of a frame, which must be what the oracle makes of it."""
+    try:
+        expected = read_message(frame)
+    except Refused:
+        with pytest.raises(WireError) as refused:
+            decode(frame)
+        assert len(encode(Refusal(str(refused.value)))) <= 2048  # short, and fit to be sent back
+        return None
+    message = decode(frame)
+    assert bits(message) == bits(expected)
+    assert bits(decode(encode(message))) == bits(message)
+    return message
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_thousands_of_malformed_frames(seed: int) -> None:
+    accepted = sum(judge(frame) is not None for frame in islice(Mutants(GOLDEN, seed), OF_EACH))
+    assert OF_EACH // 50 < accepted < OF_EACH // 2
+
+
+def test_malformed_frames_of_every_kind() -> None:
+    for frame in true_frames(1):
+        assert judge(frame) is not None
+    kinds = set()
+    for frame in islice(Mutants(true_frames(2), 3), OF_EACH):
+        try:
+            kinds.add(type(decode(frame)).__name__)
+        except WireError as error:
+            kinds.add(str(error).split(":")[0])
+    assert kinds >= {kind.message.__name__ for kind in KINDS.values()}
+
+
+def test_the_same_seed_gives_the_same_frames() -> None:
+    assert list(islice(Mutants(GOLDEN, 7), 300)) == list(islice(Mutants(GOLDEN, 7), 300))
+    assert list(islice(Mutants(GOLDEN, 7), 300)) != list(islice(Mutants(GOLDEN, 8), 300))
+
+
+pieces = st.one_of(
+    st.binary(min_size=1, max_size=3),
+    st.sampled_from(sorted(KINDS)).map(lambda kind: bytes([kind])),
+    st.integers(0x80, 0xFF).map(lambda head: bytes([head])),
+    st.sampled_from([b"\xdc", b"\xde", b"\xc5", b"\xda"]).flatmap(
+        lambda head: st.integers(0, 2**16 - 1).map(lambda length: head + struct.pack(">H", length))
+    ),
+    st.sampled_from([b"\xdd", b"\xdf", b"\xc6", b"\xdb"]).flatmap(
+        lambda head: st.sampled_from([0, 1, 5, 2**31, 2**32 - 1]).map(lambda length: head + struct.pack(">I", length))
+    ),
+    (st.none() | st.booleans() | st.integers(-(2**63), 2**64 - 1) | st.floats() | st.text() | st.binary()).map(
+        msgpack.packb
+    ),
+)
+
+
+@settings(max_examples=500, deadline=None)
+@given(st.lists(pieces, max_size=20).map(b"".join))
+def test_any_row_of_pieces(frame: bytes) -> None:
+    judge(frame)
+
+
+@settings(max_examples=500, deadline=None)
+@given(st.sampled_from(sorted(KINDS)), st.integers(0, 20), st.lists(pieces, max_size=20).map(b"".join), st.booleans())
+def test_any_row_of_pieces_after_a_true_head(kind: int, length: int, rest: bytes, wide: bool) -> None:
+    head = b"\xdc" + struct.pack(">H", length) if wide or length > 15 else bytes([0x90 | length])
+    judge(head + bytes([kind]) + rest)
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.sampled_from(GOLDEN), st.data())
+def test_any_piece_in_place_of_any_bytes(frame: bytes, data: st.DataObject) -> None:
+    begin = data.draw(st.integers(0, len(frame)))
+    judge(frame[:begin] + data.draw(pieces) + frame[data.draw(st.integers(begin, len(frame))) :])
+
+
+# --- cost --------------------------------------------------------------------------------------------------------
+
+
+def cost(frame: bytes) -> int:
+    """Most memory that reading a frame takes, in bytes."""
+    tracemalloc.start()
+    try:
+        judge_only_by_codec(frame)
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+
+
+def judge_only_by_codec(frame: bytes) -> None:
+    try:
+        decode(frame)
+    except WireError:
+        return
+
+
+def nests(kind: int) -> list[bytes]:
+    """Frames of a kind in which every array, map or string claims as much as it may, inside the one before."""
+    most = max(KINDS[kind].most_items, 15)
+    head = bytes([0x90 | 15, kind])
+    openings = (b"\x91", b"\x9f", b"\x81\xa0", b"\x8f\xa0", b"\xdc" + struct.pack(">H", min(most, 65_535)))
+    tails = (b"", b"\xc0" * 4000, b"\xdb\xff\xff\xff\xff", b"\xc6\x7f\xff\xff\xff", b"\xdf\xff\xff\xff\xff")
+    exact = bytes([0x90 | min(15, 1 + len(KINDS[kind].message.__dataclass_fields__)), kind])
+    return [
+        (first + opening * times + tail)[: KINDS[kind].most_bytes]
+        for first in (head, exact)
+        for opening in openings
+        for times in (1, 100, 500, NESTED)
+        for tail in tails
+    ]
+
+
+@pytest.mark.parametrize("kind", sorted(KINDS))
+def test_what_a_frame_costs_is_bounded_by_its_length(kind: int) -> None:
+    """A frame of 3 KB must not be made into 30 MB of empty arrays."""
+    for frame in nests(kind):
+        assert cost(frame) < 200_000 + 100 * len(frame), frame[:40].hex()
+
+
+def test_what_malformed_frames_cost_is_bounded_by_their_length() -> None:
+    for frame in islice(Mutants(GOLDEN, 9), 2000):
+        assert cost(frame) < 200_000 + 100 * len(frame), frame[:40].hex()
+
+
+# --- the fixed form ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("form", "kind"), [(fixed.STYLUS, Stylus), (fixed.FORCE, Force)])
+def test_the_fixed_form_is_read_as_the_codec_reads_it_or_not_at_all(form: fixed.Form, kind: type[Message]) -> None:
+    chance = random.Random(4)
+    words = np.zeros(1, fixed.fields_of(kind))
+    numbers = words.view(np.int64)
+    taken = 0
+    for frame in islice(Mutants([fixed_frame(form, kind, chance) for _ in range(50)], 5), OF_EACH):
+        if not fixed.read(frame, form.head, form.markers, numbers):
+            continue
+        taken += 1
+        assert bits(decode(frame)) == bits(kind(*words[0].item()))
+    assert taken > OF_EACH // 100
+
+
+def fixed_frame(form: fixed.Form, kind: type[Message], chance: random.Random) -> bytes:
+    """A frame of the fixed form with any numbers in it."""
+    words = np.frombuffer(chance.randbytes(8 * len(form.markers)), np.int64)
+    frame = np.zeros(form.size, np.uint8)
+    fixed.write(frame, form.head, form.markers, words)
+    return frame.tobytes()

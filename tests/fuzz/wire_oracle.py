@@ -1,0 +1,131 @@
+"""A second reader of frames, slow and plain, written from PROTOCOL.md: what the codec must accept, refuse and make of it.
+
+It reads what the message's type hints ask for, byte by byte, and gives up at the first byte that is anything else. It
+shares nothing with the codec but the numbers of `KINDS` and the strings of `CHOICES`.
+"""
+
+import dataclasses
+import struct
+import types
+import typing
+from typing import Any
+
+from netboard.wire.codec import CHOICES, KINDS
+from netboard.wire.messages import Message
+
+
+class Refused(Exception):
+    """The bytes are no message."""
+
+
+def read_message(frame: bytes) -> Message:
+    """Read a frame that is exactly one message."""
+    reader = Reader(frame)
+    length = reader.array((0xDC,))
+    number = reader.byte()
+    if number not in KINDS:
+        raise Refused("kind")
+    kind = KINDS[number]
+    hints = typing.get_type_hints(kind.message)
+    names = [field.name for field in dataclasses.fields(kind.message)]
+    if length != 1 + len(names) or len(frame) > kind.most_bytes:
+        raise Refused("length")
+    values = []
+    for name in names:
+        value = reader.value(hints[name], kind.most_items)
+        if value not in CHOICES.get((kind.message, name), (value,)):
+            raise Refused(name)
+        values.append(value)
+    if reader.at != len(frame):
+        raise Refused("more follows")
+    message: Message = kind.message(*values)
+    return message
+
+
+class Reader:
+    """Reads one value after the other."""
+
+    def __init__(self, frame: bytes) -> None:
+        self.frame = frame
+        self.at = 0
+
+    def take(self, count: int) -> bytes:
+        if self.at + count > len(self.frame):
+            raise Refused("too short")
+        self.at += count
+        return self.frame[self.at - count : self.at]
+
+    def byte(self) -> int:
+        return self.take(1)[0]
+
+    def number(self, form: str) -> Any:
+        return struct.unpack(form, self.take(struct.calcsize(form)))[0]
+
+    def value(self, hint: Any, most_items: int) -> Any:
+        """A value of a type that a field may have."""
+        origin, arguments = typing.get_origin(hint), typing.get_args(hint)
+        if origin is types.UnionType:
+            if self.frame[self.at : self.at + 1] == b"\xc0":
+                self.at += 1
+                return None
+            return self.value(arguments[0], most_items)
+        if origin is dict:
+            return dict((self.text(), self.text()) for _ in range(self.count(0x80, 16, {0xDE: ">H", 0xDF: ">I"})))
+        if origin is tuple:
+            count = self.array((0xDC, 0xDD))
+            if arguments[-1] is not Ellipsis:
+                if count != len(arguments):
+                    raise Refused("items")
+                return tuple(self.value(argument, most_items) for argument in arguments)
+            if count > most_items:
+                raise Refused("too many")
+            return tuple(self.value(arguments[0], most_items) for _ in range(count))
+        return {int: self.integer, float: self.real, bool: self.truth, str: self.text, bytes: self.data}[hint]()
+
+    def array(self, wide: tuple[int, ...]) -> int:
+        return self.count(0x90, 16, {code: form for code, form in {0xDC: ">H", 0xDD: ">I"}.items() if code in wide})
+
+    def count(self, short: int, most: int, wide: dict[int, str]) -> int:
+        """The number that a head gives: in its low bits, or after it."""
+        head = self.byte()
+        if short <= head < short + most:
+            return head - short
+        if head not in wide:
+            raise Refused(f"head {head:#x}")
+        count: int = self.number(wide[head])
+        return count
+
+    def integer(self) -> int:
+        head = self.byte()
+        if head < 0x80 or head >= 0xE0:
+            return head - 256 * (head >= 0xE0)
+        forms = {0xCC: ">B", 0xCD: ">H", 0xCE: ">I", 0xCF: ">Q", 0xD0: ">b", 0xD1: ">h", 0xD2: ">i", 0xD3: ">q"}
+        if head not in forms:
+            raise Refused("no integer")
+        value: int = self.number(forms[head])
+        if value >= 2**63:
+            raise Refused("more than 64 bits with a sign")
+        return value
+
+    def real(self) -> float:
+        head = self.byte()
+        if head not in (0xCA, 0xCB):
+            raise Refused("no float")
+        value: float = self.number(">f" if head == 0xCA else ">d")
+        return value
+
+    def truth(self) -> bool:
+        head = self.byte()
+        if head not in (0xC2, 0xC3):
+            raise Refused("no boolean")
+        return head == 0xC3
+
+    def text(self) -> str:
+        data = self.take(self.count(0xA0, 32, {0xD9: ">B", 0xDA: ">H", 0xDB: ">I"}))
+        try:
+            return data.decode("utf-8", "strict")
+        except UnicodeDecodeError as error:
+            raise Refused("no UTF-8") from error
+
+    def data(self) -> bytes:
+        return self.take(self.count(0, 0, {0xC4: ">B", 0xC5: ">H", 0xC6: ">I"}))
