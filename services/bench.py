@@ -1,4 +1,4 @@
-"""Benchmarks and studies of the physics: ``netboard bench``.
+"""Benchmarks and studies: ``netboard bench``.
 
 A study, and the libraries it needs, is imported when it is asked for.
 """
@@ -8,7 +8,10 @@ from typing import Annotated, Literal
 
 import typer
 
-app = typer.Typer(help="Measure the physics on this machine: stability and cost of the methods.", no_args_is_help=True)
+app = typer.Typer(
+    help="Measure netboard on this machine: the physics, the loop from stylus to force, long runs.",
+    no_args_is_help=True,
+)
 
 Model = Literal["paper", "lagrangian"]
 
@@ -17,6 +20,11 @@ Output = Annotated[
 ]
 Quick = Annotated[bool, typer.Option("--quick", help="A short form, in less than a minute.")]
 Force = Annotated[bool, typer.Option("--force", help="Write into a folder that is already there.")]
+Json = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write the results there too, as JSON.")]
+Transport = Annotated[Literal["tcp", "ipc"], typer.Option(help="What carries the messages.")]
+Curve = Annotated[bool, typer.Option("--curve/--no-curve", help="With keys and encryption.")]
+RealTime = Annotated[bool, typer.Option("--realtime/--no-realtime", help="With real-time scheduling.")]
+Displays = Annotated[int, typer.Option(min=0, metavar="N", help="Displays of each dyad, drawn without a screen.")]
 
 
 @app.command(epilog="Examples:\n\n  netboard bench stability --quick\n\n  netboard bench stability --soak -o results")
@@ -51,3 +59,53 @@ def physics(
 
     names = [] if no_peers else peers.split(",") if peers else None
     raise typer.Exit(study.main(output, quick=quick, force=force, peers=names, model=model, repeats=repeats))
+
+
+@app.command(
+    epilog="Examples:\n\n  netboard bench loop --quick\n\n  netboard bench loop --displays 2 --dyads 1,2,4,8,16 --skips"
+)
+def loop(
+    output: Output = None,
+    quick: Quick = False,
+    force: Force = False,
+    json: Json = None,
+    seconds: Annotated[
+        float | None, typer.Option(min=0.5, metavar="S", help="Measure each thing for so long; else a minute.")
+    ] = None,
+    transport: Transport = "tcp",
+    curve: Curve = False,
+    realtime: RealTime = True,
+    displays: Displays = 0,
+    dyads: Annotated[
+        str | None,
+        typer.Option(metavar="NUMBERS", help="Measure a server of so many dyads too, until it breaks, as in 1,2,4,8."),
+    ] = None,
+    skips: Annotated[bool, typer.Option("--skips", help="Measure what is saved where less is there, too.")] = False,
+) -> None:
+    """From stylus to force, in real time and beside a bare echo and a bare timer: latency, lateness, cost."""
+    from netboard.latency import bench as study
+
+    setting = study.Setting(transport, curve, realtime, displays, quick)
+    raise typer.Exit(study.loop(setting, seconds, study.read_dyads(dyads), output, json, skips=skips, force=force))
+
+
+@app.command(epilog="Examples:\n\n  netboard bench soak --minutes 30\n\n  netboard bench soak --quick --dyads 2")
+def soak(
+    output: Output = None,
+    quick: Quick = False,
+    force: Force = False,
+    json: Json = None,
+    minutes: Annotated[
+        float | None, typer.Option(min=0.05, metavar="N", help="For how long; else half an hour.")
+    ] = None,
+    dyads: Annotated[int, typer.Option(min=1, metavar="N", help="How many dyads.")] = 1,
+    transport: Transport = "tcp",
+    curve: Curve = False,
+    realtime: RealTime = True,
+    displays: Displays = 0,
+) -> None:
+    """Everything for a long time: nothing is lost, memory stays flat, ticks stay in time."""
+    from netboard.latency import bench as study
+
+    setting = study.Setting(transport, curve, realtime, displays, quick)
+    raise typer.Exit(study.soak(setting, minutes, dyads, output, json, force=force))

@@ -343,6 +343,20 @@ def numbers(option: str, words: list[str] | None) -> tuple[float, ...]:
         raise ConfigError(f"{option}: found {' '.join(words or ())}, expected numbers, with commas between") from None
 
 
+@app.command(epilog=examples("netboard status", "netboard status -c rig.toml --watch", "netboard status --json"))
+def status(
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    watch: Annotated[bool, typer.Option("--watch", help="Go on showing it until Ctrl-C.")] = False,
+    json: Annotated[bool, typer.Option("--json", help="One line of JSON.")] = False,
+) -> None:
+    """Show a running session and every peer of it: link, round trip, clock, rate, losses, version."""
+    settings = configuration.load(config, overrides or ())
+    from netboard.services import status as service
+
+    raise typer.Exit(service.main(settings, watch=watch, as_json=json))
+
+
 @app.command(epilog=examples("netboard info recordings/S01.mcap"))
 def info(recording: RecordingFile) -> None:
     """Say what is in a recording: trials, completion times, losses, latencies."""

@@ -6,6 +6,8 @@ from rich.console import Console
 from rich.table import Table
 
 from netboard.config import parse
+from netboard.errors import RecordingError
+from netboard.recording.account import Stretch, account_of, parts_of
 from netboard.recording.reader import Recording
 from netboard.report.tables import summary_of, summary_tables
 
@@ -27,6 +29,7 @@ def main(path: Path) -> int:
     with Recording(path) as recording:
         console.print(provenance_table(recording))
         console.print(summary_tables(summary_of(recording)))
+    console.print(account_table(path))
     return 0
 
 
@@ -60,3 +63,42 @@ def provenance_table(recording: Recording) -> Table:
     for name, value in rows.items():
         table.add_row(name, value)
     return table
+
+
+def account_table(path: Path) -> Table:
+    """Account for every tick of the session, in all parts that are in the same folder.
+
+    Parameters
+    ----------
+    path : Path
+        One of its parts.
+
+    Returns
+    -------
+    Table
+        For printing.
+    """
+    table = Table(title="Account of the session", title_justify="left", show_header=False)
+    try:
+        account = account_of(parts_of(path))
+    except RecordingError as error:
+        table.add_row("not possible", str(error))
+        return table
+    for part in account.parts:
+        table.add_row(part.path.name, part.ended or "recovered")
+    for what, stretches in (
+        ("ticks present", account.present),
+        ("ticks lost", account.lost),
+        ("ticks unexplained", account.unexplained),
+        ("records lost", account.lost_records),
+        ("records unexplained", account.unexplained_records),
+    ):
+        table.add_row(what, "\n".join(stretch_text(stretch) for stretch in stretches) or "none")
+    table.add_row("pauses", "\n".join(f"tick {pause.tick}: {pause.cause or 'unexplained'}" for pause in account.pauses))
+    return table
+
+
+def stretch_text(stretch: Stretch) -> str:
+    """Write numbers in a row, how many they are, and why they are missing."""
+    count = stretch.last - stretch.first + 1
+    return f"{count}: {stretch.first} to {stretch.last}" + (f", {stretch.cause}" if stretch.cause else "")

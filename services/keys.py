@@ -29,7 +29,7 @@ def init(config: ConfigFile = None, overrides: Overrides = None) -> None:
     from netboard import keys
 
     path = keys.init(folder_of(config, overrides))
-    typer.echo(f"{path}: written; it stays here. Now make a key for each process, such as: netboard keys add agent left")
+    typer.echo(f"{path}: written; it stays here; make a key for each process, as in: netboard keys add agent left")
 
 
 @app.command(
@@ -53,7 +53,7 @@ def add(
 
     folder = folder_of(config, overrides)
     peer, path = keys.add(folder, role, side or "", to or folder)
-    typer.echo(f"{path}: written, {keys.fingerprint(peer.public)}; move it to the folder of keys where {peer.what} runs")
+    typer.echo(f"{path}: written, {keys.fingerprint(peer.public)}; move it to where {peer.what} runs")
 
 
 @app.command("list", epilog="Examples:\n\n  netboard keys list")

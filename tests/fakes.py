@@ -13,6 +13,7 @@ from netboard.wire.messages import (
     LogEnd,
     LogRequest,
     Message,
+    Pong,
     Refusal,
     Welcome,
 )
@@ -39,6 +40,7 @@ class FakeLogServer:
         self.ring = LogRing(capacity)
         self.acks: list[LogAck] = []
         self.goodbyes: list[str] = []
+        self.pongs: list[Pong] = []
         self.requests: list[int] = []
         self._welcome = Welcome(session, PROTOCOL_VERSION, clock(), config)
         self._batch = batch
@@ -56,6 +58,8 @@ class FakeLogServer:
     def hear(self, frame: bytes) -> list[Message]:
         """Answer one frame of the logger."""
         match decode(frame):
+            case Pong() as pong:
+                self.pongs.append(pong)
             case Hello():
                 self.greeted, self._cursor = True, None
                 return [self._welcome]

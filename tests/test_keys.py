@@ -131,9 +131,7 @@ def test_with_a_broken_list_nobody_is_let_in_until_it_is_mended(ring: keys.Ring,
         ('public = "', 'public = "_', "public"),
     ],
 )
-def test_a_list_that_makes_no_sense_is_refused(
-    ring: keys.Ring, folder: Path, old: str, new: str, problem: str
-) -> None:
+def test_a_list_that_makes_no_sense_is_refused(ring: keys.Ring, folder: Path, old: str, new: str, problem: str) -> None:
     path = folder / "authorized.toml"
     path.write_text(path.read_text().replace(old, new, 1))
     with pytest.raises(ConfigError, match=problem):

@@ -50,7 +50,8 @@ def test_without_a_signal_the_handlers_are_put_back() -> None:
     assert [signal.getsignal(number) for number in STOP_SIGNALS] == before
 
 
-def test_a_steady_loop_is_not_interrupted_by_the_collector() -> None:
+def test_a_steady_loop_is_not_interrupted_by_the_collector(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("netboard.process._granted", {})
     interval = sys.getswitchinterval()
     try:
         steady_loop()
@@ -87,6 +88,7 @@ class Machine:
 
 def on(machine: Machine, monkeypatch: pytest.MonkeyPatch, folder: Path) -> Machine:
     """Let what is asked for reach this machine only."""
+    monkeypatch.setattr("netboard.process._granted", {})
     monkeypatch.setattr("netboard.process.os.sched_setscheduler", machine.grant)
     monkeypatch.setattr("netboard.process.os.sched_setaffinity", machine.grant)
     monkeypatch.setattr("netboard.process.os.sched_getaffinity", lambda process: {0, 1, 2, 3})
@@ -110,10 +112,16 @@ def test_everything_is_asked_for_and_granted(
         came = prepare(Realtime(), Priority.SERVER, "2-3")
     assert came == dict.fromkeys(ASKED, OK)
     assert caplog.messages == ["real time: scheduling ok, cpus ok, memory ok, timer_slack ok, core_sleep ok"]
-    assert machine.asked[0] == (0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(60))
+    fifo = (0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(60))
+    assert machine.asked[:2] == [fifo, (0, os.SCHED_OTHER | os.SCHED_RESET_ON_FORK, os.sched_param(0))]
     assert (0, {2, 3}) in machine.asked
     assert (tmp_path / "cpu_dma_latency").read_bytes() == (2).to_bytes(4, sys.byteorder)
     assert io_priority(came, Priority.SERVER) == Priority.SERVER + IO_ABOVE
+    for name in ("gc.collect", "gc.freeze", "gc.disable"):
+        monkeypatch.setattr(f"netboard.process.{name}", lambda: None)
+    monkeypatch.setattr("netboard.process.sys.setswitchinterval", machine.grant)
+    steady_loop()
+    assert machine.asked[-1] == fifo
 
 
 @linux

@@ -410,8 +410,8 @@ def _write_key(path: Path, file: _KeyFile) -> None:
 def _write_new(path: Path, text: str) -> None:
     """Write a file that only its owner can read, and that is not there yet."""
     try:
-        with open(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w", encoding="utf-8") as file:
-            file.write(text)
+        path.touch(mode=0o600, exist_ok=False)
+        path.write_text(text, encoding="utf-8", newline="\n")
     except FileExistsError:
         raise ConfigError(f"{path}: is there already and is left as it is") from None
     except OSError as error:

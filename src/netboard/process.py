@@ -77,6 +77,11 @@ IO_ABOVE = 5
 """By how much the priority of ZeroMQ's threads is above that of the loop they serve [1]."""
 
 
+PRIORITY = "priority"
+_granted: dict[str, int] = {}
+"""What `prepare` was granted for the loop of this process."""
+
+
 class Supervisor:
     """What started this process and watches over it, where that is systemd or speaks as it does (sd_notify)."""
 
@@ -154,18 +159,24 @@ class Stopping:
 
 
 def steady_loop() -> None:
-    """Make ready for a steady loop: what exists now is never collected again, and no collection interrupts it.
+    """Begin a steady loop: with the priority that `prepare` was granted, and without pauses of Python's own.
 
-    The thread switch interval is shortened too, so that a library's thread cannot hold the loop up for 5 ms.
+    What exists now is never collected again, and no collection interrupts the loop. The thread switch interval is
+    shortened too, so that a library's thread cannot hold the loop up for 5 ms.
     """
     gc.collect()
     gc.freeze()
     gc.disable()
     sys.setswitchinterval(5e-4)
+    if PRIORITY in _granted:
+        _fifo(_granted[PRIORITY])
 
 
 def prepare(wanted: Realtime, priority: int, cpus: str) -> dict[str, str]:
     """Ask the machine for what a steady loop needs, before anything else is made; say what was refused.
+
+    Scheduling is tried here and begins with `steady_loop`: making ready, which may take a minute of compiling, must
+    not hold up the rest of the machine.
 
     Parameters
     ----------
@@ -239,8 +250,15 @@ def _only_on(*systems: str) -> None:
 
 
 def _schedule(priority: int) -> None:
-    """Ask for SCHED_FIFO for this thread; what it starts later begins as usual (ZeroMQ's thread asks for itself)."""
+    """Ask for SCHED_FIFO for this thread, from the beginning of its loop on."""
     _only_on("linux")
+    _fifo(priority)
+    os.sched_setscheduler(0, os.SCHED_OTHER | os.SCHED_RESET_ON_FORK, os.sched_param(0))
+    _granted[PRIORITY] = priority
+
+
+def _fifo(priority: int) -> None:
+    """Schedule this thread in real time; what it starts begins as usual (ZeroMQ's thread asks for itself)."""
     os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(priority))
 
 

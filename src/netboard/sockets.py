@@ -710,8 +710,6 @@ def receive(socket: Socket) -> bytes | None:
 
 def send(socket: Socket, frame: bytes) -> bool:
     """Send without waiting; False if nobody is there or the queue is full."""
-    if isinstance(socket, Publisher):
-        return socket.send(frame)
     try:
         socket.send(frame, zmq.NOBLOCK)
     except Again:
@@ -721,9 +719,6 @@ def send(socket: Socket, frame: bytes) -> bool:
 
 def close_after_goodbye(socket: Socket) -> None:
     """Close a socket whose last words have just been sent."""
-    if isinstance(socket, Router):
-        socket.close_after_goodbye()
-        return
     socket.close(linger=GOODBYE_LINGER_MS)
 
 
@@ -735,32 +730,4 @@ def wait_readable(socket: Socket, timeout: float) -> bool:
         if left <= 0:
             return False
         select.select((socket.fileno(),), (), (), left)
-    return True
-
-
-def receive_from(router: Router) -> tuple[bytes, bytes] | None:
-    """Until the ports are rewritten."""
-    if isinstance(router, Router):
-        return router.receive()
-    while True:
-        try:
-            parts = router.recv_multipart(zmq.NOBLOCK)
-        except Again:
-            return None
-        if len(parts) == 2:
-            return parts[0], parts[1]
-
-
-def send_to(router: Router, peer: bytes, frame: bytes) -> bool:
-    """Until the ports are rewritten."""
-    return Router.send(router, peer, frame) if isinstance(router, Router) else _old_send_to(router, peer, frame)
-
-
-def _old_send_to(socket: Socket, peer: bytes, frame: bytes) -> bool:
-    try:
-        socket.send_multipart((peer, frame), zmq.NOBLOCK)
-    except ZMQError as error:
-        if error.errno in (zmq.EAGAIN, zmq.EHOSTUNREACH):
-            return False
-        raise
     return True

@@ -83,22 +83,22 @@ class SmallServer:
 
     def hear(self, kind: type) -> bool:
         """Whether a message of a kind has come by now."""
-        while (received := sockets.receive_from(self.control)) is not None:
+        while (received := self.control.receive()) is not None:
             self.peer, frame = received
             self.heard.append(decode(frame))
         return any(isinstance(message, kind) for message in self.heard)
 
     def tell(self, message) -> None:
-        assert sockets.send_to(self.control, self.peer, encode(message))
+        assert self.control.send(self.peer, encode(message))
 
     def show(self, **changes) -> bool:
         """Publish a view; always true, so that it can be repeated in a waiting loop."""
-        sockets.send(self.views, encode(replace(VIEW, **changes)))
+        self.views.send(encode(replace(VIEW, **changes)))
         return True
 
     def close(self) -> None:
         self.views.close()
-        self.control.close()
+        self.control.socket.close()
         self.context.term()
 
 

@@ -11,37 +11,17 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from wire_oracle import Refused, read_message
+from wire_oracle import bits, judge
 
 from netboard.errors import WireError
 from netboard.faults.mutants import NESTED, Mutants, true_frames
 from netboard.wire import fixed
-from netboard.wire.codec import KINDS, decode, encode
-from netboard.wire.messages import Force, Message, Refusal, Stylus
+from netboard.wire.codec import KINDS, decode
+from netboard.wire.messages import Force, Message, Stylus
 
 GOLDEN = [path.read_bytes() for path in sorted((Path(__file__).parent.parent / "data" / "frames").glob("*.bin"))]
 SEEDS = range(4)
 OF_EACH = 5000
-
-
-def bits(message: Message) -> str:
-    """What tells messages apart: with NaN equal to NaN, and -0.0 apart from 0.0."""
-    return repr(message)
-
-
-def judge(frame: bytes) -> Message | None:
-    """What the codec makes of a frame, which must be what the oracle makes of it."""
-    try:
-        expected = read_message(frame)
-    except Refused:
-        with pytest.raises(WireError) as refused:
-            decode(frame)
-        assert len(encode(Refusal(str(refused.value)))) <= 2048  # short, and fit to be sent back
-        return None
-    message = decode(frame)
-    assert bits(message) == bits(expected)
-    assert bits(decode(encode(message))) == bits(message)
-    return message
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -101,6 +81,28 @@ def test_any_row_of_pieces_after_a_true_head(kind: int, length: int, rest: bytes
 def test_any_piece_in_place_of_any_bytes(frame: bytes, data: st.DataObject) -> None:
     begin = data.draw(st.integers(0, len(frame)))
     judge(frame[:begin] + data.draw(pieces) + frame[data.draw(st.integers(begin, len(frame))) :])
+
+
+@pytest.mark.parametrize("kind", [1, 2, 3, 4, 20, 35, 52])
+def test_the_largest_frame_is_exactly_as_large_as_is_said(kind: int) -> None:
+    tree = next(tree for frame in true_frames(1) if (tree := msgpack.unpackb(frame))[0] == kind)
+    longest = KINDS[kind].most_bytes
+    at = max(index for index, value in enumerate(tree) if isinstance(value, str))
+    tree[at] = ""
+    for more in range(-8, 8):
+        tree[at] = "x" * (longest - len(msgpack.packb([*tree[:at], "", *tree[at + 1 :]])) + more)
+        frame = msgpack.packb(tree)
+        assert (judge(frame) is None) == (len(frame) > longest)
+
+
+@pytest.mark.parametrize(
+    ("kind", "before", "item", "after"),
+    [(21, ["left"], [1, 2, 3], [0]), (31, [0, 0], b"", []), (52, ["", 0, "", 0, 0, 0, 0], 0.5, [0, [], [], "", []])],
+)
+def test_the_longest_array_is_exactly_as_long_as_is_said(kind: int, before: list, item: object, after: list) -> None:  # type: ignore[type-arg]
+    longest = KINDS[kind].most_items
+    assert judge(msgpack.packb([kind, *before, [item] * longest, *after])) is not None
+    assert judge(msgpack.packb([kind, *before, [item] * (longest + 1), *after])) is None
 
 
 # --- cost --------------------------------------------------------------------------------------------------------

@@ -1,7 +1,7 @@
-"""A second reader of frames, slow and plain, written from PROTOCOL.md: what the codec must accept, refuse and make of it.
+"""A second reader of frames, slow and plain, written from PROTOCOL.md: what is a message, which one, and what is none.
 
 It reads what the message's type hints ask for, byte by byte, and gives up at the first byte that is anything else. It
-shares nothing with the codec but the numbers of `KINDS` and the strings of `CHOICES`.
+shares nothing with the codec but the numbers of `KINDS` and the strings of `CHOICES`. `judge` asks both.
 """
 
 import dataclasses
@@ -10,12 +10,38 @@ import types
 import typing
 from typing import Any
 
-from netboard.wire.codec import CHOICES, KINDS
-from netboard.wire.messages import Message
+from netboard.errors import WireError
+from netboard.wire.codec import CHOICES, KINDS, decode, encode
+from netboard.wire.messages import Message, Refusal
+
+LONGEST_REFUSAL = 2048
+"""What is wrong with a frame is sent back to whoever sent it, in so many bytes [1]."""
 
 
 class Refused(Exception):
     """The bytes are no message."""
+
+
+def judge(frame: bytes) -> Message | None:
+    """What the codec makes of a frame, None for a refusal: it must be what the oracle makes of it."""
+    try:
+        expected = read_message(frame)
+    except Refused:
+        expected = None
+    message, refusal = None, ""
+    try:
+        message = decode(frame)
+    except WireError as error:
+        refusal = str(error)
+    assert len(encode(Refusal(refusal))) <= LONGEST_REFUSAL
+    assert bits(message) == bits(expected), refusal
+    assert message is None or bits(decode(encode(message))) == bits(message)
+    return message
+
+
+def bits(message: Message | None) -> str:
+    """What tells messages apart: with NaN equal to NaN, and -0.0 apart from 0.0."""
+    return repr(message)
 
 
 def read_message(frame: bytes) -> Message:
@@ -70,7 +96,7 @@ class Reader:
                 return None
             return self.value(arguments[0], most_items)
         if origin is dict:
-            return dict((self.text(), self.text()) for _ in range(self.count(0x80, 16, {0xDE: ">H", 0xDF: ">I"})))
+            return {self.text(): self.text() for _ in range(self.count(0x80, 16, {0xDE: ">H", 0xDF: ">I"}))}
         if origin is tuple:
             count = self.array((0xDC, 0xDD))
             if arguments[-1] is not Ellipsis:

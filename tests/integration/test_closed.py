@@ -14,10 +14,10 @@ from pathlib import Path
 
 import pytest
 from rig import PATIENCE, Rig
+from typer.testing import CliRunner
 
 from netboard import keys, sockets
 from netboard.recording.reader import Recording
-from netboard.recording.verification import verify_recording
 from netboard.services.cli import app
 from netboard.wire.codec import decode, encode
 from netboard.wire.messages import (
@@ -33,11 +33,12 @@ from netboard.wire.messages import (
     View,
     Welcome,
 )
-from typer.testing import CliRunner
 
 pytestmark = [pytest.mark.integration, pytest.mark.slow, pytest.mark.timeout(240)]
 
-PEERS = (("agent", "left"), ("agent", "right"), ("display", "left"), ("display", "right"), ("logger", ""), ("console", ""))
+PEERS = ("agent.left", "agent.right", "display.left", "display.right", "logger", "console")
+GREETING, FIRST_WORD, COOKIE = 64, 202, 170
+"""Sizes of what is said first in a handshake with keys, by ZeroMQ's RFCs 23 and 26 [bytes]."""
 EAVESDROP_S = 0.5
 """So long it is listened for what must not come [s]."""
 
@@ -45,7 +46,7 @@ EAVESDROP_S = 0.5
 def rig_with_keys(folder: Path, *settings: str) -> Rig:
     """A rig whose keys are all in one folder, as on one machine."""
     keys.init(folder / "keys")
-    for role, side in PEERS:
+    for role, _, side in (peer.partition(".") for peer in PEERS):
         keys.add(folder / "keys", role, side, folder / "keys")  # type: ignore[arg-type]
     soon_level = ("task.level_time=0.05", "task.level_angle_deg=5.0", "task.level_rate_deg_s=30.0")
     return Rig(folder, ("network.curve=on", f"network.keys={folder / 'keys'}", *soon_level, *settings))
@@ -99,7 +100,6 @@ class Attempts:
     def __init__(self, rig: Rig) -> None:
         self.rig = rig
         self.folder = Path(rig.config.network.keys)
-        self.lock = {f"{role}.{side}".rstrip("."): None for role, side in PEERS}
         self.server_key = keys.credentials(self.folder, "console").server
 
     def at(self, channel: int, lock: sockets.Credentials | None, name: str) -> Intruder:
@@ -219,13 +219,14 @@ class Attempts:
             agent.socket.close()
         assert len(said) > 500
         with net.create_connection(("127.0.0.1", network.port + sockets.MOTION)) as again:
-            again.sendall(said)
             again.settimeout(PATIENCE)
-            answer = b""
-            with contextlib.suppress(ConnectionResetError):
-                while more := again.recv(65_536):
-                    answer += more
-        self.replayed, self.answered = bytes(said), answer
+            again.sendall(said[:GREETING])
+            greeting = read(again, GREETING)
+            again.sendall(said[GREETING : GREETING + FIRST_WORD])
+            cookie = read(again, COOKIE)
+            again.sendall(said[GREETING + FIRST_WORD :])
+            self.answered = greeting, cookie, read(again, 65_536)
+        self.replayed = bytes(said)
         return agent
 
     def eavesdrop(self, who: Intruder) -> Intruder:
@@ -234,6 +235,15 @@ class Attempts:
             sockets.wait_readable(who.socket, EAVESDROP_S)
             who.listen()
         return who
+
+
+def read(end: net.socket, size: int) -> bytes:
+    """So many bytes, or what there is before the other end hangs up."""
+    got = b""
+    with contextlib.suppress(ConnectionResetError):
+        while len(got) < size and (some := end.recv(size - len(got))):
+            got += some
+    return got
 
 
 @contextlib.contextmanager
@@ -343,13 +353,13 @@ def test_the_view_of_the_other_station_stays_dark(evidence: Evidence) -> None:
 
 
 def test_a_replayed_session_ends_at_the_handshake(evidence: Evidence) -> None:
-    """The server answers with its greeting and its first word, which is made anew each time, and hangs up."""
-    answered = evidence.attempts.answered
-    assert b"CURVE" in answered
-    assert b"WELCOME" in answered
-    assert b"READY" not in answered
-    assert b"MESSAGE" not in answered
-    assert b"READY" not in evidence.attempts.replayed
+    """The server answers with its greeting and a cookie that it makes anew each time, and then hangs up."""
+    greeting, cookie, rest = evidence.attempts.answered
+    assert b"CURVE" in greeting
+    assert b"WELCOME" in cookie
+    assert rest == b""
+    assert b"INITIATE" in evidence.attempts.replayed
+    assert b"MESSAGE" in evidence.attempts.replayed
     assert struct.pack(">d", 0.123) not in evidence.attempts.replayed
 
 
@@ -394,7 +404,6 @@ def test_the_session_went_on_as_if_nobody_had_come(evidence: Evidence) -> None:
     with Recording(evidence.recording) as recording:
         ticks = recording.ticks()
         events = [event.name for event in recording.events()]
-        assert verify_recording(recording).identical
     assert ticks["tick"].tolist() == list(range(len(ticks)))
     for side in ("left", "right"):
         assert not (ticks[f"{side}_sent_z"] == 0.123).any()

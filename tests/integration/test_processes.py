@@ -234,3 +234,49 @@ def test_a_flood_of_nonsense_does_not_hold_up_the_ticks(rig: Rig) -> None:
     with Recording(path) as recording:
         refused = [event for event in recording.events() if event.name == "refused"]
     assert 1 <= len(refused) <= 5
+
+
+def test_one_server_serves_two_dyads_and_what_befalls_one_does_not_touch_the_other(folder: Path) -> None:
+    (folder / "a").mkdir()
+    (folder / "b").mkdir()
+    settings = (*SOON_LEVEL, "block.trials=50", "realtime.scheduling=false")
+    with Rig(folder / "a", settings) as one, Rig(folder / "b", settings) as other:
+        one.start("server", "server", "-c", str(other.file))
+        for rig in (one, other):
+            rig.start("logger", "logger", "--once")
+            rig.start_stations()
+        for rig in (one, other):
+            rig.until(lambda s: s.phase == "running")
+        one.kill("left agent")
+        assert "left agent" in one.until(lambda s: s.phase == "paused").notice
+        there = other.until(lambda s: s.phase in ("running", "levelling"))
+        one.start_agent("left")
+        one.until(lambda s: s.phase == "running")
+        other.until(lambda s: s.tick > there.tick + 500)
+        one.operator.command("shutdown")
+        assert one.wait("logger") == 0, one.said("logger")
+        after = other.until(lambda s: True)
+        other.until(lambda s: s.tick > after.tick + 200)
+        other.operator.command("shutdown")
+        assert other.wait("logger") == 0, other.said("logger")
+        assert one.wait("server") == 0, one.said("server")
+        first, second = (verified(path) for rig in (one, other) for path in rig.recordings())
+    assert np.any(first["event"] == Cause.FAULT)
+    for ticks in (first, second):
+        assert ticks["tick"].tolist() == list(range(len(ticks)))
+    with Recording(next((folder / "b" / "recordings").glob("*.mcap"))) as recording:
+        assert not [e for e in recording.events() if "agent" in e.details.get("notice", "")]
+
+
+def test_an_idle_server_keeps_every_tick_and_wakes_at_once(folder: Path) -> None:
+    with Rig(folder, ("network.require_logger=false",)) as rig:
+        rig.start("server", "server")
+        first = rig.until(lambda s: s.tick > 500)
+        rig.start("logger", "logger", "--once")
+        rig.until(lambda s: "logger" in s.peers and s.tick > first.tick + 1000)
+        (path,) = rig.finish()
+    ticks = verified(path)
+    assert ticks["tick"].tolist() == list(range(len(ticks)))
+    steps = np.diff(ticks["time_ns"])
+    assert np.all(steps % 1_000_000 == 0)
+    assert np.median(steps) == 1_000_000

@@ -1,7 +1,9 @@
 """The logger against a server in memory: over a bad line, after a restart, behind a ring that is too short."""
 
+import errno
 import os
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,11 +14,13 @@ from hypothesis import strategies as st
 from fakes import FakeClock, FakeLogLink, FakeLogServer
 from netboard.config import Recording as Settings
 from netboard.nodes.logger import Logger, place
+from netboard.recording import partfile
+from netboard.recording.account import Stretch, account_of
 from netboard.recording.reader import Recording
 from netboard.recording.recovery import recover
 from netboard.tick import TICK
 from netboard.wire.codec import encode
-from netboard.wire.messages import EventRecord, LogBatch, LogEnd, Refusal, TickRecord
+from netboard.wire.messages import EventRecord, LogBatch, LogEnd, Ping, Refusal, TickRecord
 
 CONFIG = '[session]\nname = "S07"\ndyad = "D03"\n'
 UTC_NS = 1_790_000_000_000_000_000
@@ -276,7 +280,7 @@ def test_a_tick_of_another_version_ends_it_cleanly(tmp_path: Path, caplog: pytes
 
 
 @pytest.mark.skipif(os.name == "nt", reason="an open file cannot be deleted there")
-def test_a_folder_that_goes_away_ends_it(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_a_folder_that_is_deleted_ends_it_and_nothing_is_lost(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     rig = Rig(tmp_path / "disk", 1000)
     logger = rig.logger()
     stop = rig.stop_after(0.5)
@@ -285,10 +289,36 @@ def test_a_folder_that_goes_away_ends_it(tmp_path: Path, caplog: pytest.LogCaptu
     for file in (tmp_path / "disk").iterdir():
         file.unlink()
     (tmp_path / "disk").rmdir()
-    acknowledged = rig.server.acks[-1].durable
     assert logger.run(never) == 1
-    assert "was deleted" in caplog.text
-    assert rig.server.acks[-1].durable == acknowledged
+    assert "was deleted while it was being written" in caplog.text
+    (saved,) = logger.finished
+    assert saved.exists()
+    assert "was deleted" in rig.server.goodbyes[0]
+    rig.settings = replace(rig.settings, directory=str(tmp_path / "elsewhere"))
+    second = rig.logger()
+    assert second.run(never) == 0
+    account = account_of([saved, *second.finished])
+    assert account.present == (Stretch(0, 999),)
+    assert account.sound
+    assert account.complete
+
+
+@pytest.mark.skipif(os.name == "nt", reason="an open file cannot be moved there")
+def test_a_folder_that_is_moved_ends_it_and_nothing_is_lost(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    rig = Rig(tmp_path / "disk", 1000)
+    logger = rig.logger()
+    stop = rig.stop_after(0.5)
+    while not stop():
+        logger.step()
+    (tmp_path / "disk").rename(tmp_path / "moved")
+    assert logger.run(never) == 1
+    assert "it is whole, wherever it is now" in caplog.text
+    second = rig.logger()
+    assert second.run(never) == 0
+    (moved,) = (tmp_path / "moved").iterdir()
+    account = account_of([moved.rename(tmp_path / "found.mcap"), *second.finished])
+    assert account.present == (Stretch(0, 999),)
+    assert account.sound
 
 
 def test_a_folder_that_cannot_be_made_ends_it(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
@@ -314,11 +344,96 @@ def test_low_space_is_said_once(tmp_path: Path, plenty: list[int], caplog: pytes
     rig = Rig(tmp_path, 2000)
     logger = rig.logger()
     assert logger.run(rig.stop_after(0.5)) == 0
-    assert "GB are free" not in caplog.text
+    assert "GB free" not in caplog.text
     plenty[0] = 4_900_000_000
     assert rig.logger().run(never) == 0
-    assert caplog.text.count("only 4.9 GB are free") == 1
+    assert caplog.text.count("only 4.9 GB free") == 1
     assert rig.server.acks[-1].free_bytes == 4_900_000_000
+
+
+def test_it_ends_while_there_is_space_to_finish_and_another_goes_on_elsewhere(
+    tmp_path: Path, plenty: list[int], caplog: pytest.LogCaptureFixture
+) -> None:
+    rig = Rig(tmp_path, 2000)
+    logger = rig.logger()
+    stop = rig.stop_after(0.7)
+    while not stop():
+        logger.step()
+    plenty[0] = 190_000_000
+    assert logger.run(never) == 1
+    assert "only 190 MB free: the recording had to end" in caplog.text
+    assert rig.server.goodbyes == [f"{tmp_path}: only 190 MB free: the recording had to end"]
+    assert rig.server.acks[-1].durable > 700
+    with Recording(logger.finished[0]) as recording:
+        assert recording.end["ended"] == rig.server.goodbyes[0]
+    assert rig.logger().run(never) == 1
+    assert "only 190 MB free, and a recording stops at 200 MB" in caplog.text
+    assert len(list(tmp_path.iterdir())) == 1
+    plenty[0] = 10**12
+    rig.settings = replace(rig.settings, directory=str(tmp_path / "elsewhere"))
+    second = rig.logger()
+    assert second.run(never) == 0
+    account = account_of([*logger.finished, *second.finished])
+    assert account.present == (Stretch(0, 1999),)
+    assert account.sound
+
+
+def test_a_full_disk_ends_it_with_a_whole_recording(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    rig = Rig(tmp_path, 2000)
+    logger = rig.logger()
+    stop = rig.stop_after(0.7)
+    while not stop():
+        logger.step()
+
+    def refuse(*_: int) -> bool:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(partfile, "allocate", refuse)
+    monkeypatch.setattr(partfile, "_RESERVE", 2**24)
+    assert logger.run(never) == 1
+    monkeypatch.undo()
+    assert "cannot be written: No space left on device" in caplog.text
+    assert "No space left" in rig.server.goodbyes[0]
+    second = rig.logger()
+    assert second.run(never) == 0
+    account = account_of([*logger.finished, *second.finished])
+    assert account.present == (Stretch(0, 1999),)
+    assert account.sound
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+def test_a_disk_that_refuses_everything_leaves_a_part_to_recover(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    rig = Rig(tmp_path, 2000)
+    logger = rig.logger()
+    stop = rig.stop_after(0.7)
+    while not stop():
+        logger.step()
+    assert logger._writer is not None
+    with Path("/dev/full").open("wb") as full:
+        os.dup2(full.fileno(), logger._writer._file._file.fileno())
+    assert logger.run(never) == 1
+    (part,) = tmp_path.iterdir()
+    assert f"netboard recover {part}" in caplog.text
+    second = rig.logger()
+    assert second.run(never) == 0
+    account = account_of([recover(part).output, *second.finished])
+    assert account.present == (Stretch(0, 1999),)
+    assert account.sound
+
+
+def test_a_ping_is_answered_at_once(tmp_path: Path) -> None:
+    rig = Rig(tmp_path, 100)
+    logger = rig.logger()
+    rig.link.inject(encode(Ping(12345)))
+    logger.step()
+    (pong,) = rig.server.pongs
+    assert pong.ping_ns == 12345
+    assert pong.received_ns <= pong.sent_ns <= rig.clock()
+    assert logger.run(never) == 0
 
 
 @given(st.integers(0, 30), st.integers(0, 10), st.integers(0, 10), st.one_of(st.none(), st.integers(0, 40)))

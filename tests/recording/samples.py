@@ -41,7 +41,7 @@ def records(rows: NDArray[Any]) -> list[TickRecord | EventRecord | ClockRecord |
         if k % 10 == 3:
             stream.append(EventRecord(k // 10, k, 10**12 + k * MS, "trial_started", {"trial": str(k), "wörd": "ü"}))
         if k % 10 == 5:
-            stream.append(ClockRecord(k // 10, "agent.left", k, k + 2**40, k + 2**40 + 5, k + 300, 2**40, -1))
+            stream.append(ClockRecord(k // 10, "agent.left", k, k + 2**40, k + 2**40 + 5, k + 300, 2**40, -1, 2.5))
         if k % 10 == 7:
             stream.append(FrameRecord(k // 10, "right", k, 5 * k, 5 * k + 3, 2))
     return stream

@@ -85,7 +85,7 @@ def test_counts() -> None:
     rows["right_live"][:30] = 0
     rows["right_seq"][:30] = -1
     rows["right_seq"][90:] += 3
-    clocks = [ClockRecord(k, "agent.left", 0, 10**9, 10**9 + 50, 350, 0, 0) for k in range(3)]
+    clocks = [ClockRecord(k, "agent.left", 0, 10**9, 10**9 + 50, 350, 0, 0, 0.0) for k in range(3)]
     frames = [FrameRecord(k, "left", k, k, k, k // 2) for k in range(6)] + [FrameRecord(0, "right", 0, 0, 0, 4)]
     lost = EventRecord(0, -1, 0, "log_lost", {"first": "9", "count": "12"})
     summary = summarise(rows, [lost], clocks, frames, [lost])

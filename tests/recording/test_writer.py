@@ -30,7 +30,6 @@ from netboard.errors import RecordingError
 from netboard.recording.chunks import messages, payloads, unpack_chunk
 from netboard.recording.provenance import config_sha256, next_recording
 from netboard.recording.reader import Recording as Reader
-from netboard.recording.writer import RecordingWriter
 from netboard.wire.messages import TickRecord
 
 ROWS = random_rows(300)
@@ -219,27 +218,65 @@ def test_stamps_that_mcap_cannot_hold_are_cut_but_the_row_is_not(tmp_path: Path)
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
-def test_a_full_disk_stops_it_with_a_clear_message(tmp_path: Path) -> None:
+def test_a_disk_that_refuses_stops_it_with_a_clear_message(tmp_path: Path) -> None:
     writer = new_writer(tmp_path / "a.mcap")
     written = (tmp_path / "a.mcap.part").stat().st_size
     # From here on the file's descriptor leads to the device that is always full.
     with Path("/dev/full").open("wb") as full:
         os.dup2(full.fileno(), writer._file._file.fileno())
-    writer.write(TickRecord(ROWS[0].tobytes()), 0, OPENED_NS)
     with pytest.raises(RecordingError, match=r"a\.mcap\.part: cannot be written: No space left"):
-        writer.flush(OPENED_NS)
+        writer.write(TickRecord(ROWS[0].tobytes()), 0, OPENED_NS)
     assert not writer.is_open
     assert (tmp_path / "a.mcap.part").stat().st_size == written
 
 
 @pytest.mark.skipif(os.name == "nt", reason="an open file cannot be deleted there")
-def test_a_deleted_file_is_noticed(tmp_path: Path) -> None:
-    writer = new_writer(tmp_path / "a.mcap")
-    fill(writer, ROWS[:3])
-    (tmp_path / "a.mcap.part").unlink()
+@pytest.mark.parametrize("folder_too", [False, True])
+def test_a_deleted_file_is_noticed_and_saved(tmp_path: Path, folder_too: bool) -> None:
+    path = tmp_path / "folder" / "a.mcap"
+    path.parent.mkdir()
+    writer = new_writer(path)
+    now = fill(writer, ROWS[:200])
+    (tmp_path / "folder" / "a.mcap.part").unlink()
+    if folder_too:
+        path.parent.rmdir()
     with pytest.raises(RecordingError, match="was deleted"):
-        writer.flush(OPENED_NS)
-    assert not writer.is_open
+        writer.flush(now)
+    assert writer.is_open
+    writer.finish(now, "the file was deleted")
+    assert [file.name for file in path.parent.iterdir()] == ["a.mcap"]
+    with Reader(path) as reader:
+        reader.check()
+        assert reader.ticks().tobytes() == ROWS[:200].tobytes()
+        assert reader.end["ended"] == "the file was deleted"
+    assert writer.durable == writer.next_record
+
+
+@pytest.mark.skipif(os.name == "nt", reason="an open file cannot be deleted there")
+def test_a_deleted_file_is_not_saved_over_another(tmp_path: Path) -> None:
+    writer = new_writer(tmp_path / "a.mcap")
+    now = fill(writer, ROWS[:20])
+    (tmp_path / "a.mcap.part").unlink()
+    (tmp_path / "a.mcap.part").write_bytes(b"precious")
+    with pytest.raises(RecordingError, match="File exists"):
+        writer.finish(now)
+    assert (tmp_path / "a.mcap.part").read_bytes() == b"precious"
+
+
+@pytest.mark.skipif(os.name == "nt", reason="an open file cannot be moved there")
+def test_a_file_that_is_moved_away_is_noticed_and_finished_where_it_is(tmp_path: Path) -> None:
+    writer = new_writer(tmp_path / "a.mcap")
+    now = fill(writer, ROWS[:20])
+    (tmp_path / "a.mcap.part").rename(tmp_path / "b.mcap")
+    (tmp_path / "a.mcap.part").write_bytes(b"another")
+    with pytest.raises(RecordingError, match="was moved away"):
+        writer.flush(now)
+    with pytest.raises(RecordingError, match="is whole, wherever it is now"):
+        writer.finish(now)
+    with Reader(tmp_path / "b.mcap") as reader:
+        assert reader.ticks().tobytes() == ROWS[:20].tobytes()
+    assert (tmp_path / "a.mcap.part").read_bytes() == b"another"
+    assert not (tmp_path / "a.mcap").exists()
 
 
 def test_a_missing_folder_is_said(tmp_path: Path) -> None:
@@ -266,8 +303,24 @@ def test_a_session_id_cannot_leave_the_folder(tmp_path: Path) -> None:
     assert path.name.endswith("_etcpassw.mcap")
 
 
-def test_free_space_is_told(tmp_path: Path) -> None:
+def test_space_is_told(tmp_path: Path) -> None:
     writer = new_writer(tmp_path / "a.mcap")
-    assert isinstance(writer, RecordingWriter)
-    assert 0 < writer.free_bytes <= shutil.disk_usage(tmp_path).total
+    space = writer.space(OPENED_NS)
+    assert 0 < space.free <= shutil.disk_usage(tmp_path).total
+    assert space.seconds == float("inf")
     writer.abandon()
+
+
+def test_what_was_lost_is_noted_with_the_tick_before_it(tmp_path: Path) -> None:
+    writer = new_writer(tmp_path / "a.mcap")
+    writer.note_lost(0, 7, OPENED_NS)
+    fill(writer, ROWS[:20], first=7)
+    assert writer.next_record is not None
+    writer.note_unreadable(b"\x00junk", writer.next_record, "no message of kind 106", OPENED_NS + MS)
+    writer.finish(OPENED_NS + 2 * MS)
+    with Reader(tmp_path / "a.mcap") as reader:
+        first, unreadable, second = reader.remarks()
+        number = str(7 + len(records(ROWS[:20])))
+    assert first.details == {"first": "0", "count": "7", "after_tick": "-1"}
+    assert unreadable.details == {"number": number, "reason": "no message of kind 106", "hex": "006a756e6b"}
+    assert second.details == {"first": number, "count": "1", "after_tick": "19"}

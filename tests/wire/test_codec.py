@@ -31,7 +31,7 @@ from netboard.wire.messages import (
 )
 
 HELLO = Hello("agent", "left", 1, "here", "0.1.0", {})
-FORCE = Force(1, 2, 3, 0.5)
+FORCE = Force(1, 2, 3, 0.5, 4)
 
 
 def same(one: Message, other: Message) -> bool:
@@ -131,15 +131,15 @@ def test_every_choice_is_a_field() -> None:
         (b"\x90", "1 bytes are no message"),
         (frame(99, 1), "no message of kind 99"),
         (frame(0), "no message of kind 0"),
-        (frame(11, 1, 2, 3), "Force: not an array of 5"),
-        (frame(11, 1, 2, 3, 0.5, 0), "Force: not MessagePack within the limits: 6 exceeds"),
+        (frame(11, 1, 2, 3, 4), "Force: not an array of 6"),
+        (frame(11, 1, 2, 3, 0.5, 0, 4), "Force: not MessagePack within the limits: 7 exceeds"),
         (frame(11, 1, 2, 3, 0.5) + b"\xc0", "Force: not MessagePack"),
         (frame(11, 1, 2, 3, 0.5)[:-1], "Force: not MessagePack"),
-        (frame(11, 1, 2, 3, 1), "Force: force: expected float, got 1"),
-        (frame(11, 1, 2, 3, None), "Force: force: expected float, got None"),
-        (frame(11, True, 2, 3, 0.5), "Force: tick: expected an integer of 64 bits, got True"),
-        (frame(11, 1.0, 2, 3, 0.5), "Force: tick: expected an integer"),
-        (frame(11, 1, 2**63, 3, 0.5), "Force: sent_ns: expected an integer of 64 bits"),
+        (frame(11, 1, 2, 3, 1, 4), "Force: force: expected float, got 1"),
+        (frame(11, 1, 2, 3, None, 4), "Force: force: expected float, got None"),
+        (frame(11, True, 2, 3, 0.5, 4), "Force: tick: expected an integer of 64 bits, got True"),
+        (frame(11, 1.0, 2, 3, 0.5, 4), "Force: tick: expected an integer"),
+        (frame(11, 1, 2**63, 3, 0.5, 4), "Force: sent_ns: expected an integer of 64 bits"),
         (frame(3, b"no"), "Refusal: reason: expected str"),
         (frame(34, "row"), "TickRecord: row: expected bytes"),
         (frame(50, "explode"), "Command: name: expected one of"),
@@ -188,8 +188,8 @@ def test_each_kind_has_its_largest_frame(number: int) -> None:
 
 
 def test_what_stands_for_a_number_is_converted_by_the_sender() -> None:
-    assert same(decode(encode(Force(np.int64(1), 2, True, 1))), Force(1, 2, 1, 1.0))  # type: ignore[arg-type]
-    assert same(decode(encode(Force(1, 2, 3, np.float32(0.5)))), Force(1, 2, 3, 0.5))  # type: ignore[arg-type]
+    assert same(decode(encode(Force(np.int64(1), 2, True, 1, 4))), Force(1, 2, 1, 1.0, 4))  # type: ignore[arg-type]
+    assert same(decode(encode(Force(1, 2, 3, np.float32(0.5), 4))), Force(1, 2, 3, 0.5, 4))  # type: ignore[arg-type]
     stylus = Stylus(0, 0, 0, 0, 0, 0, 0, 0, 0, Safeguard.ARMED | Safeguard.STALE, 0, -1, 0, 0, 0, 0)
     received = decode(encode(stylus))
     assert isinstance(received, Stylus)
@@ -199,11 +199,11 @@ def test_what_stands_for_a_number_is_converted_by_the_sender() -> None:
 @pytest.mark.parametrize(
     "mistake",
     [
-        Force(1, 2, 3, "0.5"),  # type: ignore[arg-type]
-        Force(1, 2, 3, None),  # type: ignore[arg-type]
-        Force(1.5, 2, 3, 0.5),  # type: ignore[arg-type]
-        Force(2**63, 2, 3, 0.5),
-        Force(1, -(2**63) - 1, 3, 0.5),
+        Force(1, 2, 3, "0.5", 4),  # type: ignore[arg-type]
+        Force(1, 2, 3, None, 4),  # type: ignore[arg-type]
+        Force(1.5, 2, 3, 0.5, 4),  # type: ignore[arg-type]
+        Force(2**63, 2, 3, 0.5, 4),
+        Force(1, -(2**63) - 1, 3, 0.5, 4),
         Command("explode"),
         dataclasses.replace(HELLO, details={"n": 1}),  # type: ignore[dict-item]
         dataclasses.replace(HELLO, details=None),  # type: ignore[arg-type]
@@ -222,7 +222,7 @@ def test_our_own_mistakes_are_not_wire_errors(mistake: Message) -> None:
 
 def test_whatever_the_sender_may_send_the_receiver_accepts_up_to_the_limits() -> None:
     longest = KINDS[52].most_items
-    status = Status("s", 0, "idle", 1, longest, longest, 0, (1.5,) * longest, 0, (), (), "")
+    status = Status("s", 0, "idle", 1, longest, longest, 0, (1.5,) * longest, 0, (), (), "", ())
     assert decode(encode(status)) == status
     batch = LogBatch(0, 0, (bytes(250),) * KINDS[31].most_items)
     assert decode(encode(batch)) == batch
@@ -237,16 +237,16 @@ def test_whatever_the_sender_may_send_the_receiver_accepts_up_to_the_limits() ->
 
 def test_other_widths_of_the_same_number_are_accepted() -> None:
     """Another language may write an integer in eight bytes, or a float in four."""
-    wide = b"\x94\x0c\xd3" + (1).to_bytes(8, "big") + b"\xcf" + (2).to_bytes(8, "big") + b"\xd0\x03"
-    assert decode(wide) == Beat(1, 2, 3)
-    assert decode(b"\x95\x0b\x01\x02\x03\xca\x3f\x00\x00\x00") == FORCE
+    wide = b"\x96\x0c\xd3" + (1).to_bytes(8, "big") + b"\xcf" + (2).to_bytes(8, "big") + b"\xd0\x03\x04\xc2"
+    assert decode(wide) == Beat(1, 2, 3, 4, False)
+    assert decode(b"\x96\x0b\x01\x02\x03\xca\x3f\x00\x00\x00\x04") == FORCE
 
 
 def test_small_messages() -> None:
     assert encode(StatusRequest()) == b"\x91\x33"
     assert decode(b"\x91\x33") == StatusRequest()
     assert encode(LogEnd(-1)) == b"\x92\x21\xff"
-    assert encode(Beat(1, 2, 3)) == b"\x94\x0c\x01\x02\x03"
+    assert encode(Beat(1, 2, 3, 4, True)) == b"\x96\x0c\x01\x02\x03\x04\xc3"
 
 
 def test_views_carry_what_may_not_be_seen_as_nil() -> None:

@@ -59,6 +59,10 @@ def pack(kind: str, value: Any) -> bytes:
     return SCALARS[kind](value)
 
 
+def pack_bool(value: bool) -> bytes:
+    return b"\xc3" if value else b"\xc2"
+
+
 def pack_float(value: float | str) -> bytes:
     return b"\xcb" + struct.pack(">d", float(value))
 
@@ -81,6 +85,7 @@ def pack_map(value: dict[str, str]) -> bytes:
 SCALARS: dict[str, Callable[[Any], bytes]] = {
     "int": pack_int,
     "float": pack_float,
+    "bool": pack_bool,
     "str": pack_str,
     "bin": pack_bin,
     "map of str to str": pack_map,

@@ -25,6 +25,13 @@ from netboard.wire.messages import Safeguard
 LONGEST_STEP_NS = 2_000_000
 """Steps further apart than this count as this long where the force may grow [ns]."""
 
+# Plain integers: arithmetic with flags costs more than all the rest of a step.
+_NONE = 0
+_ARMED, _RAMPING, _CLAMPED, _SLEWED = map(
+    int, (Safeguard.ARMED, Safeguard.RAMPING, Safeguard.CLAMPED, Safeguard.SLEWED)
+)
+_STALE, _TOO_FAST = int(Safeguard.STALE), int(Safeguard.TOO_FAST)
+
 Vector = tuple[float, float, float]
 
 ZERO: Vector = (0.0, 0.0, 0.0)
@@ -99,14 +106,14 @@ class Limited(NamedTuple):
     ----------
     fx, fy, fz : float
         Force on the hand [N].
-    safeguards : Safeguard
-        What was done to it, and the state of the chain.
+    safeguards : int
+        What was done to it, and the state of the chain: `Safeguard` bits.
     """
 
     fx: float
     fy: float
     fz: float
-    safeguards: Safeguard
+    safeguards: int
 
 
 class Safety:
@@ -124,7 +131,7 @@ class Safety:
         self._limits = limits
         self._clamp = min(limits.max_force, max_device_force)
         self._guard = Guard.DISARMED
-        self._cause = Safeguard(0)
+        self._cause = _NONE
         self._vertical_gain = 0.0
         self._lateral_gain = 0.0
         self._force = ZERO
@@ -181,23 +188,23 @@ class Safety:
         self._watch(age, too_fast, wanted[2])
         bits = self._cause
         if too_fast:
-            bits |= Safeguard.TOO_FAST
+            bits |= _TOO_FAST
         if self._guard is Guard.HOLDING:
-            bits |= Safeguard.STALE
+            bits |= _STALE
         return self._render(dt, wanted, velocity[2], bits)
 
-    def _render(self, dt: float, wanted: Vector, vz: float, bits: Safeguard) -> Limited:
+    def _render(self, dt: float, wanted: Vector, vz: float, bits: int) -> Limited:
         """Scale, clamp and slew the force, as the state allows."""
         if self._guard in LIVE:
-            bits |= Safeguard.ARMED
+            bits |= _ARMED
             if self._guard is Guard.RAMPING:
-                bits |= Safeguard.RAMPING
+                bits |= _RAMPING
             self._fade_or_grow(dt)
             target = self._scaled(wanted, vz)
             size = hypot(*target)
             if size > self._clamp:
                 target = _times(self._clamp / size, target)
-                bits |= Safeguard.CLAMPED
+                bits |= _CLAMPED
         else:
             target = ZERO
         if self._guard not in (Guard.FAULT, Guard.DISARMED):
@@ -233,10 +240,10 @@ class Safety:
         if then not in LIVE:
             self._vertical_gain = self._lateral_gain = 0.0
         if then is Guard.DISARMED:
-            self._cause = Safeguard(0)
+            self._cause = _NONE
         return True
 
-    def _fail(self, cause: Safeguard) -> None:
+    def _fail(self, cause: int) -> None:
         """Cut to zero at once."""
         self._cause |= cause
         self._trip(Trip.FAULT)
@@ -264,17 +271,17 @@ class Safety:
             fz -= min(max(self._limits.hold_damping * vz, -most), most)
         return fx, fy, fz
 
-    def _slew(self, dt: float, target: Vector) -> Safeguard:
+    def _slew(self, dt: float, target: Vector) -> int:
         """Go towards the target, no faster than the slew limit."""
         most = self._limits.max_slew * min(dt, LONGEST_STEP_NS * 1e-9)
         change = (target[0] - self._force[0], target[1] - self._force[1], target[2] - self._force[2])
         size = hypot(*change)
         if size <= most:
             self._force = target
-            return Safeguard(0)
+            return _NONE
         last, share = self._force, most / size
         self._force = (last[0] + share * change[0], last[1] + share * change[1], last[2] + share * change[2])
-        return Safeguard.SLEWED
+        return _SLEWED
 
 
 def _times(scale: float, vector: Vector) -> Vector:

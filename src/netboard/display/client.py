@@ -26,7 +26,7 @@ from netboard.display.window import BoardWindow, application, screen_of
 from netboard.errors import ConfigError, NetboardError, WireError
 from netboard.process import NAME
 from netboard.wire.codec import decode, encode
-from netboard.wire.messages import PROTOCOL_VERSION, Goodbye, Hello, Message, Refusal, View, Welcome
+from netboard.wire.messages import PROTOCOL_VERSION, Goodbye, Hello, Message, Ping, Pong, Refusal, View, Welcome
 
 log = logging.getLogger(__name__)
 

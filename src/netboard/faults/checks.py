@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 
 from netboard.config import SIDES, Side
 from netboard.experiment.machine import Phase
-from netboard.faults.evidence import Fade, Pause, fades, largest_step, steps_to_nothing, without_cut
+from netboard.faults.evidence import Fade, Pause, between, fades, largest_step, steps_to_nothing, without_cut
 from netboard.faults.gathering import Evidence, Taken
 from netboard.studies.results import Verdict
 from netboard.tick import TICK_NS
+from netboard.wire.messages import Safeguard
 
 Check: TypeAlias = Callable[[Evidence], Verdict]
 
@@ -29,6 +30,10 @@ GONE = 0.06
 EXCUSED_NS = 150_000_000
 """A pause this soon after a loop stood still is put down to that [ns]."""
 
+WAY_DOWN = 3
+"""Steps that the largest force takes to zero at the slew limit, for an agent that has been held up [1]."""
+
+LATELY_NS = 1_000_000_000
 TICK = TICK_NS * 1e-9
 
 
@@ -124,20 +129,12 @@ def rests() -> Check:
             on = later["time_ns"][later["phase"] != Phase.PAUSED]
             from_ns, to_ns = pause.at_ns + round(late * 1e9), int(on[0]) if on.size else evidence.window.stop_ns
             for trace in (trace for side in SIDES for trace in evidence.traces[side]):
-                rows = trace[(trace["time_ns"] > _after_hold_up(trace, from_ns)) & (trace["time_ns"] < to_ns)]
+                rows = between(trace, from_ns, to_ns)[WAY_DOWN:]
                 looked += rows.size
                 largest = max(largest, float(np.max(np.abs(rows["fz"]), initial=0.0)))
         return Verdict(claim, largest == 0.0, f"at most {largest:.3g} N in {looked} forces")
 
     return check
-
-
-def _after_hold_up(trace: NDArray[Any], from_ns: int) -> int:
-    """The same time, or if the agent did nothing then, when it had time to find out that it was late [ns]."""
-    row = int(np.searchsorted(trace["time_ns"], from_ns))
-    if 0 < row < trace.size and trace["time_ns"][row] - trace["time_ns"][row - 1] > 2 * TICK_NS:
-        return int(trace["time_ns"][row]) + (from_ns - int(trace["time_ns"][row - 1])) % 100_000_000
-    return from_ns
 
 
 def whole() -> Check:
@@ -182,6 +179,29 @@ def noted(name: str, *words: str) -> Check:
         told = [" ".join(event.details.values()) for event in evidence.events if event.name == name]
         good = any(all(word in text for word in words) for text in told)
         return Verdict(claim, good, f"{len(told)} times" + (f": {told[-1]}" if told else ""))
+
+    return check
+
+
+def safeguarded(side: Side, guard: Safeguard) -> Check:
+    """Check that an agent has reported what its safety chain did."""
+
+    def check(evidence: Evidence) -> Verdict:
+        ticks = int(np.count_nonzero(evidence.ticks[f"{side}_safeguards"] & guard.value))
+        name = str(guard.name).lower().replace("_", " ")
+        return Verdict(f"the {side} agent reports: {name}", ticks > 0, f"in {ticks} ticks")
+
+    return check
+
+
+def shown(station: Side) -> Check:
+    """Check that a display has shown frames at the end."""
+
+    def check(evidence: Evidence) -> Verdict:
+        painted = evidence.rig.painted_ns[station]
+        stop = evidence.window.stop_ns
+        count = int(np.count_nonzero((painted > stop - LATELY_NS) & (painted < stop)))
+        return Verdict(f"the {station} display shows frames again", count > 0, f"{count} in the last second")
 
     return check
 

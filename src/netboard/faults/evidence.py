@@ -25,6 +25,10 @@ HELD_UP_NS = 20_000_000
 """A loop of 1 kHz that does nothing for so long was held up by the machine, or on purpose [ns]."""
 
 
+SOON_NS = 1_000_000_000
+"""A force that is zero only later than this after it was renewed the last time was renewed meanwhile [ns]."""
+
+
 @dataclass(frozen=True, slots=True)
 class Fade:
     """How the vertical force went when no fresh one came.
@@ -40,7 +44,7 @@ class Fade:
     begun : float
         How much later there was another one; not a number without any [s].
     zero : float
-        How much later it was zero; not a number if it was not before it was renewed [s].
+        How much later it was zero; not a number if it was not soon [s].
     held_up : float
         For how much of this time the machine had held the agent up [s].
     """
@@ -54,7 +58,7 @@ class Fade:
 
     def __str__(self) -> str:
         words = f"{self.force:.2f} N falls after {self.begun * 1e3:.1f} ms"
-        words += f", zero after {self.zero * 1e3:.1f} ms" if self.zero == self.zero else ", renewed before it was zero"
+        words += f", zero after {self.zero * 1e3:.1f} ms" if self.zero == self.zero else ", not zero soon"
         return words + (f" (the agent was held up for {self.held_up * 1e3:.1f} ms)" if self.held_up else "")
 
 
@@ -82,8 +86,7 @@ def fades(trace: NDArray[Any], longer_ns: int) -> list[Fade]:
         after = forces[stop:]
         zeros = np.flatnonzero(after == 0.0)
         begun = (int(times[stop]) - last) * 1e-9 if after.size else float("nan")
-        rises = np.flatnonzero(np.abs(after) > max(np.abs(forces[first]), 0.0))
-        gone = zeros.size and (not rises.size or zeros[0] < rises[0])
+        gone = zeros.size > 0 and int(times[stop + zeros[0]]) - last < SOON_NS
         zero = (int(times[stop + zeros[0]]) - last) * 1e-9 if gone else float("nan")
         until = stop + int(zeros[0]) if gone else min(stop, forces.size - 1)
         gaps = np.diff(times[first : until + 1])

@@ -7,7 +7,7 @@ to when everything was well again; that every tick is accounted for is judged ov
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,12 +57,15 @@ class Taken:
         All pauses by faults, by time.
     accounts : tuple of Account
         Of each session.
+    painted_ns : dict of ndarray of int64
+        When each station's display has painted a frame [ns].
     """
 
     ticks: NDArray[Any]
     events: tuple[EventRecord, ...]
     pauses: tuple[Pause, ...]
     accounts: tuple[Account, ...]
+    painted_ns: Mapping[Side, NDArray[np.int64]]
 
 
 @dataclass(frozen=True)
@@ -162,9 +165,12 @@ def take(paths: Sequence[Path]) -> Taken:
         All of them, of any number of sessions.
     """
     sessions: dict[str, list[Path]] = {}
+    painted: dict[Side, list[int]] = {side: [] for side in SIDES}
     for path in paths:
         with Recording(path) as recording:
             sessions.setdefault(recording.metadata["session"], []).append(path)
+            for frame in recording.frames():
+                painted[cast("Side", frame.station)].append(frame.painted_ns)
     accounts = [account_of(parts) for parts in sessions.values()]
     ticks = [_ticks(parts) for parts in sessions.values()]
     found = [pause for rows, account in zip(ticks, accounts, strict=True) for pause in pauses(rows, account.events)]
@@ -174,6 +180,7 @@ def take(paths: Sequence[Path]) -> Taken:
         events=tuple(sorted((e for account in accounts for e in account.events), key=lambda event: event.time_ns)),
         pauses=tuple(sorted(found, key=lambda pause: pause.at_ns)),
         accounts=tuple(accounts),
+        painted_ns={side: np.array(times, np.int64) for side, times in painted.items()},
     )
 
 

@@ -70,6 +70,7 @@ ODD: tuple[Any, ...] = (
     {},
     {"": ""},
     {1: 2},
+    {b"k": "v"},
     Raw(b"\xc1"),  # what MessagePack never uses
     Raw(b"\xa2\xff\xfe"),  # a string that is not UTF-8
     Raw(b"\xa3\xed\xa0\x80"),  # half of a surrogate pair

@@ -104,11 +104,16 @@ class Rig:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self.end()
+        self._line.close()
+        self._stack.close()
+
+    def end(self) -> None:
+        """Kill whatever still runs."""
         for process in self.running.values():
             process.kill()
             process.wait()
-        self._line.close()
-        self._stack.close()
+        self.running.clear()
 
     @property
     def operator(self) -> Operator:

@@ -46,7 +46,7 @@ class Setup:
     displays : bool
         The displays run too.
     neighbour : bool
-        A second dyad is on the same server.
+        A second dyad is on the same server, unless it is to be quick.
     spaces : bool
         The stations are joined by real links.
     wall_clock : bool
@@ -114,23 +114,37 @@ class Site:
 
     def start(self) -> None:
         """Start everything and wait until a trial is on."""
+        self.start_again("server")
         for rig in self.rigs:
-            rig.start("logger", "logger", *([] if self.setup.follow else ["--once"]))
-        self.start_server()
-        for rig in self.rigs:
+            rig.start("logger", *self._logger())
             rig.start_stations(self.setup.displays)
         for rig in self.rigs:
             rig.until_felt()
 
-    def start_server(self) -> None:
-        """Start the server of all dyads."""
-        others = [word for rig in self.rigs[1:] for word in ("-c", str(rig.file))]
-        insecure = ["--insecure"] if self.setup.spaces else []
-        self.rig.start("server", "server", *others, *insecure)
+    def start_again(self, process: str) -> None:
+        """Start a process of the dyad that is harmed, or the server of all dyads."""
+        match process.split():
+            case ["server"]:
+                others = [word for rig in self.rigs[1:] for word in ("-c", str(rig.file))]
+                self.rig.start("server", "server", *others, *(["--insecure"] if self.setup.spaces else []))
+            case ["logger"]:
+                self.rig.start("logger", *self._logger())
+            case [side, "display"]:
+                self.rig.start(process, "display", "--station", side)
+            case [side, _]:
+                self.rig.start(process, "agent", "--side", side)
+
+    def _logger(self) -> tuple[str, ...]:
+        return ("logger",) if self.setup.follow else ("logger", "--once")
 
     def sleep(self, seconds: float, quick: float | None = None) -> None:
         """Let time pass, less of it if that is wanted [s]."""
         time.sleep(quick if self.quick and quick is not None else seconds)
+
+    def end(self) -> None:
+        """Kill whatever still runs."""
+        for rig in self.rigs:
+            rig.end()
 
     def finish(self) -> None:
         """Shut the sessions down in order."""
@@ -178,7 +192,7 @@ def open_site(setup: Setup, folder: Path, *, quick: bool) -> Iterator[Site]:
             ways |= {f"{side} agent": spaces.way(side, port) for side in SIDES}
         rig = Rig(folder / "a", settings, environment | (clock.environment if clock else {}), ways)
         site = Site(setup, stack.enter_context(rig), relays, None, spaces, clock, quick)
-        if setup.neighbour:
+        if setup.neighbour and not quick:
             site.neighbour = stack.enter_context(_neighbour(folder / "b"))
         yield site
 

@@ -5,7 +5,7 @@ true cadence. What else the machine was doing shows in the figures; its load is 
 """
 
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from importlib.util import find_spec
@@ -16,14 +16,16 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from netboard.config import Config
-from netboard.latency.loop import Costs, add_costs, measure_loop
-from netboard.latency.loop_tables import costs_part, latency_part, lateness_part, loop_series
+from netboard.errors import ConfigError
+from netboard.latency.loop import measure_loop
+from netboard.latency.loop_tables import costs_part, latency_part, lateness_part, loop_series, server_verdict
 from netboard.latency.rig import Tell
 from netboard.latency.scale import measure_scale, measure_waiting, scale_part, waiting_part
 from netboard.latency.serving import Crowd
 from netboard.latency.skips import measure_skips, skips_part, tick_part
 from netboard.latency.soak import measure_soak, memory_part, minutes_part, records_part
 from netboard.latency.spreads import draw_histogram, histogram_part
+from netboard.latency.usage import Costs, add_costs
 from netboard.stage import make_stage
 from netboard.studies.machine import describe
 from netboard.studies.results import Folder, Part, new_folder, show
@@ -36,6 +38,8 @@ TURN_SECONDS, QUICK_TURN_SECONDS = 10.0, 4.0
 
 MINUTES, QUICK_MINUTES = 30.0, 0.5
 """A soak takes so long, unless told otherwise [60 s]."""
+
+MOST_DYADS = 256
 
 WIDTH = 132
 """Tables are this wide at the least [characters]."""
@@ -78,6 +82,28 @@ class Setting:
     def __str__(self) -> str:
         keys, scheduling = "keys" if self.curve else "no keys", "real-time" if self.real_time else "usual"
         return f"{self.transport}, {keys}, {scheduling} scheduling, displays: {self.displays}"
+
+
+def read_dyads(words: str | None) -> tuple[int, ...]:
+    """Read the numbers of dyads, as in ``1,2,4``.
+
+    Parameters
+    ----------
+    words : str or None
+        The numbers; None for none.
+
+    Raises
+    ------
+    ConfigError
+        If they are none.
+    """
+    try:
+        numbers = tuple(int(word) for word in words.split(",")) if words else ()
+    except ValueError:
+        numbers = (0,)
+    if not all(0 < number <= MOST_DYADS for number in numbers):
+        raise ConfigError(f"--dyads: found {words}, expected numbers from 1 to {MOST_DYADS} with commas between")
+    return numbers
 
 
 class Study:
@@ -182,7 +208,7 @@ def loop(
         series = loop_series(found)
         study.add(latency_part(found, real_time=setting.real_time))
         study.add(lateness_part(found.played.ticks, found.timer, real_time=setting.real_time))
-        study.add(costs_part(found.costs, found.echo_costs, server_verdict=setting.displays))
+        study.add(costs_part(found.costs | found.echo_costs, server_verdict(found.costs["server"], setting.displays)))
         study.add(histogram_part(series))
         if dyads or skips:
             with Crowd(study.scratch) as crowd:

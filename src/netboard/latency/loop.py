@@ -5,8 +5,7 @@ peers, in step as the agents are, and with frames of the same size, runs for as 
 the same machine. What netboard took is read from its own recording.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -17,7 +16,7 @@ from netboard.config import SIDES, Config
 from netboard.latency.played import Played, Punctuality, played, punctuality
 from netboard.latency.rig import Rig, Tell, own_configs, write_configs
 from netboard.latency.spreads import Times
-from netboard.latency.usage import Spent, Usage, read_usage
+from netboard.latency.usage import Costs, add_costs, read_usage
 from netboard.latency.workers import Worker, Workers
 from netboard.recording.reader import Recording
 from netboard.tick import TICK_NS
@@ -29,51 +28,6 @@ LEAD_NS = 50_000_000
 
 GREETINGS = 100
 """Frames that go to and fro before an echo is measured [1]."""
-
-
-@dataclass
-class Cost:
-    """What a process used while it was measured.
-
-    Attributes
-    ----------
-    spent : dict of str to Spent
-        By kind of thread.
-    seconds : float
-        For how long it was measured [s].
-    """
-
-    spent: dict[str, Spent] = field(default_factory=dict)
-    seconds: float = 0.0
-
-    def add(self, before: Usage, after: Usage) -> None:
-        """Add a measurement.
-
-        Parameters
-        ----------
-        before, after : Usage
-            The process at its beginning and its end.
-        """
-        for kind, spent in after.since(before).items():
-            self.spent[kind] = self.spent.get(kind, Spent()).plus(spent)
-        self.seconds += (after.at_ns - before.at_ns) * 1e-9
-
-
-Costs = dict[str, Cost]
-
-
-def add_costs(costs: Costs, before: Mapping[str, Usage], after: Mapping[str, Usage]) -> None:
-    """Add a measurement of some processes.
-
-    Parameters
-    ----------
-    costs : dict of str to Cost
-        What they used so far, by name; changed.
-    before, after : mapping of str to Usage
-        The processes at its beginning and its end.
-    """
-    for name, usage in after.items():
-        costs.setdefault(name, Cost()).add(before[name], usage)
 
 
 @dataclass

@@ -8,10 +8,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from netboard.latency.loop import Costs, Measured
+from netboard.latency.loop import Measured
 from netboard.latency.played import Punctuality
 from netboard.latency.spreads import HEADS, Times, ratio_row, spread_rows
-from netboard.latency.usage import KINDS, LOOP, TRANSPORT, total
+from netboard.latency.usage import KINDS, LOOP, TRANSPORT, Cost, Costs, total
 from netboard.recording.summary import spread
 from netboard.studies.results import Part, Value, Verdict
 from netboard.tick import TICK_NS, TICK_SECONDS
@@ -113,37 +113,32 @@ def lateness_part(ticks: Punctuality, timer: Punctuality, *, real_time: bool) ->
     )
 
 
-def costs_part(costs: Costs, echo_costs: Costs, displays: int) -> Part:
+def costs_part(costs: Costs, *verdicts: Verdict) -> Part:
     """Return what every process uses.
 
     Parameters
     ----------
-    costs, echo_costs : dict of str to Cost
-        Of netboard's processes, and of those of the echo, by name.
-    displays : int
-        How many displays there were [1].
+    costs : dict of str to Cost
+        By name.
+    *verdicts : Verdict
+        What follows.
     """
     rows: list[tuple[Value, ...]] = []
-    for name, cost in [*costs.items(), *echo_costs.items()]:
-        whole = total(cost.spent.values())
+    for name, cost in costs.items():
+        whole, percent = total(cost.spent.values()), 100 / cost.seconds
         rows.append(
             (
                 name,
-                *(100 * cost.spent[kind].seconds / cost.seconds for kind in KINDS),
-                100 * whole.seconds / cost.seconds,
-                100 * whole.waited / cost.seconds,
+                *(percent * cost.spent[kind].seconds for kind in KINDS),
+                percent * whole.seconds,
+                percent * whole.waited,
                 *(cost.spent[kind].slept * TICK_SECONDS / cost.seconds for kind in (LOOP, TRANSPORT)),
                 whole.ousted * TICK_SECONDS / cost.seconds,
             )
         )
-    share = total(costs["server"].spent.values()).seconds / costs["server"].seconds
-    verdicts = []
-    if displays <= 2:
-        claim = f"the server uses at most {MOST_SERVER:.0%} of a core"
-        verdicts.append(Verdict(claim, share <= MOST_SERVER, f"{share:.1%}, with a logger and {displays} displays"))
     return Part(
         "costs",
-        "What every process uses: of a core, and how often in a tick it goes to sleep or is put aside for another",
+        "What every process uses of a core, and how often in a tick it goes to sleep or is put aside for another",
         (
             "",
             *(f"{kind} [%]" for kind in KINDS),
@@ -153,8 +148,23 @@ def costs_part(costs: Costs, echo_costs: Costs, displays: int) -> Part:
             "put aside [1]",
         ),
         rows,
-        verdicts,
+        list(verdicts),
     )
+
+
+def server_verdict(cost: Cost, displays: int) -> Verdict:
+    """Hold the server of one dyad against what it may use.
+
+    Parameters
+    ----------
+    cost : Cost
+        What it used.
+    displays : int
+        How many displays there were [1].
+    """
+    share = total(cost.spent.values()).seconds / cost.seconds
+    claim = f"the server uses at most {MOST_SERVER:.0%} of a core"
+    return Verdict(claim, share <= MOST_SERVER, f"{share:.1%}, with a logger; displays: {displays}")
 
 
 def _together(named: Mapping[str, Times]) -> Times:

@@ -28,7 +28,7 @@ TRIALS = 10_000
 """More than anybody will see [1]."""
 
 ANSWER_SECONDS = 0.2
-START_SECONDS = 90.0
+START_SECONDS = 120.0
 END_SECONDS = 60.0
 SETTLE_SECONDS = 2.0
 """After a block has begun or gone on, agents find their phase and forces ramp up before anything is measured [s]."""

@@ -17,11 +17,10 @@ from netboard import sockets
 from netboard.clock import now_ns
 from netboard.config import Config
 from netboard.errors import NetboardError
-from netboard.latency.loop import Cost
 from netboard.latency.played import Punctuality, punctuality
 from netboard.latency.rig import own_configs, write_configs
 from netboard.latency.spreads import Times
-from netboard.latency.usage import read_usage
+from netboard.latency.usage import Cost, read_usage
 from netboard.latency.workers import Workers
 from netboard.nodes.launcher import Launcher
 from netboard.nodes.operator import Operator
@@ -31,7 +30,7 @@ CROWD = "netboard.latency.crowd"
 WARM_SECONDS = 4.0
 """Sessions get so long to begin their trials, and agents to find their phase, before anything is counted [s]."""
 
-START_SECONDS = 60.0
+START_SECONDS = 120.0
 ANSWER_SECONDS = 0.2
 
 

@@ -28,7 +28,7 @@ SAMPLE_SECONDS = 1.0
 WARM_SHARE, WARM_SECONDS = 0.25, 60.0
 """Memory is watched after so large a share of the time, or so long, whichever is less: rings fill first [1, s]."""
 
-RING_SECONDS = 10.0
+RING_SECONDS = 5.0
 """The server keeps records for so long; in a soak less than usual, so that its ring is full soon [s]."""
 
 STRETCHES = 10

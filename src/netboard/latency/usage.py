@@ -5,8 +5,8 @@ the scheduler, to the nanosecond where it tells them (``schedstat``), else to it
 """
 
 import os
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from netboard.clock import now_ns
@@ -103,6 +103,51 @@ def total(parts: Iterable[Spent]) -> Spent:
     for part in parts:
         whole = whole.plus(part)
     return whole
+
+
+@dataclass
+class Cost:
+    """What a process used while it was measured.
+
+    Attributes
+    ----------
+    spent : dict of str to Spent
+        By kind of thread.
+    seconds : float
+        For how long it was measured [s].
+    """
+
+    spent: dict[str, Spent] = field(default_factory=dict)
+    seconds: float = 0.0
+
+    def add(self, before: Usage, after: Usage) -> None:
+        """Add a measurement.
+
+        Parameters
+        ----------
+        before, after : Usage
+            The process at its beginning and its end.
+        """
+        for kind, spent in after.since(before).items():
+            self.spent[kind] = self.spent.get(kind, Spent()).plus(spent)
+        self.seconds += (after.at_ns - before.at_ns) * 1e-9
+
+
+Costs = dict[str, Cost]
+
+
+def add_costs(costs: Costs, before: Mapping[str, Usage], after: Mapping[str, Usage]) -> None:
+    """Add a measurement of some processes.
+
+    Parameters
+    ----------
+    costs : dict of str to Cost
+        What they used so far, by name; changed.
+    before, after : mapping of str to Usage
+        The processes at its beginning and its end.
+    """
+    for name, usage in after.items():
+        costs.setdefault(name, Cost()).add(before[name], usage)
 
 
 def kind_of(process: int, thread: int, name: str) -> str:

@@ -359,7 +359,7 @@ class Logger:
                 self._close(reason)
             except NetboardError as error:
                 log.error("%s", error)
-        if self._writer is not None:
+        if self._writer is not None and self._writer.part.exists():
             log.error("what was written is whole up to its last chunk: netboard recover %s", self._writer.part)
         self._say(Goodbye(reason[:1000]))
 

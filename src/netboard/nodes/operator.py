@@ -8,7 +8,18 @@ from netboard.config import Network
 from netboard.errors import NetboardError, WireError
 from netboard.process import NAME
 from netboard.wire.codec import decode, encode
-from netboard.wire.messages import PROTOCOL_VERSION, Command, Hello, Ping, Pong, Refusal, Status, StatusRequest, Welcome
+from netboard.wire.messages import (
+    PROTOCOL_VERSION,
+    Command,
+    Goodbye,
+    Hello,
+    Ping,
+    Pong,
+    Refusal,
+    Status,
+    StatusRequest,
+    Welcome,
+)
 
 HELLO_NS = 500_000_000
 """Hello is said again after so long without an answer [ns]."""
@@ -54,6 +65,18 @@ class Operator:
     def command(self, name: str) -> None:
         """Tell the server what to do; it answers with its status."""
         sockets.send(self._socket, encode(Command(name)))
+
+    def attend(self, seconds: float) -> None:
+        """Let time pass, answering what the server asks [s]."""
+        until_ns = now_ns() + int(seconds * 1e9)
+        while (left_ns := until_ns - now_ns()) > 0:
+            if sockets.wait_readable(self._socket, left_ns * 1e-9):
+                self._take()
+
+    def leave(self) -> None:
+        """Say goodbye and close."""
+        sockets.send(self._socket, encode(Goodbye("done")))
+        sockets.close_after_goodbye(self._socket)
 
     def _take(self) -> Status | None:
         newest = None

@@ -237,7 +237,7 @@ def _losses(found: _Read, causes: Sequence[EventRecord]) -> Iterator[_Loss]:
             continue
         first, count = int(remark.details["first"]), int(remark.details["count"])
         records = Stretch(first, first + count - 1)
-        cause = _cause(records, causes)
+        cause = _cause(records, causes) or found.part.damage or "the server no longer had them"
         if first in unreadable:
             cause = f"could not be read: {unreadable[first]}"
         # Ticks are numbered without a gap: those lost come directly before the next one that is there.
@@ -248,12 +248,12 @@ def _losses(found: _Read, causes: Sequence[EventRecord]) -> Iterator[_Loss]:
 
 
 def _cause(records: Stretch, causes: Sequence[EventRecord]) -> str:
-    """Find what the server said about losing some records."""
+    """Find what the server said about losing some records, if anything."""
     for event in causes:
         first, count = int(event.details["first"]), int(event.details["count"])
         if first <= records.last and records.first < first + count and event.details["cause"]:
             return event.details["cause"]
-    return "the server no longer had them"
+    return ""
 
 
 def _damaged_ticks(read: Sequence[_Read]) -> list[Stretch]:

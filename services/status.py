@@ -1,0 +1,90 @@
+"""Asking a running server how it is, and showing it."""
+
+import json
+import time
+from dataclasses import asdict
+from math import isnan
+
+from rich.console import Console
+from rich.live import Live
+
+from netboard import sockets
+from netboard.config import Config
+from netboard.errors import NetboardError
+from netboard.nodes.operator import Operator
+from netboard.process import Stopping
+from netboard.report.links import status_tables
+from netboard.wire.messages import Status
+
+ANSWER_SECONDS = 3.0
+ROUND_SECONDS = 1.2
+"""Rates and losses are those of a second: the server is asked again after so long [s]."""
+
+
+def main(config: Config, *, watch: bool, as_json: bool) -> int:
+    """Show every peer of a session: link, round trip, clock, rate, losses, version.
+
+    Parameters
+    ----------
+    config : Config
+        Where the server is.
+    watch : bool
+        Go on until stopped.
+    as_json : bool
+        One line of JSON in place of the tables.
+
+    Returns
+    -------
+    int
+        Exit code.
+
+    Raises
+    ------
+    NetboardError
+        If the server does not answer.
+    """
+    console = Console(highlight=False)
+    with Stopping() as stopping, sockets.open_context() as context:
+        operator = Operator(config.network, context)
+        try:
+            asked(operator, config)
+            operator.attend(ROUND_SECONDS)
+            status = asked(operator, config)
+            if as_json:
+                print(json.dumps(plain(status)))  # noqa: T201
+            elif not watch:
+                console.print(status_tables(status))
+            else:
+                with Live(status_tables(status), console=console, auto_refresh=False) as live:
+                    while not stopping():
+                        operator.attend(ROUND_SECONDS)
+                        live.update(status_tables(asked(operator, config)), refresh=True)
+        finally:
+            operator.leave()
+    return 0
+
+
+def asked(operator: Operator, config: Config) -> Status:
+    """Ask, with some patience."""
+    until = time.monotonic() + ANSWER_SECONDS
+    while time.monotonic() < until:
+        status = operator.ask(0.2)
+        if status is not None:
+            return status
+    where = f"{config.network.host}:{config.network.port}"
+    raise NetboardError(
+        f"no server answers at {where} within {ANSWER_SECONDS:.0f} s; is it running, and is that its port?"
+    )
+
+
+def plain(status: Status) -> dict[str, object]:
+    """Status for JSON: links as objects, what is not known as null."""
+    names = ("peer", "name", "version", "age", "round_trip", "clock_bound", "drift_ppm", "rate", "lost")
+    links = [
+        {
+            name: None if isinstance(value, float) and isnan(value) else value
+            for name, value in zip(names, link, strict=True)
+        }
+        for link in status.links
+    ]
+    return {**asdict(status), "links": links}

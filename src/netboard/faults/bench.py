@@ -1,0 +1,333 @@
+"""``netboard bench faults``: makes every fault of the table on real processes, and judges what came of it.
+
+Faults that need the same site are made in it one after the other; after one that did not end well the next ones get a
+site of their own. What a site leaves behind (recordings, what was handed to the devices, what the processes said) is
+kept in the folder of the results, until everything in it was judged and holds.
+"""
+
+import shutil
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
+from itertools import groupby
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+from rich.text import Text
+
+from netboard.clock import now_ns
+from netboard.config import SIDES
+from netboard.errors import ConfigError, NetboardError
+from netboard.faults.cases import CASES, PARTS, Case
+from netboard.faults.checks import longest_fade
+from netboard.faults.evidence import largest_step, without_cut
+from netboard.faults.gathering import Evidence, Window, gather
+from netboard.faults.sites import Setup, Site, open_site
+from netboard.studies.machine import describe
+from netboard.studies.results import Folder, Part, Value, Verdict, new_folder, show
+
+COLUMNS = (
+    *("case", "falls after [ms]", "zero after [ms]", "largest step / limit [1]"),
+    *("pauses [1]", "ticks lost [1]", "holds"),
+)
+
+WELL_S = 90.0
+"""After a fault a trial is on again within this time, or something is wrong [s]."""
+
+CALM_NS = 500_000_000
+"""Time after that which still belongs to the fault [ns]."""
+
+Tell = Callable[[str], object]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came of a case.
+
+    Attributes
+    ----------
+    case : Case
+        The case.
+    verdicts : tuple of Verdict
+        What must hold, and whether it does; empty if the case could not be played.
+    figures : tuple
+        Its figures, for the table.
+    facts : dict of str
+        What was noted while the fault was made.
+    refusal : str
+        Why it could not be played, or nothing.
+    """
+
+    case: Case
+    verdicts: tuple[Verdict, ...] = ()
+    figures: tuple[Value, ...] = ("", "", "", "", "")
+    facts: tuple[tuple[str, str], ...] = ()
+    refusal: str = ""
+
+    @property
+    def holds(self) -> bool:
+        """Whether everything holds, as far as it could be tried."""
+        return all(verdict.holds for verdict in self.verdicts)
+
+
+def main(output: Path | None, *, quick: bool, force: bool, names: Sequence[str]) -> int:
+    """Make faults, and judge them.
+
+    Parameters
+    ----------
+    output : Path or None
+        Folder of the results; None for a new one here.
+    quick : bool
+        The short form.
+    force : bool
+        The folder may be there already.
+    names : sequence of str
+        Only these cases; all of them if empty.
+
+    Returns
+    -------
+    int
+        Exit code: 1 if something does not hold.
+    """
+    console = Console(highlight=False)
+    chosen = choose(names, quick=quick)
+    folder = Folder(output or new_folder("faults"), force=force)
+    for line in describe().lines():
+        console.print(line)
+    outcomes: list[Outcome] = []
+    columns = TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn()
+    with Progress(*columns, console=console, transient=True) as progress:
+        task = progress.add_task("", total=len(chosen))
+
+        def tell(name: str) -> None:
+            progress.update(task, description=name)
+
+        for outcome in play_all(chosen, folder.path / "sites", quick, tell):
+            outcomes.append(outcome)
+            progress.advance(task)
+            folder.write(parts_of(outcomes), about(outcomes, quick))
+    for part in parts_of(outcomes):
+        show(console, part)
+    held = sum(outcome.holds for outcome in outcomes if not outcome.refusal)
+    played = sum(not outcome.refusal for outcome in outcomes)
+    console.print(f"{held} of {played} cases hold, {len(outcomes) - played} could not be played; all in {folder.path}")
+    return 0 if held == played else 1
+
+
+def list_cases() -> int:
+    """Print the table of cases; exit code 0."""
+    console = Console(highlight=False)
+    for part, title in PARTS.items():
+        table = Table(title=Text(title), title_justify="left", title_style="bold", pad_edge=False)
+        for column in ("case", "what is done", "what must happen"):
+            table.add_column(column)
+        for case in CASES:
+            if case.part == part:
+                table.add_row(case.name, case.done, case.expected)
+        console.print(table)
+    return 0
+
+
+def choose(names: Sequence[str], *, quick: bool) -> list[Case]:
+    """Find cases by name.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Their names; all if empty.
+    quick : bool
+        Only those of the short form, where none are named.
+
+    Raises
+    ------
+    ConfigError
+        If there is no such case.
+    """
+    there = {case.name: case for case in CASES}
+    if unknown := [name for name in names if name not in there]:
+        raise ConfigError(f"--case {unknown[0]}: there is no such case; netboard bench faults --list shows all")
+    return [there[name] for name in names] or [case for case in CASES if case.quick or not quick]
+
+
+def play_all(cases: Sequence[Case], folder: Path, quick: bool, tell: Tell) -> Iterator[Outcome]:
+    """Play cases, those that need the same site together.
+
+    Parameters
+    ----------
+    cases : sequence of Case
+        The cases.
+    folder : Path
+        For what the sites leave behind.
+    quick : bool
+        Whatever can be done in less time is.
+    tell : callable
+        Hears what is being played.
+
+    Yields
+    ------
+    Outcome
+        Of each of them.
+    """
+    together = {setup: list(group) for setup, group in groupby(sorted(cases, key=_setup_name), lambda case: case.setup)}
+    for setup, group in together.items():
+        if refusal := setup.refusal():
+            yield from (Outcome(case, refusal=refusal) for case in group)
+            continue
+        left = group
+        while left:
+            place = folder / left[0].name
+            outcomes = play(setup, [left[0]] if left[0].alone else [c for c in left if not c.alone], place, quick, tell)
+            yield from outcomes
+            if all(outcome.holds for outcome in outcomes):
+                shutil.rmtree(place)
+            done = {outcome.case.name for outcome in outcomes}
+            left = [case for case in left if case.name not in done]
+
+
+def _setup_name(case: Case) -> str:
+    return case.setup.name
+
+
+def play(setup: Setup, cases: Sequence[Case], folder: Path, quick: bool, tell: Tell) -> list[Outcome]:
+    """Play cases in one site, up to the first one after which nothing goes on.
+
+    Parameters
+    ----------
+    setup : Setup
+        What the site is made of.
+    cases : sequence of Case
+        The cases.
+    folder : Path
+        For what the site leaves behind.
+    quick : bool
+        Whatever can be done in less time is.
+    tell : callable
+        Hears what is being played.
+    """
+    tell(f"{cases[0].name}: starting")
+    with open_site(setup, folder, quick=quick) as site:
+        windows: list[Window] = []
+        try:
+            site.start()
+        except NetboardError as error:
+            windows.append(Window(0, 0, trouble=f"nothing began: {error}"))
+        for case in cases:
+            if windows and windows[-1].trouble:
+                break
+            tell(case.name)
+            windows.append(make(case, site))
+        if not windows[-1].trouble:
+            try:
+                site.finish()
+            except NetboardError as error:
+                windows[-1] = replace(windows[-1], trouble=str(error))
+        site.end()
+        tell(f"{cases[0].name}: judging")
+        found = gather(site, windows)
+    return [judge(case, evidence) for case, evidence in zip(cases, found, strict=False)]
+
+
+def make(case: Case, site: Site) -> Window:
+    """Make the fault of a case in a site where a trial is on, and wait until one is on again.
+
+    Parameters
+    ----------
+    case : Case
+        The case.
+    site : Site
+        Where.
+    """
+    start_ns = now_ns()
+    facts: dict[str, str] = {}
+    try:
+        facts.update(case.act(site))
+        site.rig.until_felt(WELL_S)
+    except (NetboardError, OSError) as error:
+        return Window(start_ns, now_ns(), facts, f"{type(error).__name__}: {error}")
+    site.sleep(CALM_NS * 1e-9)
+    return Window(start_ns, now_ns(), facts)
+
+
+def judge(case: Case, evidence: Evidence) -> Outcome:
+    """Judge a case.
+
+    Parameters
+    ----------
+    case : Case
+        The case.
+    evidence : Evidence
+        What there is to judge it by.
+    """
+    verdicts = tuple(check(evidence) for check in case.all_checks)
+    return Outcome(case, verdicts, figures(case, evidence), tuple(evidence.window.facts.items()))
+
+
+def figures(case: Case, evidence: Evidence) -> tuple[Value, ...]:
+    """Figures of a case: what its row in the table has after its name."""
+    fades = [fade for side in SIDES if (fade := longest_fade(evidence, side)) is not None]
+    slew = evidence.limits.max_slew
+    shares = [
+        largest_step(part, slew).share
+        for side in SIDES
+        for trace in evidence.traces[side]
+        for part in (without_cut(trace, slew) if side == case.cut else [trace])
+    ]
+    lost = sum(stretch.last - stretch.first + 1 for account in evidence.rig.accounts for stretch in account.lost)
+    return (
+        max((fade.begun * 1e3 for fade in fades), default=""),
+        max((fade.zero * 1e3 for fade in fades if fade.zero == fade.zero), default=""),
+        max(shares, default=0.0),
+        len(evidence.pauses),
+        lost,
+    )
+
+
+def parts_of(outcomes: Sequence[Outcome]) -> list[Part]:
+    """Write outcomes as tables.
+
+    Parameters
+    ----------
+    outcomes : sequence of Outcome
+        Of any cases.
+    """
+    order = [case.name for case in CASES]
+    found = []
+    for part, title in PARTS.items():
+        mine = sorted((o for o in outcomes if o.case.part == part), key=lambda o: order.index(o.case.name))
+        if mine:
+            rows: list[tuple[Value, ...]] = [(o.case.name, *o.figures, _word(o)) for o in mine]
+            found.append(Part(part, title, COLUMNS, rows, [_verdict(o) for o in mine]))
+    return found
+
+
+def _word(outcome: Outcome) -> str:
+    return "not played" if outcome.refusal else "yes" if outcome.holds else "NO"
+
+
+def _verdict(outcome: Outcome) -> Verdict:
+    """A case as one verdict: what fails, or what was found."""
+    claim = f"{outcome.case.name}: {outcome.case.done}: {outcome.case.expected}"
+    if outcome.refusal:
+        return Verdict(claim, True, f"not played: {outcome.refusal}")
+    failed = [verdict for verdict in outcome.verdicts if not verdict.holds]
+    if failed:
+        return Verdict(claim, False, "; ".join(f"NOT {verdict.claim}: {verdict.found}" for verdict in failed))
+    return Verdict(claim, True, "; ".join(verdict.found for verdict in outcome.verdicts))
+
+
+def about(outcomes: Sequence[Outcome], quick: bool) -> dict[str, object]:
+    """Everything that was found, for the JSON file."""
+    cases = [
+        {
+            "name": outcome.case.name,
+            "done": outcome.case.done,
+            "expected": outcome.case.expected,
+            "site": outcome.case.setup.name,
+            "refusal": outcome.refusal,
+            "verdicts": [asdict(verdict) for verdict in outcome.verdicts],
+            "facts": dict(outcome.facts),
+        }
+        for outcome in outcomes
+    ]
+    return {"study": "faults", "quick": quick, "cases": cases}

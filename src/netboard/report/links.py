@@ -1,0 +1,59 @@
+"""The peers of a running session, as a table for the terminal."""
+
+from math import isnan
+
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from netboard.wire.messages import Status
+
+
+def status_tables(status: Status) -> RenderableType:
+    """Where the session is, and how each of its peers is connected.
+
+    Parameters
+    ----------
+    status : Status
+        What the server has answered.
+    """
+    return Group(*_lines(status), _links(status))
+
+
+def _lines(status: Status) -> list[Text]:
+    lines = [
+        Text(f"session {status.session[:8]}   {status.phase}, trial {status.trial} of {status.trials}", style="bold"),
+        Text(
+            f"tick {status.tick}   {status.successes} done, {status.failures} failed   {status.late_ticks} late ticks"
+        ),
+    ]
+    if status.waiting_for:
+        lines.append(Text("waiting for " + ", ".join(status.waiting_for), style="yellow"))
+    if status.notice:
+        lines.append(Text(status.notice, style="yellow"))
+    return lines
+
+
+def _links(status: Status) -> Table:
+    table = Table(title="Peers", title_justify="left")
+    for heading in ("peer", "host:process", "version"):
+        table.add_column(heading)
+    for heading in ("heard", "round trip", "clock known to", "drift", "messages", "lost"):
+        table.add_column(heading, justify="right")
+    for what, name, version, age, round_trip, bound, drift, rate, lost in status.links:
+        table.add_row(
+            what,
+            name,
+            version,
+            f"{_milliseconds(age)} ago",
+            _milliseconds(round_trip),
+            _milliseconds(bound),
+            "-" if isnan(drift) else f"{drift:+.1f} ppm",
+            f"{rate:.0f} Hz",
+            str(lost),
+        )
+    return table
+
+
+def _milliseconds(seconds: float) -> str:
+    return "-" if isnan(seconds) else f"{seconds * 1e3:.2f} ms"
