@@ -104,7 +104,8 @@ def server(
     ] = False,
 ) -> None:
     """Run the physics server: it computes the board and decides the trials, of one dyad or of several."""
-    settings = [configuration.load(file, overrides or ()) for file in config or [None]]
+    files: list[Path | None] = [*(config or (None,))]
+    settings = [configuration.load(file, overrides or ()) for file in files]
     if not insecure:
         for one in settings:
             refuse_open_network(one)

@@ -25,6 +25,7 @@ from netboard import keys, sockets
 from netboard.clock import CATCH_UP_TICKS, now_ns
 from netboard.config import SIDES, Config, Side, parse
 from netboard.experiment.machine import is_active
+from netboard.latency.played import passed_over
 from netboard.latency.workers import serve
 from netboard.nodes.agent import phase_shift
 from netboard.process import NAME, Priority, io_priority, prepare, speak, steady_loop
@@ -362,14 +363,14 @@ def be_watchers(configs: Iterable[Config], context: sockets.Context, order: dict
 
 def _ticks_of(loggers: Iterable[LightLogger], from_ns: int) -> dict[str, Any]:
     """Sum up how all ticks from a moment on kept their time."""
-    late_ns, passed_over, active = [], 0, []
+    late_ns, never, active = [], 0, []
     for logger in loggers:
         rows = np.concatenate([np.empty((0, 3), np.int64), *logger.late])
         rows = rows[rows[:, 0] >= from_ns]
         late_ns += rows[:, 1].tolist()
-        passed_over += int(np.sum(np.diff(rows[:, 0]) // TICK_NS - 1))
+        never += passed_over(rows[:, 0])
         active += [is_active(phase) for phase in rows[:, 2].tolist()]
-    return {"late_ns": late_ns, "passed_over": passed_over, "active": float(np.mean(active)) if active else 0.0}
+    return {"late_ns": late_ns, "passed_over": never, "active": float(np.mean(active)) if active else 0.0}
 
 
 def main(role: str) -> None:

@@ -70,6 +70,17 @@ def punctuality(late_ns: Times, passed_over: int) -> Punctuality:
     return Punctuality(late_ns, int(np.count_nonzero(late_ns > LATE_NS)), missed)
 
 
+def passed_over(time_ns: Times) -> int:
+    """Count the ticks that never were: their time passed while the loop stood still [1].
+
+    Parameters
+    ----------
+    time_ns : ndarray of int64
+        When each was due that was [ns].
+    """
+    return int(np.sum(np.diff(time_ns) // TICK_NS - 1))
+
+
 @dataclass(frozen=True)
 class Played:
     """What a dyad's recording says of the times in which it was measured.
@@ -108,11 +119,11 @@ def played(ticks: NDArray[Any], times: Sequence[tuple[int, int]]) -> Played:
     took: dict[str, Times] = {side: ticks[f"{side}_loop_ns"][closed[side]] for side in SIDES}
     halves = [loop_parts(ticks, side, closed[side]) for side in SIDES]
     parts = {name: np.concatenate([half[name] for half in halves]) for name in (UP, WAIT, REST)}
-    apart = np.diff(ticks["time_ns"])[inside[1:] & inside[:-1]] // TICK_NS - 1
+    due = [ticks["time_ns"][within(ticks["time_ns"], [one])] for one in times]
     return Played(
         took,
         parts,
-        punctuality(ticks["late_ns"][inside], int(apart[apart < TICK_NS].sum())),
+        punctuality(ticks["late_ns"][inside], sum(map(passed_over, due))),
         sum(times.size for times in took.values()) / max(len(SIDES) * int(np.count_nonzero(felt)), 1),
     )
 

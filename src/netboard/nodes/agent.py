@@ -263,7 +263,7 @@ class Agent:
         """Send the sample with what has become of the forces since the one before."""
         message, seq = self._link.newest, self._seq
         _PACK.pack_into(
-            self._sample,
+            self._sample.data,
             0,
             seq,
             reading.stamp_ns,

@@ -85,7 +85,7 @@ class Seat:
 
     def take(self, stylus: Stylus, now_ns: int, due_ns: int) -> None:
         """Take a sample that came in any other form."""
-        _PACK.pack_into(self._sample, 0, *_VALUES(stylus))
+        _PACK.pack_into(self._sample.data, 0, *_VALUES(stylus))
         self._take(now_ns, due_ns)
 
     def _take(self, now_ns: int, due_ns: int) -> None:

@@ -38,7 +38,7 @@ OWN = (
 SEAT = np.dtype([*fixed.fields_of(Stylus), *((name, "<i8") for name in OWN)])
 """One seat. Every field is one word; those of the sample come first, in the order of `Stylus`."""
 
-WORDS = len(SEAT)
+WORDS = len(SEAT.names or ())
 SAMPLE_WORDS = WORDS - len(OWN)
 _AT = {name: place for place, name in enumerate(SEAT.names or ())}
 
@@ -201,7 +201,7 @@ def write_forces(frames: Any, row: Any, seats: Any, sent_ns: int, head: Any, mar
 
 def warm() -> None:
     """Compile (or load) the kernels, so that no first sample is late."""
-    row, seats, sample = np.zeros(len(TICK), np.int64), np.zeros((2, WORDS), np.int64), np.zeros(SAMPLE_WORDS, np.int64)
+    row, seats, sample = np.zeros(len(_ROW), np.int64), np.zeros((2, WORDS), np.int64), np.zeros(SAMPLE_WORDS, np.int64)
     for seat in seats:
         empty(seat)
     fixed.read(b"", *fixed.STYLUS[:2], sample)

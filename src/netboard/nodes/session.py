@@ -105,7 +105,7 @@ class Session:
         self._curtain = make_curtain(config)
         self._watch = Watch(autostart)
         self._rows = np.zeros(RING_ROWS, TICK)
-        self._words = self._rows.view(np.int64).reshape(RING_ROWS, len(TICK))
+        self._words = self._rows.view(np.int64).reshape(RING_ROWS, -1)
         self._number = 0
         self._late_ticks = 0
         self._events = 0
@@ -137,7 +137,8 @@ class Session:
         self._log = LogPort(sockets.log_server(context, where.listen(sockets.LOG)), welcome, ring, spill)
         self._views = {side: sockets.view_publisher(context, where.listen(sockets.VIEW[side])) for side in SIDES}
         self._view_ticks = ceil(1000 / network.view_rate_hz)
-        self.inlets = self.used = (motion.socket, control.socket)
+        self.inlets = (motion.socket, control.socket)
+        self.used: tuple[sockets.Socket, ...] = self.inlets
 
     # --- what the server asks ----------------------------------------------------------------------------------
 
