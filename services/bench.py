@@ -109,3 +109,19 @@ def soak(
 
     setting = study.Setting(transport, curve, realtime, displays, quick)
     raise typer.Exit(study.soak(setting, minutes, dyads, output, json, force=force))
+
+
+@app.command(epilog="Examples:\n\n  netboard bench fuzz --quick\n\n  netboard bench fuzz --frames 1000000 -o results")
+def fuzz(
+    output: Output = None,
+    quick: Quick = False,
+    force: Force = False,
+    frames: Annotated[
+        int | None,
+        typer.Option(min=100, metavar="N", help="Malformed ones for the codec, and for each socket; else a million."),
+    ] = None,
+) -> None:
+    """Malformed frames for the codec and every socket: nothing ends, hangs or grows, and no force is another."""
+    from netboard.faults import fuzz as study
+
+    raise typer.Exit(study.main(output, quick=quick, force=force, frames=frames))

@@ -5,6 +5,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
+from rich.text import Text
 
 from netboard.config import Config
 from netboard.doctor.report import QUICK, THOROUGH, Report, examine
@@ -50,6 +51,8 @@ def report_table(report: Report) -> Table:
     """Lay the findings out, with what to do below each that is not green."""
     table = Table(title="This machine", title_justify="left", show_header=False)
     for finding in report.findings:
-        advice = f"\n[bold]{finding.advice}[/bold]" if finding.advice else ""
-        table.add_row(f"[{finding.colour}]{finding.colour}[/{finding.colour}]", finding.name, finding.found + advice)
+        found = Text(finding.found)
+        if finding.advice:
+            found.append(f"\n{finding.advice}", "bold")
+        table.add_row(Text(finding.colour, finding.colour), finding.name, found)
     return table

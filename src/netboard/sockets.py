@@ -358,6 +358,11 @@ def _own_folder() -> Path:
 # --- contexts ----------------------------------------------------------------------------------------------------
 
 
+def library() -> str:
+    """Which libzmq this is, and whether it cannot encrypt."""
+    return f"libzmq {zmq.zmq_version()}{'' if zmq.has('curve') else ' without CURVE'}"
+
+
 class Context(zmq.Context["zmq.Socket[bytes]"]):
     """Where sockets are made, and the gate of the doors among them."""
 

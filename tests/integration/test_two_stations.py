@@ -22,12 +22,18 @@ from netboard.experiment.machine import Phase
 from netboard.recording.reader import Recording
 from netboard.recording.verification import verify_recording
 
-pytestmark = [pytest.mark.integration, pytest.mark.slow, pytest.mark.timeout(240)]
+pytestmark = [pytest.mark.integration, pytest.mark.slow, pytest.mark.timeout(300)]
 
 EXAMPLE = Path(__file__).parents[2] / "deploy" / "two-stations" / "netboard.toml"
 ADDRESSES = {"server": "10.77.0.1", "left": "10.77.0.2", "right": "10.77.0.3"}
-QUICKLY = ("block.trials=1", "task.level_time=0.05", "task.level_angle_deg=5.0", "task.level_rate_deg_s=30.0")
-PATIENCE = 150.0
+QUICKLY = (
+    "block.trials=1",
+    "task.hold_time=0.3",
+    "task.level_time=0.05",
+    "task.level_angle_deg=5.0",
+    "task.level_rate_deg_s=30.0",
+)
+PATIENCE = 180.0
 
 
 def ip(*words: str) -> None:

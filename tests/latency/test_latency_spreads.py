@@ -13,7 +13,7 @@ from netboard.latency.spreads import (
     HEADS,
     LEAST_NS,
     MOST_NS,
-    draw_histogram,
+    draw_histograms,
     histogram,
     histogram_part,
     ratio_row,
@@ -58,7 +58,7 @@ def test_durations_go_where_they_belong() -> None:
 
 
 def test_bins_that_nobody_fills_are_left_out() -> None:
-    part = histogram_part({"loop": np.array([50_000, 51_000]), "echo": np.array([2_000_000])})
+    part = histogram_part({"loop": np.array([51_000, 52_000]), "echo": np.array([2_000_000])})
     assert len(part.rows) == 2
     assert [row[2:] for row in part.rows] == [(2, 0), (0, 1)]
     for low, high, *_ in part.rows:
@@ -69,7 +69,8 @@ def test_bins_that_nobody_fills_are_left_out() -> None:
 
 def test_histograms_are_drawn_over_a_logarithmic_axis() -> None:
     pytest.importorskip("matplotlib")
-    figure = draw_histogram({"loop": np.arange(1, 1001) * 1000, "nothing": np.empty(0, np.int64)}, "title")
-    (ax,) = figure.axes
-    assert ax.get_xscale() == ax.get_yscale() == "log"
-    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["loop", "nothing"]
+    loops = {"loop": np.arange(1, 1001) * 1000, "nothing": np.empty(0, np.int64)}
+    figure = draw_histograms([loops, {"timer": np.array([5_000])}], "title")
+    for ax, names in zip(figure.axes, (["loop", "nothing"], ["timer"]), strict=True):
+        assert ax.get_xscale() == ax.get_yscale() == "log"
+        assert [text.get_text() for text in ax.get_legend().get_texts()] == names

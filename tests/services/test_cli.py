@@ -13,7 +13,12 @@ from netboard.config import Config, parse
 from netboard.services.cli import app, demo_settings
 
 runner = CliRunner()
-COMMANDS = ("server", "agent", "display", "logger", "replay", "demo", "info", "recover", "config", "simulate", "bench")
+COMMANDS = (
+    *("server", "agent", "display", "logger", "replay", "demo", "info", "recover", "config", "simulate", "bench"),
+    *("up", "status", "doctor", "keys"),
+)
+BENCHES = ("physics", "stability", "loop", "soak", "faults", "fuzz")
+
 
 
 @pytest.fixture(autouse=True)
@@ -31,12 +36,17 @@ def test_help_lists_every_command() -> None:
 
 
 @pytest.mark.parametrize(
-    "command", [*COMMANDS, "config check", "config show", "config init", "bench physics", "bench stability"]
+    "command",
+    [
+        *COMMANDS,
+        *("config check", "config show", "config init", "keys init", "keys add", "keys list", "keys revoke"),
+        *(f"bench {name}" for name in BENCHES),
+    ],
 )
 def test_every_command_has_help_with_examples(command: str) -> None:
     result = runner.invoke(app, [*command.split(), "--help"])
     assert result.exit_code == 0
-    assert command in {"config", "bench"} or f"netboard {command}" in result.output.partition("Examples:")[2]
+    assert command in {"config", "bench", "keys"} or f"netboard {command}" in result.output.partition("Examples:")[2]
 
 
 def test_nothing_asked_shows_the_help() -> None:

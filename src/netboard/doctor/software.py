@@ -5,6 +5,7 @@ import subprocess
 import sys
 from importlib.metadata import version
 
+from netboard import sockets
 from netboard.doctor.finding import Finding
 
 QT_SECONDS = 60.0
@@ -15,8 +16,9 @@ OPEN_A_WINDOW = "from netboard.display.window import application; print(applicat
 
 def versions() -> Finding:
     """Which Python and which libraries."""
-    libraries = ", ".join(f"{name} {version(name)}" for name in ("netboard", "pyzmq", "numba", "numpy"))
-    return Finding("software", "green", f"{platform.python_implementation()} {platform.python_version()}, {libraries}")
+    python = f"{platform.python_implementation()} {platform.python_version()}"
+    libraries = [f"{name} {version(name)}" for name in ("netboard", "numba", "numpy", "pyzmq")]
+    return Finding("software", "green", ", ".join([python, *libraries, sockets.library()]))
 
 
 def qt(opening: str = OPEN_A_WINDOW) -> Finding:

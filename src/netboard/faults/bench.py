@@ -20,7 +20,7 @@ from netboard.clock import now_ns
 from netboard.config import SIDES
 from netboard.errors import ConfigError, NetboardError
 from netboard.faults.cases import CASES, PARTS, Case
-from netboard.faults.checks import longest_fade
+from netboard.faults.checks import fades_of
 from netboard.faults.evidence import largest_step, without_cut
 from netboard.faults.gathering import Evidence, Window, gather
 from netboard.faults.sites import Setup, Site, open_site
@@ -241,6 +241,8 @@ def make(case: Case, site: Site) -> Window:
     start_ns = now_ns()
     facts: dict[str, str] = {}
     try:
+        site.rig.until_felt(WELL_S)
+        start_ns = now_ns()
         facts.update(case.act(site))
         site.rig.until_felt(WELL_S)
     except (NetboardError, OSError) as error:
@@ -265,7 +267,7 @@ def judge(case: Case, evidence: Evidence) -> Outcome:
 
 def figures(case: Case, evidence: Evidence) -> tuple[Value, ...]:
     """Figures of a case: what its row in the table has after its name."""
-    fades = [fade for side in SIDES if (fade := longest_fade(evidence, side)) is not None]
+    fades = [found[0] for side in SIDES if (found := fades_of(evidence, side))]
     slew = evidence.limits.max_slew
     shares = [
         largest_step(part, slew).share

@@ -19,6 +19,7 @@ from netboard.faults.checks import (
     noted,
     nothing_lost,
     paused,
+    powerless,
     rests,
     safeguarded,
     shown,
@@ -571,7 +572,7 @@ DEVICES = (
         f"its force is zero at once, and stays so; {_PAUSED}",
         DYAD,
         trick_and_restart(LEFT, "nan"),
-        (paused(*_OUTAGE), safeguarded("left", Safeguard.NOT_FINITE)),
+        (paused(*_OUTAGE), powerless("left"), safeguarded("left", Safeguard.NOT_FINITE)),
         cut="left",
     ),
     Case(
@@ -599,7 +600,7 @@ DEVICES = (
         f"the agent tries to set zero force, says so and ends; {_PAUSED}",
         DYAD,
         trick_and_restart(LEFT, "gone"),
-        (paused(*_OUTAGE), told("exit code of the agent", "1")),
+        (paused(*_OUTAGE), powerless("left"), told("exit code of the agent", "1")),
         cut="left",
     ),
 )

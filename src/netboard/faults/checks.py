@@ -21,8 +21,11 @@ from netboard.wire.messages import Safeguard
 
 Check: TypeAlias = Callable[[Evidence], Verdict]
 
-STALE_NS = 5_000_000
+STALE_NS = 8_000_000
 """A force that is not renewed for longer than this is looked at [ns]."""
+
+DONE_NS = 2_000_000
+"""What is done at once is done so long after the beginning, and what was under way has arrived [ns]."""
 
 GONE = 0.06
 """So long after a force has begun to fall it is zero [s]."""
@@ -37,14 +40,13 @@ LATELY_NS = 1_000_000_000
 TICK = TICK_NS * 1e-9
 
 
-def longest_fade(evidence: Evidence, side: Side) -> Fade | None:
-    """Longest time in which a side's force was not renewed, if there is one."""
-    found = [fade for trace in evidence.traces[side] for fade in fades(trace, STALE_NS)]
-    return max(found, key=lambda fade: fade.held, default=None)
+def fades_of(evidence: Evidence, side: Side) -> list[Fade]:
+    """Every time a side's force was not renewed: the first one is what was done, others may be the machine's fault."""
+    return [fade for trace in evidence.traces[side] for fade in fades(trace, STALE_NS)]
 
 
 def falls(*sides: Side, to_zero: bool = True) -> Check:
-    """Check that a force that is no longer renewed begins to fall in time, and is zero in time."""
+    """Check that a force that is no longer renewed begins to fall in time each time, and is zero in time the first."""
 
     def check(evidence: Evidence) -> Verdict:
         stale = evidence.limits.stale_after_ms * 1e-3 + TICK
@@ -52,15 +54,20 @@ def falls(*sides: Side, to_zero: bool = True) -> Check:
         claim += f" and is zero {GONE * 1e3:g} ms later" if to_zero else ""
         good, words = True, []
         for side in sides:
-            fade = longest_fade(evidence, side)
-            if fade is None:
+            found = fades_of(evidence, side)
+            if not found:
                 return Verdict(claim, False, f"{side}: it was renewed all the time")
-            good &= fade.begun <= stale + fade.held_up
-            good &= not to_zero or fade.zero <= stale + GONE + fade.held_up
-            words.append(f"{side} {fade}")
+            good &= all(fade.begun <= stale + fade.held_up for fade in found)
+            good &= not to_zero or found[0].zero <= stale + GONE + found[0].held_up + _before(evidence, found[0])
+            words.append(f"{side} {found[0]}" + (f" and {len(found) - 1} times more" if found[1:] else ""))
         return Verdict(claim, good, ", ".join(words))
 
     return check
+
+
+def _before(evidence: Evidence, fade: Fade) -> float:
+    """How long before the fault a force was not renewed: the machine was late already, and it may have been renewed."""
+    return max(0, evidence.window.start_ns + DONE_NS - fade.last_ns) * 1e-9
 
 
 def gentle(cut: Side | None = None) -> Check:
@@ -180,6 +187,18 @@ def noted(name: str, *words: str) -> Check:
         told = [" ".join(event.details.values()) for event in evidence.events if event.name == name]
         good = any(all(word in text for word in words) for text in told)
         return Verdict(claim, good, f"{len(told)} times" + (f": {told[-1]}" if told else ""))
+
+    return check
+
+
+def powerless(side: Side) -> Check:
+    """Check that a device that gives no numbers, or does not answer, was handed no force any more."""
+
+    def check(evidence: Evidence) -> Verdict:
+        trace = evidence.traces[side][0]
+        rows = np.concatenate([trace[np.isnan(trace["z"])], trace[-1:]])
+        largest = float(np.max(np.abs([rows["fx"], rows["fy"], rows["fz"]])))
+        return Verdict(f"the {side} device is handed no force any more", largest == 0.0, f"at most {largest:.3g} N")
 
     return check
 

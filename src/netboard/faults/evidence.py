@@ -1,8 +1,8 @@
 """What is measured of a fault, from what the devices were handed and what was recorded: arrays in, figures out.
 
 What the devices were handed is a row for each force (`netboard.faults.devices.TRACE`), in the agent's process, whatever
-became of the network. While forces are fresh no two in a row are equal, because the board moves and so does the hand;
-a force that stays the same to the last bit is one that has not been renewed. So the time of the last fresh force is
+became of the network. While forces are fresh no two in a row are equal, because a hand is never at rest to the last
+bit; a force that stays the same is one that has not been renewed. So the time of the last fresh force is
 read from the device itself, and so is all that follows from it.
 
 All times are of one monotonic clock, that of the machine all processes run on.

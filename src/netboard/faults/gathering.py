@@ -23,6 +23,10 @@ from netboard.tick import TICK
 from netboard.wire.messages import EventRecord
 
 
+BEFORE_NS = 5_000_000
+"""What the devices were handed just before a fault belongs to it: the last force before it is among it [ns]."""
+
+
 @dataclass(frozen=True)
 class Window:
     """When a fault was made.
@@ -139,7 +143,8 @@ def gather(site: Site, windows: Sequence[Window]) -> list[Evidence]:
 
 
 def _traces_in(traces: Mapping[Side, Sequence[NDArray[Any]]], window: Window) -> dict[Side, list[NDArray[Any]]]:
-    cut = {side: [between(trace, window.start_ns, window.stop_ns) for trace in found] for side, found in traces.items()}
+    start_ns = window.start_ns - BEFORE_NS
+    cut = {side: [between(trace, start_ns, window.stop_ns) for trace in found] for side, found in traces.items()}
     return {side: [trace for trace in found if trace.size] for side, found in cut.items()}
 
 

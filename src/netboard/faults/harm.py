@@ -22,7 +22,7 @@ from netboard.clock import now_ns
 from netboard.faults.devices import Trick, play_trick, read_trace, trace_file
 from netboard.faults.relay import FAIR, Weather
 from netboard.faults.rigs import PATIENCE
-from netboard.faults.sites import Site, side_of
+from netboard.faults.sites import START_S, Site, side_of
 from netboard.nodes.launcher import CHANNELS
 from netboard.wire.codec import decode, encode
 from netboard.wire.messages import PROTOCOL_VERSION, Hello, Refusal, Stylus
@@ -59,6 +59,11 @@ def kill(process: str, seconds: float = AWAY, quick: float | None = None) -> Act
         site.rig.kill(process)
         site.sleep(seconds, quick)
         site.start_again(process)
+        if process == "server":
+            site.rig.until_felt(START_S)
+        else:
+            name = f":{site.rig.running[process].pid}"
+            site.rig.until(lambda status: any(link[1].endswith(name) for link in status.links))
         return {}
 
     return act
@@ -69,7 +74,7 @@ def kill_with_peer_frozen(site: Site) -> Facts:
     site.rig.send_signal("left agent", signal.SIGSTOP)
     site.rig.kill("server")
     site.start_again("server")
-    site.rig.until(lambda status: "agent.right" in status.peers)
+    site.rig.until(lambda status: "agent.right" in status.peers, START_S)
     site.rig.send_signal("left agent", signal.SIGCONT)
     return {}
 

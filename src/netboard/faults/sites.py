@@ -22,10 +22,14 @@ from netboard.nodes.launcher import free_port
 
 PACE = (
     *("task.level_time=0.05", "task.level_angle_deg=5.0", "task.level_rate_deg_s=30.0", "block.trials=10000"),
-    "safety.arm_time=0.2",
+    *("safety.arm_time=0.2", "virtual.resolution=0"),
 )
-"""Trials that begin at once and never end the block, felt in full from the beginning: so that there is a force to judge
-at any time. No limit of the safety chain is changed."""
+"""Trials that begin at once and never end the block, felt in full from the beginning, so that there is a force to judge
+at any time; and positions of the hands in no steps, so that no two fresh forces are equal. No limit of the safety chain
+is changed."""
+
+START_S = 300.0
+"""A site is at work within this time, kernels compiled, on whatever machine [s]."""
 
 DISK_BYTES = 300_000_000
 """Size of a small disk: little more than what a logger asks for to begin [bytes]."""
@@ -119,7 +123,7 @@ class Site:
             rig.start("logger", *self._logger())
             rig.start_stations(self.setup.displays)
         for rig in self.rigs:
-            rig.until_felt()
+            rig.until_felt(START_S)
 
     def start_again(self, process: str) -> None:
         """Start a process of the dyad that is harmed, or the server of all dyads."""

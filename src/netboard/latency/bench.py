@@ -16,7 +16,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from netboard.config import Config
-from netboard.errors import ConfigError
+from netboard.errors import ConfigError, NetboardError
 from netboard.latency.loop import measure_loop
 from netboard.latency.loop_tables import costs_part, latency_part, lateness_part, loop_series, server_verdict
 from netboard.latency.rig import Tell
@@ -24,7 +24,7 @@ from netboard.latency.scale import measure_scale, measure_waiting, scale_part, w
 from netboard.latency.serving import Crowd
 from netboard.latency.skips import measure_skips, skips_part, tick_part
 from netboard.latency.soak import measure_soak, memory_part, minutes_part, records_part
-from netboard.latency.spreads import draw_histogram, histogram_part
+from netboard.latency.spreads import draw_histograms, histogram_part
 from netboard.latency.usage import Costs, add_costs
 from netboard.stage import make_stage
 from netboard.studies.machine import describe
@@ -37,7 +37,7 @@ TURN_SECONDS, QUICK_TURN_SECONDS = 10.0, 4.0
 """They take turns of about this length [s]."""
 
 MINUTES, QUICK_MINUTES = 30.0, 0.5
-"""A soak takes so long, unless told otherwise [60 s]."""
+"""A soak takes so long, unless told otherwise [min]."""
 
 MOST_DYADS = 256
 
@@ -76,7 +76,7 @@ class Setting:
         return replace(
             plain,
             network=replace(plain.network, transport=self.transport, curve="on" if self.curve else "off"),
-            realtime=replace(plain.realtime, scheduling=self.real_time, lock_memory=self.real_time),
+            realtime=replace(plain.realtime, scheduling=self.real_time),
         )
 
     def __str__(self) -> str:
@@ -209,12 +209,12 @@ def loop(
         study.add(latency_part(found, real_time=setting.real_time))
         study.add(lateness_part(found.played.ticks, found.timer, real_time=setting.real_time))
         study.add(costs_part(found.costs | found.echo_costs, server_verdict(found.costs["server"], setting.displays)))
-        study.add(histogram_part(series))
+        study.add(histogram_part(series[0] | series[1]))
         if dyads or skips:
             with Crowd(study.scratch) as crowd:
                 _add_crowded(study, crowd, setting.config, dyads, seconds / rounds, skips=skips)
         if find_spec("matplotlib") is not None:
-            study.folder.save(draw_histogram(series, f"Stylus to force: {setting}"), "loop")
+            study.folder.save(draw_histograms(series, f"Stylus to force: {setting}"), "loop")
         study.write({"seconds": seconds, "rounds": rounds, "dyads": list(dyads)}, json)
     return 0
 
@@ -243,7 +243,7 @@ def soak(
     setting : Setting
         In what setting.
     minutes : float or None
-        For how long; None for the usual time [60 s].
+        For how long; None for the usual time [min].
     dyads : int
         How many [1].
     output : Path or None
@@ -274,7 +274,15 @@ def soak(
 
 @contextmanager
 def _study(name: str, setting: Setting, output: Path | None, *, force: bool) -> Iterator[Study]:
-    """Begin a study: say where it runs, and show how far it is."""
+    """Begin a study: say where it runs, and show how far it is.
+
+    Raises
+    ------
+    NetboardError
+        If this system does not tell what processes use.
+    """
+    if not Path("/proc/self/task").exists():
+        raise NetboardError("what processes use is read from /proc, which this system does not have")
     folder = Folder(output or new_folder(f"bench-{name}"), force=force)
     console = Console(highlight=False, markup=False)
     console.width = max(console.width, WIDTH)

@@ -44,8 +44,6 @@ class Measured:
         Of a timer alone.
     costs, echo_costs : dict of str to Cost
         Of netboard's processes, and of those of the echo, by name.
-    recording : Path
-        Netboard's recording.
     """
 
     played: Played
@@ -53,7 +51,6 @@ class Measured:
     timer: Punctuality
     costs: Costs
     echo_costs: Costs
-    recording: Path
 
 
 def measure_loop(config: Config, folder: Path, displays: int, seconds: float, rounds: int, tell: Tell) -> Measured:
@@ -98,11 +95,10 @@ def measure_loop(config: Config, folder: Path, displays: int, seconds: float, ro
             baselines.run_timer()
             rig.go_on()
         tell("reading the recording", 1.0)
-        rig.play()
         (path,) = rig.finish()
     with Recording(path) as recording:
         found = played(recording.ticks(), times)
-    return Measured(found, baselines.echo_ns, baselines.timer, costs, baselines.costs, path)
+    return Measured(found, baselines.echo_ns, baselines.timer, costs, baselines.costs)
 
 
 def _progress(tell: Tell, number: int, rounds: int) -> Tell:

@@ -29,8 +29,8 @@ MOST_SERVER = 0.2
 LOOP_NAME, ECHO_NAME = "stylus to force", "echo"
 
 
-def loop_series(found: Measured) -> dict[str, Times]:
-    """Return what was measured from end to end, for histograms.
+def loop_series(found: Measured) -> list[dict[str, Times]]:
+    """Return what is to be seen as histograms: the loop and the echo, the ticks and the timer.
 
     Parameters
     ----------
@@ -38,12 +38,10 @@ def loop_series(found: Measured) -> dict[str, Times]:
         What was found.
     """
     late_ns = found.played.ticks.late_ns
-    return {
-        LOOP_NAME: _together(found.played.took_ns),
-        ECHO_NAME: _together(found.echo_ns),
-        "tick late": late_ns[late_ns > 0],
-        "timer late": found.timer.late_ns,
-    }
+    return [
+        {LOOP_NAME: _together(found.played.took_ns), ECHO_NAME: _together(found.echo_ns)},
+        {"tick begins late": late_ns[late_ns > 0], "timer is late": found.timer.late_ns},
+    ]
 
 
 def latency_part(found: Measured, *, real_time: bool) -> Part:

@@ -9,6 +9,7 @@ import os
 import signal
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
@@ -23,6 +24,7 @@ from netboard.experiment.machine import is_active
 from netboard.latency.usage import Usage, read_usage
 from netboard.nodes.launcher import Launcher, free_port
 from netboard.nodes.operator import Operator
+from netboard.wire.messages import Status
 
 TRIALS = 10_000
 """More than anybody will see [1]."""
@@ -98,8 +100,8 @@ class Rig:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._signal(signal.SIGCONT)
-        self._launcher.__exit__(kind, error, trace)
+        self.go_on()
+        self._launcher.stop(*self._launcher.running())
 
     def _start(self, name: str, *arguments: str) -> None:
         self._launcher.start(name, *arguments)
@@ -114,20 +116,20 @@ class Rig:
             If a process has ended, or it takes too long.
         """
         with sockets.open_context() as context:
-            for config in self._configs:
-                self._until_active(Operator(config.network, context))
+            operators = [Operator(config.network, context) for config in self._configs]
+            for operator in operators:
+                self._until(operator, lambda status: status.phase in ACTIVE)
         time.sleep(SETTLE_SECONDS)
 
-    def _until_active(self, operator: Operator) -> None:
+    def _until(self, operator: Operator, ready: Callable[[Status], bool]) -> None:
+        """Ask a server for its status until it is as wanted."""
         until = time.monotonic() + START_SECONDS
-        while time.monotonic() < until:
+        while (status := operator.ask(ANSWER_SECONDS)) is None or not ready(status):
             self.look()
-            status = operator.ask(ANSWER_SECONDS)
-            if status is not None and status.phase in ACTIVE:
-                return
+            if time.monotonic() > until:
+                said = operator.status.notice or operator.status.phase if operator.status else "the server is silent"
+                raise NetboardError(f"waited {START_SECONDS:.0f} s in vain: {said}")
             time.sleep(ANSWER_SECONDS)
-        notice = operator.status.notice if operator.status else "the server does not answer"
-        raise NetboardError(f"no trial began within {START_SECONDS:.0f} s: {notice}")
 
     def measure(self, seconds: float, tell: Callable[[float], object]) -> Window:
         """Let it run for a while.
@@ -167,10 +169,9 @@ class Rig:
             If a process ends badly, or there is not one recording of each session.
         """
         with sockets.open_context() as context:
-            for config in self._configs:
-                operator = Operator(config.network, context)
-                while operator.ask(ANSWER_SECONDS) is None:
-                    self.look()
+            operators = [Operator(config.network, context) for config in self._configs]
+            for operator in operators:
+                self._until(operator, lambda status: True)
                 operator.command("shutdown")
             names = [name for name in self._pids if name.startswith(("server", "logger"))]
             for name in names:
@@ -195,7 +196,8 @@ class Rig:
 
     def _signal(self, number: signal.Signals) -> None:
         for pid in self._pids.values():
-            os.kill(pid, number)
+            with suppress(ProcessLookupError):  # one that has ended is told of elsewhere
+                os.kill(pid, number)
 
 
 def own_configs(config: Config, folder: Path, count: int) -> list[Config]:

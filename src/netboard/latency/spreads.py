@@ -3,7 +3,7 @@
 Tables are in milliseconds, the unit of a tick.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -94,13 +94,13 @@ def histogram_part(named: Mapping[str, Times]) -> Part:
     return Part("histogram", "How often, by duration", heads, rows, on_screen=False)
 
 
-def draw_histogram(named: Mapping[str, Times], title: str) -> Any:
+def draw_histograms(groups: Sequence[Mapping[str, Times]], title: str) -> Any:
     """Draw histograms over a logarithmic axis, with marks at the percentiles 50, 99 and 99.9.
 
     Parameters
     ----------
-    named : mapping of str to ndarray of int64
-        Durations by name [ns].
+    groups : sequence of mapping of str to ndarray of int64
+        Durations by name, those of a group over each other [ns].
     title : str
         Head of the figure.
 
@@ -112,22 +112,23 @@ def draw_histogram(named: Mapping[str, Times], title: str) -> Any:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(10.0, 5.0), layout="constrained")
+    figure = Figure(figsize=(9.0, 3.2 * len(groups)), layout="constrained")
     FigureCanvasAgg(figure)
-    ax = figure.subplots()
-    shares = {name: np.maximum(histogram(times) / max(times.size, 1), 1e-12) for name, times in named.items()}
-    for name, times in named.items():
-        (line,) = (ax.stairs(shares[name], EDGES_NS * 1e-6, label=name, baseline=None, linewidth=1.5),)
-        found = spread(times)
-        for value in (found.p50, found.p99, found.p999):
-            ax.axvline(value * 1e3, color=line.get_edgecolor(), linestyle=":", linewidth=1.0)
-    ax.set_xscale("log")
-    ax.set_yscale("log")
-    least = min((float(share[share > 1e-12].min()) for share in shares.values() if share.max() > 1e-12), default=1e-6)
-    ax.set_ylim(bottom=least / 2)
-    ax.set_xlabel("duration [ms]; dotted: 50 %, 99 %, 99.9 %")
-    ax.set_ylabel("share of all, in twentieths of a decade [1]")
-    ax.set_title(title)
-    ax.grid(True, which="major", alpha=0.3)
-    ax.legend()
+    axes = figure.subplots(len(groups), sharex=True, squeeze=False)[:, 0]
+    for ax, named in zip(axes, groups, strict=True):
+        ax.set_yscale("log", nonpositive="clip")
+        ax.set_ylim(0.5 / max(1, *(times.size for times in named.values())), 1.0)
+        for place, (name, times) in enumerate(named.items()):
+            shares, colour = histogram(times) / max(times.size, 1), f"C{place}"
+            ax.stairs(shares, EDGES_NS * 1e-6, fill=True, alpha=0.3, color=colour, label=name)
+            ax.stairs(shares, EDGES_NS * 1e-6, color=colour)
+            for mark in in_milliseconds(spread(times))[:3]:
+                ax.axvline(mark, color=colour, linestyle=":", linewidth=1.2)
+        ax.set_ylabel(f"share in 1/{PER_DECADE} of a decade [1]")
+        ax.grid(True, which="major", alpha=0.3)
+        ax.legend()
+    axes[0].set_title(title)
+    axes[-1].set_xscale("log")
+    axes[-1].set_xlim(LEAST_NS * 1e-6, MOST_NS * 1e-6)
+    axes[-1].set_xlabel("duration [ms]; dotted: 50, 99 and 99.9 %")
     return figure

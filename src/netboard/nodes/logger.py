@@ -221,8 +221,8 @@ class Logger:
     def _greet(self) -> None:
         """Say hello to a server that has not answered yet, or not for a while."""
         now = self._clock()
-        silent = self._writer is None or now - self._heard_ns >= SILENT_NS
-        if silent and now - self._greeted_ns >= HELLO_NS:
+        silent = now - self._heard_ns >= SILENT_NS
+        if (silent or self._writer is None or not self._welcomed) and now - self._greeted_ns >= HELLO_NS:
             self._greeted_ns = now
             self._welcomed = False
             self._say(self._hello)
@@ -247,7 +247,7 @@ class Logger:
                 log.info("the server says goodbye: %s", reason)
                 self._close(f"the server left: {reason}")
             case Refusal(reason=reason):
-                self._heard_ns = -SILENT_NS
+                self._welcomed = False
                 if reason != self._refused:
                     self._refused = reason
                     log.warning("the server refuses: %s", reason)

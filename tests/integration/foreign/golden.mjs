@@ -9,7 +9,8 @@ import { join } from "node:path";
 import { isDeepStrictEqual } from "node:util";
 import { decode, encode, encodeFixed, fieldsOf } from "./wire.mjs";
 
-const quoteNumbers = (text) => text.replace(/(?<=[\s[])-?\d[\d.e+-]*(?=[,\s\]])/g, '"$&"');
+const STRING_OR_NUMBER = /"(?:[^"\\]|\\.)*"|-?\d[\d.e+-]*/g;
+const quoteNumbers = (text) => text.replace(STRING_OR_NUMBER, (found) => (found[0] === '"' ? found : `"${found}"`));
 
 function value(type, json) {
   if (type.endsWith("?")) return json === null ? null : value(type.slice(0, -1), json);

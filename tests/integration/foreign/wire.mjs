@@ -107,8 +107,10 @@ export function encodeFixed(name, message) {
 
 /** The message of a frame, with its name as `is`; throws if it is none. */
 export function decode(frame) {
-  const [kind, ...values] = must(unpack(frame, INT64), "a frame");
-  const { name, fields } = must(BY_KIND.get(kind), kind);
+  const raw = unpack(frame, INT64);
+  const [kind, ...values] = must(Array.isArray(raw), raw);
+  must(BY_KIND.has(kind), kind);
+  const { name, fields } = BY_KIND.get(kind);
   must(values.length === fields.length, name);
   return { is: name, ...Object.fromEntries(fields.map(([field, type], i) => [field, read(type, values[i])])) };
 }

@@ -1,0 +1,281 @@
+"""Malformed messages for every socket of a real server, from strangers and from peers it has welcomed; and no ZeroMQ.
+
+They come at a steady rate, not as fast as they go: what is tried here is what is in them. What a welcomed peer may say
+with effect (a command, an acknowledgement) is not malformed, and is left out.
+"""
+
+import random
+import socket as net
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+
+from netboard import sockets
+from netboard.config import Network
+from netboard.errors import NetboardError, WireError
+from netboard.faults import zmtp
+from netboard.faults.mutants import Mutants, true_frames
+from netboard.wire.codec import decode, encode
+from netboard.wire.messages import (
+    PROTOCOL_VERSION,
+    Command,
+    EventRecord,
+    Goodbye,
+    Hello,
+    LogAck,
+    LogRequest,
+    Message,
+)
+
+RATE_HZ = 2000.0
+"""Malformed messages for each socket [Hz]."""
+
+STREAMS_HZ = 20.0
+"""Connections to each socket in which no ZeroMQ is spoken [Hz]."""
+
+KEPT_OPEN = 20
+"""So many of those are open at a time [1]."""
+
+RENEWED = 100
+"""A stranger's connection is made anew after so many messages [1]."""
+
+SEVERAL = 0.03
+"""Share of messages in more than one part [1]."""
+
+STUCK_SECONDS = 60.0
+"""A socket that takes nothing for so long does so no more [s]."""
+
+TURN_SECONDS = 0.004
+PREFIX = "fuzz"
+MEANT: tuple[type[Message], ...] = (Hello, Goodbye, Command, LogAck, LogRequest)
+"""What a welcomed peer may say with effect."""
+
+Tell = Callable[[float], object]
+
+
+class Assault:
+    """One sender of malformed messages.
+
+    Parameters
+    ----------
+    channel : int
+        To which socket.
+    network : Network
+        Where the server is.
+    hello : Hello or None
+        How it is welcomed; None for a stranger.
+    count : int
+        How many it sends [1].
+    seed : int
+        Of what it sends.
+    """
+
+    def __init__(self, channel: int, network: Network, hello: Hello | None, count: int, seed: int) -> None:
+        self.channel = sockets.CHANNELS[channel]
+        self.count = count
+        self.sent = 0
+        self._welcomed = hello is not None
+        self._chance = random.Random(seed)
+        self._mutants = Mutants(true_frames(seed), seed)
+        name = f"{PREFIX}.{self.channel}.{hello.role if hello else 'stranger'}"
+        self._subscribes = channel in sockets.VIEW.values()
+        kind = b"SUB" if self._subscribes else b"DEALER"
+        first = [] if hello is None else [encode(hello)]
+        self.line = zmtp.Line((network.host, network.port + channel), kind, name.encode(), first)
+        self._next = self._make()
+        self._stuck_since = time.monotonic()
+
+    def fire(self, due: float) -> None:
+        """Send until so many are sent, or no more is taken.
+
+        Raises
+        ------
+        NetboardError
+            If nothing has been taken for long.
+        """
+        while self.sent < min(due, self.count):
+            if not self.line.offer(*self._next):
+                if time.monotonic() - self._stuck_since > STUCK_SECONDS:
+                    raise NetboardError(f"the {self.channel} socket takes nothing any more")
+                return
+            self.sent += 1
+            self._stuck_since = time.monotonic()
+            self._next = self._make()
+            if not self._welcomed and self.sent % RENEWED == 0 and self.line.drained():
+                self.line.renew()
+
+    def say(self, message: Message) -> None:
+        """Send a message that is meant."""
+        self.line.offer(encode(message))
+
+    def _make(self) -> list[bytes]:
+        chance = self._chance
+        if chance.random() < SEVERAL:
+            return [next(self._mutants) for _ in range(chance.choice((2, 2, 3, 50)))]
+        frame = next(self._mutants)
+        while self._welcomed and self._is_meant(frame):
+            frame = next(self._mutants)
+        if self._subscribes:
+            return [chance.choice((b"", b"\0", b"\1")) + frame]  # which subscribes and unsubscribes
+        return [frame]
+
+    @staticmethod
+    def _is_meant(frame: bytes) -> bool:
+        try:
+            return isinstance(decode(frame), MEANT)
+        except WireError:
+            return False
+
+
+class Vandal:
+    """Opens one connection after the other to some sockets, and speaks no ZeroMQ.
+
+    Parameters
+    ----------
+    places : sequence of (str, int)
+        Where the sockets are.
+    count : int
+        How many connections in all [1].
+    seed : int
+        Of what is said.
+    """
+
+    def __init__(self, places: Sequence[zmtp.Place], count: int, seed: int) -> None:
+        self.count = count
+        self.sent = 0
+        self._places = places
+        self._streams = zmtp.streams(seed)
+        self._open: deque[net.socket] = deque()
+
+    def fire(self, due: float) -> None:
+        """Open connections until there have been so many."""
+        while self.sent < min(due, self.count):
+            connection = net.create_connection(self._places[self.sent % len(self._places)], zmtp.CONNECT_SECONDS)
+            connection.setblocking(False)
+            self._open.append(connection)
+            with suppress(OSError):  # the other end may have hung up, or take no more
+                connection.send(next(self._streams))
+            self.sent += 1
+            if len(self._open) > KEPT_OPEN:
+                self._open.popleft().close()
+
+    def close(self) -> None:
+        """Close what is open."""
+        while self._open:
+            self._open.popleft().close()
+
+
+def as_agents(network: Network, count: int) -> list[Assault]:
+    """Senders in both agents' seats.
+
+    Parameters
+    ----------
+    network : Network
+        Where the server is.
+    count : int
+        How many each sends [1].
+    """
+    return [
+        Assault(sockets.MOTION, network, _hello("agent", side), count, seed)
+        for seed, side in enumerate(("left", "right"), start=1)
+    ]
+
+
+def as_others(network: Network, count: int) -> list[Assault]:
+    """Senders to all sockets of a server whose agents are there.
+
+    Parameters
+    ----------
+    network : Network
+        Where the server is.
+    count : int
+        How many each socket gets [1].
+    """
+    of: dict[int, list[Hello | None]] = {
+        sockets.MOTION: [None],
+        sockets.LOG: [None, _hello("logger", "")],
+        sockets.CONTROL: [None, _hello("display", "right"), _hello("console", "")],
+        sockets.VIEW_LEFT: [None],
+        sockets.VIEW_RIGHT: [None],
+    }
+    return [
+        Assault(channel, network, hello, count // len(hellos), 10 * channel + place)
+        for channel, hellos in of.items()
+        for place, hello in enumerate(hellos)
+    ]
+
+
+def vandal(network: Network, count: int) -> Vandal:
+    """Whoever speaks no ZeroMQ to any socket of a server.
+
+    Parameters
+    ----------
+    network : Network
+        Where the server is.
+    count : int
+        How many connections each socket gets [1].
+    """
+    places = [(network.host, network.port + channel) for channel in range(sockets.CONTROL + 1)]
+    return Vandal(places, count * len(places), 77)
+
+
+def _hello(role: str, side: str) -> Hello:
+    return Hello(role, side, PROTOCOL_VERSION, PREFIX, "0", {})
+
+
+def fire(assaults: Sequence[Assault], vandal: Vandal | None, look: Callable[[], object], tell: Tell) -> None:
+    """Let them send all they have, at their rates.
+
+    Parameters
+    ----------
+    assaults : sequence of Assault
+        Senders; those of one channel share its rate.
+    vandal : Vandal or None
+        Who speaks no ZeroMQ.
+    look : callable
+        Called now and then: raises if something has gone wrong.
+    tell : callable
+        Hears the share that is done.
+    """
+    rates = {assault.channel: RATE_HZ / sum(a.channel == assault.channel for a in assaults) for assault in assaults}
+    whole = sum(assault.count for assault in assaults)
+    began = looked = time.monotonic()
+    while any(assault.sent < assault.count for assault in assaults) or (vandal and vandal.sent < vandal.count):
+        now = time.monotonic()
+        for assault in assaults:
+            assault.fire((now - began) * rates[assault.channel])
+        if vandal is not None:
+            vandal.fire((now - began) * STREAMS_HZ * (sockets.CONTROL + 1))
+        if now - looked > 1.0:
+            looked = now
+            look()
+            tell(sum(assault.sent for assault in assaults) / whole)
+        time.sleep(TURN_SECONDS)
+
+
+def refused(events: Sequence[EventRecord]) -> dict[str, int]:
+    """Count what the server says it has refused, by channel.
+
+    It tells of the first refusal of each kind, and then at times how many there were of it; kinds beyond the first few
+    hundred are counted together, which shows as a new kind of which there were several.
+
+    Parameters
+    ----------
+    events : sequence of EventRecord
+        All events of a session.
+    """
+    kinds: dict[str, dict[tuple[str, str], int]] = {}
+    together: dict[str, int] = {}
+    for event in events:
+        peer = event.details.get("peer", "")
+        if event.name != "refused" or not peer.startswith(PREFIX):
+            continue
+        channel = peer.removeprefix(f"{PREFIX}.").rpartition(".")[0]
+        known = kinds.setdefault(channel, {})
+        kind, times = (peer, event.details["reason"]), int(event.details["times"])
+        if kind in known or times == 1:
+            known[kind] = times
+        else:
+            together[channel] = times
+    return {channel: sum(known.values()) + together.get(channel, 0) for channel, known in kinds.items()}

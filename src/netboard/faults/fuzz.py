@@ -1,0 +1,155 @@
+"""``netboard bench fuzz``: malformed frames by the million, for the codec and for every socket of every process.
+
+First the codec alone. Then a real server with two agents, a display and a logger in a trial: peers that it has welcomed
+and peers that it has not send malformed messages to all its sockets, and others bytes that are not ZeroMQ's. Last real
+agents, a display and a logger, connected to a server that talks nonsense. What must hold: nothing ends, hangs or grows,
+what is refused is counted, the trial goes on, and no force is any other than it was.
+"""
+
+import time
+from collections.abc import Callable, Iterator
+from itertools import islice
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+from netboard.errors import WireError
+from netboard.faults.fuzz_peers import peer_parts
+from netboard.faults.fuzz_server import server_parts
+from netboard.faults.mutants import Mutants, true_frames
+from netboard.faults.watching import GROWN, resident
+from netboard.studies.machine import describe
+from netboard.studies.results import Folder, Part, Value, Verdict, new_folder, show
+from netboard.wire.codec import decode, encode
+
+FRAMES = 1_000_000
+QUICK_FRAMES = 20_000
+"""For the codec, and for each socket [1]."""
+
+SLOWEST_MS = 50.0
+"""No frame of the codec may take longer [ms]."""
+
+Tell = Callable[[str, float], object]
+
+
+def main(output: Path | None, *, quick: bool, force: bool, frames: int | None) -> int:
+    """Send malformed frames, and see that nothing comes of it.
+
+    Parameters
+    ----------
+    output : Path or None
+        Folder of the results; None for a new one here.
+    quick : bool
+        The short form.
+    force : bool
+        The folder may be there already.
+    frames : int or None
+        How many for the codec, and for each socket; None for the usual number [1].
+
+    Returns
+    -------
+    int
+        Exit code: 1 if something does not hold.
+    """
+    console = Console(highlight=False)
+    folder = Folder(output or new_folder("fuzz"), force=force)
+    count = frames or (QUICK_FRAMES if quick else FRAMES)
+    for line in describe().lines():
+        console.print(line)
+    parts: list[Part] = []
+    columns = TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn()
+    with Progress(*columns, console=console, transient=True) as progress:
+        task = progress.add_task("", total=1.0)
+
+        def tell(text: str, share: float) -> None:
+            progress.update(task, description=text, completed=share)
+
+        for part in study(folder.path, count, tell):
+            parts.append(part)
+            show(console, part)
+            folder.write(parts, {"study": "fuzz", "frames": count})
+    held = all(part.holds for part in parts)
+    console.print(f"{'everything holds' if held else 'NOT everything holds'}; tables and logs are in {folder.path}")
+    return 0 if held else 1
+
+
+def study(folder: Path, count: int, tell: Tell) -> Iterator[Part]:
+    """Run the parts.
+
+    Parameters
+    ----------
+    folder : Path
+        For everything that is written and said.
+    count : int
+        Malformed frames for the codec, and for each socket [1].
+    tell : callable
+        Hears how far each part is.
+
+    Yields
+    ------
+    Part
+        What was found.
+    """
+    yield codec_part(count, tell)
+    yield from server_parts(folder / "server", count, tell)
+    yield from peer_parts(folder / "peers", count, tell)
+
+
+# --- the codec -----------------------------------------------------------------------------------------------------
+
+
+def codec_part(count: int, tell: Tell) -> Part:
+    """Give malformed frames to the codec.
+
+    Parameters
+    ----------
+    count : int
+        How many [1].
+    tell : callable
+        Hears how far it is.
+    """
+    mutants = Mutants(true_frames(1), 1)
+    before = 0.0
+    accepted = refused = size = 0
+    slowest, worst = 0.0, b""
+    wrong: list[str] = []
+    for number, frame in enumerate(islice(mutants, count)):
+        if number % 10_000 == 0:
+            tell("the codec", number / count)
+        if number == count // 4:
+            before = resident()
+        began = time.thread_time()
+        try:
+            message = decode(frame)
+            accepted += 1
+        except WireError:
+            refused += 1
+            message = None
+        except Exception as error:  # noqa: BLE001 - which is what is looked for
+            wrong.append(f"{type(error).__name__} for {frame[:64].hex()}")
+            continue
+        took = time.thread_time() - began
+        if took > slowest:
+            slowest, worst = took, frame
+        size += len(frame)
+        if message is not None and repr(decode(encode(message))) != repr(message):
+            wrong.append(f"not the same again: {frame[:64].hex()}")
+    grown = resident() - before
+    columns = ("frames [1]", "messages [1]", "refused [1]", "mean size [bytes]", "slowest [ms]", "grown [MB]")
+    row: tuple[Value, ...] = (count, accepted, refused, size / count, slowest * 1e3, grown * 1e-6)
+    return Part(
+        "codec",
+        "Malformed frames for the codec",
+        columns,
+        [row],
+        [
+            Verdict("every frame is a message or refused", not wrong, "; ".join(wrong[:3]) or f"{count} frames"),
+            Verdict(
+                f"none takes longer than {SLOWEST_MS:g} ms",
+                slowest * 1e3 < SLOWEST_MS,
+                f"{slowest * 1e3:.1f} ms for {len(worst)} bytes",
+            ),
+            Verdict("memory stays flat", grown < GROWN, f"{grown * 1e-6:.1f} MB more after the first quarter"),
+        ],
+    )

@@ -1,0 +1,238 @@
+"""A server that is none: it does what a server does, and between its messages says whatever comes to its mind.
+
+Real agents, displays and loggers connect to it. What it says in earnest is as plain as can be, so that any effect of
+the rest is seen: one force that never changes, ticks that are numbered and else empty, a board that moves a little.
+"""
+
+import socket as net
+from collections import deque
+from collections.abc import Iterator
+from contextlib import suppress
+from math import sin
+
+import numpy as np
+
+from netboard import sockets
+from netboard.clock import now_ns
+from netboard.config import SIDES, Config, Network, resolve
+from netboard.errors import WireError
+from netboard.faults import zmtp
+from netboard.tick import TICK
+from netboard.wire.codec import decode, encode
+from netboard.wire.messages import (
+    PROTOCOL_VERSION,
+    Beat,
+    Force,
+    Frames,
+    Goodbye,
+    Hello,
+    LogAck,
+    LogBatch,
+    LogEnd,
+    LogRequest,
+    Message,
+    Refusal,
+    Safeguard,
+    Stylus,
+    TickRecord,
+    View,
+    Welcome,
+)
+
+FORCE = 0.1
+"""The force on every hand: small enough to arm the device with it [N]."""
+
+SESSION = "f" * 32
+ROWS = 10
+"""Ticks in a batch for the logger; a batch goes out in as many turns [1]."""
+
+VIEW_TURNS = 16
+"""A view goes out in every so many turns [1]."""
+
+KEPT_OPEN = 4
+"""Connections in which no ZeroMQ is spoken are left open, so many of them [1]."""
+
+MEANT: tuple[type[Message], ...] = (Welcome, Goodbye, Refusal, Force, Beat, LogBatch, LogEnd)
+"""What a peer must believe its server: what happens to be one of these is no nonsense, and not said."""
+
+
+def parse(frame: bytes) -> Message | None:
+    """Decode a frame; None if it is no message.
+
+    Parameters
+    ----------
+    frame : bytes
+        What came in.
+    """
+    try:
+        return decode(frame)
+    except WireError:
+        return None
+
+
+class HostileServer:
+    """Everything a server binds, and the nerve of a bimanual participant.
+
+    Parameters
+    ----------
+    config : Config
+        As its peers have it.
+    context : zmq.Context
+        Where the sockets are made.
+    mutants : iterator of bytes
+        The nonsense.
+
+    Attributes
+    ----------
+    nonsense : dict of str to int
+        How much of it went out, by channel [1].
+    armed : set of bytes
+        Agents whose device gives forces.
+    samples : int
+        Samples heard [1].
+    shown : int
+        Frames shown, as the displays say [1].
+    ticks : int
+        Ticks that went to the logger [1].
+    durable : int
+        Number of the first record that the logger does not have on disk [1].
+    """
+
+    def __init__(self, config: Config, context: sockets.Context, mutants: Iterator[bytes]) -> None:
+        where = sockets.addresses(config.network)
+        self.armed: set[bytes] = set()
+        self.samples = self.shown = self.ticks = self.durable = 0
+        self._mutants = mutants
+        self._welcome = encode(Welcome(SESSION, PROTOCOL_VERSION, now_ns(), resolve(config)))
+        self._routers = {
+            "motion": sockets.motion_server(context, where.listen(sockets.MOTION)),
+            "log": sockets.log_server(context, where.listen(sockets.LOG)),
+            "control": sockets.control_server(context, where.listen(sockets.CONTROL)),
+        }
+        self._views = {side: sockets.view_publisher(context, where.listen(sockets.VIEW[side])) for side in SIDES}
+        bimanual = config.block.configuration == "bimanual"
+        self._nerve = sockets.nerve_sender(context, where.listen(sockets.NERVE)) if bimanual else None
+        self._peers: dict[str, set[bytes]] = {channel: set() for channel in self._routers}
+        self._wanted: dict[bytes, int] = {}
+        self._turns = 0
+        self.nonsense = dict.fromkeys([*self._routers, "view", *(["nerve"] if bimanual else [])], 0)
+
+    def turn(self, *channels: str) -> None:
+        """Do what is due in a millisecond, and say something malformed on some channels."""
+        self._turns += 1
+        for channel in self._routers:
+            self._hear(channel)
+        self._speak()
+        for channel in channels:
+            self._babble(channel)
+
+    def end_log(self) -> None:
+        """Say to the loggers that this was all."""
+        for name in self._peers["log"]:
+            self._routers["log"].send(name, encode(LogEnd(self.ticks - 1)))
+
+    # --- in earnest --------------------------------------------------------------------------------------------------
+
+    def _hear(self, channel: str) -> None:
+        router = self._routers[channel]
+        while (received := router.receive()) is not None:
+            name, frame = received
+            match parse(frame):
+                case Hello():
+                    self._peers[channel].add(name)
+                    router.send(name, self._welcome)
+                case Stylus(safeguards=bits):
+                    self.samples += 1
+                    (self.armed.add if bits & Safeguard.ARMED else self.armed.discard)(name)
+                case Frames(shown=shown):
+                    self.shown += len(shown)
+                case LogRequest(first=first):
+                    self._wanted[name] = max(first, 0)
+                case LogAck(durable=durable):
+                    self.durable = durable
+
+    def _speak(self) -> None:
+        turn, now = self._turns, now_ns()
+        for name in self._peers["motion"]:
+            force = Force(turn, now, -1, FORCE, 0) if name in self.armed else Beat(turn, now, -1, 0, arm=True)
+            self._routers["motion"].send(name, encode(force))
+        if turn % ROWS == 0:
+            for name in self._wanted:
+                self._send_ticks(name)
+        if turn % VIEW_TURNS == 0:
+            for side, publisher in self._views.items():
+                publisher.send(encode(_view(side, turn)))
+
+    def _send_ticks(self, name: bytes) -> None:
+        """The next records of a logger: it asks again for what it has, after nonsense, and gets that again."""
+        first = self._wanted[name]
+        records = []
+        for number in range(first, first + ROWS):
+            row = np.zeros(1, TICK)
+            row["tick"] = number
+            records.append(encode(TickRecord(row.tobytes())))
+        if self._routers["log"].send(name, encode(LogBatch(first, 0, tuple(records)))):
+            self._wanted[name] = first + ROWS
+            self.ticks = max(self.ticks, first + ROWS)
+
+    # --- and not -----------------------------------------------------------------------------------------------------
+
+    def _babble(self, channel: str) -> None:
+        frame = next(self._mutants)
+        if isinstance(parse(frame), MEANT):
+            return
+        if channel == "view":
+            self.nonsense[channel] += self._views["left"].send(frame)
+        elif channel == "nerve" and self._nerve is not None:
+            self.nonsense[channel] += sockets.send(self._nerve, frame)
+        else:
+            self.nonsense[channel] += sum(self._routers[channel].send(name, frame) for name in self._peers[channel])
+
+
+def _view(side: str, turn: int) -> View:
+    """A board that sways."""
+    z = 0.01 * sin(turn * 1e-3)
+    return View(side, turn, now_ns(), "running", z, 0.1 * z, 0.0, 0.15, z, z, 1, 6, 0, None, None, "")
+
+
+class Babbler:
+    """Listens where a server would, and says what is no ZeroMQ to whoever connects.
+
+    Parameters
+    ----------
+    network : Network
+        Where.
+    seed : int
+        Of what it says.
+
+    Attributes
+    ----------
+    heard : int
+        How many have connected [1].
+    """
+
+    def __init__(self, network: Network, seed: int) -> None:
+        self.heard = 0
+        self._streams = zmtp.streams(seed)
+        places = [(network.host, network.port + channel) for channel in range(len(sockets.CHANNELS))]
+        self._listeners = [net.create_server(place) for place in places]
+        self._open: deque[net.socket] = deque()
+        for listener in self._listeners:
+            listener.setblocking(False)
+
+    def turn(self) -> None:
+        """Answer whoever has connected."""
+        for listener in self._listeners:
+            with suppress(BlockingIOError):
+                connection, _ = listener.accept()
+                self.heard += 1
+                self._open.append(connection)
+                with suppress(OSError):  # who connected may have gone
+                    connection.send(next(self._streams))
+        while len(self._open) > KEPT_OPEN:
+            self._open.popleft().close()
+
+    def close(self) -> None:
+        """Hang up."""
+        for socket in (*self._listeners, *self._open):
+            socket.close()

@@ -1,0 +1,148 @@
+// node agent.mjs SIDE HOST PORT: a haptic agent with a simulated device, written from PROTOCOL.md alone.
+//
+// It meets the server, sends a `Stylus` every millisecond in step with the server's ticks, renders what comes back behind a
+// safety chain, and says once a second, as a line of JSON, how it goes. The hand is a mass that is pulled, critically
+// damped, to where it wants to be; the force of the device moves it. It looks at what its station's display is sent, and
+// lifts its end of the board when the ball is to roll away from it. SIGTERM: it says Goodbye and ends.
+
+import { Worker } from "node:worker_threads";
+import { Subscriber } from "zeromq";
+import { Link, now, say, setting } from "./link.mjs";
+import { LATER, WAITING } from "./metronome.mjs";
+import { Safety } from "./safety.mjs";
+import { decode, encodeFixed } from "./wire.mjs";
+
+const [side, host, port] = process.argv.slice(2);
+
+const LEAD_NS = 300_000;
+const TICK_NS = 1_000_000;
+const MOST_STEER_NS = 5_000;
+const REMEMBERED = 1024n;
+const LIFT = 0.035; // metres for an acceleration of 1 m/s2 of the ball
+
+/** A hand of 0.5 kg that wants to be at a height, at rest at 0 to begin with; SI units. */
+class Hand {
+  #at = now();
+  goal = 0;
+  z = 0;
+  vz = 0;
+
+  move(force, time) {
+    const dt = Math.min(Number(time - this.#at) / 1e9, 0.01);
+    this.#at = time;
+    const pull = 2 * Math.PI * 4;
+    this.vz += (pull * pull * (this.goal - this.z) - 2 * pull * this.vz + force / 0.5) * dt;
+    this.z += this.vz * dt;
+  }
+}
+
+const hand = new Hand();
+const link = new Link(`tcp://${host}:${port}`, "agent", side);
+const metronome = new Int32Array(new SharedArrayBuffer(8));
+let safety = null;
+let stream = null;
+let seen = { samples: 0, forces: 0, beats: 0, lead_ns: null };
+
+/** What is counted from one Welcome to the next. */
+const newStream = () => ({
+  seq: 0n,
+  stamps: new BigInt64Array(Number(REMEMBERED)),
+  tick: -1n,
+  answer: { force_tick: -1n, force_sent_ns: 0n, force_received_ns: 0n },
+  rendered_seq: -1n,
+  loop_ns: 0n,
+});
+
+/** Where the hand goes: by its share of the tilt that pulls the ball to the target, like a damped spring. */
+function aim(view, before) {
+  if (view.p === null || view.p === before?.p) return;
+  const seconds = before === null || before.p === null ? Infinity : Number(view.tick - before.tick) / 1000;
+  const speed = (view.p - (before?.p ?? view.p)) / seconds;
+  const push = 3 * (view.target - view.p) - 3 * speed;
+  hand.goal = Math.max(-0.03, Math.min(0.03, LIFT * push * (side === "left" ? 1 : -1)));
+}
+
+async function watch() {
+  const views = new Subscriber({ linger: 0, tcpKeepalive: 1, conflate: true });
+  views.connect(`tcp://${host}:${Number(port) + { left: 2, right: 3 }[side]}`);
+  views.subscribe();
+  let before = null;
+  for await (const [frame] of views) {
+    const view = decode(frame);
+    aim(view, before);
+    before = view;
+  }
+}
+
+function limits(config) {
+  const keys = ["stale_after_ms", "fade_ms", "disarm_after_ms"];
+  return Object.fromEntries(keys.map((key) => [key, setting(config, "safety", key)]));
+}
+
+/** Shift the next millisecond so that samples arrive LEAD_NS before the deadline of a tick. */
+function steerBy(lead) {
+  const early = ((((Number(lead) - LEAD_NS) % TICK_NS) + 1.5 * TICK_NS) % TICK_NS) - TICK_NS / 2;
+  const shift = Math.max(-MOST_STEER_NS, Math.min(MOST_STEER_NS, Math.round(early / 16)));
+  Atomics.store(metronome, LATER, shift);
+}
+
+function rendered(message, received) {
+  if (message.is === "Beat" && message.arm) safety.arm(received);
+  safety.hear(message.is === "Force" ? message.force : 0, received);
+  const seq = message.stylus_seq;
+  if (message.is === "Beat" || seq <= stream.rendered_seq || stream.seq - seq > REMEMBERED) return;
+  stream.rendered_seq = seq;
+  stream.loop_ns = now() - stream.stamps[Number(seq % REMEMBERED)];
+}
+
+function hear(message, received) {
+  if (message.tick <= stream.tick) return;
+  stream.tick = message.tick;
+  stream.answer = { force_tick: message.tick, force_sent_ns: message.sent_ns, force_received_ns: received };
+  rendered(message, received);
+  if (message.stylus_seq >= 0n) steerBy(message.lead_ns);
+  seen[message.is === "Force" ? "forces" : "beats"] += 1;
+  seen.lead_ns = message.lead_ns;
+}
+
+function beat() {
+  Atomics.store(metronome, WAITING, 0);
+  if (stream === null) return;
+  const stamp_ns = now();
+  hand.move(safety.render(stamp_ns), stamp_ns);
+  const { seq, answer, loop_ns } = stream;
+  stream.stamps[Number(seq % REMEMBERED)] = stamp_ns;
+  stream.seq += 1n;
+  seen.samples += 1;
+  const where = { x: 0, y: 0, z: hand.z, vx: 0, vy: 0, vz: hand.vz };
+  const state = { buttons: 0n, safeguards: safety.takeBits(), rendered: safety.rendered, loop_ns };
+  link.send(encodeFixed("Stylus", { seq, stamp_ns, ...where, ...state, ...answer, sent_ns: now() }));
+}
+
+async function listen() {
+  for await (const [message, received] of link.messages()) {
+    if (message.is === "Welcome") {
+      stream = newStream();
+      safety ??= new Safety(limits(message.config));
+    } else if (message.is === "Goodbye") {
+      stream = null;
+    } else if (stream !== null && (message.is === "Force" || message.is === "Beat")) {
+      hear(message, received);
+    }
+  }
+}
+
+function report() {
+  say({ armed: safety?.armed ?? false, ...seen, loop_ns: stream?.loop_ns ?? null, z: hand.z, lost: link.lost });
+  seen = { ...seen, samples: 0, forces: 0, beats: 0 };
+}
+
+process.on("SIGTERM", async () => {
+  stream = null;
+  await link.leave("stopped");
+  process.exit(0);
+});
+new Worker(new URL("metronome.mjs", import.meta.url), { workerData: metronome.buffer }).on("message", beat);
+setInterval(report, 1000);
+
+await Promise.all([watch(), listen()]);

@@ -1,0 +1,54 @@
+"""Runs a command of netboard in a process whose monotonic clock is wrong.
+
+    python skewed.py TOLD OFFSET_NS PPM SINCE_NS STEP_NS python -m netboard.services.cli agent --side left ...
+
+The clock is OFFSET_NS ahead at SINCE_NS, by this machine's clock, runs PPM fast, and is stepped by STEP_NS at each
+SIGUSR1: what the machine's clock read before and after a step is appended to the file TOLD.
+"""
+
+import signal
+import sys
+import time
+from pathlib import Path
+
+import netboard.clock
+
+
+class SkewedClock:
+    """A clock that is ahead of the machine's, and runs at another rate."""
+
+    def __init__(self, offset_ns: int, ppm: float, since_ns: int) -> None:
+        self.offset_ns, self.ppm, self.since_ns = offset_ns, ppm, since_ns
+
+    def offset(self, machine_ns: int) -> int:
+        """How far it is ahead when the machine's clock reads this."""
+        return self.offset_ns + round((machine_ns - self.since_ns) * self.ppm * 1e-6)
+
+    def now_ns(self) -> int:
+        """What it reads."""
+        machine_ns = time.monotonic_ns()
+        return machine_ns + self.offset(machine_ns)
+
+
+def main() -> None:
+    """Run the command."""
+    told, (offset_ns, ppm, since_ns, step_ns), command = Path(sys.argv[1]), map(float, sys.argv[2:6]), sys.argv[9:]
+    clock = SkewedClock(int(offset_ns), ppm, int(since_ns))
+
+    def step(number: int, frame: object) -> None:
+        before_ns = time.monotonic_ns()
+        clock.offset_ns += int(step_ns)
+        with told.open("a") as file:
+            file.write(f"{before_ns} {time.monotonic_ns()}\n")
+
+    signal.signal(signal.SIGUSR1, step)
+    netboard.clock.now_ns = clock.now_ns  # before anything takes it from there
+
+    from netboard.services import cli
+
+    sys.argv[1:] = command
+    cli.main()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,115 @@
+"""The lossless log of a real session whose disk fails, or whose logger is away for long."""
+
+import os
+import shutil
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from rig import Rig
+
+from netboard.recording.account import Account, account_of
+from netboard.recording.recovery import recover
+
+pytestmark = [pytest.mark.integration, pytest.mark.slow, pytest.mark.timeout(300)]
+
+AT_ONCE = (
+    "task.level_time=0.05",
+    "task.level_angle_deg=5.0",
+    "task.level_rate_deg_s=30.0",
+    "block.trials=50",
+    "network.log_ring_s=1",
+)
+"""A ball that is released at once, and a ring that is soon too short."""
+
+FREE_BYTES = 230_000_000
+SOMEBODY_BYTES = 40_000_000
+"""Together with this, less is free than a recording needs."""
+
+
+@pytest.fixture
+def rig(tmp_path: Path) -> Iterator[Rig]:
+    with Rig(tmp_path, AT_ONCE) as rig:
+        yield rig
+
+
+@pytest.fixture
+def disk(tmp_path: Path) -> Iterator[Path]:
+    """The folder of the recordings, on a file system of its own that is small."""
+    folder = tmp_path / "recordings"
+    folder.mkdir()
+    mount = shutil.which("mount")
+    if mount is None or os.name == "nt" or os.geteuid() != 0:
+        pytest.skip("mounting needs root")
+    options = ("-t", "tmpfs", "-o", f"size={FREE_BYTES}")
+    if subprocess.run([mount, *options, "none", folder], check=False, capture_output=True).returncode:
+        pytest.skip("mounting is not permitted")
+    try:
+        yield folder
+    finally:
+        subprocess.run(["umount", "--lazy", folder], check=True)
+
+
+def whole(account: Account) -> bool:
+    """Whether every tick is there up to the end, every pause has its cause, and nothing else is missing."""
+    assert account.sound, account
+    assert (account.lost, account.lost_records) == ((), ()), account
+    (present,) = account.present
+    assert present.first == 0
+    return account.events[-1].name == "session_ended"
+
+
+def test_a_disk_that_fills_up_ends_the_recording_pauses_the_trial_and_loses_nothing(rig: Rig, disk: Path) -> None:
+    rig.start_all()
+    rig.until(lambda s: s.phase == "running")
+    with (disk / "somebody").open("wb") as file:
+        file.write(bytes(SOMEBODY_BYTES))
+    assert rig.wait("logger") == 1
+    assert "free: the recording had to end" in rig.said("logger")
+    paused = rig.until(lambda s: s.phase == "paused")
+    assert "the logger has left" in paused.notice
+    assert "free: the recording had to end" in paused.notice
+    elsewhere = rig.folder / "elsewhere"
+    rig.start("logger", "logger", "--once", "--set", f"recording.directory={elsewhere}")
+    rig.until(lambda s: s.phase == "running")
+    first = rig.finish()
+    assert not list(disk.glob("*.part"))
+    account = account_of([*first, *elsewhere.glob("*.mcap")])
+    assert whole(account)
+    assert account.complete
+    assert any("the logger has left" in pause.cause for pause in account.pauses)
+
+
+def test_a_folder_that_is_deleted_ends_the_recording_and_loses_nothing(rig: Rig) -> None:
+    rig.start_all()
+    rig.until(lambda s: s.phase == "running")
+    shutil.rmtree(rig.folder / "recordings")
+    assert rig.wait("logger") == 1
+    assert "was deleted while it was being written" in rig.said("logger")
+    rig.until(lambda s: s.phase == "paused" and "was deleted" in s.notice)
+    rig.start("logger", "logger", "--once")
+    rig.until(lambda s: s.phase == "running")
+    account = account_of(rig.finish())
+    assert whole(account)
+    assert len(account.parts) == 2
+
+
+def test_what_is_made_while_no_logger_is_there_is_spilled_and_not_lost(rig: Rig) -> None:
+    rig.start_all()
+    status = rig.until(lambda s: s.phase == "running")
+    rig.kill("logger")
+    status = rig.until(lambda s: "no logger takes the records" in s.notice)
+    (spill,) = rig.folder.glob("*.spill")
+    rig.until(lambda s: s.tick > status.tick + 2000)
+    rig.start("logger", "logger", "--once")
+    rig.until(lambda s: not spill.exists())
+    rig.kill("logger")
+    rig.until(lambda s: spill.exists())
+    assert rig.stop("server") == 1
+    assert f"{spill}: netboard recover" in rig.said("server")
+    unfinished = sorted((rig.folder / "recordings").glob("*.part"))
+    assert len(unfinished) == 2
+    account = account_of([recover(path).output for path in (*unfinished, spill)])
+    assert whole(account)
+    assert account.present[0].last > status.tick + 4000

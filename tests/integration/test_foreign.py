@@ -1,0 +1,164 @@
+"""Clients in another language among ours: an agent and a display in JavaScript, written from PROTOCOL.md alone.
+
+Node.js and npm must be there; the two packages that the clients need are fetched once, into build/foreign.
+"""
+
+import json
+import shutil
+import subprocess
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rig import Rig
+
+from netboard.experiment.machine import Phase
+from netboard.recording.reader import Recording
+from netboard.recording.verification import verify_recording
+from netboard.wire.codec import decode
+from netboard.wire.messages import Status
+
+pytestmark = [pytest.mark.integration, pytest.mark.slow, pytest.mark.timeout(240)]
+
+ROOT = Path(__file__).parents[2]
+SOURCE = Path(__file__).parent / "foreign"
+FRAMES = ROOT / "tests" / "data" / "frames"
+EASY = ("task.level_time=0.05", "task.level_angle_deg=5.0", "task.level_rate_deg_s=30.0", "block.trials=50")
+"""A ball that is released almost at once, and more trials than there is time for."""
+
+Line = dict[str, Any]
+
+
+def run(command: list[str], folder: Path) -> str:
+    """What a command says that succeeds."""
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=180, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@pytest.fixture(scope="session")
+def clients() -> Path:
+    """Folder with the clients and the packages they need; these are fetched when the lock file has changed."""
+    if shutil.which("node") is None or shutil.which("npm") is None:
+        pytest.skip("the clients in JavaScript need node and npm (on Debian or Ubuntu: apt-get install nodejs npm)")
+    folder = ROOT / "build" / "foreign"
+    lock, fetched = SOURCE / "package-lock.json", folder / "fetched.json"
+    shutil.copytree(SOURCE, folder, dirs_exist_ok=True)
+    if not fetched.exists() or fetched.read_bytes() != lock.read_bytes():
+        run(["npm", "ci", "--ignore-scripts", "--no-audit", "--no-fund"], folder)
+        shutil.copy(lock, fetched)
+    return folder
+
+
+@dataclass(frozen=True)
+class Played:
+    """A session of a foreign agent and display at the left and one of our agents at the right.
+
+    Attributes
+    ----------
+    status : Status
+        How it stood shortly before the end.
+    path : Path
+        The recording.
+    agent, display : list of dict
+        What the two clients said.
+    """
+
+    status: Status
+    path: Path
+    agent: list[Line]
+    display: list[Line]
+
+
+def start_client(rig: Rig, clients: Path, what: str) -> None:
+    """Start the left agent or display."""
+    command = ["node", f"{what}.mjs", "left", rig.config.network.host, str(rig.config.network.port)]
+    with (rig.folder / f"left {what}.log").open("wb") as said:
+        rig.running[f"left {what}"] = subprocess.Popen(command, cwd=clients, stdout=said, stderr=said)
+
+
+def lines(rig: Rig, what: str) -> list[Line]:
+    return [json.loads(line) for line in rig.said(f"left {what}").splitlines()]
+
+
+@pytest.fixture(scope="module")
+def played(clients: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Played]:
+    with Rig(tmp_path_factory.mktemp("foreign"), EASY) as rig:
+        rig.start("logger", "logger", "--once")
+        rig.start("server", "server")
+        rig.start_agent("right")
+        for what in ("agent", "display"):
+            start_client(rig, clients, what)
+        rig.until(lambda status: status.phase == "running" and "display.left" in status.peers)
+        status = rig.until(lambda status: status.successes + status.failures > 0)
+        (path,) = rig.finish()
+        for what in ("agent", "display"):
+            assert rig.stop(f"left {what}") == 0, rig.said(f"left {what}")
+        yield Played(status, path, lines(rig, "agent"), lines(rig, "display"))
+
+
+def golden_lines(clients: Path) -> list[Line]:
+    return [json.loads(line) for line in run(["node", "golden.mjs", str(FRAMES)], clients).splitlines()]
+
+
+def test_every_golden_frame_is_understood_and_written_byte_by_byte(clients: Path) -> None:
+    checked = golden_lines(clients)
+    assert {line["frame"] for line in checked} == {path.stem for path in FRAMES.glob("*.bin")}
+    assert [line for line in checked if not (line["equal"] and line["identical"])] == []
+
+
+def test_the_fixed_form_of_a_foreign_client_is_the_same_message(clients: Path) -> None:
+    fixed = {line["frame"]: bytes.fromhex(line["fixed"]) for line in golden_lines(clients) if line["fixed"]}
+    assert {"stylus", "stylus-extremes", "force"} <= set(fixed)
+    for name, frame in fixed.items():
+        assert repr(decode(frame)) == repr(decode((FRAMES / f"{name}.bin").read_bytes()))
+    assert (len(fixed["stylus"]), len(fixed["force"])) == (148, 47)
+
+
+def test_a_trial_is_played_with_a_foreign_agent_and_verifies(played: Played) -> None:
+    with Recording(played.path) as recording:
+        ticks, verdict = recording.ticks(), verify_recording(recording)
+        events = [event.name for event in recording.events()]
+    assert verdict.identical, verdict
+    assert ticks["tick"].tolist() == list(range(len(ticks)))
+    assert "refused" not in events
+    assert {"held", "fell", "timed_out"} & set(events), events
+    felt = ticks[(ticks["phase"] == Phase.RUNNING) & (ticks["left_live"] == 1)]
+    assert np.any(felt["left_rendered"] != 0)
+    assert np.any(felt["left_loop_ns"] > 0)
+    assert np.any(felt["left_z"] != 0)
+
+
+def test_the_clock_of_a_foreign_agent_is_known_and_its_phase_is_in_step(played: Played) -> None:
+    with Recording(played.path) as recording:
+        ticks = recording.ticks()
+        clocks = {peer: [c for c in recording.clocks() if c.peer == peer] for peer in ("agent.left", "display.left")}
+    for probes in clocks.values():
+        assert probes
+        assert [probe for probe in probes if abs(probe.offset_ns) > probe.bound_ns] == []
+    leads = ticks["left_lead_ns"][(ticks["left_live"] == 1) & (ticks["phase"] == Phase.RUNNING)]
+    windows = np.array_split(leads, len(leads) // 250)
+    assert any(0.15e6 < np.median(window) < 0.45e6 for window in windows), [np.median(window) for window in windows]
+
+
+def test_what_a_foreign_display_shows_is_recorded_and_hides_the_partner(played: Played) -> None:
+    with Recording(played.path) as recording:
+        frames = recording.frames()
+    shown = [line for line in played.display if "picture" in line]
+    assert {frame.station for frame in frames} == {"left"}
+    assert 0 < len(frames) <= shown[-1]["frames"]
+    assert all(frame.painted_ns >= frame.received_ns for frame in frames)
+    assert any(" running " in line["picture"] for line in shown)
+    assert shown[-1]["pings"] > 0
+    assert {line["partner_seen"] for line in shown} == {0}
+
+
+def test_foreign_clients_are_welcomed_and_never_refused(played: Played) -> None:
+    for said in (played.agent, played.display):
+        words = [line for line in said if "armed" not in line and "picture" not in line]
+        assert [list(line) for line in words] in ([["Welcome"]], [["Welcome"], ["Goodbye"]]), words
+        assert words[0]["Welcome"] == played.status.session
+    assert any(line["armed"] for line in played.agent if "armed" in line)

@@ -1,0 +1,57 @@
+"""The benchmarks of the loop, in miniature: real processes play, are measured, and what was found is written."""
+
+import json
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from netboard.latency.bench import Setting, loop, soak
+from netboard.latency.serving import Crowd, Scene
+
+pytestmark = [pytest.mark.integration, pytest.mark.slow, pytest.mark.timeout(240)]
+
+
+def parts_of(file: Path) -> dict[str, dict[str, Any]]:
+    return {part["name"]: part for part in json.loads(file.read_text())["parts"]}
+
+
+def test_the_loop_and_its_baselines_are_measured_in_turns(tmp_path: Path) -> None:
+    folder, file = tmp_path / "found", tmp_path / "found.json"
+    assert loop(Setting(quick=True), 1.0, (), folder, file, skips=False, force=False) == 0
+    assert file.read_text() == (folder / "results.json").read_text()
+    assert {path.suffix for path in folder.iterdir()} >= {".csv", ".json"}
+    assert (folder / "loop.png").exists() == (find_spec("matplotlib") is not None)
+    assert not (folder / "processes").exists()
+    parts = parts_of(file)
+    assert set(parts) == {"latency", "lateness", "costs", "histogram"}
+    samples = {row[0]: row[1] for row in parts["latency"]["rows"]}
+    assert samples["stylus to force"] > 0
+    assert samples["echo of the same bytes"] == 2 * 1000
+    ticks = {row[0]: row[1] for row in parts["lateness"]["rows"]}
+    assert ticks["server's ticks"] > 0
+    assert ticks["timer alone"] == 1000
+    costs = {row[0]: row[4] for row in parts["costs"]["rows"]}
+    assert set(costs) == {"server", "logger", "left agent", "right agent", "echo", "peer left", "peer right"}
+    assert all(cost > 0 for cost in costs.values())
+
+
+def test_light_peers_play_a_trial_at_a_real_server(tmp_path: Path) -> None:
+    with Crowd(tmp_path) as crowd:
+        served = crowd.serve(Setting().config, 1, Scene(displays=True), 1.0)
+    assert {name for name, count in served.counts.items() if count > 0} >= {"forces", "views", "records", "batches"}
+    assert served.active > 0
+    assert served.ticks.ticks > 0
+    assert served.cost.seconds > 0
+
+
+def test_a_soak_loses_nothing(tmp_path: Path) -> None:
+    folder = tmp_path / "soaked"
+    assert soak(Setting(), 0.05, 1, folder, None, force=False) == 0
+    parts = parts_of(folder / "results.json")
+    assert set(parts) == {"records", "memory", "minutes", "costs"}
+    ((dyad, ticks, missing, lost, _, verified, size),) = parts["records"]["rows"]
+    assert (dyad, missing, lost, verified) == (1, 0, 0, True)
+    assert ticks > 3000
+    assert size > 0
