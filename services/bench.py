@@ -125,3 +125,19 @@ def fuzz(
     from netboard.faults import fuzz as study
 
     raise typer.Exit(study.main(output, quick=quick, force=force, frames=frames))
+
+
+@app.command(
+    epilog="Examples:\n\n  netboard bench faults --quick\n\n  netboard bench faults --case agent-killed --case line-cut-5s"
+)
+def faults(
+    output: Output = None,
+    quick: Annotated[bool, typer.Option("--quick", help="A short form: fewer, and less patience.")] = False,
+    force: Force = False,
+    case: Annotated[list[str] | None, typer.Option(metavar="NAME", help="Only this one; may be given again.")] = None,
+    listing: Annotated[bool, typer.Option("--list", help="Say which faults there are, and stop.")] = False,
+) -> None:
+    """Kill, stop, cut and fill what can be, on real processes, and check that what must happen does."""
+    from netboard.faults import bench as study
+
+    raise typer.Exit(study.list_cases() if listing else study.main(output, quick=quick, force=force, names=case or ()))

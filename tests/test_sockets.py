@@ -6,6 +6,7 @@ import socket as net
 import stat
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,8 @@ pytestmark = pytest.mark.integration
 
 ANYWHERE = sockets.Endpoint("tcp://127.0.0.1:*")
 PATIENCE = 30.0
+WITHOUT_KEYS = b"\xff" + bytes(8) + b"\x7f\3\0" + b"NULL".ljust(20, b"\0") + bytes(32)
+"""How a peer without keys greets, by ZeroMQ's RFC 23."""
 
 
 class Made:
@@ -203,9 +206,127 @@ def test_who_subscribes_to_something_else_is_not_counted(made: Made) -> None:
     odd.close()
 
 
+class SmallRing:
+    """Knows one key."""
+
+    def __init__(self, owner: str) -> None:
+        self.public, self.secret = sockets.new_keys()
+        self.known, self._secret = sockets.new_keys()
+        self._owner = owner
+
+    def lock(self) -> sockets.Credentials:
+        return sockets.Credentials(self.known, self._secret, self.public)
+
+    def refuses(self, key: str, channel: str) -> str:
+        return "" if key == self.known else "unknown"
+
+    def forbids(self, key: str, role: str, side: str) -> str:
+        return "" if f"{role}.{side}" == self._owner else "somebody else"
+
+    def owner(self, key: str) -> str:
+        return self._owner
+
+    def fingerprint(self, key: str) -> str:
+        return key[:4]
+
+
+class TestDoor:
+    @pytest.fixture
+    def ring(self) -> SmallRing:
+        return SmallRing("agent.left")
+
+    @pytest.fixture
+    def door(self, ring: SmallRing) -> sockets.Door:
+        return sockets.Door(ring, 1)
+
+    @pytest.fixture
+    def server(self, made: Made, door: sockets.Door) -> sockets.Router:
+        return made.motion_server(sockets.Endpoint(ANYWHERE.address, sockets.MOTION, door))
+
+    def agent(self, made: Made, server: sockets.Router, lock: sockets.Credentials, name: str) -> sockets.Socket:
+        endpoint = sockets.Endpoint(endpoint_of(server).address, sockets.MOTION, lock)
+        return made.motion_agent(endpoint, name)
+
+    def let_in(self, door: sockets.Door, agent: sockets.Socket) -> None:
+        until(lambda: door.attend() or sockets.send(agent, b"hello"))
+
+    def test_who_is_let_in_is_known_by_the_key(
+        self, made: Made, ring: SmallRing, door: sockets.Door, server: sockets.Router
+    ) -> None:
+        self.let_in(door, self.agent(made, server, ring.lock(), "agent.left@test"))
+        peer, frame = until(server.receive)
+        assert frame == b"hello"
+        assert peer.startswith(b"agent.left@test.")
+        assert len(peer) > len("agent.left@test.") + 10, "nobody can guess it"
+        assert server.key == ring.known
+        assert server.forbids("agent", "left") == ""
+        assert server.forbids("agent", "right") == "somebody else"
+
+    def test_a_frame_in_another_name_is_taken_for_an_empty_one(
+        self, made: Made, ring: SmallRing, door: sockets.Door, server: sockets.Router
+    ) -> None:
+        self.let_in(door, self.agent(made, server, ring.lock(), "agent.lefty@test"))
+        _, frame = until(server.receive)
+        assert frame == b""
+        (told,) = door.attend()
+        assert told["reason"].startswith("it calls itself agent.lefty@test")
+        assert told["address"] == "127.0.0.1"
+
+    def test_a_key_of_one_server_opens_nothing_of_another_in_the_same_process(
+        self, made: Made, ring: SmallRing, door: sockets.Door, server: sockets.Router
+    ) -> None:
+        other_ring = SmallRing("agent.left")
+        other_door = sockets.Door(other_ring, 2)
+        other = made.motion_server(sockets.Endpoint(ANYWHERE.address, sockets.MOTION, other_door))
+        lock = replace(ring.lock(), server=other_ring.public)
+        stray = self.agent(made, other, lock, "agent.left@stray")
+        (told,) = until(other_door.attend)
+        assert told["reason"] == "unknown"
+        assert not sockets.send(stray, b"hello")
+        assert door.attend() == []
+        self.let_in(door, self.agent(made, server, ring.lock(), "agent.left@test"))
+        assert until(server.receive)[1] == b"hello"
+
+    def test_who_is_refused_is_told_of_once_for_a_while(self, door: sockets.Door) -> None:
+        for _ in range(100):
+            door.refuse("motion", "10.0.0.1", "key5", "why")
+        assert door.attend() == [
+            {"channel": "motion", "address": "10.0.0.1", "key": "key5", "reason": "why", "times": "1"}
+        ]
+        assert door.attend() == []
+
+    def test_more_kinds_than_are_remembered_are_lumped_together(self, door: sockets.Door) -> None:
+        for number in range(3 * sockets.MOST_REFUSALS):
+            door.refuse("motion", f"10.0.0.{number}", "", "why")
+        assert len(door.attend()) == sockets.MOST_REFUSALS + 1
+
+    def test_a_crowd_of_strangers_is_told_of_and_keeps_nobody_out(
+        self, made: Made, ring: SmallRing, door: sockets.Door, server: sockets.Router
+    ) -> None:
+        place = endpoint_of(server).address.removeprefix("tcp://").split(":")
+        for _ in range(4 * sockets.MOST_HANDSHAKES):
+            with net.create_connection((place[0], int(place[1]))) as stranger:
+                stranger.sendall(WITHOUT_KEYS)
+                with contextlib.suppress(ConnectionResetError):
+                    while stranger.recv(1000):
+                        pass
+        told = until(door.attend)
+        assert [it["reason"] for it in told if it["reason"].startswith("more handshakes fail")] != []
+        assert door.attend() == []
+        self.let_in(door, self.agent(made, server, ring.lock(), "agent.left@test"))
+        assert until(server.receive)[1] == b"hello"
+
+
 @pytest.mark.skipif(not hasattr(os, "getuid"), reason="no sockets in the file system")
 class TestSocketsInTheFileSystem:
     where = sockets.Addresses("ignored", "ignored", 30_000 + os.getpid() % 30_000, "ipc")
+
+    @pytest.fixture(autouse=True)
+    def removed(self, made: Made) -> Iterator[None]:
+        yield
+        made.context.destroy(linger=0)
+        for channel in (sockets.MOTION, sockets.LOG, sockets.CONTROL):
+            Path(self.where.listen(channel).address.removeprefix("ipc://")).unlink(missing_ok=True)
 
     def test_a_frame_goes_through(self, made: Made) -> None:
         endpoint = self.where.listen(sockets.CONTROL)

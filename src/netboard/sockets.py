@@ -233,6 +233,8 @@ class _Watched:
 
     def listen(self) -> Iterator[str]:
         """Why they failed."""
+        if self._socket.closed:
+            return
         if self._deaf_until_ns:
             if time.monotonic_ns() < self._deaf_until_ns:
                 return

@@ -26,8 +26,8 @@ pytestmark = [pytest.mark.integration, pytest.mark.slow, pytest.mark.timeout(240
 ROOT = Path(__file__).parents[2]
 SOURCE = Path(__file__).parent / "foreign"
 FRAMES = ROOT / "tests" / "data" / "frames"
-EASY = ("task.level_time=0.05", "task.level_angle_deg=5.0", "task.level_rate_deg_s=30.0", "block.trials=50")
-"""A ball that is released almost at once, and more trials than there is time for."""
+EASY = ("task.level_time=0.05", "task.level_angle_deg=5.0", "task.level_rate_deg_s=30.0", "task.time_limit=10.0")
+"""A ball that is released almost at once, and a trial that ends in any case."""
 
 Line = dict[str, Any]
 

@@ -1,4 +1,4 @@
-"""A few thousand malformed messages for every socket of every process: the parts of ``netboard bench fuzz``, in short."""
+"""A few thousand malformed messages for every socket of every process: the parts of ``netboard bench fuzz``."""
 
 from pathlib import Path
 

@@ -180,6 +180,7 @@ def test_the_end_is_told_once_all_records_are_sent_and_done_once_they_are_on_dis
     assert rig.numbers(heard[:-1]) == [0, 1, 2]
     assert heard[-1] == LogEnd(2)
     assert not rig.port.done
+    rig.record(1)
     assert rig.pump(L) == []
     rig.pump(L, LogAck(3, 0))
     assert rig.port.done

@@ -43,7 +43,8 @@ def test_info_says_what_is_in_a_recording(writer: RecordingWriter) -> None:
     writer.finish(TICKS * 1_000_000)
     result = runner.invoke(app, ["info", "S01.mcap"])
     assert result.exit_code == 0, result.exception
-    for words in ("S01, dyad D01, run a1b2c3d4", "dyadic, haptics on, 60 trials", "complete", str(TICKS)):
+    account = f"{TICKS}: 0 to {TICKS - 1}"
+    for words in ("S01, dyad D01, run a1b2c3d4", "dyadic, haptics on, 60 trials", "complete", str(TICKS), account):
         assert words in result.output
 
 

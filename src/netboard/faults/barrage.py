@@ -7,9 +7,7 @@ with effect (a command, an acknowledgement) is not malformed, and is left out.
 import random
 import socket as net
 import time
-from collections import deque
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 
 from netboard import sockets
 from netboard.config import Network
@@ -78,7 +76,7 @@ class Assault:
         self._welcomed = hello is not None
         self._chance = random.Random(seed)
         self._mutants = Mutants(true_frames(seed), seed)
-        name = f"{PREFIX}.{self.channel}.{hello.role if hello else 'stranger'}"
+        name = f"{PREFIX}.{self.channel}.{hello.role + hello.side if hello else 'stranger'}"
         self._subscribes = channel in sockets.VIEW.values()
         kind = b"SUB" if self._subscribes else b"DEALER"
         first = [] if hello is None else [encode(hello)]
@@ -145,25 +143,19 @@ class Vandal:
         self.count = count
         self.sent = 0
         self._places = places
-        self._streams = zmtp.streams(seed)
-        self._open: deque[net.socket] = deque()
+        self._talk = zmtp.Talk(KEPT_OPEN, seed)
 
     def fire(self, due: float) -> None:
-        """Open connections until there have been so many."""
+        """Open connections until there have been so many, and go on in those that are open."""
         while self.sent < min(due, self.count):
-            connection = net.create_connection(self._places[self.sent % len(self._places)], zmtp.CONNECT_SECONDS)
-            connection.setblocking(False)
-            self._open.append(connection)
-            with suppress(OSError):  # the other end may have hung up, or take no more
-                connection.send(next(self._streams))
+            place = self._places[self.sent % len(self._places)]
+            self._talk.take(net.create_connection(place, zmtp.CONNECT_SECONDS))
             self.sent += 1
-            if len(self._open) > KEPT_OPEN:
-                self._open.popleft().close()
+        self._talk.turn()
 
     def close(self) -> None:
-        """Close what is open."""
-        while self._open:
-            self._open.popleft().close()
+        """Hang up."""
+        self._talk.close()
 
 
 def as_agents(network: Network, count: int) -> list[Assault]:

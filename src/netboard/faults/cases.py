@@ -447,10 +447,10 @@ LINKS = (
         "delay-50ms",
         "links",
         "50 ms each way",
-        _LEFT_FALLS + _PAUSED + "; not resumed before it is over",
+        f"{_PAUSED}; not resumed before it is over",
         RELAYED,
         blow(LEFT, Weather(0.05), Weather(0.05)),
-        (falls("left", to_zero=False), paused(*_OUTAGE)),
+        (paused(*_OUTAGE),),
     ),
     Case(
         "jitter-20ms",

@@ -22,7 +22,6 @@ from netboard.recording.recovery import recover
 from netboard.tick import TICK
 from netboard.wire.messages import EventRecord
 
-
 BEFORE_NS = 5_000_000
 """What the devices were handed just before a fault belongs to it: the last force before it is among it [ns]."""
 

@@ -5,7 +5,6 @@ the rest is seen: one force that never changes, ticks that are numbered and else
 """
 
 import socket as net
-from collections import deque
 from collections.abc import Iterator
 from contextlib import suppress
 from math import sin
@@ -213,10 +212,9 @@ class Babbler:
 
     def __init__(self, network: Network, seed: int) -> None:
         self.heard = 0
-        self._streams = zmtp.streams(seed)
+        self._talk = zmtp.Talk(KEPT_OPEN, seed)
         places = [(network.host, network.port + channel) for channel in range(len(sockets.CHANNELS))]
         self._listeners = [net.create_server(place) for place in places]
-        self._open: deque[net.socket] = deque()
         for listener in self._listeners:
             listener.setblocking(False)
 
@@ -226,13 +224,11 @@ class Babbler:
             with suppress(BlockingIOError):
                 connection, _ = listener.accept()
                 self.heard += 1
-                self._open.append(connection)
-                with suppress(OSError):  # who connected may have gone
-                    connection.send(next(self._streams))
-        while len(self._open) > KEPT_OPEN:
-            self._open.popleft().close()
+                self._talk.take(connection)
+        self._talk.turn()
 
     def close(self) -> None:
         """Hang up."""
-        for socket in (*self._listeners, *self._open):
-            socket.close()
+        for listener in self._listeners:
+            listener.close()
+        self._talk.close()

@@ -7,8 +7,10 @@ any way; a `Line` is a peer that keeps to it, up to what its messages say.
 import random
 import socket as net
 import struct
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
+from typing import TypeAlias
 
 MORE, LONG, COMMAND = 1, 2, 4
 """Flags of a frame."""
@@ -17,8 +19,11 @@ CONNECT_SECONDS = 5.0
 MOST_WAITING = 2**18
 """A line takes nothing more while so much is still to be sent [bytes]."""
 
-Place = tuple[str, int]
+Place: TypeAlias = tuple[str, int]
 """Address and port."""
+
+Stream: TypeAlias = tuple[bytes, ...]
+"""What is said in one connection, one after the other."""
 
 
 def greeting(mechanism: bytes = b"NULL", major: int = 3, minor: int = 0) -> bytes:
@@ -73,7 +78,8 @@ class Line:
     def __init__(self, place: Place, kind: bytes, identity: bytes = b"", first: Sequence[bytes] = ()) -> None:
         self.made = 0
         self._place = place
-        self._opening = greeting() + ready(kind, identity) + b"".join(message([part]) for part in first)
+        self._handshake = greeting() + ready(kind, identity)
+        self._first = b"".join(message([part]) for part in first)
         self._socket: net.socket | None = None
         self._waiting = b""
 
@@ -98,12 +104,11 @@ class Line:
         return not self._waiting
 
     def _flush(self) -> None:
-        if self._socket is None:
-            self._socket = net.create_connection(self._place, CONNECT_SECONDS)
-            self._socket.setblocking(False)
-            self._waiting = self._opening + self._waiting
-            self.made += 1
         try:
+            if self._socket is None:
+                self._socket = self._connect()
+                self._waiting = self._first + self._waiting
+                self.made += 1
             with suppress(BlockingIOError):
                 while self._waiting:
                     self._waiting = self._waiting[self._socket.send(self._waiting) :]
@@ -111,11 +116,23 @@ class Line:
                 while True:  # what it answers is for nobody
                     if not self._socket.recv(65_536):
                         raise ConnectionResetError
-        except (ConnectionError, TimeoutError):
+        except (ConnectionResetError, BrokenPipeError):
             self.renew()
 
+    def _connect(self) -> net.socket:
+        """Shake hands: what is said before the other end is ready is taken for part of it."""
+        socket = net.create_connection(self._place, CONNECT_SECONDS)
+        socket.sendall(self._handshake)
+        heard = b""
+        while b"READY" not in heard:
+            heard += (said := socket.recv(4096))
+            if not said:
+                raise ConnectionResetError
+        socket.setblocking(False)
+        return socket
 
-def streams(seed: int) -> Iterator[bytes]:
+
+def streams(seed: int) -> Iterator[Stream]:
     """Make what one connection after the other says: none of it is what it should be.
 
     Parameters
@@ -125,8 +142,8 @@ def streams(seed: int) -> Iterator[bytes]:
 
     Yields
     ------
-    bytes
-        All that is said in one connection.
+    tuple of bytes
+        All that is said in one connection, with a pause between.
     """
     chance = random.Random(seed)
     while True:
@@ -137,51 +154,56 @@ def _noise(chance: random.Random) -> bytes:
     return chance.randbytes(chance.choice((0, 1, 9, 10, 11, 63, 64, 65, 1000, 9000)))
 
 
-def _half_greeting(chance: random.Random) -> bytes:
-    return greeting()[: chance.randrange(64)] + chance.choice((b"", _noise(chance)))
+def _nothing_but_noise(chance: random.Random) -> Stream:
+    return _noise(chance), _noise(chance)
 
 
-def _other_greeting(chance: random.Random) -> bytes:
+def _half_greeting(chance: random.Random) -> Stream:
+    return greeting()[: chance.randrange(64)], chance.choice((b"", _noise(chance)))
+
+
+def _other_greeting(chance: random.Random) -> Stream:
     mechanism = chance.choice((b"NULL", b"PLAIN", b"CURVE", b"GSSAPI", b"", b"X" * 20, chance.randbytes(20)))
-    return greeting(mechanism, chance.choice((0, 1, 2, 3, 4, 255)), chance.randrange(4)) + _noise(chance)
+    return greeting(mechanism, chance.choice((0, 1, 2, 3, 4, 255)), chance.randrange(4)), _noise(chance)
 
 
-def _wrong_ready(chance: random.Random) -> bytes:
+def _wrong_ready(chance: random.Random) -> Stream:
     kind = chance.choice((b"", b"PUB", b"REQ", b"ROUTER", b"PAIR", b"DEALER\0", b"X" * 4000))
     body = ready(kind, chance.randbytes(chance.choice((0, 1, 255, 256, 5000))))
-    return greeting() + chance.choice((body, body[: chance.randrange(len(body))], _flipped(chance, body)))
+    return greeting(), chance.choice((body, body[: chance.randrange(len(body))], _flipped(chance, body)))
 
 
-def _out_of_turn(chance: random.Random) -> bytes:
-    return greeting() + chance.choice((framed(b"x"), command(b"PING", b"\0\1x"), command(b"ERROR", b"\1x"), b"\4\0"))
+def _out_of_turn(chance: random.Random) -> Stream:
+    early = chance.choice((framed(b"x"), command(b"PING", b"\0\1x"), command(b"ERROR", b"\1x"), b"\4\0"))
+    return greeting() + early, _noise(chance)
 
 
-def _odd_command(chance: random.Random) -> bytes:
+def _odd_command(chance: random.Random) -> Stream:
     name = chance.choice((b"PING", b"PONG", b"ERROR", b"READY", b"HELLO", b"SUBSCRIBE", b"CANCEL", b"", b"X" * 255))
-    return _handshake(chance) + command(name, _noise(chance)) + framed(_noise(chance), COMMAND)
+    return _handshake(chance), command(name, _noise(chance)) + framed(_noise(chance), COMMAND)
 
 
-def _endless(chance: random.Random) -> bytes:
+def _endless(chance: random.Random) -> Stream:
     """A frame that is longer than any may be, or much longer than what follows."""
     size = chance.choice((2**20 + 1, 2**31, 2**32, 2**63 - 1, 2**63, 2**64 - 1, 200_000))
-    return _handshake(chance) + struct.pack(">BQ", LONG | chance.choice((0, MORE, COMMAND)), size) + _noise(chance)
+    return _handshake(chance), struct.pack(">BQ", LONG | chance.choice((0, MORE, COMMAND)), size) + _noise(chance)
 
 
-def _unfinished(chance: random.Random) -> bytes:
+def _unfinished(chance: random.Random) -> Stream:
     """Parts of a message of which the last never comes."""
-    return _handshake(chance) + framed(_noise(chance), MORE) * chance.choice((1, 10, 300))
+    return _handshake(chance), framed(_noise(chance), MORE) * chance.choice((1, 10, 300))
 
 
-def _odd_flags(chance: random.Random) -> bytes:
-    return _handshake(chance) + b"".join(framed(b"x" * 20, chance.randrange(256)) for _ in range(20))
+def _odd_flags(chance: random.Random) -> Stream:
+    return _handshake(chance), b"".join(framed(b"x" * 20, chance.randrange(256)) for _ in range(20))
 
 
-def _flip_anywhere(chance: random.Random) -> bytes:
-    return _flipped(chance, _handshake(chance) + message([b"a", b"b" * 300]))
+def _flip_anywhere(chance: random.Random) -> Stream:
+    return _handshake(chance), _flipped(chance, message([b"a", b"b" * 300]))
 
 
-def _http(chance: random.Random) -> bytes:
-    return b"GET / HTTP/1.1\r\nHost: lab\r\n\r\n" + b"x: y\r\n" * chance.choice((0, 500))
+def _http(chance: random.Random) -> Stream:
+    return b"GET / HTTP/1.1\r\nHost: lab\r\n\r\n", b"x: y\r\n" * chance.choice((0, 500))
 
 
 def _handshake(chance: random.Random) -> bytes:
@@ -196,8 +218,8 @@ def _flipped(chance: random.Random, stream: bytes) -> bytes:
     return bytes(spoiled)
 
 
-_STREAMS: tuple[Callable[[random.Random], bytes], ...] = (
-    _noise,
+_STREAMS: tuple[Callable[[random.Random], Stream], ...] = (
+    _nothing_but_noise,
     _http,
     _half_greeting,
     _other_greeting,
@@ -209,3 +231,38 @@ _STREAMS: tuple[Callable[[random.Random], bytes], ...] = (
     _odd_flags,
     _flip_anywhere,
 )
+
+
+class Talk:
+    """Connections in which streams are said, each a part at a time; the oldest are hung up.
+
+    Parameters
+    ----------
+    kept : int
+        So many stay open [1].
+    seed : int
+        Of what is said.
+    """
+
+    def __init__(self, kept: int, seed: int) -> None:
+        self._kept = kept
+        self._streams = streams(seed)
+        self._open: deque[tuple[net.socket, deque[bytes]]] = deque()
+
+    def take(self, connection: net.socket) -> None:
+        """Begin to talk in a connection."""
+        connection.setblocking(False)
+        self._open.append((connection, deque(next(self._streams))))
+
+    def turn(self) -> None:
+        """Say the next part in each."""
+        for connection, parts in self._open:
+            with suppress(OSError):  # the other end may have hung up, or take no more
+                connection.send(parts.popleft() if parts else b"")
+        while len(self._open) > self._kept:
+            self._open.popleft()[0].close()
+
+    def close(self) -> None:
+        """Hang up."""
+        while self._open:
+            self._open.popleft()[0].close()

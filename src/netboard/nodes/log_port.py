@@ -31,7 +31,7 @@ from netboard.wire.messages import (
 from netboard.wire.ring import LogRing
 from netboard.wire.session import admit
 
-BATCHES = 4
+BATCHES = 2
 """Batches a logger is sent in one go: a long backlog must not hold up a tick [1]."""
 
 BATCH_RECORDS = 256
@@ -174,8 +174,9 @@ class LogPort:
         return self.ring.batch(cursor, BATCH_RECORDS, BATCH_BYTES)
 
     def end(self) -> None:
-        """No record follows: the loggers are told as soon as they have them all."""
+        """No record follows, whatever is appended: the loggers are told as soon as they have them all."""
         self._ended = True
+        self.append = lambda record: self.ring.next
 
     @property
     def done(self) -> bool:

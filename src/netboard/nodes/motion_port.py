@@ -278,6 +278,10 @@ class MotionPort:
             self._refusals.refuse(agent, reason, now_ns)
             return
         seat = next(seat for seat in self.seats.values() if seat.side == hello.side)
+        before = self._by_agent.get(agent, seat)
+        if before is not seat:
+            self._refusals.refuse(agent, f"it is the {before.side} side's agent already", now_ns)
+            return
         taken = seat.hello is not None and seat.silent_ns(now_ns) < self._timeout_ns
         if taken and seat.hello is not None and seat.hello != hello:
             reason = f"the {seat.side} side already has an agent: {seat.hello.name}"

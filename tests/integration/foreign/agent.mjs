@@ -7,10 +7,10 @@
 
 import { Worker } from "node:worker_threads";
 import { Subscriber } from "zeromq";
-import { Link, now, say, setting } from "./link.mjs";
+import { Link, now, say, understand } from "./link.mjs";
 import { LATER, WAITING } from "./metronome.mjs";
 import { Safety } from "./safety.mjs";
-import { decode, encodeFixed } from "./wire.mjs";
+import { encodeFixed } from "./wire.mjs";
 
 const [side, host, port] = process.argv.slice(2);
 
@@ -39,19 +39,17 @@ class Hand {
 const hand = new Hand();
 const link = new Link(`tcp://${host}:${port}`, "agent", side);
 const metronome = new Int32Array(new SharedArrayBuffer(8));
-let safety = null;
-let stream = null;
+const safety = new Safety();
+const stamps = new BigInt64Array(Number(REMEMBERED));
+let seq = 0n;
+let session = newSession("");
 let seen = { samples: 0, forces: 0, beats: 0, lead_ns: null };
 
-/** What is counted from one Welcome to the next. */
-const newStream = () => ({
-  seq: 0n,
-  stamps: new BigInt64Array(Number(REMEMBERED)),
-  tick: -1n,
-  answer: { force_tick: -1n, force_sent_ns: 0n, force_received_ns: 0n },
-  rendered_seq: -1n,
-  loop_ns: 0n,
-});
+/** What is counted anew in every session; the samples' own numbers go on. */
+function newSession(id) {
+  const answer = { force_tick: -1n, force_sent_ns: 0n, force_received_ns: 0n };
+  return { id, answer, rendered_seq: -1n, loop_ns: 0n };
+}
 
 /** Where the hand goes: by its share of the tilt that pulls the ball to the target, like a damped spring. */
 function aim(view, before) {
@@ -68,15 +66,11 @@ async function watch() {
   views.subscribe();
   let before = null;
   for await (const [frame] of views) {
-    const view = decode(frame);
+    const view = understand(frame);
+    if (view === null) continue;
     aim(view, before);
     before = view;
   }
-}
-
-function limits(config) {
-  const keys = ["stale_after_ms", "fade_ms", "disarm_after_ms"];
-  return Object.fromEntries(keys.map((key) => [key, setting(config, "safety", key)]));
 }
 
 /** Shift the next millisecond so that samples arrive LEAD_NS before the deadline of a tick. */
@@ -89,16 +83,15 @@ function steerBy(lead) {
 function rendered(message, received) {
   if (message.is === "Beat" && message.arm) safety.arm(received);
   safety.hear(message.is === "Force" ? message.force : 0, received);
-  const seq = message.stylus_seq;
-  if (message.is === "Beat" || seq <= stream.rendered_seq || stream.seq - seq > REMEMBERED) return;
-  stream.rendered_seq = seq;
-  stream.loop_ns = now() - stream.stamps[Number(seq % REMEMBERED)];
+  const from = message.stylus_seq;
+  if (message.is === "Beat" || from <= session.rendered_seq || seq - from > REMEMBERED) return;
+  session.rendered_seq = from;
+  session.loop_ns = now() - stamps[Number(from % REMEMBERED)];
 }
 
 function hear(message, received) {
-  if (message.tick <= stream.tick) return;
-  stream.tick = message.tick;
-  stream.answer = { force_tick: message.tick, force_sent_ns: message.sent_ns, force_received_ns: received };
+  if (message.tick <= session.answer.force_tick) return;
+  session.answer = { force_tick: message.tick, force_sent_ns: message.sent_ns, force_received_ns: received };
   rendered(message, received);
   if (message.stylus_seq >= 0n) steerBy(message.lead_ns);
   seen[message.is === "Force" ? "forces" : "beats"] += 1;
@@ -107,38 +100,34 @@ function hear(message, received) {
 
 function beat() {
   Atomics.store(metronome, WAITING, 0);
-  if (stream === null) return;
   const stamp_ns = now();
   hand.move(safety.render(stamp_ns), stamp_ns);
-  const { seq, answer, loop_ns } = stream;
-  stream.stamps[Number(seq % REMEMBERED)] = stamp_ns;
-  stream.seq += 1n;
-  seen.samples += 1;
+  if (link.welcome === null) return;
   const where = { x: 0, y: 0, z: hand.z, vx: 0, vy: 0, vz: hand.vz };
-  const state = { buttons: 0n, safeguards: safety.takeBits(), rendered: safety.rendered, loop_ns };
-  link.send(encodeFixed("Stylus", { seq, stamp_ns, ...where, ...state, ...answer, sent_ns: now() }));
+  const state = { buttons: 0n, safeguards: safety.takeBits(), rendered: safety.rendered, loop_ns: session.loop_ns };
+  link.send(encodeFixed("Stylus", { seq, stamp_ns, ...where, ...state, ...session.answer, sent_ns: now() }));
+  stamps[Number(seq % REMEMBERED)] = stamp_ns;
+  seq += 1n;
+  seen.samples += 1;
 }
 
 async function listen() {
   for await (const [message, received] of link.messages()) {
     if (message.is === "Welcome") {
-      stream = newStream();
-      safety ??= new Safety(limits(message.config));
-    } else if (message.is === "Goodbye") {
-      stream = null;
-    } else if (stream !== null && (message.is === "Force" || message.is === "Beat")) {
+      if (message.session !== session.id) session = newSession(message.session);
+    } else if (link.welcome !== null && (message.is === "Force" || message.is === "Beat")) {
       hear(message, received);
     }
   }
 }
 
 function report() {
-  say({ armed: safety?.armed ?? false, ...seen, loop_ns: stream?.loop_ns ?? null, z: hand.z, lost: link.lost });
+  say({ armed: safety.armed, ...seen, loop_ns: session.loop_ns, z: hand.z, lost: link.lost });
   seen = { ...seen, samples: 0, forces: 0, beats: 0 };
 }
 
 process.on("SIGTERM", async () => {
-  stream = null;
+  report();
   await link.leave("stopped");
   process.exit(0);
 });

@@ -6,8 +6,8 @@
 // SIGTERM: it says Goodbye and ends.
 
 import { Subscriber } from "zeromq";
-import { Link, now, say, setting } from "./link.mjs";
-import { decode, encode } from "./wire.mjs";
+import { Link, now, say, setting, understand } from "./link.mjs";
+import { encode } from "./wire.mjs";
 
 const [station, host, port] = process.argv.slice(2);
 
@@ -21,19 +21,22 @@ const views = new Subscriber({ linger: 0, tcpKeepalive: 1 });
 let waiting = null;
 let shown = [];
 let picture = "";
-let heardNs = null;
+let heardNs = now();
+let limitMs = 500;
+let lengthM = 1;
 const counts = { views: 0, frames: 0, dropped: 0, pings: 0, partner_seen: 0 };
 
 /** The board, the ball and the target, from one end of the line to the other. */
 function draw(view) {
   const line = Array(41).fill("-");
-  const column = (p) => Math.max(0, Math.min(40, Math.round(20 + p * 80)));
+  const column = (p) => Math.max(0, Math.min(40, Math.round(20 + (40 * p) / lengthM)));
   line[column(view.target)] = "U";
   if (view.p !== null) line[column(view.p)] = "o";
   return `${line.join("")} ${view.phase} ${view.trial}/${view.trials} ${((view.theta * 180) / Math.PI).toFixed(1)} deg`;
 }
 
 function paint() {
+  if (Number(now() - heardNs) / 1e6 > limitMs) picture = "no news from the server";
   if (waiting === null) return;
   const { view, received } = waiting;
   waiting = null;
@@ -42,17 +45,12 @@ function paint() {
   counts.frames += 1;
 }
 
-function blankWhenSilent() {
-  if (heardNs === null || link.welcome === null) return;
-  const limit = setting(link.welcome.config, "display", "link_timeout_ms");
-  if (Number(now() - heardNs) / 1e6 > limit) picture = "no news from the server";
-}
-
 async function watch() {
   views.connect(`tcp://${host}:${Number(port) + CHANNEL[station]}`);
   views.subscribe();
   for await (const [frame] of views) {
-    const view = decode(frame);
+    const view = understand(frame);
+    if (view === null) continue;
     heardNs = now();
     counts.views += 1;
     if (view[OTHER[station]] !== null) counts.partner_seen += 1;
@@ -61,8 +59,14 @@ async function watch() {
   }
 }
 
+function takeOver(config) {
+  limitMs = setting(config, "display", "link_timeout_ms");
+  lengthM = setting(config, "geometry", "board_length");
+}
+
 async function answer() {
   for await (const [message, received] of link.messages()) {
+    if (message.is === "Welcome") takeOver(message.config);
     if (message.is !== "Ping") continue;
     link.send(encode("Pong", { ping_ns: message.sent_ns, received_ns: received, sent_ns: now() }));
     counts.pings += 1;
@@ -74,13 +78,11 @@ function reportFrames() {
   link.send(encode("Frames", { station, shown: shown.splice(0), dropped: BigInt(counts.dropped) }));
 }
 
-function tell() {
-  blankWhenSilent();
-  say({ picture, ...counts, lost: link.lost });
-}
+const tell = () => say({ picture, ...counts, lost: link.lost });
 
 process.on("SIGTERM", async () => {
   reportFrames();
+  tell();
   await link.leave("stopped");
   process.exit(0);
 });

@@ -1,4 +1,5 @@
-// A peer's end of a channel with a way back (PROTOCOL.md, sections 1, 4 and 6): says Hello until it is welcome, and after a silence again.
+// A peer's end of a channel with a way back (PROTOCOL.md, sections 1, 4 and 6): says Hello until it is welcome, and again
+// after a silence, a Goodbye or a Refusal.
 
 import { hostname } from "node:os";
 import { Dealer } from "zeromq";
@@ -12,6 +13,16 @@ export const now = () => process.hrtime.bigint();
 /** One line of JSON on the standard output; a BigInt is written as a number. */
 export const say = (words) =>
   console.log(JSON.stringify(words, (_, value) => (typeof value === "bigint" ? Number(value) : value)));
+
+/** The message of a frame; one that is none is dropped, and said so. */
+export function understand(frame) {
+  try {
+    return decode(frame);
+  } catch (error) {
+    say({ Undecodable: error.message });
+    return null;
+  }
+}
 
 export class Link {
   #socket;
@@ -58,22 +69,11 @@ export class Link {
   /** What the server says, as messages with the time at which each came. */
   async *messages() {
     for await (const [frame] of this.#socket) {
-      const message = this.#understand(frame);
-      if (message !== null) yield [message, now()];
-    }
-  }
-
-  #understand(frame) {
-    this.#heardNs = now();
-    try {
-      const message = decode(frame);
-      if (message.is === "Welcome") this.#welcomed(message);
-      if (message.is === "Refusal" || message.is === "Goodbye") this.#unwelcome(message);
-      return message;
-    } catch (error) {
-      if (!(error instanceof TypeError || error instanceof RangeError)) throw error;
-      say({ Undecodable: error.message });
-      return null;
+      this.#heardNs = now();
+      const message = understand(frame);
+      if (message?.is === "Welcome") this.#welcomed(message);
+      if (message?.is === "Refusal" || message?.is === "Goodbye") this.#unwelcome(message);
+      if (message !== null) yield [message, this.#heardNs];
     }
   }
 
@@ -90,6 +90,7 @@ export class Link {
   /** Say Goodbye and give it a moment to leave. */
   async leave(reason) {
     clearInterval(this.#timer);
+    this.welcome = null;
     await this.send(encode("Goodbye", { reason }));
     await new Promise((done) => setTimeout(done, 50));
     this.#socket.close();

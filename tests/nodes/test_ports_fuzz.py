@@ -1,0 +1,151 @@
+"""The server's ports, told anything by anybody at any time: they never fail, and what they tell can be recorded."""
+
+import random
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fake_router import WELCOME, FakeRouter, hello
+
+from fakes import FakeClock
+from netboard.faults.mutants import Mutants, true_frames
+from netboard.nodes.control_port import ControlPort
+from netboard.nodes.log_port import LogPort
+from netboard.nodes.motion_port import MotionPort
+from netboard.recording.spill import Spill
+from netboard.tick import TICK
+from netboard.wire.codec import encode
+from netboard.wire.messages import (
+    ClockRecord,
+    Command,
+    EventRecord,
+    Frames,
+    Goodbye,
+    LogAck,
+    LogRequest,
+    Message,
+    Pong,
+    Status,
+    StatusRequest,
+    Stylus,
+    TickRecord,
+)
+
+PEERS = (b"agent.left@1", b"b", b"\x00\xff\n", b"agent.left@2")
+SEEDS = range(12)
+WORDS = 1500
+MS, SECOND = 1_000_000, 1_000_000_000
+SPANS = (0, 0, 0, 1, MS, MS, 20 * MS, 60 * MS, 600 * MS, 3 * SECOND)
+BIG = (0, 1, -1, 5, 1000, 2**40, 2**60, 2**63 - 1, -(2**63))
+STATUS = Status("session", 1, "idle", 1, 60, 0, 0, (), 0, (), (), "", ())
+
+
+def plausible(chance: random.Random, now_ns: int) -> Message:
+    """A message that is right in form, and may be right in fact."""
+
+    def number() -> int:
+        return chance.choice((*BIG, now_ns, now_ns - MS, chance.randrange(100)))
+
+    def quantity() -> float:
+        return chance.choice((0.0, 0.01, -1e300, float("nan"), float("inf")))
+
+    role, side = chance.choice(("agent", "display", "logger", "console")), chance.choice(("left", "right", ""))
+    makers: tuple[Callable[[], Message], ...] = (
+        lambda: hello(role, side if role in ("agent", "display") else "", chance.choice(("x", "y\n" * 2000))),
+        lambda: hello(role, side),
+        lambda: Goodbye("done"),
+        lambda: Stylus(
+            *(number(), number()),
+            *(quantity() for _ in range(6)),
+            *(number(), chance.choice((1, 255, -1)), quantity()),
+            *(number() for _ in range(5)),
+        ),
+        lambda: Pong(number(), number(), number()),
+        lambda: Frames(chance.choice(("left", "right")), ((number(), number(), number()),) * 3, number()),
+        lambda: LogRequest(number()),
+        lambda: LogAck(number(), number()),
+        lambda: Command(chance.choice(("start", "stop", "abort"))),
+        StatusRequest,
+    )
+    return chance.choice(makers)()
+
+
+def said(chance: random.Random, clock: FakeClock) -> Iterator[tuple[bytes, Message | bytes]]:
+    """Who says what, as time goes by."""
+    mutants = Mutants(true_frames(chance.randrange(1000)), chance.randrange(1000))
+    while True:
+        clock.now_ns += chance.choice(SPANS)
+        word = next(mutants) if chance.random() < 0.3 else plausible(chance, clock.now_ns)
+        yield chance.choice(PEERS), word
+
+
+def recordable(news: list[tuple[str, dict[str, str]]], records: list[ClockRecord]) -> None:
+    """Record it all as the server does."""
+    for name, details in news:
+        encode(EventRecord(0, 0, 0, name, details))
+    for record in records:
+        encode(record)
+    news.clear()
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_the_motion_port(seed: int) -> None:
+    chance, clock, router = random.Random(seed), FakeClock(), FakeRouter(room=50)
+    port = MotionPort(router, WELCOME, 50 * MS, MS // 2)  # type: ignore[arg-type]
+    row = np.zeros(1, TICK)
+    for tick, (peer, word) in enumerate(islice(said(chance, clock), WORDS)):
+        router.say(peer, word)
+        port.drain(clock, clock.now_ns)
+        port.fill(row.view(np.int64), tick, clock.now_ns, 0)
+        assert np.isfinite(row["left_sent_z"] + row["right_sent_z"]) or not (row["left_live"] and row["right_live"])
+        port.beat(tick, clock.now_ns)
+        port.force(row.view(np.int64), tick, clock.now_ns)
+        if tick % 5 == 0:
+            port.expire(clock.now_ns)
+            port.lacks(clock.now_ns)
+            encode(replace(STATUS, links=tuple(port.links(clock.now_ns))))
+            recordable(port.news, port.clock_records(tick))
+            router.sent.clear()
+        seated = [seat.agent for seat in port.seats.values() if seat.hello is not None]
+        assert len(set(seated)) == len(seated)
+        assert port.empty == (not seated)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_the_control_port(seed: int) -> None:
+    chance, clock, router = random.Random(seed), FakeClock(), FakeRouter(room=50)
+    port = ControlPort(router, WELCOME, lambda: STATUS)  # type: ignore[arg-type]
+    for tick, (peer, word) in enumerate(islice(said(chance, clock), WORDS)):
+        router.say(peer, word)
+        port.drain(clock.now_ns)
+        port.pump(clock.now_ns)
+        if tick % 5 == 0:
+            encode(replace(STATUS, links=tuple(port.links(clock.now_ns))))
+            recordable(port.news, port.clock_records(tick))
+            for frame in port.frames:
+                encode(frame)
+            port.frames.clear()
+            router.sent.clear()
+        assert set(port.wishes) <= {"start", "stop", "abort"}
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_the_log_port(seed: int, tmp_path: Path) -> None:
+    chance, clock, router = random.Random(seed), FakeClock(), FakeRouter(room=50)
+    port = LogPort(router, WELCOME, 500, Spill(tmp_path / "a.spill", WELCOME, 10**6), clock)  # type: ignore[arg-type]
+    for tick, (peer, word) in enumerate(islice(said(chance, clock), WORDS)):
+        port.append(encode(TickRecord(b"x" * 100)))
+        router.say(peer, word)
+        port.listen(clock.now_ns)
+        port.pump(clock.now_ns)
+        if tick % 5 == 0:
+            encode(replace(STATUS, links=tuple(port.links(clock.now_ns))))
+            recordable(port.news, port.clock_records(tick))
+            router.sent.clear()
+        assert 0 <= port.ring.acknowledged <= port.ring.next
+        assert port.ring.next == tick + 1
+    port.end()
+    port.close()
