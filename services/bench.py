@@ -128,7 +128,7 @@ def fuzz(
 
 
 @app.command(
-    epilog="Examples:\n\n  netboard bench faults --quick\n\n  netboard bench faults --case agent-killed --case line-cut-5s"
+    epilog="Examples:\n\n  netboard bench faults --quick\n\n  netboard bench faults --case server-killed -o results"
 )
 def faults(
     output: Output = None,

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from netboard import keys, sockets
+from netboard import doors, keys, sockets
 from netboard.config import Config, Network
 from netboard.errors import ConfigError
 from netboard.services.cli import app, refuse_open_network
@@ -45,8 +45,8 @@ def test_every_file_is_for_its_owner_only_and_whole(ring: keys.Ring, folder: Pat
     assert {mode(path) for path in folder.iterdir()} == {0o600}
     for peer in PEERS:
         lock = keys.credentials(folder, peer)
-        assert lock.public == sockets.public_of(lock.secret)
-        assert lock.server == sockets.public_of(ring.secret)
+        assert lock.public == doors.public_of(lock.secret)
+        assert lock.server == doors.public_of(ring.secret)
 
 
 def test_the_list_has_no_secret(ring: keys.Ring, folder: Path) -> None:

@@ -20,7 +20,7 @@ from typing import Annotated, Literal, TypeAlias, TypeVar
 
 from pydantic import AwareDatetime, Field, TypeAdapter, ValidationError
 
-from netboard import sockets
+from netboard import doors, sockets
 from netboard.config import SIDES, Network
 from netboard.errors import ConfigError
 from netboard.settings import NO_EXTRAS, to_toml
@@ -135,7 +135,7 @@ def reach(network: Network, peer: str) -> sockets.Addresses:
     return sockets.addresses(network, lock)
 
 
-def door(network: Network) -> sockets.Door | None:
+def door(network: Network) -> doors.Door | None:
     """Make the door of a server; None if keys are not in use.
 
     Raises
@@ -143,10 +143,10 @@ def door(network: Network) -> sockets.Door | None:
     ConfigError
         If there are no keys, or others can read them.
     """
-    return sockets.Door(Ring(Path(network.keys)), network.port) if encrypted(network) else None
+    return doors.Door(Ring(Path(network.keys)), network.port) if encrypted(network) else None
 
 
-def credentials(folder: Path, peer: str) -> sockets.Credentials:
+def credentials(folder: Path, peer: str) -> doors.Credentials:
     """Read a peer's key.
 
     Raises
@@ -160,7 +160,7 @@ def credentials(folder: Path, peer: str) -> sockets.Credentials:
     file = _read_key(path, hint)
     if file.server is None:
         raise ConfigError(f"{path}: is not the key of a peer: it has no key of the server")
-    return sockets.Credentials(sockets.public_of(file.secret), file.secret, file.server)
+    return doors.Credentials(doors.public_of(file.secret), file.secret, file.server)
 
 
 class Ring:
@@ -259,7 +259,7 @@ def init(folder: Path) -> Path:
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     _refuse_open(folder)
     path = key_path(folder, SERVER)
-    _write_key(path, _KeyFile(SERVER, _now(), sockets.new_keys()[1]))
+    _write_key(path, _KeyFile(SERVER, _now(), doors.new_keys()[1]))
     if not (folder / LIST).exists():
         _write_new(folder / LIST, LIST_HEAD)
     return path
@@ -293,11 +293,11 @@ def add(folder: Path, role: Role, side: str, to: Path) -> tuple[Peer, Path]:
     with _changed_list(folder) as peers:
         others = sum(peer.what == what(role, side) for peer in peers)
         name = what(role, side) + (f"-{others + 1}" if others else "")
-        public, secret = sockets.new_keys()
+        public, secret = doors.new_keys()
         peer = Peer(name, role, side, public, _now())  # type: ignore[arg-type]
         to.mkdir(mode=0o700, parents=True, exist_ok=True)
         path = key_path(to, peer.what)
-        _write_key(path, _KeyFile(name, peer.created, secret, sockets.public_of(server.secret)))
+        _write_key(path, _KeyFile(name, peer.created, secret, doors.public_of(server.secret)))
         peers.append(peer)
     return peer, path
 
@@ -349,7 +349,7 @@ def key_files(folder: Path) -> list[tuple[str, str, str]]:
     for path in sorted(folder.glob("*.key")):
         file = _read_key(path, "")
         server = fingerprint(file.server) if file.server else ""
-        found.append((path.name, fingerprint(sockets.public_of(file.secret)), server))
+        found.append((path.name, fingerprint(doors.public_of(file.secret)), server))
     return found
 
 
@@ -421,7 +421,7 @@ def _write_new(path: Path, text: str) -> None:
 def _read_key(path: Path, hint: str) -> _KeyFile:
     file = _parse(path, _read(path, hint), _KEY_ADAPTER)
     try:
-        sockets.public_of(file.secret)
+        doors.public_of(file.secret)
     except ValueError:
         raise ConfigError(f"{path}: secret: is not a key") from None
     return file

@@ -1,4 +1,4 @@
-"""Every ZeroMQ socket of netboard, made in one place. The only module that imports zmq.
+"""Every ZeroMQ socket of netboard, made in one place. With `netboard.doors`, the only one that imports zmq.
 
 Rules that hold here: options are set before bind or connect (later ones do not take hold); the motion channel keeps at
 most a few frames and never waits (the newest sample wins, an absent peer gets nothing stale); the log channel keeps
@@ -19,21 +19,22 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol, TypeAlias
+from typing import TypeAlias
 
 import zmq
 from zmq import Again, ZMQError
-from zmq.utils import z85
-from zmq.utils.monitor import parse_monitor_message
 
+from netboard import doors
 from netboard.config import Network, Side
+from netboard.doors import NOBLOCK, Credentials, Door, readable
 from netboard.errors import ConfigError, NetboardError
 
 log = logging.getLogger(__name__)
 
-Socket: TypeAlias = "zmq.Socket[bytes]"
+Socket: TypeAlias = doors.Socket
+Context: TypeAlias = doors.Context
 
 MOTION, LOG, VIEW_LEFT, VIEW_RIGHT, CONTROL, NERVE = range(6)
 """Channels: TCP port = network.port + channel."""
@@ -62,214 +63,10 @@ SUBSCRIBED, UNSUBSCRIBED = b"\1", b"\0"
 """What an XPUB hears when the first one subscribes to everything, and when the last one leaves."""
 MOST_SUBSCRIPTIONS = 16
 """Subscriptions heard in one go [1]."""
-MOST_HANDSHAKES = 8
-"""Handshakes answered, and failed ones heard of on a channel, in one go: strangers must not hold a tick up [1]."""
 MOST_NAMES = 1000
 """Peers whose name has been found to go with their key, remembered [1]."""
-TOLD_AGAIN_NS = 10_000_000_000
-"""The same refused handshake, which its peer repeats every second, is told of again after so long [ns]."""
-DEAF_NS = 10_000_000_000
-"""A channel on which more handshakes fail than can be heard of is not listened to for so long [ns]."""
-MOST_REFUSALS = 256
-"""Kinds of refused handshakes told apart [1]."""
-
-ZAP_ADDRESS = "inproc://zeromq.zap.01"
-"""Where libzmq asks whether a key may come in (ZeroMQ's RFC 27)."""
-
-_EVENTS, _POLLIN, _NOBLOCK = int(zmq.EVENTS), int(zmq.POLLIN), int(zmq.NOBLOCK)
-"""As plain numbers: arithmetic with pyzmq's flags costs as much as receiving."""
-
-
-# --- who may come in ---------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True, slots=True)
-class Credentials:
-    """A peer's own keys, and the one by which it knows the server (Z85).
-
-    Attributes
-    ----------
-    public, secret : str
-        The peer's key pair.
-    server : str
-        The server's public key.
-    """
-
-    public: str
-    secret: str = field(repr=False)
-    server: str
-
-
-class Ring(Protocol):
-    """The server's own key, and what each peer's key is for."""
-
-    secret: str
-    """The server's secret key (Z85)."""
-
-    def refuses(self, key: str, channel: str) -> str:
-        """Why a key may not come in to a channel; empty if it may."""
-
-    def forbids(self, key: str, role: str, side: str) -> str:
-        """Why the owner of a key may not speak as this; empty if it may."""
-
-    def owner(self, key: str) -> str:
-        """What a key is for, such as ``agent.left``."""
-
-    def fingerprint(self, key: str) -> str:
-        """How people tell a key."""
-
-
-def new_keys() -> tuple[str, str]:
-    """A new pair of keys, public and secret (Z85)."""
-    public, secret = zmq.curve_keypair()
-    return public.decode(), secret.decode()
-
-
-def public_of(secret: str) -> str:
-    """The public key that goes with a secret one (Z85).
-
-    Raises
-    ------
-    ValueError
-        If it is not a key.
-    """
-    return zmq.curve_public(secret.encode()).decode()
-
-
-class Door:
-    """Where one server lets its peers in, by their keys.
-
-    Parameters
-    ----------
-    ring : Ring
-        Its own key and theirs.
-    port : int
-        By which it is told from other servers in the same context.
-    """
-
-    def __init__(self, ring: Ring, port: int) -> None:
-        self.ring = ring
-        self._port = port
-        self._gate: _Gate | None = None
-        self._watched: list[_Watched] = []
-        self._told: dict[tuple[str, str, str], tuple[int, int]] = {}
-        self._news: list[dict[str, str]] = []
-
-    def attend(self) -> list[dict[str, str]]:
-        """Let in who knocks and may; what is to be told of the others since the last time.
-
-        Nobody gets in unless this is called, some fifty times a second.
-        """
-        if self._gate is not None:
-            self._gate.answer()
-        for watched in self._watched:
-            for reason in watched.listen():
-                self.refuse(watched.channel, "", "", reason)
-        news, self._news = self._news, []
-        return news
-
-    def refuse(self, channel: str, address: str, key: str, reason: str) -> None:
-        """Note a refusal: the first of a kind at once, then now and then how many they were."""
-        kind = (channel, key or address, reason)
-        if kind not in self._told and len(self._told) >= MOST_REFUSALS:
-            kind = ("", "", "")
-        now_ns = time.monotonic_ns()
-        times, told_ns = self._told.get(kind, (0, now_ns - TOLD_AGAIN_NS))
-        times += 1
-        if now_ns - told_ns >= TOLD_AGAIN_NS:
-            told_ns = now_ns
-            known = {"address": address, "key": self.ring.fingerprint(key) if key else ""}
-            told = {name: value for name, value in known.items() if value}
-            self._news.append({"channel": channel, **told, "reason": reason, "times": str(times)})
-        self._told[kind] = (times, told_ns)
-
-    def guard(self, context: "Context", socket: Socket, channel: int) -> None:
-        """Put a lock on a socket, before it is bound."""
-        name = CHANNELS[channel]
-        self._gate = context.gate = context.gate or _Gate(context)
-        self._gate.doors[f"{self._port}.{name}"] = (self, name)
-        socket.setsockopt(zmq.CURVE_SERVER, 1)
-        socket.setsockopt(zmq.CURVE_SECRETKEY, self.ring.secret.encode())
-        socket.setsockopt(zmq.ZAP_DOMAIN, f"{self._port}.{name}".encode())
-        socket.setsockopt(zmq.ZAP_ENFORCE_DOMAIN, 1)
-        self._watched.append(_Watched(context, socket, name))
-
-
-class _Gate:
-    """Where libzmq asks: one for a context, however many doors there are."""
-
-    def __init__(self, context: "Context") -> None:
-        self.doors: dict[str, tuple[Door, str]] = {}
-        self._socket: Socket = context.socket(zmq.REP)
-        self._socket.setsockopt(zmq.LINGER, 0)
-        self._socket.bind(ZAP_ADDRESS)
-
-    def answer(self) -> None:
-        """Answer some of those who wait for it."""
-        for _ in range(MOST_HANDSHAKES):
-            if not _readable(self._socket):
-                return
-            version, request, domain, address, _, _, *credentials = self._socket.recv_multipart(_NOBLOCK)
-            key = z85.encode(credentials[0]).decode()
-            door, channel = self.doors[domain.decode()]
-            reason = door.ring.refuses(key, channel)
-            if reason:
-                door.refuse(channel, address.decode(errors="replace"), key, reason)
-                verdict = (b"400", reason.encode(), b"")
-            else:
-                verdict = (b"200", b"OK", key.encode())
-            self._socket.send_multipart((version, request, *verdict, b""), _NOBLOCK)
-
-
-class _Watched:
-    """A socket that tells of handshakes that failed before it came to keys; libzmq does not say whose they were."""
-
-    def __init__(self, context: "Context", socket: Socket, channel: str) -> None:
-        self.channel = channel
-        self._context = context
-        self._socket = socket
-        self._deaf_until_ns = 0
-        self._monitor = self._open()
-
-    def listen(self) -> Iterator[str]:
-        """Why they failed."""
-        if self._socket.closed:
-            return
-        if self._deaf_until_ns:
-            if time.monotonic_ns() < self._deaf_until_ns:
-                return
-            self._deaf_until_ns, self._monitor = 0, self._open()
-        for _ in range(MOST_HANDSHAKES):
-            if self._monitor.closed or not _readable(self._monitor):
-                return
-            event = parse_monitor_message(self._monitor.recv_multipart(_NOBLOCK))
-            if event["event"] == zmq.Event.HANDSHAKE_FAILED_NO_DETAIL:
-                yield NO_KEY
-            elif event["event"] == zmq.Event.HANDSHAKE_FAILED_PROTOCOL:
-                yield FAILURES.get(event["value"], NO_HANDSHAKE)
-        self._socket.monitor(None, 0)
-        self._monitor.close()
-        self._deaf_until_ns = time.monotonic_ns() + DEAF_NS
-        yield "more handshakes fail here than can be told of"
-
-    def _open(self) -> Socket:
-        """Listen. The queue has no bound: a full one would hold up libzmq's own thread."""
-        address = f"inproc://monitor.{id(self)}.{time.monotonic_ns()}"
-        self._socket.monitor(address, zmq.Event.HANDSHAKE_FAILED_PROTOCOL | zmq.Event.HANDSHAKE_FAILED_NO_DETAIL)
-        monitor: Socket = self._context.socket(zmq.PAIR)
-        monitor.setsockopt(zmq.LINGER, 0)
-        monitor.setsockopt(zmq.RCVHWM, 0)
-        monitor.connect(address)
-        return monitor
-
-
-NO_KEY = "it came without a key, or hung up before the handshake was over"
-"""Whoever has no key may find out first that the server has one, and hang up."""
-FAILURES: dict[int, str] = {
-    int(zmq.PROTOCOL_ERROR_ZMTP_MECHANISM_MISMATCH): NO_KEY,
-    int(zmq.PROTOCOL_ERROR_ZMTP_CRYPTOGRAPHIC): "it does not know this server's key, or repeated what another one said",
-}
-NO_HANDSHAKE = "it broke the rules of the handshake"
+NOBLOCK_MORE = int(zmq.NOBLOCK | zmq.SNDMORE)
+"""A plain number, as `NOBLOCK`."""
 
 
 # --- where the channels are --------------------------------------------------------------------------------------
@@ -365,12 +162,6 @@ def library() -> str:
     return f"libzmq {zmq.zmq_version()}{'' if zmq.has('curve') else ' without CURVE'}"
 
 
-class Context(zmq.Context["zmq.Socket[bytes]"]):
-    """Where sockets are made, and the gate of the doors among them."""
-
-    gate: _Gate | None = None
-
-
 @contextmanager
 def open_context(io_priority: int | None = None, io_cpus: Iterable[int] = ()) -> Iterator[Context]:
     """Make a context; on leaving, its sockets are closed and what lingers is sent.
@@ -437,20 +228,28 @@ class Router:
         self._channel = CHANNELS[endpoint.channel]
         self._names: dict[bytes, str] = {}
 
-    def receive(self) -> tuple[bytes, bytes] | None:
+    def receive(self, signalled: bool = False) -> tuple[bytes, bytes] | None:
         """Next (peer, frame), or None if there is none now.
 
         What is not one frame, or comes under a name that is not the sender's, is taken for an empty frame, which no
         message is.
+
+        Parameters
+        ----------
+        signalled : bool
+            There most likely is something: it is not asked for first, which takes longer than receiving it.
         """
         socket = self.socket
-        if not _readable(socket):
+        if not signalled and not readable(socket):
             return None
-        peer = socket.recv(_NOBLOCK)
-        frame = socket.recv(_NOBLOCK, copy=False)
+        try:
+            peer = socket.recv(NOBLOCK)
+        except Again:
+            return None
+        frame = socket.recv(NOBLOCK, copy=False)
         if frame.more:
             while socket.getsockopt(zmq.RCVMORE):
-                socket.recv(_NOBLOCK)
+                socket.recv(NOBLOCK)
             return peer, b""
         if self._door is not None and not self._rightly_named(self._door, peer, frame):
             return peer, b""
@@ -459,7 +258,8 @@ class Router:
     def send(self, peer: bytes, frame: bytes) -> bool:
         """Send without waiting; False if the peer is gone or its queue is full."""
         try:
-            self.socket.send_multipart((peer, frame), _NOBLOCK)
+            self.socket.send(peer, NOBLOCK_MORE)  # refused here or not at all
+            self.socket.send(frame, NOBLOCK)
         except ZMQError as error:
             if error.errno in (zmq.EAGAIN, zmq.EHOSTUNREACH):
                 return False
@@ -499,9 +299,9 @@ class Publisher:
     def wanted(self) -> bool:
         """Whether anybody has subscribed."""
         for _ in range(MOST_SUBSCRIPTIONS):
-            if not _readable(self.socket):
+            if not readable(self.socket):
                 break
-            word = self.socket.recv(_NOBLOCK)
+            word = self.socket.recv(NOBLOCK)
             if word in (SUBSCRIBED, UNSUBSCRIBED):
                 self._wanted = word == SUBSCRIBED
         return self._wanted
@@ -510,7 +310,7 @@ class Publisher:
         """Send to all who have subscribed and keep up, without waiting; False if nobody has."""
         if not self.wanted():
             return False
-        self.socket.send(frame, _NOBLOCK)
+        self.socket.send(frame, NOBLOCK)
         return True
 
     def close(self) -> None:
@@ -541,7 +341,7 @@ class Waiter:
         changed: Iterable[Socket] = self._sockets
         while True:
             for socket in changed:
-                if _readable(socket):
+                if readable(socket):
                     return True
             left = until - time.monotonic()
             if left <= 0:
@@ -549,24 +349,13 @@ class Waiter:
             files = select.select(self._files, (), (), left)[0]
             changed = [self._by_file[file] for file in files]
 
-    def changed(self, used: Iterable[Socket], timeout: float) -> list[Socket]:
-        """Wait at most so long for any that may be read [s]; each must then be read until nothing is left.
+    def signalled(self, timeout: float) -> list[Socket]:
+        """Wait at most so long for any that may be read [s].
 
-        Parameters
-        ----------
-        used : iterable of zmq.Socket
-            Those that have been read or written since the last wait, which may have swallowed a signal.
-        timeout : float
-            Longest wait [s].
+        A signal comes only after a socket has been read until nothing is left, and what is done with a socket in
+        between may swallow it: whoever waits like this looks at every socket now and then, signalled or not.
         """
-        ready = [socket for socket in used if _readable(socket)]
-        files = select.select(self._files, (), (), 0.0 if ready else max(timeout, 0.0))[0]
-        return ready + [self._by_file[file] for file in files]
-
-
-def _readable(socket: Socket) -> bool:
-    """Whether there is something to read: cheaper than being told by an exception that there is not."""
-    return int(socket.getsockopt(_EVENTS)) & _POLLIN != 0
+        return [self._by_file[file] for file in select.select(self._files, (), (), max(timeout, 0.0))[0]]
 
 
 def _make(context: Context, kind: int, hwm: int, linger_ms: int = 0) -> Socket:
@@ -588,7 +377,7 @@ def _make(context: Context, kind: int, hwm: int, linger_ms: int = 0) -> Socket:
 def _bind(context: Context, socket: Socket, endpoint: Endpoint) -> Socket:
     """Bind, or say in words why not."""
     if isinstance(endpoint.lock, Door):
-        endpoint.lock.guard(context, socket, endpoint.channel)
+        endpoint.lock.guard(context, socket, CHANNELS[endpoint.channel])
     try:
         _refuse_taken(endpoint.address)
         socket.bind(endpoint.address)
@@ -732,7 +521,7 @@ def close_after_goodbye(socket: Socket) -> None:
 def wait_readable(socket: Socket, timeout: float) -> bool:
     """Wait until a socket can be read, at most so long [s]; for one socket alone, as `Waiter` does."""
     until = time.monotonic() + timeout
-    while not _readable(socket):
+    while not readable(socket):
         left = until - time.monotonic()
         if left <= 0:
             return False

@@ -16,7 +16,7 @@ import pytest
 from rig import PATIENCE, Rig
 from typer.testing import CliRunner
 
-from netboard import keys, sockets
+from netboard import doors, keys, sockets
 from netboard.recording.reader import Recording
 from netboard.services.cli import app
 from netboard.wire.codec import decode, encode
@@ -104,7 +104,7 @@ class Attempts:
         self.folder = Path(rig.config.network.keys)
         self.server_key = keys.credentials(self.folder, "console").server
 
-    def at(self, channel: int, lock: sockets.Credentials | None, name: str) -> Intruder:
+    def at(self, channel: int, lock: doors.Credentials | None, name: str) -> Intruder:
         """Somebody with some key, or none, at a channel."""
         endpoint = sockets.addresses(self.rig.config.network, lock).reach(channel)
         makers = {sockets.MOTION: sockets.motion_agent, sockets.LOG: sockets.log_client}
@@ -113,12 +113,12 @@ class Attempts:
         make = makers.get(channel, sockets.control_client)
         return Intruder(self.rig, make(self.rig.context, endpoint, name))
 
-    def own(self, peer: str) -> sockets.Credentials:
+    def own(self, peer: str) -> doors.Credentials:
         return keys.credentials(self.folder, peer)
 
-    def stranger(self) -> sockets.Credentials:
+    def stranger(self) -> doors.Credentials:
         """A key of one's own making, and the right one of the server, which is no secret."""
-        return sockets.Credentials(*sockets.new_keys(), self.server_key)
+        return doors.Credentials(*doors.new_keys(), self.server_key)
 
     def no_key(self) -> Intruder:
         who = self.at(sockets.MOTION, None, "agent.left@intruder")
@@ -127,7 +127,7 @@ class Attempts:
 
     def wrong_server(self) -> Intruder:
         """Who does not know the server's key cannot be sure to whom he speaks, and is not heard."""
-        lock = replace(self.own("agent.left"), server=sockets.new_keys()[0])
+        lock = replace(self.own("agent.left"), server=doors.new_keys()[0])
         who = self.at(sockets.MOTION, lock, "agent.left@intruder")
         who.until_told("channel=motion reason=it does not know this server's key", hello("agent", "left"))
         return who

@@ -57,10 +57,9 @@ class Server:
     def __init__(self, router: sockets.Router) -> None:
         self.router = router
         self.peer = b""
-        self._waiter = sockets.Waiter([router.socket])
 
     def wait(self, seconds: float = PATIENCE) -> bool:
-        return self._waiter.wait(seconds)
+        return sockets.wait_readable(self.router.socket, seconds)
 
     def hear(self, kind: type[T]) -> T:
         """Next message of a kind; a peer may have said hello more than once."""

@@ -20,7 +20,6 @@ COMMANDS = (
 BENCHES = ("physics", "stability", "loop", "soak", "faults", "fuzz")
 
 
-
 @pytest.fixture(autouse=True)
 def _empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)

@@ -18,8 +18,9 @@ from rich.text import Text
 
 from netboard.clock import now_ns
 from netboard.config import SIDES
-from netboard.errors import ConfigError, NetboardError
-from netboard.faults.cases import CASES, PARTS, Case
+from netboard.errors import NetboardError
+from netboard.faults.case import PARTS, Case
+from netboard.faults.cases import CASES, choose
 from netboard.faults.checks import fades_of
 from netboard.faults.evidence import largest_step, without_cut
 from netboard.faults.gathering import Evidence, Window, gather
@@ -127,27 +128,6 @@ def list_cases() -> int:
                 table.add_row(case.name, case.done, case.expected)
         console.print(table)
     return 0
-
-
-def choose(names: Sequence[str], *, quick: bool) -> list[Case]:
-    """Find cases by name.
-
-    Parameters
-    ----------
-    names : sequence of str
-        Their names; all if empty.
-    quick : bool
-        Only those of the short form, where none are named.
-
-    Raises
-    ------
-    ConfigError
-        If there is no such case.
-    """
-    there = {case.name: case for case in CASES}
-    if unknown := [name for name in names if name not in there]:
-        raise ConfigError(f"--case {unknown[0]}: there is no such case; netboard bench faults --list shows all")
-    return [there[name] for name in names] or [case for case in CASES if case.quick or not quick]
 
 
 def play_all(cases: Sequence[Case], folder: Path, quick: bool, tell: Tell) -> Iterator[Outcome]:

@@ -14,7 +14,7 @@ import socket as net
 import struct
 import threading
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from math import inf
@@ -221,10 +221,10 @@ class Relay:
         while not self._ending:
             readable = self._wait()
             if self._cutting:
-                self._drop(*self._connections)
+                self._drop(_reset, *self._connections)
             for connection in tuple(self._connections):
                 self._serve(connection, readable)
-        self._drop(*self._connections)
+        self._drop(_reset, *self._connections)
 
     def _wait(self) -> set[net.socket]:
         """Wait for whatever comes first, let in who connects, and return who has sent something."""
@@ -289,12 +289,12 @@ class Relay:
         except OSError:  # one end has gone
             over = True
         if over:
-            self._drop(connection)
+            self._drop(net.socket.close, connection)
 
-    def _drop(self, *connections: Connection) -> None:
+    def _drop(self, close: Callable[[net.socket], None], *connections: Connection) -> None:
         for connection in connections:
             for socket in connection.sockets:
-                _reset(socket)
+                close(socket)
             self._connections.remove(connection)
 
 

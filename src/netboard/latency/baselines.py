@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from netboard import keys, sockets
+from netboard import doors, keys, sockets
 from netboard.clock import Pacer, now_ns
 from netboard.config import Config, parse
 from netboard.latency.workers import serve
@@ -30,7 +30,7 @@ Order = dict[str, Any]
 ANSWER = bytes(FORCE.size)
 
 
-def echo(router: sockets.Router, door: sockets.Door | None, order: Order) -> Order:
+def echo(router: sockets.Router, door: doors.Door | None, order: Order) -> Order:
     """Answer so many frames.
 
     Parameters
@@ -52,7 +52,7 @@ def echo(router: sockets.Router, door: sockets.Door | None, order: Order) -> Ord
     return {}
 
 
-def _greet(router: sockets.Router, door: sockets.Door | None, count: int) -> None:
+def _greet(router: sockets.Router, door: doors.Door | None, count: int) -> None:
     """Answer so many frames, and attend to the door meanwhile."""
     while count > 0:
         if door is not None:

@@ -154,7 +154,7 @@ class MotionPort:
         """Whether nothing is gained by waiting for the deadline: from whoever was punctual there is a new sample."""
         return not seats.awaited(self._words)
 
-    def drain(self, clock: Callable[[], int], due_ns: int) -> bool:
+    def drain(self, clock: Callable[[], int], due_ns: int, signalled: bool = False) -> bool:
         """Take what has arrived; what arrives meanwhile must not seem to come before it was sent, so each has its time.
 
         Parameters
@@ -163,14 +163,16 @@ class MotionPort:
             Returns the time [ns].
         due_ns : int
             Deadline of the next tick [ns].
+        signalled : bool
+            Something has come: take it quickly, and no more than completes the tick.
 
         Returns
         -------
         bool
             Whether there may be more.
         """
-        for _ in range(MOST_FRAMES):
-            received = self._router.receive()
+        for count in range(MOST_FRAMES):
+            received = self._router.receive(signalled and count == 0)
             if received is None:
                 return False
             now_ns = clock()
@@ -178,6 +180,8 @@ class MotionPort:
             seat = self._by_agent.get(agent)
             if seat is None or not seat.read(frame, now_ns, due_ns):
                 self._read_any(agent, seat, frame, now_ns, due_ns)
+            if signalled and self.complete:
+                return True
         return True
 
     def fill(self, row: Any, number: int, due_ns: int, late_ns: int) -> int:

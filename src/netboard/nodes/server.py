@@ -7,7 +7,7 @@ spread over the millisecond, so that they do not come all at once. What happens 
 import logging
 from collections.abc import Callable, Sequence
 
-from netboard import sockets
+from netboard import doors, sockets
 from netboard.clock import now_ns
 from netboard.config import Config
 from netboard.nodes import seats
@@ -30,7 +30,7 @@ class Server:
         One for each dyad, on ports of their own.
     context : zmq.Context
         Where the sockets are made.
-    doors : sequence of sockets.Door or None
+    doors : sequence of doors.Door or None
         Where the peers of each dyad show their keys; None where no keys are asked for.
     autostart : bool
         Start each block as soon as everything is there.
@@ -40,7 +40,7 @@ class Server:
         self,
         configs: Sequence[Config],
         context: sockets.Context,
-        doors: Sequence[sockets.Door | None],
+        doors: Sequence[doors.Door | None],
         *,
         autostart: bool,
     ) -> None:
@@ -79,20 +79,20 @@ class Server:
         """Run these sessions until one of them begins to end, or is over."""
         inlets = {socket: session for session in running if not session.ending for socket in session.inlets}
         waiter = sockets.Waiter(inlets)
-        more, used = set(running), list(inlets)
+        more = set(running)
         while True:
             sleep_ns = 0 if more else min(min(session.wake_ns for session in running) - now_ns(), LONGEST_SLEEP_NS)
-            changed = waiter.changed(used, sleep_ns * 1e-9)
-            called = more | {inlets[socket] for socket in changed}
+            signalled = waiter.signalled(sleep_ns * 1e-9)
+            called = more | {inlets[socket] for socket in signalled}
             now = now_ns()
-            more, used = set(), []
+            more = set()
             for session in running:
                 if session not in called and now < session.wake_ns:
                     continue
                 before = session.ending
-                if session.go_on(session.inlets[1] in changed):
+                motion, control = (socket in signalled for socket in session.inlets)
+                if session.go_on(motion, control):
                     more.add(session)
-                used += session.used
                 if session.over or session.ending != before:
                     return
             if stopping():

@@ -11,13 +11,13 @@ due are then done together, a few dozen times a second, and whoever comes wakes 
 
 import logging
 import uuid
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from math import ceil
 from typing import Any
 
 import numpy as np
 
-from netboard import sockets
+from netboard import doors, sockets
 from netboard.clock import now_ns
 from netboard.config import SIDES, Config, Side, resolve
 from netboard.curtain import PHASE_NAMES, make_curtain, view_of
@@ -62,7 +62,9 @@ SHUTDOWN = "shutdown"
 
 _AT = {name: place for place, name in enumerate(TICK.names or ())}
 _COMMAND, _EVENT, _PHASE = _AT["command"], _AT["event"], _AT["phase"]
-_SEEN = np.array([place for name, place in _AT.items() if name in ("phase", "z", "theta", "p", "target", "attempt")])
+_SHOWN = ("phase", "z", "theta", "p", "target", "trial", "attempt", "failures", "completion")
+_SEEN = np.array([_AT[name] for name in (*_SHOWN, "left_used_z", "right_used_z")])
+"""What views are made of: while these words of a row are the same, so are the views."""
 _FIRST_ACTIVE, _LAST_ACTIVE = int(Phase.LEVELLING), int(Phase.FAILED)
 _ALL_FINE = 3 * (seats.LIVE | seats.ARMED)
 _RECORD_HEAD = encode(TickRecord(bytes(TICK.itemsize)))[: -TICK.itemsize]
@@ -77,7 +79,7 @@ class Session:
         Rig and experiment.
     context : zmq.Context
         Where the sockets are made.
-    door : sockets.Door or None
+    door : doors.Door or None
         Where peers show their keys; None where no keys are asked for.
     autostart : bool
         Start the block as soon as everything is there.
@@ -88,11 +90,9 @@ class Session:
         When the session wants to go on, if nothing comes before [ns].
     inlets : (zmq.Socket, zmq.Socket)
         Where something may come that it wants to know at once: motion, control.
-    used : tuple of zmq.Socket
-        Those of them that the last `go_on` has used.
     """
 
-    def __init__(self, config: Config, context: sockets.Context, door: sockets.Door | None, *, autostart: bool) -> None:
+    def __init__(self, config: Config, context: sockets.Context, door: doors.Door | None, *, autostart: bool) -> None:
         self.session = uuid.uuid4().hex
         self.wake_ns = 0
         self._due_ns = 0
@@ -138,7 +138,6 @@ class Session:
         self._views = {side: sockets.view_publisher(context, where.listen(sockets.VIEW[side])) for side in SIDES}
         self._view_ticks = ceil(1000 / network.view_rate_hz)
         self.inlets = (motion.socket, control.socket)
-        self.used: tuple[sockets.Socket, ...] = self.inlets
 
     # --- what the server asks ----------------------------------------------------------------------------------
 
@@ -222,29 +221,31 @@ class Session:
         """Ask the session to end."""
         self._asked_to_end = True
 
-    def go_on(self, control: bool) -> bool:
+    def go_on(self, motion: bool, control: bool) -> bool:
         """Take what has come, and do the tick that can be done; whether there may be more to take.
+
+        The motion channel is read until nothing is left when all else is done: only then it signals again.
 
         Parameters
         ----------
-        control : bool
-            Whether something may have come on the control channel; on the motion channel it always may.
+        motion, control : bool
+            Whether these channels have signalled.
         """
         if self._ending_until_ns:
             return self._go_on_ending()
         idle = self._motion.empty and not self._active
-        self.used = self.inlets if control else self.inlets[:1]
-        more = self._motion.drain(now_ns, self._due_ns)
+        self._motion.drain(now_ns, self._due_ns, motion)
         now = now_ns()
-        if control:
-            more |= self._control.drain(now)
         self._mind_the_gap(now - self._due_ns, CATCH_UP_TICKS + (IDLE_TICKS if idle else 0))
         if idle:
             self._idle_ticks(now)
         elif now >= self._due_ns or (now >= self._due_ns - EARLIEST_NS and self._motion.complete):
             self.tick(self._due_ns, now - self._due_ns)
+        more = self._control.drain(now_ns()) if control else False
+        more |= self._motion.drain(now_ns, self._due_ns)
         if self._asked_to_end:
             self._end()
+            return False
         self._sleep()
         return more
 
@@ -389,22 +390,21 @@ class Session:
         publisher = self._views[side]
         if not publisher.wanted():
             return
-        best = min(self._completions, default=None)
-        view = view_of(self._curtain, self._rows[index], side, best, now_ns())
         sent_tick, sent = self._seen[side]
-        seen = encode(replace(view, tick=0, sent_ns=0))
+        seen = self._words[index, _SEEN].tobytes()
         if seen == sent and self._number - sent_tick < SAME_VIEW_TICKS:
             return
         self._seen[side] = self._number, seen
-        publisher.send(encode(view))
+        best = min(self._completions, default=None)
+        publisher.send(encode(view_of(self._curtain, self._rows[index], side, best, now_ns())))
 
     def _keep_house(self) -> None:
         """Do what need not be done at once: records to the loggers, clocks, who is missing."""
         now = now_ns()
-        self.used = self.inlets
         self._motion.expire(now)
         self._missing = self._lacks()
         self._control.pump(now)
+        self._control.drain(now)
         if now >= self._clocks_ns:
             self._clocks_ns = now + CLOCKS_NS
             self._note_clocks()
@@ -455,7 +455,6 @@ class Session:
         if not self._log_closing:
             self._keep_records(now_ns())
         self.wake_ns = now_ns() + TICK_NS
-        self.used = ()
         return False
 
     def close(self) -> None:

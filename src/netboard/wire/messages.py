@@ -546,8 +546,8 @@ class Status:
         What the operator should know, or empty.
     links : tuple of (str, str, str, float, float, float, float, float, int)
         For each peer that is there: what it is (``agent.left``), host and process, version; time since it was heard
-        [s], shortest round trip of late [s], bound of its clock's error [s], its drift [1e-6] (NaN: not known), messages
-        a second [Hz], messages lost [1].
+        [s], shortest round trip of late [s], bound of its clock's error [s], its drift [1e-6] (NaN: not known),
+        messages a second [Hz], messages lost [1].
     """
 
     session: str

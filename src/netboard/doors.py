@@ -1,0 +1,233 @@
+"""Who may come in: the server's door, at which peers show their keys, and what a peer knows to get in.
+
+CURVE (ZeroMQ's RFC 26) encrypts, and lets libzmq ask at each handshake whether the peer's key may come in (ZAP, RFC
+27). It is answered by the server's own loop, a few at a time: there is no thread that could hold up a tick. What each
+key is for is not known here, but to a `Ring`.
+
+Beside `netboard.sockets` the only module that imports zmq.
+"""
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Protocol, TypeAlias
+
+import zmq
+from zmq.utils import z85
+from zmq.utils.monitor import parse_monitor_message
+
+Socket: TypeAlias = "zmq.Socket[bytes]"
+
+MOST_HANDSHAKES = 8
+"""Handshakes answered, and failed ones heard of on a channel, in one go: strangers must not hold a tick up [1]."""
+TOLD_AGAIN_NS = 10_000_000_000
+"""The same refused handshake, which its peer repeats every second, is told of again after so long [ns]."""
+DEAF_NS = 10_000_000_000
+"""A channel on which more handshakes fail than can be heard of is not listened to for so long [ns]."""
+MOST_REFUSALS = 256
+"""Kinds of refused handshakes told apart [1]."""
+
+ZAP_ADDRESS = "inproc://zeromq.zap.01"
+"""Where libzmq asks whether a key may come in (ZeroMQ's RFC 27)."""
+
+EVENTS, POLLIN, NOBLOCK = int(zmq.EVENTS), int(zmq.POLLIN), int(zmq.NOBLOCK)
+"""As plain numbers: arithmetic with pyzmq's flags costs as much as receiving."""
+
+
+def readable(socket: Socket) -> bool:
+    """Whether there is something to read: cheaper than being told by an exception that there is not."""
+    return int(socket.getsockopt(EVENTS)) & POLLIN != 0
+
+
+@dataclass(frozen=True, slots=True)
+class Credentials:
+    """A peer's own keys, and the one by which it knows the server (Z85).
+
+    Attributes
+    ----------
+    public, secret : str
+        The peer's key pair.
+    server : str
+        The server's public key.
+    """
+
+    public: str
+    secret: str = field(repr=False)
+    server: str
+
+
+class Ring(Protocol):
+    """The server's own key, and what each peer's key is for."""
+
+    secret: str
+    """The server's secret key (Z85)."""
+
+    def refuses(self, key: str, channel: str) -> str:
+        """Why a key may not come in to a channel; empty if it may."""
+
+    def forbids(self, key: str, role: str, side: str) -> str:
+        """Why the owner of a key may not speak as this; empty if it may."""
+
+    def owner(self, key: str) -> str:
+        """What a key is for, such as ``agent.left``."""
+
+    def fingerprint(self, key: str) -> str:
+        """How people tell a key."""
+
+
+def new_keys() -> tuple[str, str]:
+    """A new pair of keys, public and secret (Z85)."""
+    public, secret = zmq.curve_keypair()
+    return public.decode(), secret.decode()
+
+
+def public_of(secret: str) -> str:
+    """The public key that goes with a secret one (Z85).
+
+    Raises
+    ------
+    ValueError
+        If it is not a key.
+    """
+    return zmq.curve_public(secret.encode()).decode()
+
+
+class Door:
+    """Where one server lets its peers in, by their keys.
+
+    Parameters
+    ----------
+    ring : Ring
+        Its own key and theirs.
+    port : int
+        By which it is told from other servers in the same context.
+    """
+
+    def __init__(self, ring: Ring, port: int) -> None:
+        self.ring = ring
+        self._port = port
+        self._gate: _Gate | None = None
+        self._watched: list[_Watched] = []
+        self._told: dict[tuple[str, str, str], tuple[int, int]] = {}
+        self._news: list[dict[str, str]] = []
+
+    def attend(self) -> list[dict[str, str]]:
+        """Let in who knocks and may; what is to be told of the others since the last time.
+
+        Nobody gets in unless this is called, some fifty times a second.
+        """
+        if self._gate is not None:
+            self._gate.answer()
+        for watched in self._watched:
+            for reason in watched.listen():
+                self.refuse(watched.channel, "", "", reason)
+        news, self._news = self._news, []
+        return news
+
+    def refuse(self, channel: str, address: str, key: str, reason: str) -> None:
+        """Note a refusal: the first of a kind at once, then now and then how many they were."""
+        kind = (channel, key or address, reason)
+        if kind not in self._told and len(self._told) >= MOST_REFUSALS:
+            kind = ("", "", "")
+        now_ns = time.monotonic_ns()
+        times, told_ns = self._told.get(kind, (0, now_ns - TOLD_AGAIN_NS))
+        times += 1
+        if now_ns - told_ns >= TOLD_AGAIN_NS:
+            told_ns = now_ns
+            known = {"address": address, "key": self.ring.fingerprint(key) if key else ""}
+            told = {name: value for name, value in known.items() if value}
+            self._news.append({"channel": channel, **told, "reason": reason, "times": str(times)})
+        self._told[kind] = (times, told_ns)
+
+    def guard(self, context: "Context", socket: Socket, name: str) -> None:
+        """Put a lock on the socket of a channel of that name, before it is bound."""
+        self._gate = context.gate = context.gate or _Gate(context)
+        self._gate.doors[f"{self._port}.{name}"] = (self, name)
+        socket.setsockopt(zmq.CURVE_SERVER, 1)
+        socket.setsockopt(zmq.CURVE_SECRETKEY, self.ring.secret.encode())
+        socket.setsockopt(zmq.ZAP_DOMAIN, f"{self._port}.{name}".encode())
+        socket.setsockopt(zmq.ZAP_ENFORCE_DOMAIN, 1)
+        self._watched.append(_Watched(context, socket, name))
+
+
+class _Gate:
+    """Where libzmq asks: one for a context, however many doors there are."""
+
+    def __init__(self, context: "Context") -> None:
+        self.doors: dict[str, tuple[Door, str]] = {}
+        self._socket: Socket = context.socket(zmq.REP)
+        self._socket.setsockopt(zmq.LINGER, 0)
+        self._socket.bind(ZAP_ADDRESS)
+
+    def answer(self) -> None:
+        """Answer some of those who wait for it."""
+        for _ in range(MOST_HANDSHAKES):
+            if not readable(self._socket):
+                return
+            version, request, domain, address, _, _, *credentials = self._socket.recv_multipart(NOBLOCK)
+            key = z85.encode(credentials[0]).decode()
+            door, channel = self.doors[domain.decode()]
+            reason = door.ring.refuses(key, channel)
+            if reason:
+                door.refuse(channel, address.decode(errors="replace"), key, reason)
+                verdict = (b"400", reason.encode(), b"")
+            else:
+                verdict = (b"200", b"OK", key.encode())
+            self._socket.send_multipart((version, request, *verdict, b""), NOBLOCK)
+
+
+class _Watched:
+    """A socket that tells of handshakes that failed before it came to keys; libzmq does not say whose they were."""
+
+    def __init__(self, context: "Context", socket: Socket, channel: str) -> None:
+        self.channel = channel
+        self._context = context
+        self._socket = socket
+        self._deaf_until_ns = 0
+        self._monitor = self._open()
+
+    def listen(self) -> Iterator[str]:
+        """Why they failed."""
+        if self._socket.closed:
+            return
+        if self._deaf_until_ns:
+            if time.monotonic_ns() < self._deaf_until_ns:
+                return
+            self._deaf_until_ns, self._monitor = 0, self._open()
+        for _ in range(MOST_HANDSHAKES):
+            if self._monitor.closed or not readable(self._monitor):
+                return
+            event = parse_monitor_message(self._monitor.recv_multipart(NOBLOCK))
+            if event["event"] == zmq.Event.HANDSHAKE_FAILED_NO_DETAIL:
+                yield NO_KEY
+            elif event["event"] == zmq.Event.HANDSHAKE_FAILED_PROTOCOL:
+                yield FAILURES.get(event["value"], NO_HANDSHAKE)
+        self._socket.monitor(None, 0)
+        self._monitor.close()
+        self._deaf_until_ns = time.monotonic_ns() + DEAF_NS
+        yield "more handshakes fail here than can be told of"
+
+    def _open(self) -> Socket:
+        """Listen. The queue has no bound: a full one would hold up libzmq's own thread."""
+        address = f"inproc://monitor.{id(self)}.{time.monotonic_ns()}"
+        self._socket.monitor(address, zmq.Event.HANDSHAKE_FAILED_PROTOCOL | zmq.Event.HANDSHAKE_FAILED_NO_DETAIL)
+        monitor: Socket = self._context.socket(zmq.PAIR)
+        monitor.setsockopt(zmq.LINGER, 0)
+        monitor.setsockopt(zmq.RCVHWM, 0)
+        monitor.connect(address)
+        return monitor
+
+
+NO_KEY = "it came without a key, or hung up before the handshake was over"
+"""Whoever has no key may find out first that the server has one, and hang up."""
+FAILURES: dict[int, str] = {
+    int(zmq.PROTOCOL_ERROR_ZMTP_MECHANISM_MISMATCH): NO_KEY,
+    int(zmq.PROTOCOL_ERROR_ZMTP_CRYPTOGRAPHIC): "it does not know this server's key, or repeated what another one said",
+}
+NO_HANDSHAKE = "it broke the rules of the handshake"
+
+
+class Context(zmq.Context["zmq.Socket[bytes]"]):
+    """Where sockets are made, and the gate of the doors among them."""
+
+    gate: _Gate | None = None
