@@ -16,6 +16,8 @@ import zmq
 from netboard import doors, sockets
 from netboard.config import Network
 from netboard.errors import NetboardError
+from netboard.wire.codec import KINDS
+from netboard.wire.messages import Command, Frames, Goodbye, Hello, LogAck, LogRequest, Pong, Stylus
 
 pytestmark = pytest.mark.integration
 
@@ -81,7 +83,19 @@ def test_every_socket_has_the_options_its_channel_needs(made: Made) -> None:
     for end in (motion, log, agent, logger, view, eye):
         assert raw(end).getsockopt(zmq.HEARTBEAT_IVL) == 0
         assert raw(end).getsockopt(zmq.TCP_KEEPALIVE) == 1
-        assert raw(end).getsockopt(zmq.MAXMSGSIZE) == sockets.LARGEST_FRAME
+    for end, largest in (
+        *((end, sockets.LARGEST_FRAME) for end in (agent, logger, eye)),
+        *((end, sockets.LARGEST_REQUEST) for end in (motion, log)),
+        (made.control_server(ANYWHERE), sockets.LARGEST_REPORT),
+        (view, sockets.LARGEST_SUBSCRIPTION),
+    ):
+        assert raw(end).getsockopt(zmq.MAXMSGSIZE) == largest
+
+
+def test_a_server_takes_the_largest_frame_of_each_kind_that_it_is_sent() -> None:
+    largest = {kind.message: kind.most_bytes + 64 for kind in KINDS.values()}  # encryption takes some bytes more
+    assert max(largest[kind] for kind in (Hello, Stylus, Goodbye, LogRequest, LogAck, Pong)) <= sockets.LARGEST_REQUEST
+    assert max(largest[kind] for kind in (Hello, Frames, Command, Goodbye)) <= sockets.LARGEST_REPORT
 
 
 def test_addresses_count_the_channels_from_the_first_port() -> None:

@@ -71,7 +71,8 @@ def test_no_force_is_no_force_that_is_not_renewed() -> None:
 
 def test_time_for_which_the_machine_held_the_agent_up_is_told() -> None:
     trace = np.delete(trace_of(faded, 100), slice(40, 55))
-    (fade,) = fades(trace, 5 * MS)
+    fade, gap = fades(trace, 5 * MS)
+    assert gap.held == 0.0
     assert fade.held_up == pytest.approx(0.015)
 
 

@@ -34,6 +34,12 @@ class Line:
         return self._stack.enter_context(server)
 
 
+def turned_away(port: int) -> None:
+    """Connect, and be reset, at once or a moment later."""
+    with pytest.raises(ConnectionResetError), socket.create_connection(("127.0.0.1", port), PATIENCE) as peer:
+        peer.recv(1)
+
+
 @pytest.fixture
 def line() -> Iterator[Line]:
     with ExitStack() as stack:
@@ -90,8 +96,7 @@ def test_a_cut_resets_connections_until_it_is_mended(line: Line) -> None:
         client.recv(1)
     with pytest.raises(ConnectionResetError):
         server.recv(1)
-    with socket.create_connection(("127.0.0.1", line.relay.port), PATIENCE) as new, pytest.raises(ConnectionResetError):
-        new.recv(1)
+    turned_away(line.relay.port)
     line.relay.mend()
     client, server = line.connect()
     client.sendall(b"again")
@@ -121,9 +126,8 @@ def test_the_end_of_one_side_is_the_end_of_the_other_after_what_was_under_way(li
 def test_without_a_server_a_peer_is_turned_away() -> None:
     with socket.create_server(("127.0.0.1", 0)) as gone:
         place = gone.getsockname()
-    with Relay([place]) as relay, socket.create_connection(("127.0.0.1", relay.port), PATIENCE) as peer:
-        with pytest.raises(ConnectionResetError):
-            peer.recv(1)
+    with Relay([place]) as relay:
+        turned_away(relay.port)
 
 
 @pytest.fixture

@@ -139,7 +139,7 @@ def test_the_clock_of_a_foreign_agent_is_known_and_its_phase_is_in_step(played: 
     for probes in clocks.values():
         assert probes
         assert [probe for probe in probes if abs(probe.offset_ns) > probe.bound_ns] == []
-    leads = ticks["left_lead_ns"][(ticks["left_live"] == 1) & (ticks["phase"] == Phase.RUNNING)]
+    leads = ticks["left_lead_ns"][ticks["left_live"] == 1]
     windows = np.array_split(leads, len(leads) // 250)
     assert any(0.15e6 < np.median(window) < 0.45e6 for window in windows), [np.median(window) for window in windows]
 

@@ -174,14 +174,16 @@ def test_growth_is_that_of_a_straight_line() -> None:
 
 
 def test_memory_may_grow_while_it_is_warming_up() -> None:
-    def samples(held: np.ndarray) -> list[dict[str, Usage]]:
-        return [{"server": Usage(k * 10**9, {}, int(value))} for k, value in enumerate(held)]
+    def samples(held: np.ndarray, name: str = "server") -> list[dict[str, Usage]]:
+        return [{name: Usage(k * 10**9, {}, int(value))} for k, value in enumerate(held)]
 
     at = np.arange(1800.0)
     warm = np.minimum(at, 50.0) * 1e6
     assert verdicts(memory_part(samples(1e8 + warm))) == [True]
     assert verdicts(memory_part(samples(1e8 + warm + 5000 * at))) == [False]
     assert verdicts(memory_part(samples(1e8 + 5000 * at[:60]))) == [True]  # too little to tell
+    assert verdicts(memory_part(samples(1e8 + 15_000 * at, "logger 2"))) == [True]  # its index
+    assert verdicts(memory_part(samples(1e8 + 50_000 * at, "logger 2"))) == [False]
 
 
 # --- settings ------------------------------------------------------------------------------------------------------

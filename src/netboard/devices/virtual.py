@@ -10,8 +10,9 @@ Options (``agents.<side>.options``): ``held = false`` for a stylus that nobody h
 
 from collections.abc import Iterable
 from math import hypot
-from typing import final
+from typing import Any, final
 
+import numba
 import numpy as np
 
 from netboard.config import SIDES, Config, Side
@@ -26,6 +27,26 @@ CATCH_UP_NS = 50_000_000
 
 CONTINUOUS_SHARE = 0.88 / 3.3
 """Continuous to largest force of a Touch [1]."""
+
+
+@numba.njit(cache=True)
+def encoded(state: Any, rest: float, step: float) -> tuple[float, float, float]:
+    """Return where a hand is so long after its state, in whole encoder steps.
+
+    Parameters
+    ----------
+    state : ndarray of HAND, shape (1,)
+        The hand.
+    rest : float
+        Time since [s].
+    step : float
+        Size of an encoder step, 0 for none [m].
+    """
+    s = state[0]
+    x, y, z = s["x"] + rest * s["vx"], s["y"] + rest * s["vy"], s["z"] + rest * s["vz"]
+    if step == 0.0:
+        return x, y, z
+    return round(x / step) * step, round(y / step) * step, round(z / step) * step
 
 
 @final
@@ -127,8 +148,4 @@ class VirtualTouch(Device):
     def _encoder(self, now_ns: int) -> tuple[float, float, float]:
         """Position now, moved on from the last whole step, in encoder steps [m]."""
         rest = max(now_ns - (self._time_ns or now_ns), 0) * 1e-9
-        step = self._device.resolution
-        x, y, z = (r + rest * v for r, v in zip(self._hand.position, self._hand.velocity, strict=True))
-        if step == 0.0:
-            return x, y, z
-        return round(x / step) * step, round(y / step) * step, round(z / step) * step
+        return encoded(self._hand.state, rest, self._device.resolution)

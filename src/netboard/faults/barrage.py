@@ -11,10 +11,10 @@ from collections.abc import Callable, Sequence
 
 from netboard import sockets
 from netboard.config import Network
-from netboard.errors import NetboardError, WireError
+from netboard.errors import NetboardError
 from netboard.faults import zmtp
-from netboard.faults.mutants import Mutants, true_frames
-from netboard.wire.codec import decode, encode
+from netboard.faults.mutants import Mutants, parse, true_frames
+from netboard.wire.codec import encode
 from netboard.wire.messages import (
     PROTOCOL_VERSION,
     Command,
@@ -26,8 +26,8 @@ from netboard.wire.messages import (
     Message,
 )
 
-RATE_HZ = 2000.0
-"""Malformed messages for each socket [Hz]."""
+RATE_HZ = 1500.0
+"""Malformed messages for each socket, somewhat fewer than the log channel takes [Hz]."""
 
 STREAMS_HZ = 20.0
 """Connections to each socket in which no ZeroMQ is spoken [Hz]."""
@@ -36,7 +36,10 @@ KEPT_OPEN = 20
 """So many of those are open at a time [1]."""
 
 RENEWED = 100
-"""A stranger's connection is made anew after so many messages [1]."""
+"""A subscriber's connection is made anew after so many messages: what it has subscribed to is forgotten then [1]."""
+
+TOO_LARGE = 0.02
+"""Share of the messages too large for a socket that are sent all the same: what is under way is lost with them [1]."""
 
 SEVERAL = 0.03
 """Share of messages in more than one part [1]."""
@@ -67,12 +70,17 @@ class Assault:
         How many it sends [1].
     seed : int
         Of what it sends.
+
+    Attributes
+    ----------
+    sent, malformed : int
+        How many it has sent, and how many of them cannot but be refused [1].
     """
 
     def __init__(self, channel: int, network: Network, hello: Hello | None, count: int, seed: int) -> None:
         self.channel = sockets.CHANNELS[channel]
         self.count = count
-        self.sent = 0
+        self.sent = self.malformed = 0
         self._welcomed = hello is not None
         self._chance = random.Random(seed)
         self._mutants = Mutants(true_frames(seed), seed)
@@ -98,9 +106,10 @@ class Assault:
                     raise NetboardError(f"the {self.channel} socket takes nothing any more")
                 return
             self.sent += 1
+            self.malformed += self._is_malformed(self._next)
             self._stuck_since = time.monotonic()
             self._next = self._make()
-            if not self._welcomed and self.sent % RENEWED == 0 and self.line.drained():
+            if self._subscribes and self.sent % RENEWED == 0:
                 self.line.renew()
 
     def say(self, message: Message) -> None:
@@ -112,18 +121,21 @@ class Assault:
         if chance.random() < SEVERAL:
             return [next(self._mutants) for _ in range(chance.choice((2, 2, 3, 50)))]
         frame = next(self._mutants)
-        while self._welcomed and self._is_meant(frame):
+        while self._is_left_out(frame):
             frame = next(self._mutants)
         if self._subscribes:
             return [chance.choice((b"", b"\0", b"\1")) + frame]  # which subscribes and unsubscribes
         return [frame]
 
-    @staticmethod
-    def _is_meant(frame: bytes) -> bool:
-        try:
-            return isinstance(decode(frame), MEANT)
-        except WireError:
-            return False
+    def _is_left_out(self, frame: bytes) -> bool:
+        """Whether a frame is not sent: it would be meant, or cut the connection once too often."""
+        if len(frame) > sockets.LARGEST_REQUEST:
+            return self._chance.random() > TOO_LARGE
+        return self._welcomed and isinstance(parse(frame), MEANT)
+
+    def _is_malformed(self, parts: list[bytes]) -> bool:
+        """Whether a message must be refused: from a stranger any, from others what is none."""
+        return not self._welcomed or len(parts) > 1 or parse(parts[0]) is None
 
 
 class Vandal:

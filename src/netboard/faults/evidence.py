@@ -70,7 +70,7 @@ def fades(trace: NDArray[Any], longer_ns: int) -> list[Fade]:
     trace : ndarray of TRACE, shape (n,)
         What one device was handed, in order.
     longer_ns : int
-        Only where the same force was handed over for longer than this [ns].
+        Only where it took longer than this until there was another force [ns].
 
     Returns
     -------
@@ -80,7 +80,7 @@ def fades(trace: NDArray[Any], longer_ns: int) -> list[Fade]:
     forces, times = trace["fz"], trace["time_ns"]
     found = []
     for first, stop in _runs(forces):
-        if forces[first] == 0.0 or times[stop - 1] - times[first] <= longer_ns:
+        if forces[first] == 0.0 or times[min(stop, times.size - 1)] - times[first] <= longer_ns:
             continue
         last = int(times[first])
         after = forces[stop:]

@@ -14,10 +14,10 @@ import numpy as np
 from netboard import sockets
 from netboard.clock import now_ns
 from netboard.config import SIDES, Config, Network, resolve
-from netboard.errors import WireError
 from netboard.faults import zmtp
+from netboard.faults.mutants import parse
 from netboard.tick import TICK
-from netboard.wire.codec import decode, encode
+from netboard.wire.codec import encode
 from netboard.wire.messages import (
     PROTOCOL_VERSION,
     Beat,
@@ -53,20 +53,6 @@ KEPT_OPEN = 4
 
 MEANT: tuple[type[Message], ...] = (Welcome, Goodbye, Refusal, Force, Beat, LogBatch, LogEnd)
 """What a peer must believe its server: what happens to be one of these is no nonsense, and not said."""
-
-
-def parse(frame: bytes) -> Message | None:
-    """Decode a frame; None if it is no message.
-
-    Parameters
-    ----------
-    frame : bytes
-        What came in.
-    """
-    try:
-        return decode(frame)
-    except WireError:
-        return None
 
 
 class HostileServer:

@@ -17,7 +17,8 @@ from typing import Any
 
 import msgpack
 
-from netboard.wire.codec import CHOICES, KINDS, encode
+from netboard.errors import WireError
+from netboard.wire.codec import CHOICES, KINDS, decode, encode
 from netboard.wire.messages import Message
 
 LARGEST = 2**20
@@ -97,6 +98,20 @@ def true_frames(seed: int, of_each: int = 3) -> list[bytes]:
     """
     chance = random.Random(seed)
     return [encode(_message(kind.message, chance)) for kind in KINDS.values() for _ in range(of_each)]
+
+
+def parse(frame: bytes) -> Message | None:
+    """Decode a frame; None if it is no message.
+
+    Parameters
+    ----------
+    frame : bytes
+        What came in.
+    """
+    try:
+        return decode(frame)
+    except WireError:
+        return None
 
 
 def _message(kind: type[Message], chance: random.Random) -> Message:

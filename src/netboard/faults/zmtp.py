@@ -98,11 +98,6 @@ class Line:
             self._socket.close()
         self._socket, self._waiting = None, b""
 
-    def drained(self) -> bool:
-        """Send what is left; whether nothing is."""
-        self._flush()
-        return not self._waiting
-
     def _flush(self) -> None:
         try:
             if self._socket is None:

@@ -96,26 +96,27 @@ class Link:
             sockets.send(self._socket, frame)
 
     def receive(self) -> bool:
-        """Take everything that has come; True if there is a newer force or beat."""
-        newer = False
-        while (frame := sockets.receive(self._socket)) is not None:
-            try:
-                message = decode(frame)
-            except WireError as error:
-                log.warning("the server sent nonsense: %s", error)
-                continue
-            match message:
-                case Force() | Beat():
-                    newer |= self._take(message)
-                case Welcome(session=session):
-                    self._enter(session)
-                case Goodbye(reason=reason):
-                    log.info("the server says goodbye: %s", reason)
-                    self._session = ""
-                case Refusal(reason=reason) if reason != self._refused:
-                    self._refused = reason
-                    log.warning("the server refuses: %s", reason)
-        return newer
+        """Take one message, if one has come; True if it is a newer force or beat."""
+        frame = sockets.receive(self._socket)
+        if frame is None:
+            return False
+        try:
+            message = decode(frame)
+        except WireError as error:
+            log.warning("the server sent nonsense: %s", error)
+            return False
+        match message:
+            case Force() | Beat():
+                return self._take(message)
+            case Welcome(session=session):
+                self._enter(session)
+            case Goodbye(reason=reason):
+                log.info("the server says goodbye: %s", reason)
+                self._session = ""
+            case Refusal(reason=reason) if reason != self._refused:
+                self._refused = reason
+                log.warning("the server refuses: %s", reason)
+        return False
 
     def rendered(self, at_ns: int) -> None:
         """Note that the newest force is at the device: the loop is closed for the sample it was computed from."""
@@ -125,8 +126,8 @@ class Link:
             self.loop_ns = at_ns - self._stamps[message.stylus_seq % REMEMBERED]
 
     def wait(self, seconds: float) -> bool:
-        """Wait for the server, at most so long [s]."""
-        return sockets.wait_readable(self._socket, seconds)
+        """Wait for the server, at most so long [s]; whether something may have come."""
+        return sockets.wait_signal(self._socket, seconds)
 
     def leave(self, reason: str) -> None:
         """Say goodbye and close."""
@@ -216,10 +217,11 @@ class Agent:
         lived = rendered = False
         while (left_ns := until_ns - now_ns()) > 0:
             wait_ns = left_ns if lived else left_ns - TICK_NS // 4
-            if wait_ns > 0 and self._link.wait(wait_ns * 1e-9) and self._link.receive():
-                self._render(reading)
-                shift_ns += phase_shift(self._link.newest.lead_ns) if self._link.newest else 0
-                rendered = True
+            if wait_ns > 0 and self._link.wait(wait_ns * 1e-9):
+                if self._link.receive():
+                    self._render(reading)
+                    shift_ns += phase_shift(self._link.newest.lead_ns) if self._link.newest else 0
+                    rendered = True
             elif not lived:
                 self._live(reading)
                 lived = True

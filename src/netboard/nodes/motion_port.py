@@ -78,21 +78,22 @@ class Seat:
 
     def read(self, frame: bytes, now_ns: int, due_ns: int) -> bool:
         """Take a sample in its fixed form; False if the frame is anything else."""
-        if not fixed.read(frame, fixed.STYLUS.head, fixed.STYLUS.markers, self._sample):
-            return False
-        self._take(now_ns, due_ns)
-        return True
+        taken = seats.take_frame(self._words, frame, *fixed.STYLUS[:2], self._sample, now_ns, due_ns)
+        if taken > 0:
+            self._look_at_clock(now_ns)
+        return taken >= 0
 
     def take(self, stylus: Stylus, now_ns: int, due_ns: int) -> None:
         """Take a sample that came in any other form."""
         _PACK.pack_into(self._sample.data, 0, *_VALUES(stylus))
-        self._take(now_ns, due_ns)
-
-    def _take(self, now_ns: int, due_ns: int) -> None:
         if seats.take(self._words, self._sample, now_ns, due_ns):
-            tick = int(self._words[seats.FORCE_TICK])
-            if tick - self._probed_tick >= PROBE_TICKS or tick < self._probed_tick:
-                self._probe(tick, now_ns)
+            self._look_at_clock(now_ns)
+
+    def _look_at_clock(self, now_ns: int) -> None:
+        """Let the newest sample tell the time there, if it answers what no sample before did, and not too often."""
+        tick = int(self._words[seats.FORCE_TICK])
+        if tick - self._probed_tick >= PROBE_TICKS or tick < self._probed_tick:
+            self._probe(tick, now_ns)
 
     def _probe(self, tick: int, now_ns: int) -> None:
         """Let the newest sample tell the time there."""

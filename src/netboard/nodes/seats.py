@@ -122,6 +122,28 @@ def take(seat: Any, sample: Any, now_ns: int, due_ns: int) -> bool:
 
 
 @kernel
+def take_frame(seat: Any, frame: bytes, head: Any, markers: Any, sample: Any, now_ns: int, due_ns: int) -> int:
+    """Read a sample in its fixed form and take it: -1 if the frame is anything else, else whether it was taken.
+
+    Parameters
+    ----------
+    seat : ndarray of int64, shape (WORDS,)
+        The seat.
+    frame : bytes
+        What came in.
+    head, markers : ndarray of uint8
+        The form of a `Stylus`.
+    sample : ndarray of int64, shape (SAMPLE_WORDS,)
+        Room for the sample.
+    now_ns, due_ns : int
+        As for `take` [ns].
+    """
+    if not fixed.read(frame, head, markers, sample):
+        return -1
+    return 1 if take(seat, sample, now_ns, due_ns) else 0
+
+
+@kernel
 def awaited(seats: Any) -> bool:
     """Tell whether a tick should wait for its deadline: a sample is missing from a side that was punctual so far."""
     fresh = 0
@@ -204,7 +226,7 @@ def warm() -> None:
     row, seats, sample = np.zeros(len(_ROW), np.int64), np.zeros((2, WORDS), np.int64), np.zeros(SAMPLE_WORDS, np.int64)
     for seat in seats:
         empty(seat)
-    fixed.read(b"", *fixed.STYLUS[:2], sample)
+    take_frame(seats[0], b"", *fixed.STYLUS[:2], sample, TICK_NS, TICK_NS)
     take(seats[0], sample, TICK_NS, TICK_NS)
     awaited(seats)
     fill(row, seats, 0, TICK_NS, 0, TICK_NS)

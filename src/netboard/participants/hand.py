@@ -25,6 +25,9 @@ STEP_NS = 250_000
 STEP = STEP_NS * 1e-9
 """Length of an integration step [s]."""
 
+AHEAD = 1000
+"""Steps for which the tremor's noise is drawn in one go [1]."""
+
 CAPACITY = 32
 """Submovements a hand can have under way at once [1]."""
 
@@ -207,6 +210,8 @@ class Hand:
         self._arm = arm[0]
         self._plan = np.zeros((CAPACITY, 3))
         self._rng = rng
+        self._white = np.zeros((0, 3))
+        self._drawn = 0
         if self._arm["stiffness"] > 0.0:
             for axis in ("x", "y"):
                 self._record[axis] = self._record[f"rest_{axis}"] = GRASP * rng.standard_normal()
@@ -243,8 +248,17 @@ class Hand:
         force : tuple of float
             Force of the motors on the stylus, x, y, z [N].
         """
-        white = self._rng.standard_normal((steps, 3))
+        white = self._noise(steps)
         swing(self._record, self._arm, self._plan, origin, force[0], force[1], force[2], white)
+
+    def _noise(self, steps: int) -> NDArray[np.float64]:
+        """Take the next normal numbers from those drawn ahead: drawing a few at a time takes longer than the steps."""
+        start = self._drawn
+        if start + steps > len(self._white):
+            fresh = self._rng.standard_normal((max(AHEAD, steps), 3))
+            self._white, start = np.concatenate([self._white[start:], fresh]), 0
+        self._drawn = start + steps
+        return self._white[start : self._drawn]
 
     @property
     def position(self) -> tuple[float, float, float]:

@@ -1,0 +1,126 @@
+"""The device that can be tampered with: a device like any other, until it is told to fail."""
+
+import os
+from dataclasses import replace
+from math import isnan
+from pathlib import Path
+
+import numpy as np
+import pytest
+from contract import DeviceContract
+
+from netboard.config import Agent, Agents, Config
+from netboard.devices import registry
+from netboard.devices.base import Device
+from netboard.errors import ConfigError, DeviceLost
+from netboard.faults.devices import (
+    JUMP,
+    NAME,
+    TamperedTouch,
+    install,
+    play_trick,
+    read_trace,
+    read_traces,
+    trace_file,
+)
+from netboard.nodes.companion import Held
+
+MS = 1_000_000
+
+
+def in_folder(config: Config, folder: Path) -> Config:
+    left = replace(config.agents.left, device=NAME, options={"folder": str(folder)})
+    return replace(config, agents=replace(config.agents, left=left))
+
+
+class TestTampered(DeviceContract):
+    @pytest.fixture(autouse=True)
+    def _folder(self, tmp_path: Path) -> None:
+        self.folder = tmp_path
+
+    def make(self, config: Config) -> Device:
+        return TamperedTouch("left", in_folder(config, self.folder))
+
+    def motor_force(self, device: Device) -> tuple[float, float, float]:
+        assert isinstance(device, TamperedTouch)
+        return device._touch._force
+
+
+@pytest.fixture
+def device(tmp_path: Path):
+    with TamperedTouch("left", in_folder(Config(), tmp_path)) as device:
+        yield device
+
+
+def test_every_force_is_in_the_file_at_once_and_so_is_the_last(tmp_path: Path) -> None:
+    with TamperedTouch("left", in_folder(Config(), tmp_path)) as device:
+        device.read(MS)
+        device.write(0.1, 0.2, 0.3)
+        file = trace_file(tmp_path, "left", os.getpid())
+        assert [*map(tuple, read_trace(file)[["fx", "fy", "fz"]])] == [(0.1, 0.2, 0.3)]
+        device.write(0.0, 0.0, 0.4)
+        assert read_trace(file, 1)["fz"].tolist() == [0.4]
+    (trace,) = read_traces(tmp_path, "left")
+    assert trace["fz"].tolist() == [0.3, 0.4, 0.0]
+    assert np.all(np.diff(trace["time_ns"]) >= 0)
+    assert read_traces(tmp_path, "right") == []
+
+
+def test_no_file_is_no_force(tmp_path: Path) -> None:
+    assert read_trace(trace_file(tmp_path, "left", 1)).size == 0
+
+
+def test_it_can_be_held_by_a_simulated_hand(device: TamperedTouch) -> None:
+    assert isinstance(device, Held)
+    device.write(0.0, 0.0, 0.5)
+    assert device.felt == 0.5
+    device.command(())
+
+
+def test_it_can_give_no_numbers(device: TamperedTouch, tmp_path: Path) -> None:
+    assert not isnan(device.read(MS).z)
+    play_trick(tmp_path, "left", "nan")
+    reading = device.read(2 * MS)
+    assert all(map(isnan, (reading.x, reading.y, reading.z, reading.vz)))
+
+
+def test_it_can_freeze_and_thaw(device: TamperedTouch, tmp_path: Path) -> None:
+    before = device.read(MS)
+    play_trick(tmp_path, "left", "frozen")
+    assert device.read(5 * MS) == before
+    play_trick(tmp_path, "left", "none")
+    assert device.read(6 * MS).stamp_ns == 6 * MS
+
+
+def test_it_can_jump_which_looks_fast(device: TamperedTouch, tmp_path: Path) -> None:
+    before = device.read(MS)
+    play_trick(tmp_path, "left", "jump")
+    after = device.read(2 * MS)
+    assert after.z - before.z == pytest.approx(JUMP, abs=1e-3)
+    assert after.vz > 10.0
+
+
+def test_it_can_be_gone_having_been_told_to_let_go(device: TamperedTouch, tmp_path: Path) -> None:
+    device.write(0.0, 0.0, 0.5)
+    play_trick(tmp_path, "left", "gone")
+    with pytest.raises(DeviceLost):
+        device.read(MS)
+    with pytest.raises(DeviceLost):
+        device.close()
+    (trace,) = read_traces(tmp_path, "left")
+    assert trace["fz"].tolist() == [0.5, 0.0]
+
+
+@pytest.mark.parametrize("options", [{}, {"folder": 3}, {"folder": "here", "held": True}])
+def test_it_wants_its_folder_and_nothing_else(options: dict) -> None:
+    with pytest.raises(ConfigError, match=r"agents.left.options.*its folder"):
+        TamperedTouch("left", Config(agents=Agents(left=Agent(options=options))))
+
+
+def test_it_is_a_plug_in_where_it_is_installed_and_nowhere_else(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert NAME not in registry.names()
+    environment = install(tmp_path / "plug-in")
+    monkeypatch.syspath_prepend(environment["PYTHONPATH"].split(os.pathsep)[0])
+    assert registry.find(NAME) is TamperedTouch

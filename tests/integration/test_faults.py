@@ -1,0 +1,48 @@
+"""The fault harness in short: a choice of its cases on real processes, and everything that must hold after each.
+
+Cases that do not need a site of their own are played in one, one after the other, with the agents' lines through
+relays: so few processes are started.
+"""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from netboard.faults.bench import play_all
+from netboard.faults.case import RELAYED, SINGLE, Case
+from netboard.faults.cases import choose
+
+pytestmark = [pytest.mark.integration, pytest.mark.slow, pytest.mark.timeout(900)]
+
+WITH_RELAYS = (
+    *("line-held-20ms", "line-held-200ms", "line-cut-20ms", "delay-10ms", "agent-killed", "agent-stopped-1s"),
+    *("two-agents", "other-version", "no-hello", "device-nan", "device-frozen", "device-jumps"),
+)
+OF_THE_SERVER = ("server-stopped-1s", "server-killed")
+OF_THE_RECORDING = ("logger-killed", "directory-removed")
+
+
+def all_hold(cases: list[Case], folder: Path) -> None:
+    """Play cases, and show what does not hold."""
+    outcomes = list(play_all(cases, folder, True, lambda _: None))
+    failed = {
+        outcome.case.name: [verdict for verdict in outcome.verdicts if not verdict.holds]
+        for outcome in outcomes
+        if not outcome.holds
+    }
+    assert failed == {}
+    assert [outcome.refusal for outcome in outcomes] == [""] * len(cases)
+
+
+def test_lines_agents_peers_and_devices_that_fail(tmp_path: Path) -> None:
+    all_hold([replace(case, setup=RELAYED) for case in choose(WITH_RELAYS, quick=True)], tmp_path)
+
+
+def test_a_server_that_stands_still_and_one_that_is_killed(tmp_path: Path) -> None:
+    all_hold(choose(OF_THE_SERVER, quick=True), tmp_path)
+
+
+def test_a_logger_that_is_killed_and_a_recording_that_is_deleted(tmp_path: Path) -> None:
+    killed, removed = choose(OF_THE_RECORDING, quick=True)
+    all_hold([replace(killed, setup=SINGLE), replace(removed, alone=False)], tmp_path)
