@@ -73,7 +73,20 @@ qt_libraries() {
     say "windows will not open until these are installed: apt-get install" $(missing_qt_packages)
 }
 
+# What some tests need beside Python, and are skipped without: JavaScript, and network namespaces.
+test_tools() {
+    wanted=""
+    command -v node >/dev/null && command -v npm >/dev/null || wanted="nodejs npm"
+    command -v ip >/dev/null || [ -x /usr/sbin/ip ] || wanted="$wanted iproute2"
+    [ -n "$wanted" ] || return 0
+    if can_install && apt_install $wanted; then
+        return 0
+    fi
+    say "some tests are skipped until these are installed: apt-get install $wanted"
+}
+
 .venv/bin/python -c 'import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 14))' 2>/dev/null || make_venv
 say "installing netboard and what it needs into .venv"
 .venv/bin/python -m pip install --quiet --disable-pip-version-check --constraint requirements/constraints.txt --editable "$what"
 qt_libraries
+[ "$1" != dev ] || test_tools
