@@ -379,3 +379,28 @@ def test_libzmq_gets_the_cpus_that_there_are(caplog: pytest.LogCaptureFixture) -
     with sockets.open_context(io_cpus=os.sched_getaffinity(0)) as context:
         context.socket(zmq.PAIR).close()
     assert caplog.messages == []
+
+
+def test_a_peer_whose_handshake_failed_connects_anew(made: Made, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sockets, "RENEW_S", 0.05)
+    with net.create_server(("127.0.0.1", 0)) as impostor:
+        where = sockets.Endpoint(f"tcp://127.0.0.1:{impostor.getsockname()[1]}")
+        peer = made.motion_agent(where, "agent.left@test")
+        connection, _ = impostor.accept()
+        connection.sendall(WITHOUT_KEYS.replace(b"NULL", b"ODD!"))
+        assert connection.recv(64)
+        until(lambda: gone(connection))
+    server = made.motion_server(where)
+    until(lambda: sockets.send_or_renew(peer, b"hello"))
+    assert until(server.receive) == (b"agent.left@test", b"hello")
+
+
+def gone(connection: net.socket) -> bool:
+    """Whether the other end has hung up."""
+    connection.settimeout(0.1)
+    try:
+        return not connection.recv(4096)
+    except TimeoutError:
+        return False
+    except ConnectionResetError:
+        return True

@@ -22,6 +22,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeAlias
+from weakref import WeakKeyDictionary
 
 import zmq
 from zmq import Again, ZMQError
@@ -62,6 +63,9 @@ KEEPALIVE_S = 1
 KEEPALIVE_PROBES = 3
 RECONNECT_IVL_MS = 100
 RECONNECT_IVL_MAX_MS = 1000
+RENEW_S = 2.0
+"""Whoever finds nobody at the other end connects anew this often [s]."""
+_renewed: WeakKeyDictionary[Socket, float] = WeakKeyDictionary()
 
 SUBSCRIBED, UNSUBSCRIBED = b"\1", b"\0"
 """What an XPUB hears when the first one subscribes to everything, and when the last one leaves."""
@@ -516,6 +520,25 @@ def send(socket: Socket, frame: bytes) -> bool:
     except Again:
         return False
     return True
+
+
+def send_or_renew(socket: Socket, frame: bytes) -> bool:
+    """Send as `send` does; where nobody is there, connect anew, for the next time."""
+    if send(socket, frame):
+        return True
+    renew(socket)
+    return False
+
+
+def renew(socket: Socket) -> None:
+    """Connect anew, unless it was done lately: after a handshake that failed libzmq itself never tries again."""
+    now = time.monotonic()
+    if now - _renewed.setdefault(socket, now) < RENEW_S:
+        return
+    _renewed[socket] = now
+    endpoint = socket.getsockopt_string(zmq.LAST_ENDPOINT)
+    socket.disconnect(endpoint)
+    socket.connect(endpoint)
 
 
 def close_after_goodbye(socket: Socket) -> None:

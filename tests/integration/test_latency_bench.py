@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from netboard.latency.bench import Setting, loop, soak
-from netboard.latency.serving import Crowd, Scene
+from netboard.latency.serving import Company, Crowd
 
 pytestmark = [pytest.mark.integration, pytest.mark.slow, pytest.mark.timeout(240)]
 
@@ -39,7 +39,7 @@ def test_the_loop_and_its_baselines_are_measured_in_turns(tmp_path: Path) -> Non
 
 def test_light_peers_play_a_trial_at_a_real_server(tmp_path: Path) -> None:
     with Crowd(tmp_path) as crowd:
-        served = crowd.serve(Setting().config, 1, Scene(displays=True), 1.0)
+        served = crowd.serve(Setting().config, 1, Company(displays=True), 1.0)
     assert {name for name, count in served.counts.items() if count > 0} >= {"forces", "views", "records", "batches"}
     assert served.active > 0
     assert served.ticks.ticks > 0

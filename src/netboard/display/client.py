@@ -199,9 +199,10 @@ class DisplayClient(QObject):
     def _hello(self) -> None:
         """Ask to be welcomed."""
         details = {"refresh_hz": f"{1e9 / self._refresh_ns:.2f}", "platform": application().platformName()}
-        sockets.send(
-            self._control, encode(Hello("display", self.station, PROTOCOL_VERSION, NAME, version("netboard"), details))
-        )
+        hello = Hello("display", self.station, PROTOCOL_VERSION, NAME, version("netboard"), details)
+        sockets.send_or_renew(self._control, encode(hello))
+        if not self.linked:
+            sockets.renew(self._views)
 
     def _report(self) -> None:
         """Tell the server which frames were shown."""

@@ -38,7 +38,7 @@ KEPT_OPEN = 20
 RENEWED = 100
 """A subscriber's connection is made anew after so many messages: what it has subscribed to is forgotten then [1]."""
 
-TOO_LARGE = 0.02
+TOO_LARGE = 0.005
 """Share of the messages too large for a socket that are sent all the same: what is under way is lost with them [1]."""
 
 SEVERAL = 0.03

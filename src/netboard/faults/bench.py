@@ -36,8 +36,11 @@ COLUMNS = (
 WELL_S = 90.0
 """After a fault a trial is on again within this time, or something is wrong [s]."""
 
-CALM_NS = 500_000_000
-"""Time after that which still belongs to the fault [ns]."""
+NOTICED_S = 0.2
+"""Whatever is noticed of the end of a fault is noticed within this time [s]."""
+
+CALM_S = 0.5
+"""Time after all is well which still belongs to the fault [s]."""
 
 Tell = Callable[[str], object]
 
@@ -224,10 +227,11 @@ def make(case: Case, site: Site) -> Window:
         site.rig.until_felt(WELL_S)
         start_ns = now_ns()
         facts.update(case.act(site))
+        site.sleep(NOTICED_S)
         site.rig.until_felt(WELL_S)
     except (NetboardError, OSError) as error:
         return Window(start_ns, now_ns(), facts, f"{type(error).__name__}: {error}")
-    site.sleep(CALM_NS * 1e-9)
+    site.sleep(CALM_S)
     return Window(start_ns, now_ns(), facts)
 
 

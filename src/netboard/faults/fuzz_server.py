@@ -39,8 +39,8 @@ QUIET_SECONDS = 5.0
 COUNTED_SECONDS = 2.0
 """What has been refused is told once a second [s]."""
 
-COUNTED = 0.9
-"""Such a share of what was sent must be told to have been refused [1]."""
+COUNTED = 0.8
+"""Such a share of what was sent must be told to have been refused: some is lost where connections are cut [1]."""
 
 Tell = Callable[[str, float], object]
 

@@ -41,7 +41,7 @@ MINUTES, QUICK_MINUTES = 30.0, 0.5
 
 MOST_DYADS = 256
 
-WIDTH = 132
+WIDTH = 140
 """Tables are this wide at the least [characters]."""
 
 Transport = Literal["tcp", "ipc"]
@@ -208,7 +208,8 @@ def loop(
         series = loop_series(found)
         study.add(latency_part(found, real_time=setting.real_time))
         study.add(lateness_part(found.played.ticks, found.timer, real_time=setting.real_time))
-        study.add(costs_part(found.costs | found.echo_costs, server_verdict(found.costs["server"], setting.displays)))
+        verdict = server_verdict(found.costs["server"], found.echo_costs["echo"], setting.displays)
+        study.add(costs_part(found.costs | found.echo_costs, verdict))
         study.add(histogram_part(series[0] | series[1]))
         if dyads or skips:
             with Crowd(study.scratch) as crowd:

@@ -150,19 +150,20 @@ def costs_part(costs: Costs, *verdicts: Verdict) -> Part:
     )
 
 
-def server_verdict(cost: Cost, displays: int) -> Verdict:
-    """Hold the server of one dyad against what it may use.
+def server_verdict(server: Cost, echo: Cost, displays: int) -> Verdict:
+    """Hold the server of one dyad against what it may use; what a bare echo uses is told beside it.
 
     Parameters
     ----------
-    cost : Cost
-        What it used.
+    server, echo : Cost
+        What they used.
     displays : int
         How many displays there were [1].
     """
-    share = total(cost.spent.values()).seconds / cost.seconds
+    share, least = (total(cost.spent.values()).seconds / cost.seconds for cost in (server, echo))
     claim = f"the server uses at most {MOST_SERVER:.0%} of a core"
-    return Verdict(claim, share <= MOST_SERVER, f"{share:.1%}, with a logger; displays: {displays}")
+    found = f"{share:.1%}, with a logger, displays: {displays}; the bare echo {least:.1%}"
+    return Verdict(claim, share <= MOST_SERVER, found)
 
 
 def _together(named: Mapping[str, Times]) -> Times:

@@ -45,7 +45,7 @@ Tell = Callable[[str, float], object]
 
 
 @dataclass(frozen=True)
-class Window:
+class Stretch:
     """A measurement.
 
     Attributes
@@ -131,7 +131,7 @@ class Rig:
                 raise NetboardError(f"waited {START_SECONDS:.0f} s in vain: {said}")
             time.sleep(ANSWER_SECONDS)
 
-    def measure(self, seconds: float, tell: Callable[[float], object]) -> Window:
+    def measure(self, seconds: float, tell: Callable[[float], object]) -> Stretch:
         """Let it run for a while.
 
         Parameters
@@ -146,7 +146,7 @@ class Rig:
             tell(done / seconds)
             time.sleep(min(LOOK_SECONDS, seconds - done))
             self.look()
-        return Window(start_ns, now_ns(), before, self.usage())
+        return Stretch(start_ns, now_ns(), before, self.usage())
 
     def usage(self) -> dict[str, Usage]:
         """Look at what every process uses."""

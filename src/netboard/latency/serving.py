@@ -35,7 +35,7 @@ ANSWER_SECONDS = 0.2
 
 
 @dataclass(frozen=True)
-class Scene:
+class Company:
     """What is there besides the server.
 
     Attributes
@@ -104,7 +104,7 @@ class Crowd:
     ) -> None:
         self._workers.__exit__(kind, error, trace)
 
-    def serve(self, config: Config, dyads: int, scene: Scene, seconds: float) -> Served:
+    def serve(self, config: Config, dyads: int, company: Company, seconds: float) -> Served:
         """Run a server of some dyads, with these as its peers.
 
         Parameters
@@ -113,7 +113,7 @@ class Crowd:
             What the dyads have in common.
         dyads : int
             How many [1].
-        scene : Scene
+        company : Company
             Who is there.
         seconds : float
             For how long it is measured [s].
@@ -122,21 +122,21 @@ class Crowd:
         files = [str(file) for file in write_configs(configs, self._folder)]
         with Launcher(self._folder, {}) as launcher:
             words = [word for file in files for word in ("-c", file)]
-            launcher.start("server", "server", *words, *([] if scene.trial else ["--no-autostart"]))
+            launcher.start("server", "server", *words, *([] if company.trial else ["--no-autostart"]))
             _await_answer(launcher, configs[-1])
             from_ns = now_ns() + round(WARM_SECONDS * 1e9)
             until_ns = from_ns + round(seconds * 1e9)
             order: dict[str, Any] = {"files": files, "from_ns": from_ns, "until_ns": until_ns}
-            self._watchers.order(**order, loggers=scene.loggers, displays=scene.displays)
-            if scene.agents:
-                self._agents.order(**order, moving=scene.moving)
+            self._watchers.order(**order, loggers=company.loggers, displays=company.displays)
+            if company.agents:
+                self._agents.order(**order, moving=company.moving)
             cost, process = Cost(), launcher.process_id("server")
             _sleep_until(from_ns)
             before = read_usage(process)
             _sleep_until(until_ns)
             cost.add(before, read_usage(process))
             seen = self._watchers.answer()
-            felt = self._agents.answer() if scene.agents else {"counts": {}, "late_ns": []}
+            felt = self._agents.answer() if company.agents else {"counts": {}, "late_ns": []}
             os.kill(process, signal.SIGKILL)  # what it has not recorded was never meant to be
         return Served(
             cost,

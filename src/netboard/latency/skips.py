@@ -10,7 +10,7 @@ from netboard.config import Config
 from netboard.experiment.machine import Phase
 from netboard.latency.rig import Tell
 from netboard.latency.scale import core_share, on_cores
-from netboard.latency.serving import Crowd, Scene, Served
+from netboard.latency.serving import Company, Crowd, Served
 from netboard.latency.usage import LOOP, TRANSPORT
 from netboard.stage import make_stage
 from netboard.studies.results import Part, Value, Verdict
@@ -23,7 +23,7 @@ class Case:
 
     Attributes
     ----------
-    scene : Scene
+    company : Company
         Who is there.
     haptics : bool
         The hands feel the board.
@@ -31,7 +31,7 @@ class Case:
         A trial needs a logger.
     """
 
-    scene: Scene
+    company: Company
     haptics: bool = True
     logger: bool = True
 
@@ -50,16 +50,17 @@ class Case:
         )
 
 
-FULL = "everything there, in a trial"
+FULL, WAITING, AT_REST, NOBODY = "everything, in a trial", "no trial", "no trial, hands at rest", "nobody"
+NO_FORCES = "no forces"
 CASES = {
-    FULL: Case(Scene(displays=True)),
-    "hands at rest": Case(Scene(displays=True, moving=False)),
-    "no forces": Case(Scene(displays=True), haptics=False),
-    "no displays": Case(Scene()),
-    "no logger": Case(Scene(displays=True, loggers=False), logger=False),
-    "no trial": Case(Scene(displays=True, trial=False)),
-    "no agents": Case(Scene(agents=False, displays=True, trial=False)),
-    "nobody": Case(Scene(agents=False, loggers=False, trial=False)),
+    FULL: Case(Company(displays=True)),
+    NO_FORCES: Case(Company(displays=True), haptics=False),
+    "no displays": Case(Company()),
+    "no logger": Case(Company(displays=True, loggers=False), logger=False),
+    WAITING: Case(Company(displays=True, trial=False)),
+    AT_REST: Case(Company(displays=True, trial=False, moving=False)),
+    "no agents": Case(Company(agents=False, displays=True, trial=False)),
+    NOBODY: Case(Company(agents=False, loggers=False, trial=False)),
 }
 
 
@@ -80,7 +81,7 @@ def measure_skips(config: Config, crowd: Crowd, seconds: float, tell: Tell) -> d
     found = {}
     for step, (name, case) in enumerate(CASES.items()):
         tell(f"work done: {name}", step / len(CASES))
-        found[name] = crowd.serve(case.of(on_cores(config)), 1, case.scene, seconds)
+        found[name] = crowd.serve(case.of(on_cores(config)), 1, case.company, seconds)
     return found
 
 
@@ -102,8 +103,8 @@ def skips_part(found: dict[str, Served]) -> Part:
         rows.append(
             (
                 name,
-                *(served.counts.get(what, 0.0) for what in SENT),
-                *(spent[kind].slept / seconds for kind in (LOOP, TRANSPORT)),
+                *(round(served.counts.get(what, 0.0)) for what in SENT),
+                *(round(spent[kind].slept / seconds) for kind in (LOOP, TRANSPORT)),
                 *(1e6 * spent[kind].seconds * TICK_SECONDS / seconds for kind in (LOOP, TRANSPORT)),
                 100 * core_share(served),
             )
@@ -125,10 +126,9 @@ def skips_part(found: dict[str, Served]) -> Part:
 
 def _verdicts(found: dict[str, Served]) -> list[Verdict]:
     """Return what follows from the work that was counted."""
-    counts = {name: served.counts for name, served in found.items()}
-    forces, beats = counts["no forces"].get("forces", 0.0), counts["no forces"].get("beats", 0.0)
-    views, fewer = counts[FULL].get("views", 0.0), counts["hands at rest"].get("views", 0.0)
-    busy, idle = core_share(found[FULL]), core_share(found["nobody"])
+    forces, beats = (found[NO_FORCES].counts.get(what, 0.0) for what in ("forces", "beats"))
+    views, fewer = (found[name].counts.get("views", 0.0) for name in (WAITING, AT_REST))
+    busy, idle = core_share(found[FULL]), core_share(found[NOBODY])
     return [
         Verdict("no force is sent where none is felt", forces == 0, f"{forces:.0f} Hz, and beats with {beats:.0f} Hz"),
         Verdict(

@@ -71,11 +71,24 @@ class Link:
         DEALER of the motion channel.
     hello : Hello
         How the agent introduces itself.
+    timeout_ns : int
+        An answer to an older sample than this is not fresh [ns].
+
+    Attributes
+    ----------
+    newest : Force or Beat or None
+        What the server said last.
+    heard_ns : int
+        When that was received, 0 for never [ns].
+    received_ns : int or None
+        When the server last said something fresh [ns].
     """
 
-    def __init__(self, socket: sockets.Socket, hello: Hello) -> None:
+    def __init__(self, socket: sockets.Socket, hello: Hello, timeout_ns: int) -> None:
         self.newest: Force | Beat | None = None
         self.received_ns: int | None = None
+        self._timeout_ns = timeout_ns
+        self.heard_ns = self._sent = 0
         self.loop_ns = 0
         self._socket = socket
         self._hello = encode(hello)
@@ -87,11 +100,10 @@ class Link:
 
     def send(self, seq: int, stamp_ns: int, frame: bytes) -> None:
         """Send a sample, and a hello first where the server is silent."""
-        heard_ns = self.received_ns or 0
-        if stamp_ns - max(heard_ns, self._said_hello_ns) >= HELLO_NS:
+        if stamp_ns - max(self.heard_ns, self._said_hello_ns) >= HELLO_NS:
             self._said_hello_ns = stamp_ns
-            sockets.send(self._socket, self._hello)
-        self._stamps[seq % REMEMBERED] = stamp_ns
+            sockets.send_or_renew(self._socket, self._hello)
+        self._stamps[seq % REMEMBERED], self._sent = stamp_ns, seq
         if self._session:
             sockets.send(self._socket, frame)
 
@@ -137,8 +149,19 @@ class Link:
     def _take(self, message: Force | Beat) -> bool:
         if not self._session or (self.newest is not None and message.tick <= self.newest.tick):
             return False
-        self.newest, self.received_ns = message, now_ns()
+        self.newest, self.heard_ns = message, now_ns()
+        if self._is_fresh(message.stylus_seq):
+            self.received_ns = self.heard_ns
         return True
+
+    def _is_fresh(self, seq: int) -> bool:
+        """Whether what was just heard answers a recent sample, or says that there is none; not so what had to wait.
+
+        So an agent that stood still does not take for fresh what came meanwhile.
+        """
+        if seq < 0:
+            return True
+        return self._sent - seq < REMEMBERED and self.heard_ns - self._stamps[seq % REMEMBERED] < self._timeout_ns
 
     def _enter(self, session: str) -> None:
         """Belong to a session; in a new one nothing of the old one counts."""
@@ -175,7 +198,8 @@ class Agent:
     ) -> None:
         where = keys.reach(config.network, f"agent.{side}")
         socket = sockets.motion_agent(context, where.reach(sockets.MOTION), f"agent.{side}@{NAME}")
-        self._link = Link(socket, introduction(side, config, device.info))
+        timeout_ns = int(config.network.sample_timeout_ms * 1e6)
+        self._link = Link(socket, introduction(side, config, device.info), timeout_ns)
         self._device = device
         self._safety = Safety(config.safety, device.info.max_force)
         self._fixture = config.fixture
@@ -280,7 +304,7 @@ class Agent:
             self._rendered,
             -1 if message is None else message.tick,
             0 if message is None else message.sent_ns,
-            self._link.received_ns or 0,
+            self._link.heard_ns,
             now_ns(),
             self._link.loop_ns,
         )

@@ -92,7 +92,7 @@ class SocketLink:
 
     def send(self, frame: bytes) -> bool:
         """Send without waiting; False if nobody is there."""
-        return sockets.send(self._socket, frame)
+        return sockets.send_or_renew(self._socket, frame)
 
 
 def place(batch: LogBatch, expected: int | None) -> tuple[int, int] | None:

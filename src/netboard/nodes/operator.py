@@ -56,7 +56,7 @@ class Operator:
             sockets.send(self._socket, encode(StatusRequest()))
         elif now_ns() - self._said_hello_ns > HELLO_NS:
             self._said_hello_ns = now_ns()
-            sockets.send(self._socket, self._hello)
+            sockets.send_or_renew(self._socket, self._hello)
         answered = None
         while answered is None and sockets.wait_readable(self._socket, seconds):
             answered = self._take()

@@ -1,0 +1,86 @@
+"""The agent's end of the motion channel: what counts as fresh."""
+
+from collections.abc import Iterator
+
+import pytest
+
+from netboard import sockets
+from netboard.clock import now_ns
+from netboard.nodes.agent import REMEMBERED, Link
+from netboard.wire.codec import decode, encode
+from netboard.wire.messages import PROTOCOL_VERSION, Beat, Force, Hello, Message, Welcome
+
+TIMEOUT_NS = 50_000_000
+HELLO = Hello("agent", "left", PROTOCOL_VERSION, "here:1", "0", {})
+SAMPLE = b"a sample"
+
+
+class Pair:
+    """A link, and the server's end of it."""
+
+    def __init__(self, context: sockets.Context) -> None:
+        here = sockets.Endpoint("inproc://motion")
+        self.router = sockets.motion_server(context, here)
+        self.link = Link(sockets.motion_agent(context, here, "agent"), HELLO, TIMEOUT_NS)
+        self.link.send(0, now_ns(), SAMPLE)
+        received = self.router.receive()
+        assert received is not None
+        self.agent, frame = received
+        assert decode(frame) == HELLO
+        self.say(Welcome("session", PROTOCOL_VERSION, 0, ""))
+
+    def say(self, message: Message) -> bool:
+        """Let the server say something; whether the link takes it."""
+        assert self.router.send(self.agent, encode(message))
+        return self.link.receive()
+
+
+@pytest.fixture
+def pair() -> Iterator[Pair]:
+    with sockets.open_context() as context:
+        yield Pair(context)
+
+
+def force(tick: int, seq: int) -> Force:
+    return Force(tick, 0, seq, 1.0, 0)
+
+
+def test_an_answer_to_a_recent_sample_is_fresh(pair: Pair) -> None:
+    pair.link.send(1, now_ns(), SAMPLE)
+    assert pair.say(force(1, 1))
+    assert pair.link.newest == force(1, 1)
+    assert pair.link.received_ns == pair.link.heard_ns > 0
+
+
+def test_an_answer_to_an_old_sample_is_heard_and_not_fresh(pair: Pair) -> None:
+    pair.link.send(1, now_ns() - TIMEOUT_NS, SAMPLE)
+    assert pair.say(force(1, 1))
+    assert pair.link.newest == force(1, 1)
+    assert pair.link.heard_ns > 0
+    assert pair.link.received_ns is None
+
+
+def test_an_answer_to_a_sample_long_forgotten_is_not_fresh(pair: Pair) -> None:
+    pair.link.send(REMEMBERED + 1, now_ns(), SAMPLE)
+    assert pair.say(force(1, 1))
+    assert pair.link.received_ns is None
+
+
+def test_a_server_that_has_no_sample_yet_is_fresh(pair: Pair) -> None:
+    assert pair.say(Beat(1, 0, -1, 0, True))
+    assert pair.link.received_ns is not None
+
+
+def test_what_is_older_than_the_newest_is_not_taken(pair: Pair) -> None:
+    pair.link.send(1, now_ns(), SAMPLE)
+    assert pair.say(force(2, 1))
+    assert not pair.say(force(1, 1))
+    assert pair.link.newest == force(2, 1)
+
+
+def test_nothing_counts_before_the_welcome_or_after_another(pair: Pair) -> None:
+    pair.link.send(1, now_ns(), SAMPLE)
+    assert pair.say(force(5, 1))
+    assert not pair.say(Welcome("another session", PROTOCOL_VERSION, 0, ""))
+    assert pair.link.newest is None
+    assert pair.say(force(1, 1))
