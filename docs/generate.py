@@ -150,6 +150,12 @@ STABILITY = (
 )
 """Tables of `netboard bench stability` that are in the page on that."""
 
+LOOP = ("latency", "lateness", "costs", "scale", "waiting", "skips", "stage")
+"""Tables of `netboard bench loop` that are in the page on latency."""
+
+SOAK = ("records", "memory", "minutes", "costs")
+"""Those of `netboard bench soak`."""
+
 GENERATED: dict[str, tuple[str, Callable[[], str]]] = {
     "state diagram": ("trial-machine.md", state_diagram),
     "edge table": ("trial-machine.md", edge_table),
@@ -159,6 +165,9 @@ GENERATED: dict[str, tuple[str, Callable[[], str]]] = {
     **{name: ("accuracy.md", study_part("physics", name)) for name in PHYSICS},
     "stability machine": ("stability.md", study_machine("stability")),
     **{name: ("stability.md", study_part("stability", name)) for name in STABILITY},
+    "loop machine": ("latency.md", study_machine("loop")),
+    **{f"loop-{name}": ("latency.md", study_part("loop", name)) for name in LOOP},
+    **{f"soak-{name}": ("latency.md", study_part("soak", name)) for name in SOAK},
 }
 
 

@@ -23,10 +23,11 @@ def main(configs: Sequence[Config], *, autostart: bool = True) -> int:
     int
         Exit code: 1 if records are not known to be on disk.
     """
+    doors = [keys.door(config.network) for config in configs]
     speak("server")
     wanted = configs[0].realtime
     came = prepare(wanted, Priority.SERVER, wanted.server_cpus)
     with Stopping() as stopping, sockets.open_context(io_priority(came, Priority.SERVER)) as context:
-        server = Server(configs, context, [keys.door(config.network) for config in configs], autostart=autostart)
+        server = Server(configs, context, doors, autostart=autostart)
         server.run(stopping, came)
     return 0 if server.everything_recorded else 1

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from netboard import process
 from netboard.config import Realtime
 from netboard.process import (
     IO_ABOVE,
@@ -253,3 +254,14 @@ def test_a_process_that_shall_not_outlive_its_parent_stops_when_it_is_gone(monke
     monkeypatch.delenv(WITH_PARENT)
     with Stopping() as stopping:
         assert not stopping()
+
+
+def test_what_happens_any_number_of_times_is_said_now_and_then(
+    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seldom = process.Seldom(logging.getLogger("test"))
+    for number in range(1000):
+        seldom.say(f"number {number}")
+    monkeypatch.setattr(process, "SELDOM_S", 0.0)
+    seldom.say("the end")
+    assert [record.message for record in caplog.records] == ["number 0", "the end (the last of 1000)"]

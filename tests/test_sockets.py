@@ -387,9 +387,9 @@ def test_a_peer_whose_handshake_failed_connects_anew(made: Made, monkeypatch: py
         where = sockets.Endpoint(f"tcp://127.0.0.1:{impostor.getsockname()[1]}")
         peer = made.motion_agent(where, "agent.left@test")
         connection, _ = impostor.accept()
-        connection.sendall(WITHOUT_KEYS.replace(b"NULL", b"ODD!"))
-        assert connection.recv(64)
-        until(lambda: gone(connection))
+        with connection:
+            connection.sendall(WITHOUT_KEYS.replace(b"NULL", b"ODD!"))
+            until(lambda: gone(connection))
     server = made.motion_server(where)
     until(lambda: sockets.send_or_renew(peer, b"hello"))
     assert until(server.receive) == (b"agent.left@test", b"hello")

@@ -34,6 +34,9 @@ STOP_SIGNALS = tuple(getattr(signal, name) for name in _STOP_NAMES if hasattr(si
 NAME = f"{platform.node()}:{os.getpid()}"
 """How this process is told from all others, for peers and people."""
 
+SELDOM_S = 1.0
+"""What may happen any number of times is said this often [s]."""
+
 OK, OFF = "ok", "off"
 """What came of something asked for: granted, or not asked for. Anything else is why it was refused."""
 
@@ -314,3 +317,32 @@ def speak(name: str) -> None:
         Such as ``agent left``.
     """
     logging.basicConfig(level=logging.INFO, format=f"%(relativeCreated)8d ms  {name}  %(message)s", force=True)
+
+
+class Seldom:
+    """Says what may happen any number of times: at once, and then once a second at most, with the number of times.
+
+    Parameters
+    ----------
+    log : logging.Logger
+        Where it is said, as a warning.
+    """
+
+    def __init__(self, log: logging.Logger) -> None:
+        self._log = log
+        self._times = 0
+        self._said = -SELDOM_S
+
+    def say(self, text: str) -> None:
+        """Say it, or only count it.
+
+        Parameters
+        ----------
+        text : str
+            What happened, the last time.
+        """
+        self._times += 1
+        now = time.monotonic()
+        if now - self._said >= SELDOM_S:
+            self._log.warning("%s%s", text, f" (the last of {self._times})" if self._times > 1 else "")
+            self._said, self._times = now, 0

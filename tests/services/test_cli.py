@@ -148,7 +148,11 @@ def test_debug_shows_where_it_came_from() -> None:
 
 @pytest.mark.parametrize("address", ["0.0.0.0", "192.168.1.5", "::", "*", "rig.lab"])
 def test_the_server_does_not_listen_unasked_beyond_this_machine(address: str) -> None:
-    result = runner.invoke(app, ["server", "--set", f"network.bind={address}"])
+    open_to_all = ["server", "--set", f"network.bind={address}"]
+    result = runner.invoke(app, open_to_all)
+    assert result.exit_code == 2
+    assert result.stderr == "netboard: keys/server.key: is not there; make it with: netboard keys init\n"
+    result = runner.invoke(app, [*open_to_all, "--set", "network.curve=off"])
     assert result.exit_code == 2
     assert f'[network] bind: found "{address}"' in result.stderr
     assert "--insecure" in result.stderr

@@ -24,7 +24,7 @@ from netboard.display.scene import Picture, blank, compose
 from netboard.display.widget import screenshot
 from netboard.display.window import BoardWindow, application, screen_of
 from netboard.errors import ConfigError, NetboardError, WireError
-from netboard.process import NAME
+from netboard.process import NAME, Seldom
 from netboard.wire.codec import decode, encode
 from netboard.wire.messages import PROTOCOL_VERSION, Goodbye, Hello, Message, Ping, Pong, Refusal, View, Welcome
 
@@ -64,6 +64,7 @@ class DisplayClient(QObject):
         self._seen = False
         self._over = False
         self._trouble = ""
+        self._said = Seldom(log)
         self._pending: tuple[Picture, int, int] | None = None
         self._view_ns = self._hello_ns = self._report_ns = self._shown_ns = -(2**62)
         self._link_timeout_ns = round(config.display.link_timeout_ms * 1e6)
@@ -191,9 +192,9 @@ class DisplayClient(QObject):
             return None
 
     def _complain(self, trouble: str) -> None:
-        """Log a trouble once, and have it shown while there is nothing else to show."""
+        """Say a trouble once, and have it shown while there is nothing else to show."""
         if trouble != self._trouble:
-            log.warning("%s", trouble)
+            self._said.say(trouble)
             self._trouble = trouble
 
     def _hello(self) -> None:

@@ -181,7 +181,7 @@ def _view(side: str, turn: int) -> View:
 
 
 class Babbler:
-    """Listens where a server would, and says what is no ZeroMQ to whoever connects.
+    """Listens where a server would, not where the nerve is, and says what is no ZeroMQ to whoever connects.
 
     Parameters
     ----------
@@ -199,7 +199,7 @@ class Babbler:
     def __init__(self, network: Network, seed: int) -> None:
         self.heard = 0
         self._talk = zmtp.Talk(KEPT_OPEN, seed)
-        places = [(network.host, network.port + channel) for channel in range(len(sockets.CHANNELS))]
+        places = [(network.host, network.port + channel) for channel in range(sockets.NERVE)]
         self._listeners = [net.create_server(place) for place in places]
         for listener in self._listeners:
             listener.setblocking(False)

@@ -181,7 +181,18 @@ class Rig:
 
     def until_felt(self, seconds: float = PATIENCE) -> Status:
         """Wait until a trial is on and both hands feel it; for a rig with tampered devices."""
-        return self.until(lambda status: status.phase in ACTIVE and all(map(self._feels, SIDES)), seconds)
+
+        def felt(status: Status) -> bool:
+            self._look_after()
+            return status.phase in ACTIVE and all(map(self._feels, SIDES))
+
+        return self.until(felt, seconds)
+
+    def _look_after(self) -> None:
+        """Give up if a process has ended."""
+        for name, process in self.running.items():
+            if process.poll() is not None:
+                raise NetboardError(f"the {name} has ended:\n{self.said(name)[-2000:]}")
 
     def _feels(self, side: Side) -> bool:
         """Whether the device of a side is handed forces that change."""

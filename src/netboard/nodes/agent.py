@@ -23,7 +23,7 @@ from netboard.devices.base import Device, DeviceInfo, Reading
 from netboard.devices.fixture import lateral_force
 from netboard.devices.safety import Guard, Safety
 from netboard.errors import WireError
-from netboard.process import NAME, steady_loop
+from netboard.process import NAME, Seldom, steady_loop
 from netboard.tick import TICK_NS
 from netboard.wire import fixed
 from netboard.wire.codec import decode, encode
@@ -97,6 +97,7 @@ class Link:
         self._stamps = [0] * REMEMBERED
         self._looped = -1
         self._refused = ""
+        self._nonsense = Seldom(log)
 
     def send(self, seq: int, stamp_ns: int, frame: bytes) -> None:
         """Send a sample, and a hello first where the server is silent."""
@@ -115,7 +116,7 @@ class Link:
         try:
             message = decode(frame)
         except WireError as error:
-            log.warning("the server sent nonsense: %s", error)
+            self._nonsense.say(f"the server sent nonsense: {error}")
             return False
         match message:
             case Force() | Beat():

@@ -22,6 +22,9 @@ from netboard.wire.messages import Move, View
 HOST: Side = "left"
 """Where the brain of a bimanual participant sits."""
 
+SHORTEST_MOVE = 1e-3
+"""No movement over the nerve is shorter than this [s]."""
+
 
 @runtime_checkable
 class Held(Protocol):
@@ -109,9 +112,14 @@ class Limb:
                 move = decode(frame)
             except WireError:
                 continue
-            if isinstance(move, Move) and move.side == self._device.side:
+            if isinstance(move, Move) and move.side == self._device.side and _possible(move):
                 start = now_ns * 1e-9 + move.delay
                 self._device.command((Submovement(self._device.side, start, move.duration, move.displacement),))
+
+
+def _possible(move: Move) -> bool:
+    """Whether a hand can move like that."""
+    return abs(move.displacement) <= 1.0 and SHORTEST_MOVE <= move.duration <= 60.0 and abs(move.delay) <= 60.0
 
 
 def companion_of(config: Config, device: Held, context: sockets.Context) -> Person | Limb:

@@ -18,7 +18,7 @@ from netboard import keys, sockets
 from netboard.clock import now_ns
 from netboard.config import Config, Recording, parse
 from netboard.errors import NetboardError, WireError
-from netboard.process import NAME
+from netboard.process import NAME, Seldom
 from netboard.recording.channels import record_of
 from netboard.recording.disk import Space, require_space
 from netboard.recording.provenance import next_recording, provenance
@@ -165,6 +165,7 @@ class Logger:
         self._heard_ns = self._greeted_ns = self._asked_ns = -SILENT_NS
         self._end_doubted = False
         self._refused = ""
+        self._nonsense = Seldom(log)
         self._space_is_low = False
         self._hello = Hello("logger", "", PROTOCOL_VERSION, NAME, version("netboard"), {})
 
@@ -231,7 +232,7 @@ class Logger:
         try:
             message = decode(frame)
         except WireError as error:
-            log.warning("the server sent nonsense: %s", error)
+            self._nonsense.say(f"the server sent nonsense: {error}")
             self._ask()
             return
         match message:
