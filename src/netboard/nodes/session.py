@@ -137,6 +137,7 @@ class Session:
         self._log = LogPort(sockets.log_server(context, where.listen(sockets.LOG)), welcome, ring, spill)
         self._views = {side: sockets.view_publisher(context, where.listen(sockets.VIEW[side])) for side in SIDES}
         self._view_ticks = ceil(1000 / network.view_rate_hz)
+        self._turn: dict[Side, int] = {"left": 0, "right": self._view_ticks // 2}
         self.inlets = (motion.socket, control.socket)
 
     # --- what the server asks ----------------------------------------------------------------------------------
@@ -154,17 +155,7 @@ class Session:
     @property
     def over(self) -> bool:
         """Whether everything has been done, and the loggers have it or have had their time."""
-        until_ns = self._ending_until_ns
-        if not until_ns:
-            return False
-        if self._log.done or not (self._records_expected or self._log.loggers) or now_ns() > until_ns:
-            self._close_log()
         return self._log_closing and self._log.closed
-
-    def _close_log(self) -> None:
-        if not self._log_closing:
-            self._log_closing = True
-            self._log.close()
 
     @property
     def everything_recorded(self) -> bool:
@@ -174,10 +165,6 @@ class Session:
     @property
     def _records_expected(self) -> bool:
         return self._config.network.require_logger and self._started
-
-    @property
-    def _ending(self) -> bool:
-        return self._ending_until_ns > 0
 
     def status(self) -> Status:
         """How the session is, for operators."""
@@ -231,7 +218,7 @@ class Session:
         motion, control : bool
             Whether these channels have signalled.
         """
-        if self._ending_until_ns:
+        if self.ending:
             return self._go_on_ending()
         idle = self._motion.empty and not self._active
         self._motion.drain(now_ns, self._due_ns, motion)
@@ -380,11 +367,10 @@ class Session:
 
     def _show(self, index: int) -> None:
         """Send a station what it may see, if it is its turn, somebody looks, and there is anything new."""
-        turn = (self._number - 1) % self._view_ticks
-        if turn == 0:
-            self._show_to("left", index)
-        elif turn == self._view_ticks // 2:
-            self._show_to("right", index)
+        for side, turn in self._turn.items():
+            if self._number > turn:
+                self._turn[side] = max(turn, self._number - self._view_ticks) + self._view_ticks
+                self._show_to(side, index)
 
     def _show_to(self, side: Side, index: int) -> None:
         publisher = self._views[side]
@@ -452,9 +438,14 @@ class Session:
 
     def _go_on_ending(self) -> bool:
         """Feed the loggers."""
+        now = now_ns()
         if not self._log_closing:
-            self._keep_records(now_ns())
-        self.wake_ns = now_ns() + TICK_NS
+            self._keep_records(now)
+            awaited = self._records_expected or self._log.loggers
+            if self._log.done or not awaited or now > self._ending_until_ns:
+                self._log_closing = True
+                self._log.close()
+        self.wake_ns = now + TICK_NS
         return False
 
     def close(self) -> None:
