@@ -5,13 +5,14 @@ every machine and with the compiler switched off.
 
 Numba renews a kept kernel when its own file has changed, but not when a kernel it calls has changed in another file: it
 would silently go on with the old code. So the kernels of every state of the package's source have a folder of their
-own, and the folders of other states are removed.
+own, and the folders of other states are removed after a day: a process that was started before may still need one.
 """
 
 import hashlib
 import inspect
 import os
 import shutil
+import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import CellType, FunctionType
@@ -27,6 +28,9 @@ A = TypeVar("A")
 
 PREFIX = "kernels-"
 
+UNUSED_S = 24 * 3600.0
+"""Kernels of another state of the source that nobody has added to for so long are removed [s]."""
+
 
 def _choose_folder() -> None:
     """Tell numba where to keep kernels, in this process and those it starts; a folder the user has chosen stays."""
@@ -38,7 +42,8 @@ def _choose_folder() -> None:
     chosen = os.environ.setdefault("NUMBA_CACHE_DIR", str(folder))
     if chosen == str(folder) and not folder.exists():
         for other in folder.parent.glob(f"{PREFIX}*"):
-            shutil.rmtree(other, ignore_errors=True)
+            if time.time() - other.stat().st_mtime > UNUSED_S:
+                shutil.rmtree(other, ignore_errors=True)
     # Numba read the environment when it was imported, which may have been by someone else.
     numba.config.CACHE_DIR = chosen  # type: ignore[attr-defined]
 

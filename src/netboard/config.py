@@ -208,7 +208,7 @@ class Safety:
     max_slew: Annotated[float, about("largest change of force", "N/s", gt=0, le=10_000)] = 500.0
     max_speed: Annotated[float, about("stylus speed above which the force is cut", "m/s", gt=0, le=10)] = 1.0
     stale_after_ms: Annotated[float, about("age of the last force at which it begins to fade", "ms", gt=0, le=1000)] = (
-        10.0
+        9.0
     )
     fade_ms: Annotated[float, about("time a stale force takes to fade to zero", "ms", gt=0, le=1000)] = 50.0
     disarm_after_ms: Annotated[

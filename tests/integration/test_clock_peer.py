@@ -59,7 +59,7 @@ def test_clocks_that_are_wrong_are_known_within_their_bound(tmp_path: Path) -> N
     with Rig(tmp_path, (*PACE, f"network.port={port}"), ways=skewed(tmp_path, clocks, port)) as rig:
         rig.start_all()
         running = rig.until(lambda s: s.phase == "running")
-        rig.until(lambda s: s.tick > running.tick + 3000)
+        rig.until(lambda s: s.tick > running.tick + 2500)
         rig.running["right agent"].send_signal(signal.SIGUSR1)
         end = time.monotonic() + PATIENCE
         while not (tmp_path / "right.steps").exists() and time.monotonic() < end:

@@ -10,7 +10,7 @@ from netboard.studies.results import Part
 
 pytestmark = [pytest.mark.integration, pytest.mark.slow, pytest.mark.timeout(240)]
 
-MESSAGES = 3000
+MESSAGES = 2000
 UNDISTURBED = "the trial goes on"
 """On a machine that is busy with other things, that is a matter of luck."""
 
@@ -26,7 +26,7 @@ def broken(parts: list[Part]) -> list[str]:
 
 
 def test_malformed_messages_do_nothing_to_a_server_in_a_trial(tmp_path: Path) -> None:
-    parts = list(server_parts(tmp_path / "server", MESSAGES, quietly))
+    parts = list(server_parts(tmp_path / "server", MESSAGES, quietly, quiet=0.5))
     assert broken(parts) == []
     sent = {row[0]: row[1] for row in parts[0].rows}
     assert set(sent) == {"motion", "log", "control", "view.left", "view.right"}

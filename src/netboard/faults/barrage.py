@@ -110,7 +110,7 @@ class Assault:
             self._stuck_since = time.monotonic()
             self._next = self._make()
             if self._subscribes and self.sent % RENEWED == 0:
-                self.line.renew()
+                self.line.close()
 
     def say(self, message: Message) -> None:
         """Send a message that is meant."""

@@ -194,21 +194,27 @@ def play(setup: Setup, cases: Sequence[Case], folder: Path, quick: bool, tell: T
         try:
             site.start()
         except NetboardError as error:
-            windows.append(Window(0, 0, trouble=f"nothing began: {error}"))
+            return [Outcome(case, (Verdict("a trial begins", False, str(error)),)) for case in cases]
         for case in cases:
-            if windows and windows[-1].trouble:
-                break
             tell(case.name)
             windows.append(make(case, site))
-        if not windows[-1].trouble:
-            try:
-                site.finish()
-            except NetboardError as error:
-                windows[-1] = replace(windows[-1], trouble=str(error))
+            if windows[-1].trouble:
+                break
+        else:
+            windows[-1] = _finished(site, windows[-1])
         site.end()
         tell(f"{cases[0].name}: judging")
         found = gather(site, windows)
     return [judge(case, evidence) for case, evidence in zip(cases, found, strict=False)]
+
+
+def _finished(site: Site, last: Window) -> Window:
+    """Shut everything down in order; the last window, with what went wrong in that."""
+    try:
+        site.finish()
+    except NetboardError as error:
+        return replace(last, trouble=str(error))
+    return last
 
 
 def make(case: Case, site: Site) -> Window:

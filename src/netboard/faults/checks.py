@@ -38,8 +38,6 @@ WAY_DOWN = 3
 
 LATELY_NS = 1_000_000_000
 TICK = TICK_NS * 1e-9
-HALF_TICK = TICK / 2
-"""Time between judging a force and handing it over that is not looked at [s]."""
 
 
 def fades_of(evidence: Evidence, side: Side) -> list[Fade]:
@@ -51,7 +49,7 @@ def falls(*sides: Side, to_zero: bool = True) -> Check:
     """Check that a force that is no longer renewed begins to fall in time each time, and is zero in time the first."""
 
     def check(evidence: Evidence) -> Verdict:
-        stale = evidence.limits.stale_after_ms * 1e-3
+        stale = evidence.limits.stale_after_ms * 1e-3 + TICK
         claim = f"no force is handed over for more than {stale * 1e3:g} ms after it was fresh"
         claim += f", and there is none {GONE * 1e3:g} ms later" if to_zero else ""
         good, words = True, []
@@ -59,8 +57,8 @@ def falls(*sides: Side, to_zero: bool = True) -> Check:
             found = fades_of(evidence, side)
             if not found:
                 return Verdict(claim, False, f"{side}: it was renewed all the time")
-            good &= all(fade.held <= stale + HALF_TICK + fade.held_up for fade in found)
-            gone = stale + TICK + GONE + found[0].held_up + _before(evidence, found[0])
+            good &= all(fade.held <= stale + fade.held_up for fade in found)
+            gone = stale + GONE + found[0].held_up + _before(evidence, found[0])
             good &= not to_zero or found[0].zero <= gone
             words.append(f"{side} {found[0]}" + (f" and {len(found) - 1} times more" if found[1:] else ""))
         return Verdict(claim, good, ", ".join(words))

@@ -30,6 +30,12 @@ PLAIN = ("safety.stale_after_ms=1000", "safety.disarm_after_ms=2000", "safety.ar
 """The nonsense comes from the same loop as the force, which may be late for it; it is the same force all the time."""
 
 TURN_SECONDS = 0.001
+EACH_TURN = 3
+"""Malformed messages in a turn, on every channel [1]."""
+
+LOOK_TURNS = 1000
+"""So often the processes are looked after [1]."""
+
 BABBLE_SECONDS = 5.0
 """For so long, at first, no ZeroMQ is spoken [s]."""
 
@@ -149,21 +155,23 @@ def _until(served: Served, what: Callable[[], bool]) -> None:
 def _turn(served: Served, count: int) -> None:
     """Let each server do what is due, with something malformed on every channel that has not had so many."""
     for front, server in served:
-        server.turn(*(channel for channel in front.channels if server.nonsense[channel] < count))
+        server.turn(*EACH_TURN * [channel for channel in front.channels if server.nonsense[channel] < count])
     time.sleep(TURN_SECONDS)
 
 
 def _talk_nonsense(served: Served, count: int, tell: Tell) -> None:
     whole = count * sum(len(front.channels) for front, _ in served)
     done, done_at = 0, time.monotonic()
+    turns = 0
     while done < whole:
         _turn(served, count)
+        turns += 1
         now = sum(min(server.nonsense[channel], count) for front, server in served for channel in front.channels)
         if now > done:
             done, done_at = now, time.monotonic()
         elif time.monotonic() - done_at > STUCK_SECONDS:
             raise NetboardError(f"somebody takes nothing any more: {[server.nonsense for _, server in served]}")
-        if done % 1000 < len(served):
+        if turns % LOOK_TURNS == 0:
             tell("peers: nonsense from a server", done / whole)
             for front, _ in served:
                 look(front.rig)

@@ -61,7 +61,7 @@ class Spell:
     window: Window
 
 
-def server_parts(folder: Path, count: int, tell: Tell) -> Iterator[Part]:
+def server_parts(folder: Path, count: int, tell: Tell, quiet: float = QUIET_SECONDS) -> Iterator[Part]:
     """Send malformed messages to every socket of a real server.
 
     Parameters
@@ -72,6 +72,8 @@ def server_parts(folder: Path, count: int, tell: Tell) -> Iterator[Part]:
         How many for each socket [1].
     tell : callable
         Hears how far it is.
+    quiet : float
+        For so long nothing is sent, before and after [s].
 
     Yields
     ------
@@ -90,17 +92,17 @@ def server_parts(folder: Path, count: int, tell: Tell) -> Iterator[Part]:
         rig.start("left display", "display", "--station", "left", "--offscreen")
         rig.until_felt()
         rig.until(lambda status: "display.left" in status.peers)
-        quiet = _spell("nothing", lambda: time.sleep(QUIET_SECONDS))
+        first = _spell("nothing", lambda: time.sleep(quiet))
         before = memory(rig)
         others = barrage.as_others(rig.config.network, count)
         vandal = barrage.vandal(rig.config.network, round(count * STREAM_SHARE))
         noisy = _spell("malformed messages", lambda: _fire(rig, others, vandal, tell))
-        after_it = _spell("nothing again", lambda: time.sleep(QUIET_SECONDS))
+        last = _spell("nothing again", lambda: time.sleep(quiet))
         after = memory(rig)
         tell("a server: judging", 1.0)
         (path,) = rig.finish()
     yield _sockets_part(take([path]).events, [*assaults, *others], vandal)
-    yield _trial_part(rig, path, (quiet, noisy, after_it))
+    yield _trial_part(rig, path, (first, noisy, last))
     yield memory_part("server-memory", "What the processes hold", before, after)
 
 
@@ -117,6 +119,8 @@ def _in_seats(rig: Rig, count: int, tell: Tell) -> list[barrage.Assault]:
     for assault in assaults:
         assault.say(Goodbye("enough"))
     rig.until(lambda status: not any(peer.startswith("agent") for peer in status.peers))
+    for assault in assaults:
+        assault.line.close()
     return assaults
 
 
@@ -128,6 +132,8 @@ def _fire(rig: Rig, assaults: list[barrage.Assault], vandal: barrage.Vandal, tel
         assault.fire(assault.count)
     vandal.close()
     time.sleep(COUNTED_SECONDS)
+    for assault in assaults:
+        assault.line.close()
     look(rig)
 
 

@@ -100,6 +100,7 @@ class HostileServer:
         self._peers: dict[str, set[bytes]] = {channel: set() for channel in self._routers}
         self._wanted: dict[bytes, int] = {}
         self._turns = 0
+        self._log_ended = False
         self.nonsense = dict.fromkeys([*self._routers, "view", *(["nerve"] if bimanual else [])], 0)
 
     def turn(self, *channels: str) -> None:
@@ -113,8 +114,7 @@ class HostileServer:
 
     def end_log(self) -> None:
         """Say to the loggers that this was all."""
-        for name in self._peers["log"]:
-            self._routers["log"].send(name, encode(LogEnd(self.ticks - 1)))
+        self._log_ended = True
 
     # --- in earnest --------------------------------------------------------------------------------------------------
 
@@ -151,6 +151,9 @@ class HostileServer:
     def _send_ticks(self, name: bytes) -> None:
         """The next records of a logger: it asks again for what it has, after nonsense, and gets that again."""
         first = self._wanted[name]
+        if self._log_ended and first >= self.ticks:
+            self._routers["log"].send(name, encode(LogEnd(self.ticks - 1)))
+            return
         records = []
         for number in range(first, first + ROWS):
             row = np.zeros(1, TICK)

@@ -30,6 +30,9 @@ NESTED = 1200
 HEADERS = bytes(range(0x80, 0x100, 5)) + bytes.fromhex("c0c1c2c3c4c5c6c7c8c9cacbcccdcecfd0d1d2d3d8d9dadbdcdddedf")
 """Bytes that begin something, or nothing that there is."""
 
+MANY = (9,) * 17 + (300, 300, 5000)
+"""Items there may be in place of one: mostly a few, and sometimes more than any array may have [1]."""
+
 _LENGTHS = (0, 1, 15, 16, 31, 32, 255, 256, 65_535, 65_536, 2**31 - 1, 2**31, 2**32 - 1)
 
 
@@ -208,9 +211,7 @@ class Mutants:
             case 2:
                 holder[at : at + 1] *= chance.choice((2, 3, 20))
             case 3 if len(holder) < 40:
-                holder += [_copy(item) for item in holder[at : at + 1] if not _items(item)] * chance.choice(
-                    (9, 9, 9, 300, 5000)
-                )
+                holder += [_copy(item) for item in holder[at : at + 1] if not _items(item)] * chance.choice(MANY)
             case 4:
                 holder[1:] = chance.sample(holder[1:], len(holder[1:]))
             case _:

@@ -172,8 +172,9 @@ class Rig:
             if status is not None and what(status):
                 return status
             time.sleep(LOOK_SECONDS)
-        words = self.said("server")[-2000:]
-        raise NetboardError(f"waited {seconds:g} s, or for a server that ended: {self.operator.status}\n{words}")
+        raise NetboardError(
+            f"waited {seconds:g} s, or for a server that ended: {self.operator.status}; {self._last_words('server')}"
+        )
 
     def _lost_server(self) -> bool:
         """Whether this rig's server has ended, though nobody asked it to."""
@@ -192,7 +193,7 @@ class Rig:
         """Give up if a process has ended."""
         for name, process in self.running.items():
             if process.poll() is not None:
-                raise NetboardError(f"the {name} has ended:\n{self.said(name)[-2000:]}")
+                raise NetboardError(f"the {name} has ended: {self._last_words(name)}")
 
     def _feels(self, side: Side) -> bool:
         """Whether the device of a side is handed forces that change."""
@@ -203,6 +204,9 @@ class Rig:
     def said(self, name: str) -> str:
         """What a process has said so far."""
         return self._words(name).read_text(errors="replace") if self._words(name).exists() else ""
+
+    def _last_words(self, name: str) -> str:
+        return self.said(name).strip().rpartition("\n")[2]
 
     def send_signal(self, name: str, number: signal.Signals) -> None:
         """Send a process a signal."""
@@ -231,7 +235,7 @@ class Rig:
         try:
             code = self.running[name].wait(PATIENCE)
         except subprocess.TimeoutExpired as error:
-            raise NetboardError(f"the {name} did not end within {PATIENCE:g} s:\n{self.said(name)[-2000:]}") from error
+            raise NetboardError(f"the {name} did not end within {PATIENCE:g} s: {self._last_words(name)}") from error
         del self.running[name]
         self._forget(name)
         return code
@@ -253,7 +257,7 @@ class Rig:
         self.operator.command("shutdown")
         for name in ("server", "logger"):
             if self.wait(name) != 0:
-                raise NetboardError(f"the {name} did not end cleanly:\n{self.said(name)[-2000:]}")
+                raise NetboardError(f"the {name} did not end cleanly: {self._last_words(name)}")
         return self.recordings()
 
     def recordings(self) -> list[Path]:

@@ -92,7 +92,7 @@ class Line:
         self._flush()
         return True
 
-    def renew(self) -> None:
+    def close(self) -> None:
         """Hang up; with the next message the connection is made anew."""
         if self._socket is not None:
             self._socket.close()
@@ -112,7 +112,7 @@ class Line:
                     if not self._socket.recv(65_536):
                         raise ConnectionResetError
         except (ConnectionResetError, BrokenPipeError):
-            self.renew()
+            self.close()
 
     def _connect(self) -> net.socket:
         """Shake hands: what is said before the other end is ready is taken for part of it."""
