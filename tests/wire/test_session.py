@@ -32,7 +32,10 @@ def test_peers_are_named(role: str, side: str, name: str) -> None:
 @pytest.mark.parametrize(
     ("change", "says"),
     [
-        ({"protocol": PROTOCOL_VERSION + 1}, f"the server speaks protocol {PROTOCOL_VERSION}, the agent {PROTOCOL_VERSION + 1}"),
+        (
+            {"protocol": PROTOCOL_VERSION + 1},
+            f"the server speaks protocol {PROTOCOL_VERSION}, the agent {PROTOCOL_VERSION + 1}",
+        ),
         ({"side": ""}, "agent with side '': expected left or right"),
         ({"role": "display", "side": ""}, "display with side '': expected left or right"),
         ({"role": "logger"}, "logger with side 'left': expected no side"),

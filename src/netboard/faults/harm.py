@@ -69,6 +69,15 @@ def kill(process: str, seconds: float = AWAY, quick: float | None = None) -> Act
     return act
 
 
+def kill_logger_until_it_matters(site: Site) -> Facts:
+    """Kill the logger, and start it again only after the server has noticed that it cannot keep the records."""
+    site.rig.kill("logger")
+    status = site.rig.until(lambda status: status.phase == "paused")
+    site.sleep(10.0, 2.0)
+    site.start_again("logger")
+    return {"notice": status.notice}
+
+
 def kill_with_peer_frozen(site: Site) -> Facts:
     """Kill the server and start another one while an agent stands still: it wakes in the session of before."""
     site.rig.send_signal("left agent", signal.SIGSTOP)

@@ -123,8 +123,8 @@ def _message(kind: type[Message], chance: random.Random) -> Message:
         chance.choice(CHOICES[kind, field.name]) if (kind, field.name) in CHOICES else _value(hints[field.name], chance)
         for field in fields(kind)
     ]
-    message: Message = kind(*values)
-    return message
+    make: Callable[..., Message] = kind
+    return make(*values)
 
 
 def _value(hint: Any, chance: random.Random) -> Any:

@@ -18,8 +18,8 @@ from netboard.faults.case import (
     UNSPILLED,
     Case,
 )
-from netboard.faults.checks import Check, either, falls, noted, paused, shown
-from netboard.faults.harm import Act, hold, kill, kill_with_peer_frozen, stand_still
+from netboard.faults.checks import Check, either, falls, noted, paused, shown, told
+from netboard.faults.harm import Act, hold, kill, kill_logger_until_it_matters, kill_with_peer_frozen, stand_still
 from netboard.faults.sites import Setup
 
 _ARTICLES = {LEFT: "an", DISPLAY: "a", SERVER: "the", LOGGER: "the"}
@@ -87,10 +87,10 @@ PROCESSES = (
     _case(
         "logger-away-unspilled",
         UNSPILLED,
-        "the same for 10 s, with no room to spill to",
-        f"{PAUSED} before anything is lost; what is lost then is listed with its cause",
-        kill(LOGGER, 10.0, 6.0),
-        *(paused("the logger is too far behind"), noted("log_lost")),
+        "the same, with no room to spill to, until 10 s after the server has noticed",
+        "paused before anything is lost; what is lost then is listed with its cause",
+        kill_logger_until_it_matters,
+        *(told("notice", "the logger is too far behind"), noted("log_lost")),
     ),
     _stopped(LOGGER, "logger", 0.05, LOGGED, GOES_ON, *UNNOTICED),
     _stopped(LOGGER, "logger", 1.0, LOGGED, GOES_ON, *UNNOTICED),

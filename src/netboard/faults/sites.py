@@ -22,11 +22,11 @@ from netboard.nodes.launcher import free_port
 
 PACE = (
     *("task.level_time=0.05", "task.level_angle_deg=5.0", "task.level_rate_deg_s=30.0", "block.trials=10000"),
-    *("safety.arm_time=0.2", "virtual.resolution=0"),
+    *("safety.arm_time=0.2", "virtual.resolution=0", "virtual.friction=0"),
 )
 """Trials that begin at once and never end the block, felt in full from the beginning, so that there is a force to judge
-at any time; and positions of the hands in no steps, so that no two fresh forces are equal. No limit of the safety chain
-is changed."""
+at any time; and hands that nothing holds at rest, read in no steps, so that no two fresh forces are equal. No limit of
+the safety chain is changed."""
 
 START_S = 300.0
 """A site is at work within this time, kernels compiled, on whatever machine [s]."""

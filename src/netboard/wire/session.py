@@ -207,6 +207,11 @@ class ClockEstimator:
         self._skew_ppm = skew_ppm
         self._spans: deque[_Span] = deque()
         self._points: deque[_Point] = deque(maxlen=_POINTS)
+        self._upper: int
+        self._lower: int
+        self._span_upper: int
+        self._span_lower: int
+        self._span_round_trip_ns: int
         self._forget()
 
     @property
@@ -276,8 +281,9 @@ class ClockEstimator:
 
     def _begin(self, best: _Span) -> None:
         """Begin an empty span, after others of which this is the best."""
-        _, self._upper, self._lower, self.round_trip_ns = best
-        _, self._span_upper, self._span_lower, self._span_round_trip_ns = _NOTHING
+        self._upper, self._lower, self.round_trip_ns = best.upper, best.lower, best.round_trip_ns
+        self._span_upper, self._span_lower = _NOTHING.upper, _NOTHING.lower
+        self._span_round_trip_ns = _NOTHING.round_trip_ns
 
     def _turn(self, now_ns: int) -> None:
         """Put the present span to the others, drop the old ones, and begin a new one."""
