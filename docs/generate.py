@@ -156,6 +156,9 @@ LOOP = ("latency", "lateness", "costs", "scale", "waiting", "skips", "stage")
 SOAK = ("records", "memory", "minutes", "costs")
 """Those of `netboard bench soak`."""
 
+FAULTS = ("processes", "links", "peers", "devices", "machines")
+"""Those of `netboard bench faults`."""
+
 GENERATED: dict[str, tuple[str, Callable[[], str]]] = {
     "state diagram": ("trial-machine.md", state_diagram),
     "edge table": ("trial-machine.md", edge_table),
@@ -168,6 +171,8 @@ GENERATED: dict[str, tuple[str, Callable[[], str]]] = {
     "loop machine": ("latency.md", study_machine("loop")),
     **{f"loop-{name}": ("latency.md", study_part("loop", name)) for name in LOOP},
     **{f"soak-{name}": ("latency.md", study_part("soak", name)) for name in SOAK},
+    "faults machine": ("faults.md", study_machine("faults")),
+    **{name: ("faults.md", study_part("faults", name)) for name in FAULTS},
 }
 
 
