@@ -3,7 +3,8 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from netboard.display.frames import FrameTally
+from netboard.display.frames import MOST_KEPT, FrameTally
+from netboard.wire.codec import decode, encode
 
 MS = 1_000_000
 PERIOD = 16 * MS
@@ -69,3 +70,17 @@ def test_every_painted_frame_is_reported_once(steps):
     assert len(reported) == tally.painted
     assert [tick for tick, _, _ in reported] == sorted({tick for tick, _, _ in reported})
     assert waited - tally.painted - tally.dropped in (0, 1)
+
+
+def test_what_nobody_has_taken_for_long_still_fits_a_report():
+    tally = FrameTally("left", PERIOD)
+    for number in range(2 * MOST_KEPT):
+        tally.receive(number)
+        tally.wait(number, -(2**62))
+        tally.paint(2**62)
+    for far in (2**63 - 1, -(2**63)) * 100:
+        tally.receive(far)
+    report = tally.report()
+    assert report is not None
+    assert decode(encode(report)) == report
+    assert report.shown[-1][0] == 2 * MOST_KEPT - 1

@@ -28,6 +28,8 @@ def broken(parts: list[Part]) -> list[str]:
 def test_malformed_messages_do_nothing_to_a_server_in_a_trial(tmp_path: Path) -> None:
     parts = list(server_parts(tmp_path / "server", MESSAGES, quietly, quiet=0.5))
     assert broken(parts) == []
+    said = (tmp_path / "server" / "server.log").read_text(encoding="utf-8")
+    assert all(line.isprintable() for line in said.splitlines())  # whatever strangers call themselves
     sent = {row[0]: row[1] for row in parts[0].rows}
     assert set(sent) == {"motion", "log", "control", "view.left", "view.right"}
     assert all(int(number) >= MESSAGES - 5 for number in sent.values())

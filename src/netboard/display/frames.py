@@ -12,8 +12,11 @@ from netboard.config import Side
 from netboard.tick import TICK_NS
 from netboard.wire.messages import Frames
 
-MOST_KEPT = 10_000
-"""Frames kept while nobody takes the report; the oldest are forgotten first [1]."""
+MOST_KEPT = 2000
+"""Frames kept while nobody takes the report, no more than one may hold; the oldest are forgotten first [1]."""
+
+MOST_TICKS = 86_400_000
+"""Ticks of a day: views further apart are not of one session [1]."""
 
 
 class FrameTally:
@@ -50,9 +53,9 @@ class FrameTally:
         Parameters
         ----------
         tick : int
-            Its tick; a smaller one than before begins a new count [1].
+            Its tick; a smaller one than before, or one of another day, begins a new count [1].
         """
-        if self._tick is not None and tick > self._tick:
+        if self._tick is not None and 0 < tick - self._tick < MOST_TICKS:
             self.dropped += max(0, round((tick - self._tick) * TICK_NS / self.period_ns) - 1)
         self._tick = tick
 

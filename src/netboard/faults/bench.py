@@ -21,7 +21,7 @@ from netboard.config import SIDES
 from netboard.errors import NetboardError
 from netboard.faults.case import PARTS, Case
 from netboard.faults.cases import CASES, choose
-from netboard.faults.checks import fades_of
+from netboard.faults.checks import Falls, fades_of
 from netboard.faults.evidence import largest_step, without_cut
 from netboard.faults.gathering import Evidence, Window, gather
 from netboard.faults.sites import Setup, Site, open_site
@@ -257,7 +257,8 @@ def judge(case: Case, evidence: Evidence) -> Outcome:
 
 def figures(case: Case, evidence: Evidence) -> tuple[Value, ...]:
     """Figures of a case: what its row in the table has after its name."""
-    fades = [found[0] for side in SIDES if (found := fades_of(evidence, side))]
+    sides = {side for check in case.checks if isinstance(check, Falls) for side in check.sides}
+    fades = [found[0] for side in sides if (found := fades_of(evidence, side))]
     slew = evidence.limits.max_slew
     shares = [
         largest_step(part, slew).share

@@ -6,6 +6,7 @@ nobody asked for is excused for the same reason only: because an agent or the se
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -45,25 +46,41 @@ def fades_of(evidence: Evidence, side: Side) -> list[Fade]:
     return [fade for trace in evidence.traces[side] for fade in fades(trace, STALE_NS)]
 
 
-def falls(*sides: Side, to_zero: bool = True) -> Check:
-    """Check that a force that is no longer renewed begins to fall in time each time, and is zero in time the first."""
+@dataclass(frozen=True)
+class Falls:
+    """Check that a force that is no longer renewed begins to fall in time each time, and is zero in time the first.
 
-    def check(evidence: Evidence) -> Verdict:
+    Attributes
+    ----------
+    sides : tuple of str
+        Whose force.
+    to_zero : bool
+        Whether it must be zero.
+    """
+
+    sides: tuple[Side, ...]
+    to_zero: bool
+
+    def __call__(self, evidence: Evidence) -> Verdict:
+        """Judge."""
         stale = evidence.limits.stale_after_ms * 1e-3 + TICK
-        claim = f"no force is handed over for more than {stale * 1e3:g} ms after it was fresh"
-        claim += f", and there is none {GONE * 1e3:g} ms later" if to_zero else ""
+        claim = f"the force begins to fall within {stale * 1e3:g} ms of the last fresh one"
+        claim += f" and is zero {GONE * 1e3:g} ms later" if self.to_zero else ""
         good, words = True, []
-        for side in sides:
+        for side in self.sides:
             found = fades_of(evidence, side)
             if not found:
                 return Verdict(claim, False, f"{side}: it was renewed all the time")
             good &= all(fade.held <= stale + fade.held_up for fade in found)
             gone = stale + GONE + found[0].held_up + _before(evidence, found[0])
-            good &= not to_zero or found[0].zero <= gone
+            good &= not self.to_zero or found[0].zero <= gone
             words.append(f"{side} {found[0]}" + (f" and {len(found) - 1} times more" if found[1:] else ""))
         return Verdict(claim, good, ", ".join(words))
 
-    return check
+
+def falls(*sides: Side, to_zero: bool = True) -> Falls:
+    """Check that the force of these sides falls in time."""
+    return Falls(sides, to_zero)
 
 
 def _before(evidence: Evidence, fade: Fade) -> float:

@@ -420,7 +420,8 @@ class Session:
         """Record an event and tell the operator."""
         self._log.append(encode(EventRecord(self._events, self._number, now_ns(), name, details)))
         self._events += 1
-        log.info("%s %s", name, " ".join(f"{key}={value}" for key, value in details.items()))
+        said = " ".join(f"{key}={value}" for key, value in details.items())
+        log.info("%s %s", name, "".join(letter if letter.isprintable() else "?" for letter in said))
 
     # --- the end -----------------------------------------------------------------------------------------------
 
