@@ -5,7 +5,7 @@ from netboard.config import Config, Side
 from netboard.devices import registry
 from netboard.nodes.agent import Agent
 from netboard.nodes.companion import Held, companion_of
-from netboard.process import Priority, Stopping, io_priority, prepare, speak
+from netboard.process import Priority, Stopping, cpus_for, io_priority, prepare, speak
 
 
 def main(config: Config, *, side: Side) -> int:
@@ -24,7 +24,7 @@ def main(config: Config, *, side: Side) -> int:
         Exit code.
     """
     speak(f"agent {side}")
-    came = prepare(config.realtime, Priority.AGENT, config.realtime.agent_cpus)
+    came = prepare(config.realtime, Priority.AGENT, cpus_for(side, config.realtime))
     with (
         Stopping() as stopping,
         sockets.open_context(io_priority(came, Priority.AGENT)) as context,

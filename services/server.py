@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from netboard import keys, sockets
 from netboard.config import Config
 from netboard.nodes.server import Server
-from netboard.process import Priority, Stopping, io_priority, prepare, speak
+from netboard.process import Priority, Stopping, cpus_for, io_priority, prepare, speak
 
 
 def main(configs: Sequence[Config], *, autostart: bool = True) -> int:
@@ -26,7 +26,7 @@ def main(configs: Sequence[Config], *, autostart: bool = True) -> int:
     doors = [keys.door(config.network) for config in configs]
     speak("server")
     wanted = configs[0].realtime
-    came = prepare(wanted, Priority.SERVER, wanted.server_cpus)
+    came = prepare(wanted, Priority.SERVER, cpus_for("server", wanted))
     with Stopping() as stopping, sockets.open_context(io_priority(came, Priority.SERVER)) as context:
         server = Server(configs, context, doors, autostart=autostart)
         server.run(stopping, came)

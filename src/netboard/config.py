@@ -195,8 +195,12 @@ class Realtime:
     __pydantic_config__ = NO_EXTRAS
     scheduling: Annotated[StrictBool, about("true: real-time scheduling (SCHED_FIFO) of the 1 kHz loops")] = True
     lock_memory: Annotated[StrictBool, about("true: keep the processes' memory from being paged out")] = True
-    server_cpus: Annotated[str, about("CPUs of the server, such as 2 or 0,2-3; empty: any", pattern=r"^[0-9,-]*$")] = ""
-    agent_cpus: Annotated[str, about("CPUs of the agents, likewise", pattern=r"^[0-9,-]*$")] = ""
+    server_cpus: Annotated[
+        str, about("CPUs of the server, such as 2 or 0,2-3; auto: one; empty: any", pattern=r"^(auto|[0-9,-]*)$")
+    ] = "auto"
+    agent_cpus: Annotated[
+        str, about("CPUs of the agents, likewise; auto: one each, where there are enough", pattern=r"^(auto|[0-9,-]*)$")
+    ] = "auto"
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,6 +7,7 @@ whoever sees the board can infer where the partner's end is: that is the task.)
 """
 
 from dataclasses import dataclass
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 
 from netboard.config import Config, Side
 from netboard.experiment.machine import Phase
+from netboard.tick import TICK
 from netboard.wire.messages import View
 
 AGAIN = "Once more: same target"
@@ -60,6 +62,14 @@ def make_curtain(config: Config) -> Curtain:
     )
 
 
+_SHOWN = (
+    *("phase", "attempt", "target", "tick", "z", "theta", "p", "left_used_z", "right_used_z"),
+    *("trial", "failures", "completion"),
+)
+_shown = itemgetter(*((TICK.names or ()).index(name) for name in _SHOWN))
+"""Takes what views are made of from the values of a row."""
+
+
 def view_of(curtain: Curtain, row: NDArray[Any] | np.void, station: Side, best: float | None, sent_ns: int) -> View:
     """What one station may see of one tick.
 
@@ -76,24 +86,22 @@ def view_of(curtain: Curtain, row: NDArray[Any] | np.void, station: Side, best: 
     sent_ns : int
         Server time of sending [ns].
     """
-    target = int(row["target"])
-    again = row["phase"] == Phase.LEVELLING and row["attempt"] > 1
-    completion = float(row["completion"])
+    phase, attempt, target, tick, z, theta, p, left, right, trial, failures, completion = _shown(row.item())
     return View(
         station=station,
-        tick=int(row["tick"]),
+        tick=tick,
         sent_ns=sent_ns,
-        phase=PHASE_NAMES[int(row["phase"])],
-        z=float(row["z"]),
-        theta=float(row["theta"]),
-        p=float(row["p"]) if curtain.ball else None,
+        phase=PHASE_NAMES[phase],
+        z=z,
+        theta=theta,
+        p=p if curtain.ball else None,
         target=target * curtain.target_distance,
-        left=None if curtain.dyadic and station != "left" else float(row["left_used_z"]),
-        right=None if curtain.dyadic and station != "right" else float(row["right_used_z"]),
-        trial=int(row["trial"]),
+        left=None if curtain.dyadic and station != "left" else left,
+        right=None if curtain.dyadic and station != "right" else right,
+        trial=trial,
         trials=curtain.trials,
-        failures=int(row["failures"]),
+        failures=failures,
         completion=completion if completion > 0 else None,
         best=best,
-        notice=AGAIN if again else "",
+        notice=AGAIN if phase == Phase.LEVELLING and attempt > 1 else "",
     )

@@ -80,6 +80,11 @@ IO_ABOVE = 5
 """By how much the priority of ZeroMQ's threads is above that of the loop they serve [1]."""
 
 
+PLACES = ("server", "left", "right")
+"""The loops of a rig, in the order in which they get CPUs of their own, from the last one down."""
+
+AUTO = "auto"
+
 PRIORITY = "priority"
 _granted: dict[str, int] = {}
 """What `prepare` was granted for the loop of this process."""
@@ -207,6 +212,20 @@ def prepare(wanted: Realtime, priority: int, cpus: str) -> dict[str, str]:
     return came
 
 
+def cpus_for(loop: str, wanted: Realtime) -> str:
+    """CPUs for one of the `PLACES`, as `prepare` wants them.
+
+    By itself a loop gets one CPU, with ZeroMQ's thread: they hand each other every message, and another CPU has to be
+    woken for that. The agents leave the choice to the system where there is not one for each loop of a rig.
+    """
+    cpus = wanted.server_cpus if loop == PLACES[0] else wanted.agent_cpus
+    if cpus != AUTO:
+        return cpus
+    have = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else []
+    enough = 2 if loop == PLACES[0] else len(PLACES)
+    return str(have[-1 - PLACES.index(loop)]) if len(have) >= enough else ""
+
+
 def io_priority(came: dict[str, str], priority: int) -> int | None:
     """SCHED_FIFO priority of ZeroMQ's threads for what came of `prepare`; None to leave them as they are."""
     return priority + IO_ABOVE if came["scheduling"] == OK else None
@@ -214,7 +233,7 @@ def io_priority(came: dict[str, str], priority: int) -> int | None:
 
 def make_way(wanted: Realtime) -> None:
     """Stay off the CPUs that are set aside for server and agents, where others are left; for all who may wait."""
-    if taken := f"{wanted.server_cpus},{wanted.agent_cpus}".strip(","):
+    if taken := ",".join(cpus for cpus in (wanted.server_cpus, wanted.agent_cpus) if cpus not in {"", AUTO}):
         _tried("cpus", partial(_stay_off, taken))
 
 

@@ -259,9 +259,24 @@ class Router:
             while socket.getsockopt(zmq.RCVMORE):
                 socket.recv(NOBLOCK)
             return peer, b""
-        if self._door is not None and not self._rightly_named(self._door, peer, frame):
-            return peer, b""
-        return peer, frame.bytes
+        if self._door is None:
+            return peer, frame.bytes
+        return self.checked(peer, _property(frame, "User-Id"), _property(frame, "Peer-Address"), frame.bytes)
+
+    def checked(self, peer: bytes, key: str, address: str, frame: bytes) -> tuple[bytes, bytes]:
+        """(peer, frame) of what has just come in; under a name that is not the sender's an empty frame.
+
+        Parameters
+        ----------
+        peer : bytes
+            Name of the sender.
+        key, address : str
+            Its key (Z85), and where it is.
+        frame : bytes
+            What came.
+        """
+        self.key = key
+        return peer, frame if self._door is None or self._rightly_named(self._door, peer, key, address) else b""
 
     def send(self, peer: bytes, frame: bytes) -> bool:
         """Send without waiting; False if the peer is gone or its queue is full."""
@@ -274,6 +289,11 @@ class Router:
             raise
         return True
 
+    @property
+    def keyed(self) -> bool:
+        """Whether peers come in by keys."""
+        return self._door is not None
+
     def forbids(self, role: str, side: str) -> str:
         """Why the sender of the last frame may not speak as this; empty if it may, as everybody may without keys."""
         return "" if self._door is None else self._door.ring.forbids(self.key, role, side)
@@ -282,19 +302,26 @@ class Router:
         """Close when the last words, which have just been sent, are gone."""
         self.socket.close(linger=GOODBYE_LINGER_MS)
 
-    def _rightly_named(self, door: Door, peer: bytes, frame: zmq.Frame) -> bool:
+    def _rightly_named(self, door: Door, peer: bytes, key: str, address: str) -> bool:
         """Whether a name goes with the key: it is looked up once."""
-        self.key = key = str(frame.get("User-Id"))
         if self._names.get(peer) == key:
             return True
         if peer.partition(b"@")[0] != door.ring.owner(key).encode():
             name = peer[:64].decode(errors="replace")
-            door.refuse(self._channel, str(frame.get("Peer-Address")), key, f"it calls itself {name}")
+            door.refuse(self._channel, address, key, f"it calls itself {name}")
             return False
         if len(self._names) >= MOST_NAMES:
             self._names.clear()
         self._names[peer] = key
         return True
+
+
+def _property(frame: zmq.Frame, name: str) -> str:
+    """What libzmq knows of where a frame came from; empty if it does not, as of addresses in the file system."""
+    try:
+        return str(frame.get(name))
+    except ZMQError:
+        return ""
 
 
 class Publisher:

@@ -1,34 +1,31 @@
 """The two seats: who may sit, which sample counts, what is answered."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import astuple, replace
 from typing import Any
 
 import numpy as np
 import pytest
-from fake_router import WELCOME, FakeRouter, hello
+from fake_router import hello
+from motion_rig import TIMEOUT_NS, MotionRig
 
-from netboard.nodes.motion_port import BEAT_TICKS, GONE_NS, MOST_FRAMES, MotionPort
+from netboard import sockets
+from netboard.nodes.motion_port import BEAT_TICKS, GONE_NS
 from netboard.nodes.refusals import AGAIN_NS, REMEMBERED
-from netboard.nodes.seats import ARMED, LIVE, SANE_NS
+from netboard.nodes.seats import ARMED, LIVE, MOST_FRAMES, SANE_NS
+from netboard.sockets import LARGEST_REQUEST
 from netboard.tick import TICK, TICK_NS
 from netboard.wire import fixed
 from netboard.wire.codec import encode
 from netboard.wire.messages import Beat, Force, Goodbye, Refusal, Safeguard, StatusRequest, Stylus, Welcome
 
-TIMEOUT_NS = 50_000_000
-BOUND_NS = 500_000
 MS = 1_000_000
 A, B = b"agent.left@1", b"agent.right@2"
 STYLUS = Stylus(0, 0, 0.0, 0.0, 0.01, 0.0, 0.0, 0.1, 0, 0, 0.0, -1, 0, 0, 0, 0)
 
 
-class Rig:
-    """A port with its fake socket."""
-
-    def __init__(self) -> None:
-        self.router = FakeRouter()
-        self.port = MotionPort(self.router, WELCOME, TIMEOUT_NS, BOUND_NS)  # type: ignore[arg-type]
+class Rig(MotionRig):
+    """A port with its router, and somebody who does what the session does."""
 
     def seated(self) -> "Rig":
         self.router.say(A, hello("agent", "left"))
@@ -38,9 +35,6 @@ class Rig:
         self.port.news.clear()
         return self
 
-    def drain(self, clock: Callable[[], int], due_ns: int = 0) -> bool:
-        return self.port.drain(clock, due_ns)
-
     def row(self, now_ns: int) -> Any:
         row = np.zeros(1, TICK)
         self.found = self.port.fill(row.view(np.int64), 0, now_ns, 0)
@@ -49,11 +43,22 @@ class Rig:
     def force(self, tick: int, left: float = 0.0, right: float = 0.0) -> None:
         row = np.zeros(1, TICK)
         row["tick"], row["left_force"], row["right_force"] = tick, left, right
-        self.port.force(row.view(np.int64), tick, tick)
+        self.port.lane.record["set_ns"] = tick
+        self.port.force(row.view(np.int64))
 
 
-def test_a_stranger_is_told_to_say_hello_and_a_sitter_is_not() -> None:
-    rig = Rig()
+@pytest.fixture
+def new_rig() -> Iterator[Callable[[], Rig]]:
+    with sockets.open_context() as context:
+        yield lambda: Rig(context)
+
+
+@pytest.fixture
+def rig(new_rig: Callable[[], Rig]) -> Rig:
+    return new_rig()
+
+
+def test_a_stranger_is_told_to_say_hello_and_a_sitter_is_not(rig: Rig) -> None:
     rig.router.say(A, STYLUS)
     rig.drain(lambda: 0)
     assert rig.router.heard(A) == [Refusal("say hello first")]
@@ -67,8 +72,7 @@ def test_a_stranger_is_told_to_say_hello_and_a_sitter_is_not() -> None:
     "message",
     [hello("display", "left"), hello("agent", ""), replace(hello("agent", "left"), protocol=99), b"\x00nonsense"],
 )
-def test_who_does_not_belong_is_refused_in_words_and_noted(message: Any) -> None:
-    rig = Rig()
+def test_who_does_not_belong_is_refused_in_words_and_noted(rig: Rig, message: Any) -> None:
     rig.router.say(A, message)
     rig.drain(lambda: 0)
     (answer,) = rig.router.heard(A)
@@ -77,8 +81,8 @@ def test_who_does_not_belong_is_refused_in_words_and_noted(message: Any) -> None
     assert [name for name, _ in rig.port.news] == ["refused"]
 
 
-def test_a_second_agent_for_a_side_waits_until_the_first_is_gone() -> None:
-    rig = Rig().seated()
+def test_a_second_agent_for_a_side_waits_until_the_first_is_gone(rig: Rig) -> None:
+    rig.seated()
     rig.router.say(b"other", hello("agent", "left", "host:9"))
     rig.drain(lambda: MS)
     (answer,) = rig.router.heard(b"other")
@@ -92,8 +96,8 @@ def test_a_second_agent_for_a_side_waits_until_the_first_is_gone() -> None:
     assert rig.router.heard(A) == [Refusal("say hello first")]
 
 
-def test_the_newest_sample_wins_whatever_the_order() -> None:
-    rig = Rig().seated()
+def test_the_newest_sample_wins_whatever_the_order(rig: Rig) -> None:
+    rig.seated()
     for seq in (3, 5, 4, 5, 1):
         rig.router.say(A, replace(STYLUS, seq=seq, z=seq * 1e-3))
     rig.drain(lambda: MS)
@@ -102,8 +106,8 @@ def test_the_newest_sample_wins_whatever_the_order() -> None:
     assert (row["right_seq"], row["right_live"]) == (-1, 0)
 
 
-def test_a_sample_grows_old_and_one_that_is_no_number_never_counts() -> None:
-    rig = Rig().seated()
+def test_a_sample_grows_old_and_one_that_is_no_number_never_counts(rig: Rig) -> None:
+    rig.seated()
     rig.router.say(A, STYLUS)
     rig.drain(lambda: 0)
     assert rig.row(TIMEOUT_NS - 1)["left_live"] == 1
@@ -113,8 +117,19 @@ def test_a_sample_grows_old_and_one_that_is_no_number_never_counts() -> None:
     assert rig.row(TIMEOUT_NS)["left_live"] == 0
 
 
-def test_stamps_are_turned_into_server_time_by_the_probes_in_the_samples() -> None:
-    rig = Rig().seated()
+def test_what_is_not_one_frame_is_refused_and_holds_up_nothing(rig: Rig) -> None:
+    rig.seated()
+    rig.router.say(A, STYLUS, STYLUS)
+    rig.router.say(A, b"", STYLUS, b"")
+    rig.router.say(A, bytes(LARGEST_REQUEST + 1))
+    rig.router.say(A, replace(STYLUS, seq=7))
+    assert not rig.drain(lambda: MS)
+    assert rig.row(MS)["left_seq"] == 7
+    assert [details["reason"] for _, details in rig.port.news] == ["not a message: the frame is empty"]
+
+
+def test_stamps_are_turned_into_server_time_by_the_probes_in_the_samples(rig: Rig) -> None:
+    rig.seated()
     ahead = 7_000_000_000
     sent, received, answered = 10 * MS, 10 * MS + 100_000 + ahead, 10 * MS + 300_000 + ahead
     probe = replace(
@@ -129,8 +144,8 @@ def test_stamps_are_turned_into_server_time_by_the_probes_in_the_samples() -> No
     assert rig.row(11 * MS)["left_stamp_ns"] == answered - record.offset_ns
 
 
-def test_what_the_safety_chain_did_between_two_ticks_is_not_lost_nor_told_twice() -> None:
-    rig = Rig().seated()
+def test_what_the_safety_chain_did_between_two_ticks_is_not_lost_nor_told_twice(rig: Rig) -> None:
+    rig.seated()
     for seq, bits in enumerate((Safeguard.ARMED | Safeguard.CLAMPED, Safeguard.ARMED)):
         rig.router.say(A, replace(STYLUS, seq=seq, safeguards=int(bits)))
     rig.drain(lambda: MS)
@@ -138,8 +153,8 @@ def test_what_the_safety_chain_did_between_two_ticks_is_not_lost_nor_told_twice(
     assert rig.row(MS)["left_safeguards"] == 0
 
 
-def test_forces_go_every_tick_and_beats_now_and_then_without_a_force() -> None:
-    rig = Rig().seated()
+def test_forces_go_every_tick_and_beats_now_and_then_without_a_force(rig: Rig) -> None:
+    rig.seated()
     for tick in range(2 * BEAT_TICKS):
         rig.force(tick, -0.5, 0.25)
     assert [(m.tick, m.force) for m in rig.router.heard(A)] == [(t, -0.5) for t in range(2 * BEAT_TICKS)]  # type: ignore[union-attr]
@@ -150,8 +165,8 @@ def test_forces_go_every_tick_and_beats_now_and_then_without_a_force() -> None:
     assert [type(m) for m in beats] == [Beat, Beat]
 
 
-def test_a_force_tells_which_sample_it_is_of_and_how_long_before_its_deadline_that_came() -> None:
-    rig = Rig().seated()
+def test_a_force_tells_which_sample_it_is_of_and_how_long_before_its_deadline_that_came(rig: Rig) -> None:
+    rig.seated()
     rig.router.say(A, replace(STYLUS, seq=9))
     rig.drain(lambda: 700_000, TICK_NS)
     rig.row(TICK_NS)
@@ -160,7 +175,7 @@ def test_a_force_tells_which_sample_it_is_of_and_how_long_before_its_deadline_th
     assert rig.router.heard(B) == [Force(12, 12, -1, 0.0, 0)]
 
 
-def test_a_sample_counts_in_its_fixed_form_as_in_any_other() -> None:
+def test_a_sample_counts_in_its_fixed_form_as_in_any_other(new_rig: Callable[[], Rig]) -> None:
     stylus = replace(STYLUS, seq=3, x=-0.25, z=0.5, safeguards=1, force_tick=7, sent_ns=2**40)
     words, frame = np.zeros(len(fixed.STYLUS.markers), np.int64), np.zeros(fixed.STYLUS.size, np.uint8)
     record = words.view(np.dtype(fixed.fields_of(Stylus)))
@@ -168,7 +183,7 @@ def test_a_sample_counts_in_its_fixed_form_as_in_any_other() -> None:
     fixed.write(frame, *fixed.STYLUS[:2], words)
     rows = []
     for form in (frame.tobytes(), encode(stylus)):
-        rig = Rig().seated()
+        rig = new_rig().seated()
         rig.router.say(A, form)
         rig.drain(lambda: MS)
         rows.append(rig.row(MS))
@@ -176,8 +191,8 @@ def test_a_sample_counts_in_its_fixed_form_as_in_any_other() -> None:
     assert (rows[0]["left_seq"], rows[0]["left_x"], rows[0]["left_sent_z"]) == (3, -0.25, 0.5)
 
 
-def test_a_tick_waits_for_whoever_was_punctual_and_for_nobody_else() -> None:
-    rig = Rig().seated()
+def test_a_tick_waits_for_whoever_was_punctual_and_for_nobody_else(rig: Rig) -> None:
+    rig.seated()
     assert not rig.port.complete
     rig.router.say(A, STYLUS)
     rig.drain(lambda: 0)
@@ -196,8 +211,8 @@ def test_a_tick_waits_for_whoever_was_punctual_and_for_nobody_else() -> None:
     assert rig.port.complete
 
 
-def test_what_is_live_and_what_is_armed_is_told_at_every_tick() -> None:
-    rig = Rig().seated()
+def test_what_is_live_and_what_is_armed_is_told_at_every_tick(rig: Rig) -> None:
+    rig.seated()
     rig.router.say(B, replace(STYLUS, safeguards=int(Safeguard.ARMED)))
     rig.drain(lambda: MS)
     rig.row(MS)
@@ -206,8 +221,8 @@ def test_what_is_live_and_what_is_armed_is_told_at_every_tick() -> None:
     assert rig.found == 2 * ARMED
 
 
-def test_a_device_may_be_armed_only_while_its_clock_is_known_well_enough() -> None:
-    rig = Rig().seated()
+def test_a_device_may_be_armed_only_while_its_clock_is_known_well_enough(rig: Rig) -> None:
+    rig.seated()
     for seq, delay_ns, may in ((0, 600_000, False), (1, 400_000, True)):
         sent = seq * MS
         probe = replace(
@@ -225,8 +240,8 @@ def test_a_device_may_be_armed_only_while_its_clock_is_known_well_enough() -> No
     assert rig.port.lacks(MS) == ["the left device to be armed", "the right agent"]
 
 
-def test_an_agent_that_has_been_silent_for_long_has_left() -> None:
-    rig = Rig().seated()
+def test_an_agent_that_has_been_silent_for_long_has_left(rig: Rig) -> None:
+    rig.seated()
     rig.port.expire(GONE_NS)
     assert not rig.port.empty
     rig.port.expire(GONE_NS + 1)
@@ -234,8 +249,8 @@ def test_an_agent_that_has_been_silent_for_long_has_left() -> None:
     assert [details["reason"] for name, details in rig.port.news if name == "agent_left"] == ["fell silent"] * 2
 
 
-def test_the_link_to_an_agent_is_described() -> None:
-    rig = Rig().seated()
+def test_the_link_to_an_agent_is_described(rig: Rig) -> None:
+    rig.seated()
     for seq in (0, 1, 4):
         rig.router.say(A, replace(STYLUS, seq=seq))
     rig.drain(lambda: MS)
@@ -245,8 +260,8 @@ def test_the_link_to_an_agent_is_described() -> None:
     assert right[0] == "agent.right"
 
 
-def test_an_agent_that_leaves_frees_its_seat_and_is_sent_nothing_more() -> None:
-    rig = Rig().seated()
+def test_an_agent_that_leaves_frees_its_seat_and_is_sent_nothing_more(rig: Rig) -> None:
+    rig.seated()
     rig.router.say(A, Goodbye("done"))
     rig.drain(lambda: MS)
     assert rig.port.news == [("agent_left", {"side": "left", "reason": "done"})]
@@ -255,8 +270,8 @@ def test_an_agent_that_leaves_frees_its_seat_and_is_sent_nothing_more() -> None:
     assert len(rig.router.heard(B)) == 1
 
 
-def test_an_agent_cannot_ask_what_only_an_operator_may() -> None:
-    rig = Rig().seated()
+def test_an_agent_cannot_ask_what_only_an_operator_may(rig: Rig) -> None:
+    rig.seated()
     rig.router.say(A, StatusRequest())
     rig.drain(lambda: MS)
     assert rig.router.heard(A) == [Refusal("an agent does not send StatusRequest")]
@@ -264,16 +279,16 @@ def test_an_agent_cannot_ask_what_only_an_operator_may() -> None:
 
 @pytest.mark.parametrize("field", ["stamp_ns", "force_sent_ns", "force_received_ns", "sent_ns"])
 @pytest.mark.parametrize("value", [2**63 - 1, -(2**63), SANE_NS + 1])
-def test_nonsense_stamps_are_no_sample_and_do_no_harm(field: str, value: int) -> None:
-    rig = Rig().seated()
+def test_nonsense_stamps_are_no_sample_and_do_no_harm(rig: Rig, field: str, value: int) -> None:
+    rig.seated()
     rig.router.say(A, replace(STYLUS, force_tick=0, **{field: value}))  # type: ignore[arg-type]
     rig.drain(lambda: MS)
     assert rig.row(MS)["left_live"] == 0
     assert rig.port.clock_records(0) == []
 
 
-def test_a_sample_from_the_future_does_not_stay_live_when_its_agent_falls_silent() -> None:
-    rig = Rig().seated()
+def test_a_sample_from_the_future_does_not_stay_live_when_its_agent_falls_silent(rig: Rig) -> None:
+    rig.seated()
     probe = {"force_tick": 1, "force_sent_ns": 0, "force_received_ns": MS, "sent_ns": MS}
     rig.router.say(A, replace(STYLUS, stamp_ns=MS, **probe))  # type: ignore[arg-type]
     rig.drain(lambda: 2 * MS)
@@ -283,8 +298,8 @@ def test_a_sample_from_the_future_does_not_stay_live_when_its_agent_falls_silent
     assert rig.row(3 * MS)["left_live"] == 0
 
 
-def test_a_flood_is_taken_bit_by_bit_answered_once_a_second_and_noted_with_its_number() -> None:
-    rig = Rig().seated()
+def test_a_flood_is_taken_bit_by_bit_answered_once_a_second_and_noted_with_its_number(rig: Rig) -> None:
+    rig.seated()
     for _ in range(10 * MOST_FRAMES):
         rig.router.say(b"flood", b"\x00")
     rig.router.say(A, STYLUS)
@@ -298,10 +313,9 @@ def test_a_flood_is_taken_bit_by_bit_answered_once_a_second_and_noted_with_its_n
     assert rig.port.news[-1][1]["times"] == str(10 * MOST_FRAMES + 1)
 
 
-def test_however_many_strangers_there_are_only_so_many_are_told_apart() -> None:
-    rig = Rig()
+def test_however_many_strangers_there_are_only_so_many_are_told_apart(rig: Rig) -> None:
     for number in range(2000):
         rig.router.say(b"stranger %d" % number, b"\x00")
-    for tick in range(40):
-        rig.drain(lambda now=tick: now)
+        rig.drain(lambda: 0)
+        rig.router.go(b"stranger %d" % number)
     assert len(rig.port.news) == REMEMBERED + 1

@@ -9,12 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fake_router import WELCOME, FakeRouter, hello
+from motion_rig import MotionRig
 
 from fakes import FakeClock
+from netboard import sockets
 from netboard.faults.mutants import Mutants, true_frames
 from netboard.nodes.control_port import ControlPort
 from netboard.nodes.log_port import LogPort
-from netboard.nodes.motion_port import MotionPort
 from netboard.recording.spill import Spill
 from netboard.tick import TICK
 from netboard.wire.codec import encode
@@ -34,7 +35,7 @@ from netboard.wire.messages import (
     TickRecord,
 )
 
-PEERS = (b"agent.left@1", b"b", b"\x00\xff\n", b"agent.left@2")
+PEERS = (b"agent.left@1", b"b", b"\x01\xff\n", b"agent.left@2")
 SEEDS = range(12)
 WORDS = 1500
 MS, SECOND = 1_000_000, 1_000_000_000
@@ -93,25 +94,27 @@ def recordable(news: list[tuple[str, dict[str, str]]], records: list[ClockRecord
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_the_motion_port(seed: int) -> None:
-    chance, clock, router = random.Random(seed), FakeClock(), FakeRouter(room=50)
-    port = MotionPort(router, WELCOME, 50 * MS, MS // 2)  # type: ignore[arg-type]
-    row = np.zeros(1, TICK)
-    for tick, (peer, word) in enumerate(islice(said(chance, clock), WORDS)):
-        router.say(peer, word)
-        port.drain(clock, clock.now_ns)
-        port.fill(row.view(np.int64), tick, clock.now_ns, 0)
-        assert np.isfinite(row["left_sent_z"] + row["right_sent_z"]) or not (row["left_live"] and row["right_live"])
-        port.beat(tick, clock.now_ns)
-        port.force(row.view(np.int64), tick, clock.now_ns)
-        if tick % 5 == 0:
-            port.expire(clock.now_ns)
-            port.lacks(clock.now_ns)
-            encode(replace(STATUS, links=tuple(port.links(clock.now_ns))))
-            recordable(port.news, port.clock_records(tick))
-            router.sent.clear()
-        seated = [seat.agent for seat in port.seats.values() if seat.hello is not None]
-        assert len(set(seated)) == len(seated)
-        assert port.empty == (not seated)
+    chance, clock = random.Random(seed), FakeClock()
+    with sockets.open_context() as context:
+        rig = MotionRig(context)
+        port, router = rig.port, rig.router
+        row = np.zeros(1, TICK)
+        for tick, (peer, word) in enumerate(islice(said(chance, clock), WORDS)):
+            router.say(peer, word)
+            rig.drain(clock, clock.now_ns)
+            port.fill(row.view(np.int64), tick, clock.now_ns, 0)
+            assert np.isfinite(row["left_sent_z"] + row["right_sent_z"]) or not (row["left_live"] and row["right_live"])
+            port.beat(tick, clock.now_ns)
+            port.force(row.view(np.int64))
+            router.heard(peer)
+            if tick % 5 == 0:
+                port.expire(clock.now_ns)
+                port.lacks(clock.now_ns)
+                encode(replace(STATUS, links=tuple(port.links(clock.now_ns))))
+                recordable(port.news, port.clock_records(tick))
+            seated = [seat.agent for seat in port.seats.values() if seat.hello is not None]
+            assert len(set(seated)) == len(seated)
+            assert port.empty == (not seated)
 
 
 @pytest.mark.parametrize("seed", SEEDS)

@@ -16,7 +16,7 @@ from netboard.config import Config
 from netboard.doctor import disk, network, software, system, timing, usb
 from netboard.doctor.finding import Finding
 from netboard.errors import NetboardError
-from netboard.process import OFF, OK
+from netboard.process import OFF, OK, cpus_for
 
 Progress = Callable[[float], None]
 Step = Callable[[Progress], list[Finding]]
@@ -139,7 +139,7 @@ def _timers(config: Config, effort: Effort, progress: Progress) -> Iterator[Find
     yield system.memory(real.came["memory"])
     yield system.core_sleep(real.came["core_sleep"] == OK)
     if real.came["cpus"] != OFF:
-        yield system.cpus(wanted.server_cpus, real.came["cpus"])
+        yield system.cpus(cpus_for("server", wanted), real.came["cpus"])
     yield timing.verdict(real)
     plain = replace(wanted, scheduling=False, lock_memory=False)
     usual = timing.measure(plain, effort.timer_seconds, lambda done: progress((1 + done) / 2))

@@ -18,7 +18,7 @@ from netboard.clock import now_ns
 from netboard.config import Realtime
 from netboard.doctor.finding import Colour, Finding
 from netboard.errors import NetboardError
-from netboard.process import Priority, prepare, steady_loop
+from netboard.process import Priority, cpus_for, prepare, steady_loop
 from netboard.tick import TICK_NS
 
 TIMER = "timer"
@@ -126,7 +126,7 @@ def percentiles(late_ns: list[int]) -> dict[str, float]:
 def main(asked: dict[str, Any]) -> None:
     """Be that process."""
     wanted = Realtime(**asked["wanted"])
-    came = prepare(wanted, Priority.SERVER, wanted.server_cpus)
+    came = prepare(wanted, Priority.SERVER, cpus_for("server", wanted))
     steady_loop()
     lateness(WARM_UP_TICKS)
     late = lateness(round(asked["seconds"] * 1000))

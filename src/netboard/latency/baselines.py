@@ -17,7 +17,7 @@ from netboard import doors, keys, sockets
 from netboard.clock import Pacer, now_ns
 from netboard.config import Config, parse
 from netboard.latency.workers import serve
-from netboard.process import NAME, Priority, io_priority, prepare, speak, steady_loop
+from netboard.process import NAME, Priority, cpus_for, io_priority, prepare, speak, steady_loop
 from netboard.tick import TICK_SECONDS
 from netboard.wire.fixed import FORCE, STYLUS
 
@@ -124,7 +124,9 @@ def main(role: str, name: str, file: Path) -> None:
     speak(f"{role} {name}")
     agent = role == "peer"
     priority = Priority.AGENT if agent else Priority.SERVER
-    came = prepare(config.realtime, priority, config.realtime.agent_cpus if agent else config.realtime.server_cpus)
+    came = prepare(
+        config.realtime, priority, cpus_for(name.removeprefix("agent.") if agent else "server", config.realtime)
+    )
     with sockets.open_context(io_priority(came, priority)) as context:
         carry_out = _role(role, name, config, context)
         steady_loop()

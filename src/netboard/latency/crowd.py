@@ -28,7 +28,7 @@ from netboard.experiment.machine import is_active
 from netboard.latency.played import passed_over
 from netboard.latency.workers import serve
 from netboard.nodes.agent import phase_shift
-from netboard.process import NAME, Priority, io_priority, prepare, speak, steady_loop
+from netboard.process import NAME, Priority, cpus_for, io_priority, prepare, speak, steady_loop
 from netboard.tick import TICK, TICK_NS
 from netboard.wire import fixed
 from netboard.wire.codec import KINDS, decode, encode
@@ -390,7 +390,7 @@ def main(role: str) -> None:
         if prepared is None:
             wanted = configs[0].realtime
             mine = replace(wanted, scheduling=wanted.scheduling and role == "agents")
-            prepared = prepare(mine, Priority.AGENT, wanted.agent_cpus)
+            prepared = prepare(mine, Priority.AGENT, cpus_for("left", wanted))
             steady_loop()
         with sockets.open_context(io_priority(prepared, Priority.AGENT)) as context:
             return (be_agents if role == "agents" else be_watchers)(configs, context, order)

@@ -12,12 +12,13 @@ import logging
 import struct
 from collections.abc import Callable
 from importlib.metadata import version
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
-from netboard import keys, sockets
+from netboard import keys, lanes, sockets
 from netboard.clock import Pacer, now_ns
+from netboard.compiled import kernel
 from netboard.config import Config, Side
 from netboard.devices.base import Device, DeviceInfo, Reading
 from netboard.devices.fixture import lateral_force
@@ -46,7 +47,50 @@ SHIFT_SHARE = 0.02
 LARGEST_SHIFT_NS = 5_000
 """The phase is moved by at most so much in a tick: the interval of the samples stays 1 ms within 0.5 % [ns]."""
 
-_PACK = struct.Struct("<" + "".join("d" if kind == "<f8" else "q" for _, kind in fixed.fields_of(Stylus)))
+_FORCE = struct.Struct("<" + "".join("d" if kind == "<f8" else "q" for _, kind in fixed.fields_of(Force)))
+_STYLUS = struct.Struct("<" + "".join("d" if kind == "<f8" else "q" for _, kind in fixed.fields_of(Stylus)))
+
+
+FORCE_CAME = 0
+"""What `hear` returns for a force in its fixed form, beside what `netboard.lanes.hear` does: no frame is empty [1]."""
+
+
+@kernel
+def hear(lane: Any, frame: Any, head: Any, markers: Any, words: Any) -> int:
+    """Receive one frame: `FORCE_CAME` for a force in its fixed form, whose numbers are in the words then.
+
+    Parameters
+    ----------
+    lane : ndarray of netboard.lanes.LANE, shape (1,)
+        The lane to the server.
+    frame : ndarray of uint8
+        Room for the frame.
+    head, markers : ndarray of uint8
+        The form of a `Force`.
+    words : ndarray of int64, shape (5,)
+        Room for its numbers.
+    """
+    size = lanes.hear(lane, frame)
+    return FORCE_CAME if size > 0 and fixed.read(frame[:size], head, markers, words) else size
+
+
+@kernel
+def say(lane: Any, frame: Any, head: Any, markers: Any, words: Any) -> int:
+    """Send a sample, as `netboard.lanes.say` does.
+
+    Parameters
+    ----------
+    lane : ndarray of netboard.lanes.LANE, shape (1,)
+        The lane to the server.
+    frame : ndarray of uint8
+        Room for the frame, and no more.
+    head, markers : ndarray of uint8
+        The form of a `Stylus`.
+    words : ndarray of int64
+        Its numbers.
+    """
+    fixed.write(frame, head, markers, words)
+    return lanes.say(lane, frame)
 
 
 def phase_shift(lead_ns: int) -> int:
@@ -76,6 +120,8 @@ class Link:
 
     Attributes
     ----------
+    sample : ndarray of int64
+        What `send` sends: the words of a `Stylus`.
     newest : Force or Beat or None
         What the server said last.
     heard_ns : int
@@ -91,6 +137,11 @@ class Link:
         self.heard_ns = self._sent = 0
         self.loop_ns = 0
         self._socket = socket
+        self._lane = lanes.Lane(socket)
+        self._heard = np.zeros(sockets.LARGEST_FRAME, np.uint8)
+        self._force = np.zeros(len(fixed.FORCE.markers), np.int64)
+        self._said = np.zeros(fixed.STYLUS.size, np.uint8)
+        self.sample = np.zeros(len(fixed.STYLUS.markers), np.int64)
         self._hello = encode(hello)
         self._session = ""
         self._said_hello_ns = -HELLO_NS
@@ -99,20 +150,32 @@ class Link:
         self._refused = ""
         self._nonsense = Seldom(log)
 
-    def send(self, seq: int, stamp_ns: int, frame: bytes) -> None:
-        """Send a sample, and a hello first where the server is silent."""
+    def warm(self) -> None:
+        """Compile (or load) what sends and receives, so that the first tick is not late."""
+        nowhere = lanes.Lane(None).record
+        hear(nowhere, self._heard, *fixed.FORCE[:2], self._force)
+        say(nowhere, self._said, *fixed.STYLUS[:2], self.sample)
+
+    def send(self, seq: int, stamp_ns: int) -> None:
+        """Send the sample, of this number and time, and a hello first where the server is silent."""
         if stamp_ns - max(self.heard_ns, self._said_hello_ns) >= HELLO_NS:
             self._said_hello_ns = stamp_ns
             sockets.send_or_renew(self._socket, self._hello)
         self._stamps[seq % REMEMBERED], self._sent = stamp_ns, seq
-        if self._session:
-            sockets.send(self._socket, frame)
+        if self._session and say(self._lane.record, self._said, *fixed.STYLUS[:2], self.sample) == lanes.FAILED:
+            self._lane.fail("motion")
 
     def receive(self) -> bool:
         """Take one message, if one has come; True if it is a newer force or beat."""
-        frame = sockets.receive(self._socket)
-        if frame is None:
-            return False
+        came = hear(self._lane.record, self._heard, *fixed.FORCE[:2], self._force)
+        if came == FORCE_CAME:
+            return self._take(Force(*_FORCE.unpack(self._force.data)))
+        if came == lanes.FAILED:
+            self._lane.fail("motion")
+        return came != lanes.NOTHING and self._understand(self._heard[:came].tobytes())
+
+    def _understand(self, frame: bytes) -> bool:
+        """Take what is no force in its fixed form."""
         try:
             message = decode(frame)
         except WireError as error:
@@ -145,6 +208,7 @@ class Link:
     def leave(self, reason: str) -> None:
         """Say goodbye and close."""
         sockets.send(self._socket, encode(Goodbye(reason)))
+        self._lane.close()
         sockets.close_after_goodbye(self._socket)
 
     def _take(self, message: Force | Beat) -> bool:
@@ -208,8 +272,6 @@ class Agent:
         self._seq = 0
         self._safeguards = 0
         self._rendered = 0.0
-        self._sample = np.zeros(len(fixed.STYLUS.markers), np.int64)
-        self._frame = np.zeros(fixed.STYLUS.size, np.uint8)
 
     def run(self, stopping: Callable[[], bool]) -> None:
         """Serve the device until told to stop; its owner closes it.
@@ -224,7 +286,7 @@ class Agent:
         DeviceError
             If the device fails.
         """
-        fixed.write(self._frame, *fixed.STYLUS[:2], self._sample)  # compiled before the first tick
+        self._link.warm()
         steady_loop()
         pacer = Pacer(now_ns() + TICK_NS)
         while not stopping():
@@ -243,11 +305,12 @@ class Agent:
         while (left_ns := until_ns - now_ns()) > 0:
             wait_ns = left_ns if lived else left_ns - TICK_NS // 4
             if wait_ns > 0 and self._link.wait(wait_ns * 1e-9):
-                if self._link.receive():
-                    self._render(reading)
-                    shift_ns += phase_shift(self._link.newest.lead_ns) if self._link.newest else 0
-                    rendered = True
-            elif not lived:
+                if not self._link.receive():
+                    continue
+                self._render(reading)
+                shift_ns += phase_shift(self._link.newest.lead_ns) if self._link.newest else 0
+                rendered = True
+            if not lived:
                 self._live(reading)
                 lived = True
         if not lived:
@@ -289,8 +352,8 @@ class Agent:
     def _send(self, reading: Reading) -> None:
         """Send the sample with what has become of the forces since the one before."""
         message, seq = self._link.newest, self._seq
-        _PACK.pack_into(
-            self._sample.data,
+        _STYLUS.pack_into(
+            self._link.sample.data,
             0,
             seq,
             reading.stamp_ns,
@@ -309,8 +372,7 @@ class Agent:
             now_ns(),
             self._link.loop_ns,
         )
-        fixed.write(self._frame, *fixed.STYLUS[:2], self._sample)
-        self._link.send(seq, reading.stamp_ns, self._frame.tobytes())
+        self._link.send(seq, reading.stamp_ns)
         self._seq += 1
         self._safeguards = 0
 

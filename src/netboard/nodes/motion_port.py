@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from netboard import sockets
+from netboard import lanes, sockets
 from netboard.config import SIDES, Side
 from netboard.errors import WireError
 from netboard.nodes import seats
@@ -22,9 +22,6 @@ from netboard.wire import fixed
 from netboard.wire.codec import decode, encode
 from netboard.wire.messages import Beat, ClockRecord, Goodbye, Hello, Message, Stylus, Welcome
 from netboard.wire.session import ClockEstimator, admit
-
-MOST_FRAMES = 64
-"""Frames taken in one go: whoever sends more must not hold up a tick [1]."""
 
 BEAT_TICKS = 4
 """Without forces every so many ticks a beat is sent: often enough that nothing counts as stale [1]."""
@@ -76,24 +73,17 @@ class Seat:
         self._rate = Rate()
         seats.empty(self._words)
 
-    def read(self, frame: bytes, now_ns: int, due_ns: int) -> bool:
-        """Take a sample in its fixed form; False if the frame is anything else."""
-        taken = seats.take_frame(self._words, frame, *fixed.STYLUS[:2], self._sample, now_ns, due_ns)
-        if taken > 0:
-            self._look_at_clock(now_ns)
-        return taken >= 0
-
     def take(self, stylus: Stylus, now_ns: int, due_ns: int) -> None:
-        """Take a sample that came in any other form."""
+        """Take a sample that did not come in its fixed form."""
         _PACK.pack_into(self._sample.data, 0, *_VALUES(stylus))
         if seats.take(self._words, self._sample, now_ns, due_ns):
-            self._look_at_clock(now_ns)
+            self.look_at_clock()
 
-    def _look_at_clock(self, now_ns: int) -> None:
+    def look_at_clock(self) -> None:
         """Let the newest sample tell the time there, if it answers what no sample before did, and not too often."""
         tick = int(self._words[seats.FORCE_TICK])
         if tick - self._probed_tick >= PROBE_TICKS or tick < self._probed_tick:
-            self._probe(tick, now_ns)
+            self._probe(tick, int(self._words[seats.ARRIVED]))
 
     def _probe(self, tick: int, now_ns: int) -> None:
         """Let the newest sample tell the time there."""
@@ -136,13 +126,16 @@ class MotionPort:
         self._words = np.zeros((len(SIDES), seats.WORDS), np.int64)
         self.seats: dict[Side, Seat] = {side: Seat(side, self._words[place]) for place, side in enumerate(SIDES)}
         self.news: list[tuple[str, dict[str, str]]] = []
+        self.lane = lanes.Lane(router.socket, router.keyed)
         self._router = router
+        self._frame = np.zeros(sockets.LARGEST_REQUEST, np.uint8)
+        self._sample = np.zeros(seats.SAMPLE_WORDS, np.int64)
         self._welcome = encode(welcome)
         self._timeout_ns = timeout_ns
         self._bound_ns = bound_ns
         self._by_agent: dict[bytes, Seat] = {}
         self._refusals = Refusals(router, self.news)
-        self._forces = np.zeros((len(SIDES), fixed.FORCE.size), np.uint8)
+        self._force = np.zeros(fixed.FORCE.size, np.uint8)
         self._force_words = np.zeros(len(fixed.FORCE.markers), np.int64)
 
     @property
@@ -156,7 +149,7 @@ class MotionPort:
         return not seats.awaited(self._words)
 
     def drain(self, clock: Callable[[], int], due_ns: int, signalled: bool = False) -> bool:
-        """Take what has arrived; what arrives meanwhile must not seem to come before it was sent, so each has its time.
+        """Take what has arrived.
 
         Parameters
         ----------
@@ -172,30 +165,29 @@ class MotionPort:
         bool
             Whether there may be more.
         """
-        for count in range(MOST_FRAMES):
-            received = self._router.receive(signalled and count == 0)
-            if received is None:
-                return False
-            now_ns = clock()
-            agent, frame = received
-            seat = self._by_agent.get(agent)
-            if seat is None or not seat.read(frame, now_ns, due_ns):
-                self._read_any(agent, seat, frame, now_ns, due_ns)
-            if signalled and self.complete:
-                return True
+        for _ in range(seats.MOST_FRAMES):
+            found = seats.drain(
+                self._words, self.lane.record, self._frame, *fixed.STYLUS[:2], self._sample, due_ns, signalled
+            )
+            for place, seat in enumerate(self.seats.values()):
+                if found & (1 << place):
+                    seat.look_at_clock()
+            if found & seats.FAILED:
+                self.lane.fail("motion")
+            if not found & seats.OTHER:
+                return bool(found & seats.MORE)
+            self._read_any(clock(), due_ns)
         return True
 
     def fill(self, row: Any, number: int, due_ns: int, late_ns: int) -> int:
         """Begin the row of a tick with both seats' samples; see `netboard.nodes.seats.fill`."""
         return seats.fill(row, self._words, number, due_ns, late_ns, self._timeout_ns)
 
-    def force(self, row: Any, tick: int, now_ns: int) -> None:
-        """Send each agent its force; at every other tick the other side first."""
-        seats.write_forces(self._forces, row, self._words, now_ns, *fixed.FORCE[:2], self._force_words)
-        for place in (0, 1) if tick & 1 else (1, 0):
-            seat = self.seats[SIDES[place]]
-            if seat.hello is not None:
-                self._router.send(seat.agent, self._forces[place].tobytes())
+    def force(self, row: Any) -> None:
+        """Send each agent its force of a tick."""
+        lane, words = self.lane, self._force_words
+        if seats.send_forces(lane.record, self._force, row, self._words, *fixed.FORCE[:2], words) == lanes.FAILED:
+            lane.fail("motion")
 
     def beat(self, tick: int, now_ns: int) -> None:
         """Where nothing is felt, send each agent a beat now and then."""
@@ -240,10 +232,13 @@ class MotionPort:
         for seat in self.seats.values():
             if seat.hello is not None:
                 self._router.send(seat.agent, encode(Goodbye(reason)))
+        self.lane.close()
         self._router.close_after_goodbye()
 
-    def _read_any(self, agent: bytes, seat: Seat | None, frame: bytes, now_ns: int, due_ns: int) -> None:
-        """Take a frame that is no sample in its fixed form."""
+    def _read_any(self, now_ns: int, due_ns: int) -> None:
+        """Take the newest frame, which is no sample in its fixed form, or comes from a stranger."""
+        agent, frame = self._router.checked(*self.lane.sender, self._frame[: self.lane.size].tobytes())
+        seat = self._by_agent.get(agent)
         try:
             message = decode(frame)
         except WireError as error:
@@ -268,6 +263,7 @@ class MotionPort:
     def _leave(self, seat: Seat, reason: str) -> None:
         self.news.append(("agent_left", {"side": seat.side, "reason": reason}))
         del self._by_agent[seat.agent]
+        self.lane.forget(SIDES.index(seat.side))
         seat.leave()
 
     def _greet(self, agent: bytes, hello: Hello, now_ns: int) -> None:
@@ -299,3 +295,4 @@ class MotionPort:
         self._by_agent.pop(seat.agent, None)
         seat.sit(agent, hello, now_ns)
         self._by_agent[agent] = seat
+        self.lane.know(SIDES.index(seat.side), agent, self._router.key)

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from netboard import lanes
 from netboard.compiled import kernel
 from netboard.config import SIDES
 from netboard.tick import TICK, TICK_NS
@@ -74,6 +75,15 @@ _ROW_SEQ = np.array([_ROW[f"{side}_seq"] for side in SIDES])
 _ROW_FORCE = np.array([_ROW[f"{side}_force"] for side in SIDES])
 _TICK, _TIME, _LATE = _ROW["tick"], _ROW["time_ns"], _ROW["late_ns"]
 
+MOST_FRAMES = 64
+"""Frames taken in one go: whoever sends more must not hold up a tick [1]."""
+
+PATIENCE_NS = 40_000
+"""The second sample of a tick is looked for again and again for so long: sleeping would take longer [ns]."""
+
+MORE, OTHER, FAILED = 4, 8, 16
+"""Bits that `drain` returns beside those of the sides a sample has come from, 1 and 2."""
+
 LIVE, ARMED = 1, 4
 """Bits that `fill` returns for the left side; the right side's are twice as large."""
 
@@ -122,14 +132,14 @@ def take(seat: Any, sample: Any, now_ns: int, due_ns: int) -> bool:
 
 
 @kernel
-def take_frame(seat: Any, frame: bytes, head: Any, markers: Any, sample: Any, now_ns: int, due_ns: int) -> int:
+def take_frame(seat: Any, frame: Any, head: Any, markers: Any, sample: Any, now_ns: int, due_ns: int) -> int:
     """Read a sample in its fixed form and take it: -1 if the frame is anything else, else whether it was taken.
 
     Parameters
     ----------
     seat : ndarray of int64, shape (WORDS,)
         The seat.
-    frame : bytes
+    frame : ndarray of uint8
         What came in.
     head, markers : ndarray of uint8
         The form of a `Stylus`.
@@ -152,6 +162,59 @@ def awaited(seats: Any) -> bool:
         if seats[place, PUNCTUAL] and not seats[place, FRESH]:
             return True
     return fresh == 0
+
+
+@kernel
+def drain(seats: Any, lane: Any, frame: Any, head: Any, markers: Any, sample: Any, due_ns: int, eager: bool) -> int:
+    """Take the samples that have come.
+
+    What arrives meanwhile must not seem to come before it was sent, so each has a time of its own.
+
+    Parameters
+    ----------
+    seats : ndarray of int64, shape (2, WORDS)
+        The seats.
+    lane : ndarray of netboard.lanes.LANE, shape (1,)
+        The router's lane.
+    frame : ndarray of uint8
+        Room for a frame.
+    head, markers : ndarray of uint8
+        The form of a `Stylus`.
+    sample : ndarray of int64, shape (SAMPLE_WORDS,)
+        Room for a sample.
+    due_ns : int
+        Deadline of the next tick [ns].
+    eager : bool
+        Take no more than completes the tick.
+
+    Returns
+    -------
+    int
+        1 and 2 for a sample that was taken from the left and right side, `MORE` if there may be more to take, `OTHER`
+        if the frame is anything else, of whomever, and `FAILED`.
+    """
+    found = count = 0
+    give_up_ns = 0
+    while count < MOST_FRAMES:
+        place = lanes.receive(lane, frame)
+        if place == lanes.NOTHING:
+            if eager and found and lanes.now_ns(lane) < give_up_ns:
+                continue
+            return found
+        count += 1
+        if give_up_ns == 0:
+            give_up_ns = lanes.now_ns(lane) + PATIENCE_NS
+        if place == lanes.FAILED:
+            return found | FAILED
+        if place < 0:
+            return found | OTHER
+        taken = take_frame(seats[place], frame[: lane[0]["size"]], head, markers, sample, lanes.now_ns(lane), due_ns)
+        if taken < 0:
+            return found | OTHER
+        found |= taken << place
+        if eager and not awaited(seats):
+            break
+    return found | MORE
 
 
 @kernel
@@ -197,37 +260,50 @@ def fill(row: Any, seats: Any, number: int, due_ns: int, late_ns: int, timeout_n
 
 
 @kernel
-def write_forces(frames: Any, row: Any, seats: Any, sent_ns: int, head: Any, markers: Any, words: Any) -> None:
-    """Write the `Force` of each side for one tick.
+def send_forces(lane: Any, frame: Any, row: Any, seats: Any, head: Any, markers: Any, words: Any) -> int:
+    """Send each side that is there its `Force` of one tick; at every other tick the other side first.
 
     Parameters
     ----------
-    frames : ndarray of uint8, shape (2, size)
-        Where they go.
+    lane : ndarray of netboard.lanes.LANE, shape (1,)
+        The router's lane.
+    frame : ndarray of uint8
+        Room for the frame, and no more.
     row : ndarray of int64
         The words of the tick's row.
     seats : ndarray of int64, shape (2, WORDS)
         The seats.
-    sent_ns : int
-        Server time [ns].
     head, markers : ndarray of uint8
         The form of a `Force`.
     words : ndarray of int64, shape (5,)
         Room for its numbers.
+
+    Returns
+    -------
+    int
+        `netboard.lanes.FAILED` if the socket is of no use any more; what a peer does not take is no failure.
     """
-    for place in range(2):
-        words[0], words[1], words[2] = row[_TICK], sent_ns, seats[place, SEQ]
+    first = row[_TICK] & 1
+    for turn in range(2):
+        place = first ^ turn
+        if lane[0]["known"][place] == 0:
+            continue
+        words[0], words[1], words[2] = row[_TICK], lanes.now_ns(lane), seats[place, SEQ]
         words[3], words[4] = row[_ROW_FORCE[place]], seats[place, LEAD]
-        fixed.write(frames[place], head, markers, words)
+        fixed.write(frame, head, markers, words)
+        if lanes.send_to(lane, place, frame) == lanes.FAILED:
+            return lanes.FAILED
+    return lanes.SENT
 
 
 def warm() -> None:
     """Compile (or load) the kernels, so that no first sample is late."""
+    lane, frame = lanes.Lane(None).record, np.zeros(fixed.FORCE.size, np.uint8)
     row, seats, sample = np.zeros(len(_ROW), np.int64), np.zeros((2, WORDS), np.int64), np.zeros(SAMPLE_WORDS, np.int64)
     for seat in seats:
         empty(seat)
-    take_frame(seats[0], b"", *fixed.STYLUS[:2], sample, TICK_NS, TICK_NS)
+    drain(seats, lane, frame, *fixed.STYLUS[:2], sample, TICK_NS, False)
     take(seats[0], sample, TICK_NS, TICK_NS)
     awaited(seats)
     fill(row, seats, 0, TICK_NS, 0, TICK_NS)
-    write_forces(np.zeros((2, fixed.FORCE.size), np.uint8), row, seats, 0, *fixed.FORCE[:2], np.zeros(5, np.int64))
+    send_forces(lane, frame, row, seats, *fixed.FORCE[:2], np.zeros(len(fixed.FORCE.markers), np.int64))

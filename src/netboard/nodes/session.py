@@ -268,7 +268,7 @@ class Session:
             words[_COMMAND] = self._command(found)
         self._stage.advance(self._state, self._rows, number)
         if active and self._config.block.haptics:
-            self._motion.force(words, number, now_ns())
+            self._motion.force(words)
         else:
             self._motion.beat(number, now_ns())
         self._late_ticks += late_ns > LATE_NS

@@ -150,8 +150,8 @@ def _aim(s: Any, plan: NDArray[np.float64], when: float) -> float:
 
 @numba.njit(cache=True)
 def swing(
-    s: Any,
-    arm: Any,
+    state: Any,
+    constants: Any,
     plan: NDArray[np.float64],
     origin: float,
     fx: float,
@@ -163,9 +163,9 @@ def swing(
 
     Parameters
     ----------
-    s : HAND record
+    state : ndarray of HAND, shape (1,)
         The state, changed in place.
-    arm : ARM record
+    constants : ndarray of ARM, shape (1,)
         The constants.
     plan : ndarray, shape (CAPACITY, 3)
         Start, duration and displacement of each submovement, changed in place [s, s, m].
@@ -176,6 +176,7 @@ def swing(
     white : ndarray, shape (steps, 3)
         Standard normal numbers that drive the tremor [1].
     """
+    s, arm = state[0], constants[0]
     stiffness = arm["stiffness"]
     for k in range(white.shape[0]):
         asked = _aim(s, plan, origin + (k + 1) * STEP)
@@ -207,12 +208,12 @@ class Hand:
     def __init__(self, arm: NDArray[Any], rng: np.random.Generator) -> None:
         self.state = np.zeros(1, HAND)
         self._record = self.state[0]
-        self._arm = arm[0]
+        self._arm = arm
         self._plan = np.zeros((CAPACITY, 3))
         self._rng = rng
         self._white = np.zeros((0, 3))
         self._drawn = 0
-        if self._arm["stiffness"] > 0.0:
+        if arm["stiffness"][0] > 0.0:
             for axis in ("x", "y"):
                 self._record[axis] = self._record[f"rest_{axis}"] = GRASP * rng.standard_normal()
 
@@ -249,7 +250,7 @@ class Hand:
             Force of the motors on the stylus, x, y, z [N].
         """
         white = self._noise(steps)
-        swing(self._record, self._arm, self._plan, origin, force[0], force[1], force[2], white)
+        swing(self.state, self._arm, self._plan, origin, force[0], force[1], force[2], white)
 
     def _noise(self, steps: int) -> NDArray[np.float64]:
         """Take the next normal numbers from those drawn ahead: drawing a few at a time takes longer than the steps."""

@@ -72,12 +72,12 @@ STYLUS, FORCE = form_of(Stylus), form_of(Force)
 
 
 @kernel
-def read(frame: bytes, head: Any, markers: Any, words: Any) -> bool:
+def read(frame: Any, head: Any, markers: Any, words: Any) -> bool:
     """Read a frame of a fixed form; False, with nothing to rely on in the words, if it is not one.
 
     Parameters
     ----------
-    frame : bytes
+    frame : bytes or ndarray of uint8
         What came in.
     head, markers : ndarray of uint8
         The form.

@@ -1,0 +1,64 @@
+"""A motion port with a router of its own, and whoever talks to it, in one process and under a time of the test's."""
+
+from collections.abc import Callable
+
+import zmq
+from fake_router import WELCOME
+
+from netboard import sockets
+from netboard.nodes.motion_port import MotionPort
+from netboard.wire.codec import decode, encode
+from netboard.wire.messages import Message
+
+TIMEOUT_NS = 50_000_000
+BOUND_NS = 500_000
+
+
+class Peers:
+    """Sockets that talk to a router, one for each name: nothing they say or are told is dropped."""
+
+    def __init__(self, context: sockets.Context, address: str) -> None:
+        self._context = context
+        self._address = address
+        self._sockets: dict[bytes, sockets.Socket] = {}
+
+    def _of(self, peer: bytes) -> sockets.Socket:
+        if peer not in self._sockets:
+            socket = self._context.socket(zmq.DEALER)
+            socket.setsockopt(zmq.SNDHWM, 0)
+            socket.setsockopt(zmq.RCVHWM, 0)
+            socket.setsockopt(zmq.IDENTITY, peer)
+            socket.connect(self._address)
+            self._sockets[peer] = socket
+        return self._sockets[peer]
+
+    def say(self, peer: bytes, *messages: Message | bytes) -> None:
+        """Let a peer send one frame, made of these parts."""
+        parts = [message if isinstance(message, bytes) else encode(message) for message in messages]
+        self._of(peer).send_multipart(parts, zmq.NOBLOCK)
+
+    def heard(self, peer: bytes) -> list[Message]:
+        """Take everything a peer has been sent."""
+        found = []
+        while (frame := sockets.receive(self._of(peer))) is not None:
+            found.append(decode(frame))
+        return found
+
+    def go(self, peer: bytes) -> None:
+        """Let a peer close its socket."""
+        self._sockets.pop(peer).close()
+
+
+class MotionRig:
+    """The port, its router and its peers."""
+
+    def __init__(self, context: sockets.Context) -> None:
+        address = f"inproc://motion-{id(self)}"
+        self.real = sockets.motion_server(context, sockets.Endpoint(address))
+        self.router = Peers(context, address)
+        self.port = MotionPort(self.real, WELCOME, TIMEOUT_NS, BOUND_NS)
+
+    def drain(self, clock: Callable[[], int], due_ns: int = 0) -> bool:
+        """Take what has arrived, all of it at one time."""
+        self.port.lane.record["set_ns"] = clock()
+        return self.port.drain(clock, due_ns)
