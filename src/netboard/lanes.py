@@ -78,10 +78,15 @@ def _symbol(name: str) -> int:
         ) from error
 
 
-def _imported(name: str, returns: Any, *arguments: Any) -> Any:
-    """Let kernels call a function of libzmq; addresses are whole numbers."""
-    binding.add_symbol(name, _symbol(name))
+def _called(name: str, returns: Any, *arguments: Any) -> Any:
+    """Let kernels call a function of the C library; addresses are whole numbers."""
     return types.ExternalFunction(name, returns(*arguments))
+
+
+def _imported(name: str, returns: Any, *arguments: Any) -> Any:
+    """Let kernels call a function of libzmq."""
+    binding.add_symbol(name, _symbol(name))
+    return _called(name, returns, *arguments)
 
 
 _INT, _AT = types.int32, types.intp
@@ -94,10 +99,10 @@ _msg_data = _imported("zmq_msg_data", _AT, _AT)
 _msg_more = _imported("zmq_msg_more", _INT, _AT)
 _msg_gets = _imported("zmq_msg_gets", _AT, _AT, _AT)
 _msg_close = _imported("zmq_msg_close", _INT, _AT)
-_memcpy = types.ExternalFunction("memcpy", _AT(_AT, _AT, _AT))
-_memcmp = types.ExternalFunction("memcmp", _INT(_AT, _AT, _AT))
-_strncpy = types.ExternalFunction("strncpy", _AT(_AT, _AT, _AT))
-_clock_gettime = types.ExternalFunction("clock_gettime", _INT(_INT, _AT))
+_memcpy = _called("memcpy", _AT, _AT, _AT, _AT)
+_memcmp = _called("memcmp", _INT, _AT, _AT, _AT)
+_strncpy = _called("strncpy", _AT, _AT, _AT, _AT)
+_clock_gettime = _called("clock_gettime", _INT, _INT, _AT)
 
 _DONTWAIT, _SNDMORE = int(zmq.DONTWAIT), int(zmq.SNDMORE)
 _AGAIN, _INTERRUPTED, _UNREACHABLE = int(zmq.EAGAIN), errno.EINTR, int(zmq.EHOSTUNREACH)

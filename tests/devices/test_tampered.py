@@ -43,7 +43,7 @@ class TestTampered(DeviceContract):
 
     def motor_force(self, device: Device) -> tuple[float, float, float]:
         assert isinstance(device, TamperedTouch)
-        return device._touch._force
+        return device._touch._written
 
 
 @pytest.fixture

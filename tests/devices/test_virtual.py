@@ -25,7 +25,7 @@ class TestVirtualTouch(DeviceContract):
 
     def motor_force(self, device: Device) -> tuple[float, float, float]:
         assert isinstance(device, VirtualTouch)
-        return device._force
+        return device._written
 
 
 def opened(config: Config) -> VirtualTouch:
@@ -85,6 +85,31 @@ def test_after_a_long_pause_it_lives_through_a_bounded_part_of_it() -> None:
     reading = device.read(10_000 * MS)
     lived = CATCH_UP_NS * 1e-9
     assert reading.z == pytest.approx(0.5 * lived**2, rel=0.02)
+
+
+def test_a_force_acts_from_the_moment_on_in_which_the_hand_lives_after_it() -> None:
+    """A free stylus under a constant force from 0.5 ms on: by its closed form."""
+    device = opened(configured({"held": False}, friction=0.0, damping=0.0, resolution=0.0, workspace=1.0))
+    device.read(0)
+    mass, when = Config().virtual.mass, MS // 2
+    device.write(0.0, 0.0, 0.045)
+    device.live(when)
+    for k in range(1, 100):
+        reading = device.read(k * MS)
+        device.live(k * MS + when)
+        since = (k * MS - when) * 1e-9
+        assert reading.z == pytest.approx(0.5 * 0.045 / mass * since**2, abs=2e-6 + 0.02 * since**2)
+
+
+def test_a_reading_between_two_moments_of_life_carries_the_hand_on_at_its_speed() -> None:
+    lively, plain = opened(configured(resolution=0.0)), opened(configured(resolution=0.0))
+    for each in (lively, plain):
+        each.command([Submovement("left", 0.0, 0.3, 0.02)])
+        each.read(0)
+    for k in range(1, 400):
+        there, true = lively.read(k * MS), plain.read(k * MS)
+        lively.live(k * MS + 400_000)
+        assert there.z == pytest.approx(true.z, abs=2e-6)
 
 
 def test_time_does_not_run_backwards() -> None:

@@ -12,7 +12,6 @@ from netboard.wire.messages import PROTOCOL_VERSION, Beat, Force, Hello, Message
 
 TIMEOUT_NS = 50_000_000
 HELLO = Hello("agent", "left", PROTOCOL_VERSION, "here:1", "0", {})
-SAMPLE = b"a sample"
 
 
 class Pair:
@@ -22,7 +21,7 @@ class Pair:
         here = sockets.Endpoint("inproc://motion")
         self.router = sockets.motion_server(context, here)
         self.link = Link(sockets.motion_agent(context, here, "agent"), HELLO, TIMEOUT_NS)
-        self.link.send(0, now_ns(), SAMPLE)
+        self.link.send(0, now_ns())
         received = self.router.receive()
         assert received is not None
         self.agent, frame = received
@@ -46,14 +45,14 @@ def force(tick: int, seq: int) -> Force:
 
 
 def test_an_answer_to_a_recent_sample_is_fresh(pair: Pair) -> None:
-    pair.link.send(1, now_ns(), SAMPLE)
+    pair.link.send(1, now_ns())
     assert pair.say(force(1, 1))
     assert pair.link.newest == force(1, 1)
     assert pair.link.received_ns == pair.link.heard_ns > 0
 
 
 def test_an_answer_to_an_old_sample_is_heard_and_not_fresh(pair: Pair) -> None:
-    pair.link.send(1, now_ns() - TIMEOUT_NS, SAMPLE)
+    pair.link.send(1, now_ns() - TIMEOUT_NS)
     assert pair.say(force(1, 1))
     assert pair.link.newest == force(1, 1)
     assert pair.link.heard_ns > 0
@@ -61,7 +60,7 @@ def test_an_answer_to_an_old_sample_is_heard_and_not_fresh(pair: Pair) -> None:
 
 
 def test_an_answer_to_a_sample_long_forgotten_is_not_fresh(pair: Pair) -> None:
-    pair.link.send(REMEMBERED + 1, now_ns(), SAMPLE)
+    pair.link.send(REMEMBERED + 1, now_ns())
     assert pair.say(force(1, 1))
     assert pair.link.received_ns is None
 
@@ -72,14 +71,14 @@ def test_a_server_that_has_no_sample_yet_is_fresh(pair: Pair) -> None:
 
 
 def test_what_is_older_than_the_newest_is_not_taken(pair: Pair) -> None:
-    pair.link.send(1, now_ns(), SAMPLE)
+    pair.link.send(1, now_ns())
     assert pair.say(force(2, 1))
     assert not pair.say(force(1, 1))
     assert pair.link.newest == force(2, 1)
 
 
 def test_nothing_counts_before_the_welcome_or_after_another(pair: Pair) -> None:
-    pair.link.send(1, now_ns(), SAMPLE)
+    pair.link.send(1, now_ns())
     assert pair.say(force(5, 1))
     assert not pair.say(Welcome("another session", PROTOCOL_VERSION, 0, ""))
     assert pair.link.newest is None

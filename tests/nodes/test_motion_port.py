@@ -50,7 +50,13 @@ class Rig(MotionRig):
 @pytest.fixture
 def new_rig() -> Iterator[Callable[[], Rig]]:
     with sockets.open_context() as context:
-        yield lambda: Rig(context)
+        rigs: list[Rig] = []
+
+        def make() -> Rig:
+            rigs.append(Rig(context))
+            return rigs[-1]
+
+        yield make
 
 
 @pytest.fixture
@@ -125,7 +131,7 @@ def test_what_is_not_one_frame_is_refused_and_holds_up_nothing(rig: Rig) -> None
     rig.router.say(A, replace(STYLUS, seq=7))
     assert not rig.drain(lambda: MS)
     assert rig.row(MS)["left_seq"] == 7
-    assert [details["reason"] for _, details in rig.port.news] == ["not a message: the frame is empty"]
+    assert [details["reason"] for _, details in rig.port.news] == ["0 bytes are no message"]
 
 
 def test_stamps_are_turned_into_server_time_by_the_probes_in_the_samples(rig: Rig) -> None:

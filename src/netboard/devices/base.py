@@ -9,10 +9,10 @@ Rule 4: a device limits nothing but what its motors cannot give; the limits that
 """
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import isfinite
 from types import TracebackType
-from typing import Self, final
+from typing import NamedTuple, Self, final
 
 from netboard.config import Config, Side
 
@@ -42,8 +42,7 @@ class DeviceInfo:
     resolution: float
 
 
-@dataclass(frozen=True, slots=True)
-class Reading:
+class Reading(NamedTuple):
     """One reading of a stylus.
 
     Attributes
@@ -146,7 +145,7 @@ class Device(ABC):
         if self._info is None:
             raise ValueError("a closed device cannot be read")
         reading = self._read(now_ns)
-        return replace(reading, z=reading.z - self.agent.zero) if self.agent.zero else reading
+        return reading._replace(z=reading.z - self.agent.zero) if self.agent.zero else reading
 
     @final
     def write(self, fx: float, fy: float, fz: float) -> None:

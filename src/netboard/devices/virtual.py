@@ -1,7 +1,9 @@
 """Backend ``virtual``: a Touch-like device that does not exist, held by a simulated hand.
 
 Reading it lets the hand's mechanics run up to the time asked for, under the force written last; so it needs no thread
-and is as repeatable as the times and forces it is given. What it reports is what such a device would: a position in
+and is as repeatable as the times and forces it is given. Whoever has no time for that when the stylus is to be read
+calls `VirtualTouch.live` right after each force: that one acts from then on, and a reading within the same millisecond
+only carries the hand on at its speed. What the device reports is what such a device would: a position in
 whole encoder steps, and the velocity that `netboard.devices.velocity` makes of such positions. Its motors saturate at
 their largest force, like real ones.
 
@@ -21,6 +23,7 @@ from netboard.devices.velocity import Velocimeter
 from netboard.errors import ConfigError
 from netboard.participants.hand import STEP_NS, Hand, pack_arm
 from netboard.participants.submovement import Submovement
+from netboard.tick import TICK_NS
 
 CATCH_UP_NS = 50_000_000
 """After a longer pause between two readings the hand lives through only so much of it [ns]."""
@@ -72,14 +75,14 @@ class VirtualTouch(Device):
         held = self._held()
         rng = np.random.default_rng((config.block.seed, SIDES.index(side)))
         self._hand = Hand(pack_arm(config.participant, config.virtual, held), rng)
-        self._force = (0.0, 0.0, 0.0)
+        self._written = self._acting = (0.0, 0.0, 0.0)
         self._time_ns: int | None = None
         self._velocimeter = Velocimeter(config.virtual.resolution)
 
     @property
     def felt(self) -> float:
         """Vertical force the motors exert on the hand now [N]."""
-        return self._force[2]
+        return self._written[2]
 
     def command(self, moves: Iterable[Submovement]) -> None:
         """Let the hand do something.
@@ -98,6 +101,17 @@ class VirtualTouch(Device):
         if any(move.side != self.side for move in mine):
             raise ValueError(f"the {self.side} hand was given movements of the other one")
         self._hand.plan(mine)
+
+    def live(self, now_ns: int) -> None:
+        """Let the hand's mechanics run up to now; the force written last acts from then on.
+
+        Parameters
+        ----------
+        now_ns : int
+            The time [ns].
+        """
+        self._live_until(now_ns)
+        self._acting = self._written
 
     def _held(self) -> bool:
         """Option ``held``."""
@@ -121,7 +135,9 @@ class VirtualTouch(Device):
         )
 
     def _read(self, now_ns: int) -> Reading:
-        self._live_until(now_ns)
+        if self._time_ns is None or now_ns - self._time_ns >= TICK_NS:
+            self._acting = self._written
+            self._live_until(now_ns)
         x, y, z = self._encoder(now_ns)
         vx, vy, vz = self._velocimeter.update(now_ns, x, y, z)
         return Reading(now_ns, x, y, z, vx, vy, vz, 0, True)
@@ -129,20 +145,20 @@ class VirtualTouch(Device):
     def _write(self, fx: float, fy: float, fz: float) -> None:
         size = hypot(fx, fy, fz)
         share = 1.0 if size <= self._device.max_force else self._device.max_force / size
-        self._force = (fx * share, fy * share, fz * share)
+        self._written = (fx * share, fy * share, fz * share)
 
     def _close(self) -> None:
         self._time_ns = None
         self._velocimeter = Velocimeter(self._device.resolution)
 
     def _live_until(self, now_ns: int) -> None:
-        """Let the hand's mechanics run in whole steps up to now."""
+        """Let the hand's mechanics run in whole steps up to now, under the force that acts."""
         if self._time_ns is None:
             self._time_ns = now_ns
         self._time_ns = max(self._time_ns, now_ns - CATCH_UP_NS)
         steps = (now_ns - self._time_ns) // STEP_NS
         if steps > 0:
-            self._hand.advance(steps, self._time_ns * 1e-9, self._force)
+            self._hand.advance(steps, self._time_ns * 1e-9, self._acting)
             self._time_ns += steps * STEP_NS
 
     def _encoder(self, now_ns: int) -> tuple[float, float, float]:

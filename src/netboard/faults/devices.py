@@ -82,6 +82,10 @@ class TamperedTouch(Device):
         """
         self._touch.command(moves)
 
+    def live(self, now_ns: int) -> None:
+        """Let the hand's mechanics run up to now."""
+        self._touch.live(now_ns)
+
     def _open(self) -> DeviceInfo:
         flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND
         self._trace = os.open(trace_file(self._folder, self.side, os.getpid()), flags, 0o600)
@@ -99,7 +103,7 @@ class TamperedTouch(Device):
         if trick == "jump":
             z += JUMP
         vx, vy, vz = self._velocimeter.update(now_ns, x, y, z)
-        self._reading = replace(there, x=x, y=y, z=z, vx=vx, vy=vy, vz=vz)
+        self._reading = there._replace(x=x, y=y, z=z, vx=vx, vy=vy, vz=vz)
         return self._reading
 
     def _write(self, fx: float, fy: float, fz: float) -> None:

@@ -311,18 +311,18 @@ class Agent:
                 shift_ns += phase_shift(self._link.newest.lead_ns) if self._link.newest else 0
                 rendered = True
             if not lived:
-                self._live(reading)
+                self._live()
                 lived = True
         if not lived:
-            self._live(reading)
+            self._live()
         if not rendered:
             self._render(reading)
         return shift_ns
 
-    def _live(self, reading: Reading) -> None:
+    def _live(self) -> None:
         """Let whoever lives with the device live for a millisecond, when that holds up no force."""
         if self._companion is not None:
-            self._companion.step(reading.stamp_ns, isinstance(self._link.newest, Force))
+            self._companion.step(now_ns(), isinstance(self._link.newest, Force))
 
     def _arm(self, ready: bool) -> None:
         """Arm the device only while the server says that it may be, and that nothing is to be felt.

@@ -39,6 +39,9 @@ class Held(Protocol):
     def command(self, moves: Iterable[Submovement]) -> None:
         """Let the hand do something."""
 
+    def live(self, now_ns: int) -> None:
+        """Let the hand's mechanics run up to now."""
+
 
 class Eye:
     """Looks at what a station's display is sent."""
@@ -87,6 +90,7 @@ class Person:
 
     def step(self, now_ns: int, haptics: bool) -> None:
         """Look, feel, decide, move."""
+        self._device.live(now_ns)
         self._eye.look(now_ns)
         felt = self._device.felt if haptics and self._nerve is None else None
         moves = self._brain.step(now_ns * 1e-9, self._eye.glimpse, felt)
@@ -107,6 +111,7 @@ class Limb:
 
     def step(self, now_ns: int, haptics: bool) -> None:
         """Do what has been asked for."""
+        self._device.live(now_ns)
         while (frame := sockets.receive(self._nerve)) is not None:
             try:
                 move = decode(frame)
