@@ -21,6 +21,7 @@ class Pair:
         here = sockets.Endpoint("inproc://motion")
         self.router = sockets.motion_server(context, here)
         self.link = Link(sockets.motion_agent(context, here, "agent"), HELLO, TIMEOUT_NS)
+        self.link.warm()
         self.link.send(0, now_ns())
         received = self.router.receive()
         assert received is not None
@@ -83,3 +84,11 @@ def test_nothing_counts_before_the_welcome_or_after_another(pair: Pair) -> None:
     assert not pair.say(Welcome("another session", PROTOCOL_VERSION, 0, ""))
     assert pair.link.newest is None
     assert pair.say(force(1, 1))
+
+
+def test_an_empty_frame_is_nonsense_and_changes_nothing(pair: Pair) -> None:
+    pair.link.send(1, now_ns())
+    assert pair.say(force(1, 1))
+    assert pair.router.send(pair.agent, b"")
+    assert not pair.link.receive()
+    assert pair.link.newest == force(1, 1)

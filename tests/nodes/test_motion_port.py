@@ -325,3 +325,16 @@ def test_however_many_strangers_there_are_only_so_many_are_told_apart(rig: Rig) 
         rig.drain(lambda: 0)
         rig.router.go(b"stranger %d" % number)
     assert len(rig.port.news) == REMEMBERED + 1
+
+
+def test_no_more_than_so_many_frames_are_taken_in_one_go_whatever_they_are(rig: Rig) -> None:
+    rig.seated()
+    for seq in range(2 * MOST_FRAMES):
+        rig.router.say(A, replace(STYLUS, seq=seq))
+        rig.router.say(A, b"\x00")
+    taken = []
+    for _ in range(4):
+        assert rig.drain(lambda: MS)
+        taken.append(int(rig.row(MS)["left_seq"]) + 1)
+    assert taken == [(tick + 1) * MOST_FRAMES // 2 for tick in range(4)]
+    assert not rig.drain(lambda: MS)

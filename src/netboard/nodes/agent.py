@@ -51,8 +51,8 @@ _FORCE = struct.Struct("<" + "".join("d" if kind == "<f8" else "q" for _, kind i
 _STYLUS = struct.Struct("<" + "".join("d" if kind == "<f8" else "q" for _, kind in fixed.fields_of(Stylus)))
 
 
-FORCE_CAME = 0
-"""What `hear` returns for a force in its fixed form, beside what `netboard.lanes.hear` does: no frame is empty [1]."""
+FORCE_CAME = -4
+"""What `hear` returns for a force in its fixed form, beside what `netboard.lanes.hear` does [1]."""
 
 
 @kernel
@@ -71,7 +71,7 @@ def hear(lane: Any, frame: Any, head: Any, markers: Any, words: Any) -> int:
         Room for its numbers.
     """
     size = lanes.hear(lane, frame)
-    return FORCE_CAME if size > 0 and fixed.read(frame[:size], head, markers, words) else size
+    return FORCE_CAME if size >= 0 and fixed.read(frame[:size], head, markers, words) else size
 
 
 @kernel

@@ -165,9 +165,10 @@ class MotionPort:
         bool
             Whether there may be more.
         """
-        for _ in range(seats.MOST_FRAMES):
+        left = seats.MOST_FRAMES
+        while left > 0:
             found = seats.drain(
-                self._words, self.lane.record, self._frame, *fixed.STYLUS[:2], self._sample, due_ns, signalled
+                self._words, self.lane.record, self._frame, *fixed.STYLUS[:2], self._sample, due_ns, signalled, left
             )
             for place, seat in enumerate(self.seats.values()):
                 if found & (1 << place):
@@ -177,6 +178,7 @@ class MotionPort:
             if not found & seats.OTHER:
                 return bool(found & seats.MORE)
             self._read_any(clock(), due_ns)
+            left -= found // seats.FRAMES
         return True
 
     def fill(self, row: Any, number: int, due_ns: int, late_ns: int) -> int:

@@ -1,5 +1,6 @@
 """The operator's end of the control channel: ask how the server is, tell it what to do."""
 
+import logging
 from importlib.metadata import version
 
 from netboard import keys, sockets
@@ -24,6 +25,11 @@ from netboard.wire.messages import (
 HELLO_NS = 500_000_000
 """Hello is said again after so long without an answer [ns]."""
 
+SILENT_NS = 3_000_000_000
+"""A server that was there and has not even asked for the time for so long is called anew [ns]."""
+
+log = logging.getLogger(__name__)
+
 
 class Operator:
     """Talks to one server; nothing here waits longer than it is told to.
@@ -43,6 +49,7 @@ class Operator:
         self._hello = encode(Hello("console", "", PROTOCOL_VERSION, NAME, version("netboard"), {}))
         self._said_hello_ns = -HELLO_NS
         self._welcomed = False
+        self._heard_ns = 0
 
     def ask(self, seconds: float) -> Status | None:
         """Ask for the status and wait for an answer at most so long [s]; None without an answer.
@@ -52,6 +59,11 @@ class Operator:
         NetboardError
             If the server refuses.
         """
+        self._take()
+        if self._welcomed and now_ns() - self._heard_ns > SILENT_NS:
+            log.info("the server has been silent for %g s: connecting anew", SILENT_NS * 1e-9)
+            self._welcomed = False
+            sockets.renew(self._socket)
         if self._welcomed:
             sockets.send(self._socket, encode(StatusRequest()))
         elif now_ns() - self._said_hello_ns > HELLO_NS:
@@ -81,6 +93,7 @@ class Operator:
     def _take(self) -> Status | None:
         newest = None
         while (frame := sockets.receive(self._socket)) is not None:
+            self._heard_ns = now_ns()
             try:
                 message = decode(frame)
             except WireError as error:

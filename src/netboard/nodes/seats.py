@@ -84,6 +84,9 @@ PATIENCE_NS = 40_000
 MORE, OTHER, FAILED = 4, 8, 16
 """Bits that `drain` returns beside those of the sides a sample has come from, 1 and 2."""
 
+FRAMES = 32
+"""So much `drain` returns for each frame it has taken."""
+
 LIVE, ARMED = 1, 4
 """Bits that `fill` returns for the left side; the right side's are twice as large."""
 
@@ -165,7 +168,9 @@ def awaited(seats: Any) -> bool:
 
 
 @kernel
-def drain(seats: Any, lane: Any, frame: Any, head: Any, markers: Any, sample: Any, due_ns: int, eager: bool) -> int:
+def drain(
+    seats: Any, lane: Any, frame: Any, head: Any, markers: Any, sample: Any, due_ns: int, eager: bool, most: int
+) -> int:
     """Take the samples that have come.
 
     What arrives meanwhile must not seem to come before it was sent, so each has a time of its own.
@@ -186,35 +191,36 @@ def drain(seats: Any, lane: Any, frame: Any, head: Any, markers: Any, sample: An
         Deadline of the next tick [ns].
     eager : bool
         Take no more than completes the tick.
+    most : int
+        Take no more frames than so many [1].
 
     Returns
     -------
     int
         1 and 2 for a sample that was taken from the left and right side, `MORE` if there may be more to take, `OTHER`
-        if the frame is anything else, of whomever, and `FAILED`.
+        if the last frame is anything else, of whomever, `FAILED`, and `FRAMES` for each frame.
     """
-    found = count = 0
-    give_up_ns = 0
-    while count < MOST_FRAMES:
+    found = frames = give_up_ns = 0
+    while frames < most:
         place = lanes.receive(lane, frame)
         if place == lanes.NOTHING:
-            if eager and found and lanes.now_ns(lane) < give_up_ns:
+            if lanes.now_ns(lane) < give_up_ns:
                 continue
-            return found
-        count += 1
-        if give_up_ns == 0:
-            give_up_ns = lanes.now_ns(lane) + PATIENCE_NS
+            return found + frames * FRAMES
         if place == lanes.FAILED:
-            return found | FAILED
-        if place < 0:
-            return found | OTHER
-        taken = take_frame(seats[place], frame[: lane[0]["size"]], head, markers, sample, lanes.now_ns(lane), due_ns)
+            return found + frames * FRAMES + FAILED
+        frames += 1
+        now_ns = lanes.now_ns(lane)
+        size = lane[0]["size"]
+        taken = take_frame(seats[place], frame[:size], head, markers, sample, now_ns, due_ns) if place >= 0 else -1
         if taken < 0:
-            return found | OTHER
+            return found + frames * FRAMES + OTHER
         found |= taken << place
         if eager and not awaited(seats):
             break
-    return found | MORE
+        if eager and give_up_ns == 0:
+            give_up_ns = now_ns + PATIENCE_NS
+    return found + frames * FRAMES + MORE
 
 
 @kernel
@@ -302,7 +308,7 @@ def warm() -> None:
     row, seats, sample = np.zeros(len(_ROW), np.int64), np.zeros((2, WORDS), np.int64), np.zeros(SAMPLE_WORDS, np.int64)
     for seat in seats:
         empty(seat)
-    drain(seats, lane, frame, *fixed.STYLUS[:2], sample, TICK_NS, False)
+    drain(seats, lane, frame, *fixed.STYLUS[:2], sample, TICK_NS, False, MOST_FRAMES)
     take(seats[0], sample, TICK_NS, TICK_NS)
     awaited(seats)
     fill(row, seats, 0, TICK_NS, 0, TICK_NS)

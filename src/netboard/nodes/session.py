@@ -45,7 +45,7 @@ LATE_NS = TICK_NS // 2
 CATCH_UP_TICKS = 20
 """A session further behind than this moves its deadlines instead of doing its ticks in a burst [1]."""
 
-IDLE_TICKS = 20
+IDLE_TICKS = 25
 """So many ticks are done together while there is nothing to be quick for [1]."""
 
 HOUSE_TICKS = 10

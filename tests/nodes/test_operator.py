@@ -1,0 +1,48 @@
+"""The operator's end of the control channel: it comes back to a server that has not answered for long."""
+
+from dataclasses import replace
+
+import pytest
+
+from netboard import sockets
+from netboard.config import Network
+from netboard.nodes import operator
+from netboard.nodes.launcher import free_port
+from netboard.nodes.operator import Operator
+from netboard.wire.codec import decode, encode
+from netboard.wire.messages import PROTOCOL_VERSION, Hello, Message, Status, StatusRequest, Welcome
+
+STATUS = Status("session", 1, "idle", 1, 60, 0, 0, (), 0, (), (), "", ())
+TRIES = 100
+
+
+def said(router: sockets.Router) -> list[tuple[bytes, Message]]:
+    found = []
+    while (received := router.receive()) is not None:
+        found.append((received[0], decode(received[1])))
+    return found
+
+
+def test_a_server_that_falls_silent_is_greeted_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(operator, "SILENT_NS", 200_000_000)
+    monkeypatch.setattr(sockets, "RENEW_S", 0.0)
+    network = replace(Network(), port=free_port())
+    with sockets.open_context() as context:
+        router = sockets.control_server(context, sockets.addresses(network).listen(sockets.CONTROL))
+        console = Operator(network, context)
+        greeted, answered, deaf = 0, None, False
+        for _ in range(TRIES):
+            answered = console.ask(0.05) or answered
+            for peer, message in said(router):
+                if isinstance(message, Hello):
+                    greeted += 1
+                    router.send(peer, encode(Welcome("session", PROTOCOL_VERSION, 0, "")))
+                    deaf = greeted == 1
+                elif isinstance(message, StatusRequest) and not deaf:
+                    router.send(peer, encode(STATUS))
+            if answered is not None:
+                break
+        assert answered == STATUS
+        assert greeted >= 2
+        console.leave()
+        router.close_after_goodbye()
