@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 import zmq
 
-from netboard import doors, lanes, sockets
+from netboard import doors, fastpath, sockets
 from netboard.config import Network
 from netboard.errors import NetboardError
 from netboard.wire.codec import KINDS
@@ -278,25 +278,25 @@ class TestDoor:
         assert told["reason"].startswith("it calls itself agent.lefty@test")
         assert told["address"] == "127.0.0.1"
 
-    def test_a_lane_knows_a_peer_by_its_key_too(
+    def test_a_fast_path_knows_a_peer_by_its_key_too(
         self, made: Made, ring: SmallRing, door: doors.Door, server: sockets.Router
     ) -> None:
         agent = self.agent(made, server, ring.lock(), "agent.left@test")
         self.let_in(door, agent)
         name, _ = until(server.receive)
-        lane, frame = lanes.Lane(server.socket, server.keyed), np.zeros(64, np.uint8)
+        fast, frame = fastpath.FastPath(server.socket, server.keyed), np.zeros(64, np.uint8)
 
         def comes() -> int:
             sockets.send(agent, b"sample")
             until(lambda: doors.readable(server.socket))
-            return lanes.receive(lane.record, frame)
+            return fastpath.receive(fast.record, frame)
 
-        for key, place in ((ring.known, 1), ("k" * lanes.KEY_SIZE, lanes.OTHER), ("", lanes.OTHER)):
-            lane.know(1, name, key)
+        for key, place in ((ring.known, 1), ("k" * fastpath.KEY_SIZE, fastpath.OTHER), ("", fastpath.OTHER)):
+            fast.know(1, name, key)
             assert comes() == place
-            assert frame[: lane.size].tobytes() == b"sample"
-            assert lane.sender == (name, ring.known, "127.0.0.1")
-        lane.close()
+            assert frame[: fast.size].tobytes() == b"sample"
+            assert fast.sender == (name, ring.known, "127.0.0.1")
+        fast.close()
 
     def test_a_key_of_one_server_opens_nothing_of_another_in_the_same_process(
         self, made: Made, ring: SmallRing, door: doors.Door, server: sockets.Router

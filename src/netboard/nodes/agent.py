@@ -16,7 +16,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from netboard import keys, lanes, sockets
+from netboard import fastpath, keys, sockets
 from netboard.clock import Pacer, now_ns
 from netboard.compiled import kernel
 from netboard.config import Config, Side
@@ -52,17 +52,17 @@ _STYLUS = struct.Struct("<" + "".join("d" if kind == "<f8" else "q" for _, kind 
 
 
 FORCE_CAME = -4
-"""What `hear` returns for a force in its fixed form, beside what `netboard.lanes.hear` does [1]."""
+"""What `hear` returns for a force in its fixed form, beside what `netboard.fastpath.hear` does [1]."""
 
 
 @kernel
-def hear(lane: Any, frame: Any, head: Any, markers: Any, words: Any) -> int:
+def hear(fast: Any, frame: Any, head: Any, markers: Any, words: Any) -> int:
     """Receive one frame: `FORCE_CAME` for a force in its fixed form, whose numbers are in the words then.
 
     Parameters
     ----------
-    lane : ndarray of netboard.lanes.LANE, shape (1,)
-        The lane to the server.
+    fast : ndarray of netboard.fastpath.FAST_PATH, shape (1,)
+        The fast path to the server.
     frame : ndarray of uint8
         Room for the frame.
     head, markers : ndarray of uint8
@@ -70,18 +70,18 @@ def hear(lane: Any, frame: Any, head: Any, markers: Any, words: Any) -> int:
     words : ndarray of int64, shape (5,)
         Room for its numbers.
     """
-    size = lanes.hear(lane, frame)
+    size = fastpath.hear(fast, frame)
     return FORCE_CAME if size >= 0 and fixed.read(frame[:size], head, markers, words) else size
 
 
 @kernel
-def say(lane: Any, frame: Any, head: Any, markers: Any, words: Any) -> int:
-    """Send a sample, as `netboard.lanes.say` does.
+def say(fast: Any, frame: Any, head: Any, markers: Any, words: Any) -> int:
+    """Send a sample, as `netboard.fastpath.say` does.
 
     Parameters
     ----------
-    lane : ndarray of netboard.lanes.LANE, shape (1,)
-        The lane to the server.
+    fast : ndarray of netboard.fastpath.FAST_PATH, shape (1,)
+        The fast path to the server.
     frame : ndarray of uint8
         Room for the frame, and no more.
     head, markers : ndarray of uint8
@@ -90,7 +90,7 @@ def say(lane: Any, frame: Any, head: Any, markers: Any, words: Any) -> int:
         Its numbers.
     """
     fixed.write(frame, head, markers, words)
-    return lanes.say(lane, frame)
+    return fastpath.say(fast, frame)
 
 
 def phase_shift(lead_ns: int) -> int:
@@ -137,7 +137,7 @@ class Link:
         self.heard_ns = self._sent = 0
         self.loop_ns = 0
         self._socket = socket
-        self._lane = lanes.Lane(socket)
+        self._fast = fastpath.FastPath(socket)
         self._heard = np.zeros(sockets.LARGEST_FRAME, np.uint8)
         self._force = np.zeros(len(fixed.FORCE.markers), np.int64)
         self._said = np.zeros(fixed.STYLUS.size, np.uint8)
@@ -152,7 +152,7 @@ class Link:
 
     def warm(self) -> None:
         """Compile (or load) what sends and receives, so that the first tick is not late."""
-        nowhere = lanes.Lane(None).record
+        nowhere = fastpath.FastPath(None).record
         hear(nowhere, self._heard, *fixed.FORCE[:2], self._force)
         say(nowhere, self._said, *fixed.STYLUS[:2], self.sample)
 
@@ -162,17 +162,17 @@ class Link:
             self._said_hello_ns = stamp_ns
             sockets.send_or_renew(self._socket, self._hello)
         self._stamps[seq % REMEMBERED], self._sent = stamp_ns, seq
-        if self._session and say(self._lane.record, self._said, *fixed.STYLUS[:2], self.sample) == lanes.FAILED:
-            self._lane.fail("motion")
+        if self._session and say(self._fast.record, self._said, *fixed.STYLUS[:2], self.sample) == fastpath.FAILED:
+            self._fast.fail("motion")
 
     def receive(self) -> bool:
         """Take one message, if one has come; True if it is a newer force or beat."""
-        came = hear(self._lane.record, self._heard, *fixed.FORCE[:2], self._force)
+        came = hear(self._fast.record, self._heard, *fixed.FORCE[:2], self._force)
         if came == FORCE_CAME:
             return self._take(Force(*_FORCE.unpack(self._force.data)))
-        if came == lanes.FAILED:
-            self._lane.fail("motion")
-        return came != lanes.NOTHING and self._understand(self._heard[:came].tobytes())
+        if came == fastpath.FAILED:
+            self._fast.fail("motion")
+        return came != fastpath.NOTHING and self._understand(self._heard[:came].tobytes())
 
     def _understand(self, frame: bytes) -> bool:
         """Take what is no force in its fixed form."""
@@ -208,7 +208,7 @@ class Link:
     def leave(self, reason: str) -> None:
         """Say goodbye and close."""
         sockets.send(self._socket, encode(Goodbye(reason)))
-        self._lane.close()
+        self._fast.close()
         sockets.close_after_goodbye(self._socket)
 
     def _take(self, message: Force | Beat) -> bool:

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from netboard import lanes, sockets
+from netboard import fastpath, sockets
 from netboard.config import SIDES, Side
 from netboard.errors import WireError
 from netboard.nodes import seats
@@ -126,7 +126,7 @@ class MotionPort:
         self._words = np.zeros((len(SIDES), seats.WORDS), np.int64)
         self.seats: dict[Side, Seat] = {side: Seat(side, self._words[place]) for place, side in enumerate(SIDES)}
         self.news: list[tuple[str, dict[str, str]]] = []
-        self.lane = lanes.Lane(router.socket, router.keyed)
+        self.fast = fastpath.FastPath(router.socket, router.keyed)
         self._router = router
         self._frame = np.zeros(sockets.LARGEST_REQUEST, np.uint8)
         self._sample = np.zeros(seats.SAMPLE_WORDS, np.int64)
@@ -168,13 +168,13 @@ class MotionPort:
         left = seats.MOST_FRAMES
         while left > 0:
             found = seats.drain(
-                self._words, self.lane.record, self._frame, *fixed.STYLUS[:2], self._sample, due_ns, signalled, left
+                self._words, self.fast.record, self._frame, *fixed.STYLUS[:2], self._sample, due_ns, signalled, left
             )
             for place, seat in enumerate(self.seats.values()):
                 if found & (1 << place):
                     seat.look_at_clock()
             if found & seats.FAILED:
-                self.lane.fail("motion")
+                self.fast.fail("motion")
             if not found & seats.OTHER:
                 return bool(found & seats.MORE)
             self._read_any(clock(), due_ns)
@@ -187,9 +187,9 @@ class MotionPort:
 
     def force(self, row: Any) -> None:
         """Send each agent its force of a tick."""
-        lane, words = self.lane, self._force_words
-        if seats.send_forces(lane.record, self._force, row, self._words, *fixed.FORCE[:2], words) == lanes.FAILED:
-            lane.fail("motion")
+        fast, words = self.fast, self._force_words
+        if seats.send_forces(fast.record, self._force, row, self._words, *fixed.FORCE[:2], words) == fastpath.FAILED:
+            fast.fail("motion")
 
     def beat(self, tick: int, now_ns: int) -> None:
         """Where nothing is felt, send each agent a beat now and then."""
@@ -234,12 +234,12 @@ class MotionPort:
         for seat in self.seats.values():
             if seat.hello is not None:
                 self._router.send(seat.agent, encode(Goodbye(reason)))
-        self.lane.close()
+        self.fast.close()
         self._router.close_after_goodbye()
 
     def _read_any(self, now_ns: int, due_ns: int) -> None:
         """Take the newest frame, which is no sample in its fixed form, or comes from a stranger."""
-        agent, frame = self._router.checked(*self.lane.sender, self._frame[: self.lane.size].tobytes())
+        agent, frame = self._router.checked(*self.fast.sender, self._frame[: self.fast.size].tobytes())
         seat = self._by_agent.get(agent)
         try:
             message = decode(frame)
@@ -265,7 +265,7 @@ class MotionPort:
     def _leave(self, seat: Seat, reason: str) -> None:
         self.news.append(("agent_left", {"side": seat.side, "reason": reason}))
         del self._by_agent[seat.agent]
-        self.lane.forget(SIDES.index(seat.side))
+        self.fast.forget(SIDES.index(seat.side))
         seat.leave()
 
     def _greet(self, agent: bytes, hello: Hello, now_ns: int) -> None:
@@ -297,4 +297,4 @@ class MotionPort:
         self._by_agent.pop(seat.agent, None)
         seat.sit(agent, hello, now_ns)
         self._by_agent[agent] = seat
-        self.lane.know(SIDES.index(seat.side), agent, self._router.key)
+        self.fast.know(SIDES.index(seat.side), agent, self._router.key)

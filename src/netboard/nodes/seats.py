@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from netboard import lanes
+from netboard import fastpath
 from netboard.compiled import kernel
 from netboard.config import SIDES
 from netboard.tick import TICK, TICK_NS
@@ -169,7 +169,7 @@ def awaited(seats: Any) -> bool:
 
 @kernel
 def drain(
-    seats: Any, lane: Any, frame: Any, head: Any, markers: Any, sample: Any, due_ns: int, eager: bool, most: int
+    seats: Any, fast: Any, frame: Any, head: Any, markers: Any, sample: Any, due_ns: int, eager: bool, most: int
 ) -> int:
     """Take the samples that have come.
 
@@ -179,8 +179,8 @@ def drain(
     ----------
     seats : ndarray of int64, shape (2, WORDS)
         The seats.
-    lane : ndarray of netboard.lanes.LANE, shape (1,)
-        The router's lane.
+    fast : ndarray of netboard.fastpath.FAST_PATH, shape (1,)
+        The router's fast path.
     frame : ndarray of uint8
         Room for a frame.
     head, markers : ndarray of uint8
@@ -202,16 +202,16 @@ def drain(
     """
     found = frames = give_up_ns = 0
     while frames < most:
-        place = lanes.receive(lane, frame)
-        if place == lanes.NOTHING:
-            if lanes.now_ns(lane) < give_up_ns:
+        place = fastpath.receive(fast, frame)
+        if place == fastpath.NOTHING:
+            if fastpath.now_ns(fast) < give_up_ns:
                 continue
             return found + frames * FRAMES
-        if place == lanes.FAILED:
+        if place == fastpath.FAILED:
             return found + frames * FRAMES + FAILED
         frames += 1
-        now_ns = lanes.now_ns(lane)
-        size = lane[0]["size"]
+        now_ns = fastpath.now_ns(fast)
+        size = fast[0]["size"]
         taken = take_frame(seats[place], frame[:size], head, markers, sample, now_ns, due_ns) if place >= 0 else -1
         if taken < 0:
             return found + frames * FRAMES + OTHER
@@ -266,13 +266,13 @@ def fill(row: Any, seats: Any, number: int, due_ns: int, late_ns: int, timeout_n
 
 
 @kernel
-def send_forces(lane: Any, frame: Any, row: Any, seats: Any, head: Any, markers: Any, words: Any) -> int:
+def send_forces(fast: Any, frame: Any, row: Any, seats: Any, head: Any, markers: Any, words: Any) -> int:
     """Send each side that is there its `Force` of one tick; at every other tick the other side first.
 
     Parameters
     ----------
-    lane : ndarray of netboard.lanes.LANE, shape (1,)
-        The router's lane.
+    fast : ndarray of netboard.fastpath.FAST_PATH, shape (1,)
+        The router's fast path.
     frame : ndarray of uint8
         Room for the frame, and no more.
     row : ndarray of int64
@@ -287,29 +287,29 @@ def send_forces(lane: Any, frame: Any, row: Any, seats: Any, head: Any, markers:
     Returns
     -------
     int
-        `netboard.lanes.FAILED` if the socket is of no use any more; what a peer does not take is no failure.
+        `netboard.fastpath.FAILED` if the socket is of no use any more; what a peer does not take is no failure.
     """
     first = row[_TICK] & 1
     for turn in range(2):
         place = first ^ turn
-        if lane[0]["known"][place] == 0:
+        if fast[0]["known"][place] == 0:
             continue
-        words[0], words[1], words[2] = row[_TICK], lanes.now_ns(lane), seats[place, SEQ]
+        words[0], words[1], words[2] = row[_TICK], fastpath.now_ns(fast), seats[place, SEQ]
         words[3], words[4] = row[_ROW_FORCE[place]], seats[place, LEAD]
         fixed.write(frame, head, markers, words)
-        if lanes.send_to(lane, place, frame) == lanes.FAILED:
-            return lanes.FAILED
-    return lanes.SENT
+        if fastpath.send_to(fast, place, frame) == fastpath.FAILED:
+            return fastpath.FAILED
+    return fastpath.SENT
 
 
 def warm() -> None:
     """Compile (or load) the kernels, so that no first sample is late."""
-    lane, frame = lanes.Lane(None).record, np.zeros(fixed.FORCE.size, np.uint8)
+    fast, frame = fastpath.FastPath(None).record, np.zeros(fixed.FORCE.size, np.uint8)
     row, seats, sample = np.zeros(len(_ROW), np.int64), np.zeros((2, WORDS), np.int64), np.zeros(SAMPLE_WORDS, np.int64)
     for seat in seats:
         empty(seat)
-    drain(seats, lane, frame, *fixed.STYLUS[:2], sample, TICK_NS, False, MOST_FRAMES)
+    drain(seats, fast, frame, *fixed.STYLUS[:2], sample, TICK_NS, False, MOST_FRAMES)
     take(seats[0], sample, TICK_NS, TICK_NS)
     awaited(seats)
     fill(row, seats, 0, TICK_NS, 0, TICK_NS)
-    send_forces(lane, frame, row, seats, *fixed.FORCE[:2], np.zeros(len(fixed.FORCE.markers), np.int64))
+    send_forces(fast, frame, row, seats, *fixed.FORCE[:2], np.zeros(len(fixed.FORCE.markers), np.int64))

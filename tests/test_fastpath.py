@@ -1,4 +1,4 @@
-"""Lanes: what libzmq's own functions do with real sockets, called from kernels."""
+"""The fast path: what libzmq's own functions do with real sockets, called from kernels."""
 
 from collections.abc import Iterator
 
@@ -6,25 +6,25 @@ import numpy as np
 import pytest
 import zmq
 
-from netboard import lanes, sockets
+from netboard import fastpath, sockets
 from netboard.clock import now_ns
 from netboard.errors import NetboardError
-from netboard.lanes import FAILED, NOT_SENT, NOTHING, OTHER, SENT, Lane
+from netboard.fastpath import FAILED, NOT_SENT, NOTHING, OTHER, SENT, FastPath
 
-A, B = b"agent.left@1", b"\xff" * lanes.NAME_ROOM
-HERE = sockets.Endpoint("inproc://lane")
+A, B = b"agent.left@1", b"\xff" * fastpath.NAME_ROOM
+HERE = sockets.Endpoint("inproc://fast")
 
 
 class Road:
-    """A router and its lane, and the dealers at the other end, with theirs."""
+    """A router and its fast path, and the dealers at the other end, with theirs."""
 
     def __init__(self, context: sockets.Context) -> None:
         self.context = context
         self.router = sockets.motion_server(context, HERE)
-        self.lane = Lane(self.router.socket)
+        self.fast = FastPath(self.router.socket)
         self.frame = np.zeros(64, np.uint8)
         self.dealers = {name: self.dealer(name) for name in (A, B)}
-        self.lane.know(1, A, "")
+        self.fast.know(1, A, "")
 
     def dealer(self, name: bytes) -> sockets.Socket:
         socket = self.context.socket(zmq.DEALER)
@@ -33,8 +33,8 @@ class Road:
         return socket
 
     def receive(self) -> tuple[int, bytes]:
-        place = lanes.receive(self.lane.record, self.frame)
-        return place, self.frame[: self.lane.size].tobytes()
+        place = fastpath.receive(self.fast.record, self.frame)
+        return place, self.frame[: self.fast.size].tobytes()
 
 
 @pytest.fixture
@@ -55,12 +55,12 @@ def test_a_frame_of_a_known_peer_comes_with_its_place_and_any_other_with_its_nam
     assert road.receive()[0] == NOTHING
     road.dealers[B].send(b"again")
     assert road.receive() == (OTHER, b"again")
-    assert road.lane.sender == (B, "", "")
+    assert road.fast.sender == (B, "", "")
 
 
 def test_a_peer_that_is_forgotten_is_a_stranger(road: Road) -> None:
-    road.lane.know(0, B, "")
-    road.lane.forget(1)
+    road.fast.know(0, B, "")
+    road.fast.forget(1)
     for name in (A, B):
         road.dealers[name].send(name[:3])
     assert sorted([road.receive(), road.receive()]) == [(OTHER, b"age"), (0, b"\xff\xff\xff")]
@@ -83,14 +83,14 @@ def test_a_frame_of_just_the_room_is_whole(road: Road) -> None:
 
 
 def test_what_is_sent_arrives_and_what_cannot_be_is_told(road: Road) -> None:
-    record = road.lane.record
-    road.lane.know(0, b"nobody", "")
-    assert lanes.send_to(record, 0, bytes_of(b"force")) == NOT_SENT
+    record = road.fast.record
+    road.fast.know(0, b"nobody", "")
+    assert fastpath.send_to(record, 0, bytes_of(b"force")) == NOT_SENT
     road.dealers[A].send(b"here")
     road.receive()
-    assert lanes.send_to(record, 1, bytes_of(b"force")) == SENT
+    assert fastpath.send_to(record, 1, bytes_of(b"force")) == SENT
     assert sockets.receive(road.dealers[A]) == b"force"
-    sent = [lanes.send_to(record, 1, bytes_of(b"%d" % number)) for number in range(5000)]
+    sent = [fastpath.send_to(record, 1, bytes_of(b"%d" % number)) for number in range(5000)]
     assert sent[0] == SENT
     assert sent[-1] == NOT_SENT  # its queue is full
     heard = []
@@ -100,40 +100,40 @@ def test_what_is_sent_arrives_and_what_cannot_be_is_told(road: Road) -> None:
 
 
 def test_a_dealer_hears_and_says(road: Road) -> None:
-    lane = Lane(road.dealers[A])
-    assert lanes.hear(lane.record, road.frame) == NOTHING
-    assert lanes.say(lane.record, bytes_of(b"sample")) == SENT
+    fast = FastPath(road.dealers[A])
+    assert fastpath.hear(fast.record, road.frame) == NOTHING
+    assert fastpath.say(fast.record, bytes_of(b"sample")) == SENT
     assert road.receive() == (1, b"sample")
     for frame in (b"", b"force", b"z" * 100):
         assert road.router.send(A, frame)
-    assert lanes.hear(lane.record, road.frame) == 0
-    assert lanes.hear(lane.record, road.frame) == 5
+    assert fastpath.hear(fast.record, road.frame) == 0
+    assert fastpath.hear(fast.record, road.frame) == 5
     assert road.frame[:5].tobytes() == b"force"
-    assert lanes.hear(lane.record, road.frame) == 64  # the rest is cut off
+    assert fastpath.hear(fast.record, road.frame) == 64  # the rest is cut off
 
 
 def test_a_dealer_that_has_nobody_says_so(road: Road) -> None:
     alone = sockets.motion_agent(road.context, sockets.Endpoint("tcp://127.0.0.1:1"), "alone")
-    assert lanes.say(Lane(alone).record, bytes_of(b"sample")) == NOT_SENT
+    assert fastpath.say(FastPath(alone).record, bytes_of(b"sample")) == NOT_SENT
     alone.close()
 
 
-def test_a_lane_that_is_closed_fails_and_does_no_harm(road: Road) -> None:
+def test_a_fast_path_that_is_closed_fails_and_does_no_harm(road: Road) -> None:
     road.dealers[A].send(b"one")
-    road.lane.close()
-    record = road.lane.record
-    assert lanes.receive(record, road.frame) == FAILED
-    assert lanes.hear(record, road.frame) == FAILED
-    assert lanes.say(record, road.frame) == FAILED
-    assert lanes.send_to(record, 1, road.frame) == FAILED
+    road.fast.close()
+    record = road.fast.record
+    assert fastpath.receive(record, road.frame) == FAILED
+    assert fastpath.hear(record, road.frame) == FAILED
+    assert fastpath.say(record, road.frame) == FAILED
+    assert fastpath.send_to(record, 1, road.frame) == FAILED
     with pytest.raises(NetboardError, match="the motion channel failed: "):
-        road.lane.fail("motion")
+        road.fast.fail("motion")
     assert road.router.receive() == (A, b"one")
 
 
 def test_the_time_is_the_machines_or_what_was_set(road: Road) -> None:
     before = now_ns()
-    read = lanes.now_ns(road.lane.record)
+    read = fastpath.now_ns(road.fast.record)
     assert before <= read <= now_ns()
-    road.lane.record["set_ns"] = 5
-    assert lanes.now_ns(road.lane.record) == 5
+    road.fast.record["set_ns"] = 5
+    assert fastpath.now_ns(road.fast.record) == 5

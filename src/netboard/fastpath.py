@@ -1,10 +1,10 @@
-"""Lanes: the 1 kHz frames, received and sent by compiled code through libzmq's own functions.
+"""The fast path: the 1 kHz frames, received and sent by compiled code through libzmq's own functions.
 
 A loop that sleeps most of the time finds cold caches whenever it wakes, and there a handful of pyzmq's calls with what
 Python does between them takes a tenth of a tick. So kernels move the frames of the motion channel: they call what pyzmq
 calls itself, in the library that pyzmq has loaded, on a socket that `netboard.sockets` has made and still owns.
 
-A lane knows the peers it is to expect, by name and key. Whatever else comes in is handed to Python as it came.
+A fast path knows the peers it is to expect, by name and key. Whatever else comes in is handed to Python as it came.
 """
 
 import ctypes
@@ -25,7 +25,7 @@ MACHINES = -1
 """In place of a time to go by: the machine's."""
 
 PLACES = 2
-"""Peers a lane can know [1]."""
+"""Peers a fast path can know [1]."""
 
 NAME_ROOM = 255
 """Longest name of a peer that ZeroMQ allows [bytes]."""
@@ -36,12 +36,12 @@ KEY_SIZE = 40
 ADDRESS_ROOM = 64
 
 NOTHING, OTHER, FAILED = -1, -2, -3
-"""What `receive` found in place of a frame of a peer that the lane knows."""
+"""What `receive` found in place of a frame of a peer that the fast path knows."""
 
 SENT, NOT_SENT = 0, 1
 """What has become of a frame; or `FAILED`."""
 
-LANE = np.dtype(
+FAST_PATH = np.dtype(
     [
         ("message", "u1", (64,)),  # zmq_msg_t
         ("clock", "<i8", (2,)),  # struct timespec
@@ -61,7 +61,7 @@ LANE = np.dtype(
     ],
     align=True,
 )
-"""A lane as the kernels see it."""
+"""A fast path as the kernels see it."""
 
 Socket: TypeAlias = zmq.Socket[bytes]
 
@@ -111,17 +111,17 @@ _CLOCK = int(getattr(time, "CLOCK_UPTIME_RAW", getattr(time, "CLOCK_MONOTONIC", 
 
 
 @kernel
-def now_ns(lane: Any) -> int:
+def now_ns(fast: Any) -> int:
     """Monotonic time of this machine, as `netboard.clock.now_ns` has it, or what a simulation has set [ns].
 
     Parameters
     ----------
-    lane : ndarray of LANE, shape (1,)
+    fast : ndarray of FAST_PATH, shape (1,)
         Room for it.
     """
-    if lane[0]["set_ns"] != MACHINES:
-        return int(lane[0]["set_ns"])
-    clock = lane[0]["clock"]
+    if fast[0]["set_ns"] != MACHINES:
+        return int(fast[0]["set_ns"])
+    clock = fast[0]["clock"]
     _clock_gettime(_CLOCK, clock.ctypes.data)
     return int(clock[0] * 1_000_000_000 + clock[1])
 
@@ -141,9 +141,9 @@ def _not_sent() -> int:
 
 
 @kernel
-def _known(lane: Any) -> int:
+def _known(fast: Any) -> int:
     """Place of the newest frame's sender, or `OTHER`."""
-    us = lane[0]
+    us = fast[0]
     size = us["name_size"]
     for place in range(PLACES):
         if us["known"][place] != size or _memcmp(us["names"][place].ctypes.data, us["name"].ctypes.data, size) != 0:
@@ -155,9 +155,9 @@ def _known(lane: Any) -> int:
 
 
 @kernel
-def _note_sender(lane: Any) -> None:
+def _note_sender(fast: Any) -> None:
     """Note with which key the newest frame's sender came in, and from where."""
-    us = lane[0]
+    us = fast[0]
     message = us["message"].ctypes.data
     us["key"][:] = 0
     us["address"][:] = 0
@@ -170,24 +170,24 @@ def _note_sender(lane: Any) -> None:
 
 
 @kernel
-def receive(lane: Any, frame: Any) -> int:
+def receive(fast: Any, frame: Any) -> int:
     """Receive one frame of a router, without waiting.
 
     What is not one frame, or is longer than there is room, is taken for an empty one, which no message is.
 
     Parameters
     ----------
-    lane : ndarray of LANE, shape (1,)
-        The lane.
+    fast : ndarray of FAST_PATH, shape (1,)
+        The fast path.
     frame : ndarray of uint8
-        Where the frame goes; its length is ``lane["size"]``.
+        Where the frame goes; its length is ``fast["size"]``.
 
     Returns
     -------
     int
         Place of the peer that sent it, or `NOTHING`, `OTHER`, `FAILED`.
     """
-    us = lane[0]
+    us = fast[0]
     socket = us["socket"]
     size = _zmq_recv(socket, us["name"].ctypes.data, NAME_ROOM, _DONTWAIT)
     if size < 0:
@@ -200,7 +200,7 @@ def receive(lane: Any, frame: Any) -> int:
         _msg_close(message)
         return FAILED
     if us["keyed"]:
-        _note_sender(lane)
+        _note_sender(fast)
     whole = size <= len(frame) and _msg_more(message) == 0
     if whole:
         _memcpy(frame.ctypes.data, _msg_data(message), size)
@@ -208,17 +208,17 @@ def receive(lane: Any, frame: Any) -> int:
         pass
     _msg_close(message)
     us["size"] = size if whole else 0
-    return _known(lane)
+    return _known(fast)
 
 
 @kernel
-def send_to(lane: Any, place: int, frame: Any) -> int:
+def send_to(fast: Any, place: int, frame: Any) -> int:
     """Send a frame to a known peer, without waiting.
 
     Parameters
     ----------
-    lane : ndarray of LANE, shape (1,)
-        The lane of a router.
+    fast : ndarray of FAST_PATH, shape (1,)
+        The fast path of a router.
     place : int
         Place of the peer [1].
     frame : ndarray of uint8
@@ -229,7 +229,7 @@ def send_to(lane: Any, place: int, frame: Any) -> int:
     int
         `SENT`, `NOT_SENT` if the peer is gone or its queue is full, or `FAILED`.
     """
-    us = lane[0]
+    us = fast[0]
     name = us["names"][place]
     if _zmq_send(us["socket"], name.ctypes.data, us["known"][place], _DONTWAIT | _SNDMORE) < 0:
         return _not_sent()  # refused here or not at all
@@ -237,13 +237,13 @@ def send_to(lane: Any, place: int, frame: Any) -> int:
 
 
 @kernel
-def hear(lane: Any, frame: Any) -> int:
+def hear(fast: Any, frame: Any) -> int:
     """Receive one frame of a socket of one peer, without waiting.
 
     Parameters
     ----------
-    lane : ndarray of LANE, shape (1,)
-        The lane of a dealer.
+    fast : ndarray of FAST_PATH, shape (1,)
+        The fast path of a dealer.
     frame : ndarray of uint8
         Where the frame goes; what is longer than that is cut off.
 
@@ -252,18 +252,18 @@ def hear(lane: Any, frame: Any) -> int:
     int
         Length of what came, or `NOTHING`, `FAILED`.
     """
-    size = _zmq_recv(lane[0]["socket"], frame.ctypes.data, len(frame), _DONTWAIT)
+    size = _zmq_recv(fast[0]["socket"], frame.ctypes.data, len(frame), _DONTWAIT)
     return min(size, len(frame)) if size >= 0 else _no_frame()
 
 
 @kernel
-def say(lane: Any, frame: Any) -> int:
+def say(fast: Any, frame: Any) -> int:
     """Send a frame on a socket of one peer, without waiting.
 
     Parameters
     ----------
-    lane : ndarray of LANE, shape (1,)
-        The lane of a dealer.
+    fast : ndarray of FAST_PATH, shape (1,)
+        The fast path of a dealer.
     frame : ndarray of uint8
         The frame.
 
@@ -272,7 +272,7 @@ def say(lane: Any, frame: Any) -> int:
     int
         `SENT`, `NOT_SENT` if nobody is there or the queue is full, or `FAILED`.
     """
-    return SENT if _zmq_send(lane[0]["socket"], frame.ctypes.data, len(frame), _DONTWAIT) >= 0 else _not_sent()
+    return SENT if _zmq_send(fast[0]["socket"], frame.ctypes.data, len(frame), _DONTWAIT) >= 0 else _not_sent()
 
 
 class Sender(NamedTuple):
@@ -293,24 +293,24 @@ class Sender(NamedTuple):
     address: str
 
 
-class Lane:
+class FastPath:
     """A socket whose frames kernels exchange.
 
     Parameters
     ----------
     socket : zmq.Socket or None
-        A router or a dealer, which must not be closed before the lane is; None for a lane that leads nowhere.
+        A router or a dealer, which must not be closed before the fast path is; None for one that leads nowhere.
     keyed : bool
         Whether peers come in by keys.
 
     Attributes
     ----------
-    record : ndarray of LANE, shape (1,)
+    record : ndarray of FAST_PATH, shape (1,)
         What the kernels get.
     """
 
     def __init__(self, socket: Socket | None, keyed: bool = False) -> None:
-        self.record = np.zeros(1, LANE)
+        self.record = np.zeros(1, FAST_PATH)
         us = self.record[0]
         us["socket"], us["keyed"] = 0 if socket is None else socket.underlying, keyed
         us["set_ns"] = MACHINES
