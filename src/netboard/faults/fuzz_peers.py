@@ -78,8 +78,8 @@ class Front:
         return HostileServer(self.rig.config, context, Mutants(true_frames(3), 3 + self.whole))
 
     def well(self, server: HostileServer) -> bool:
-        """Whether everybody does what is meant: armed, shown, recorded."""
-        return bool(server.armed) and (not self.whole or (server.shown > 0 and server.durable > 0))
+        """Whether everybody does what is meant: the whole force, shown, recorded."""
+        return bool(server.grown) and (not self.whole or (server.shown > 0 and server.durable > 0))
 
     def forces(self, start_ns: int, stop_ns: int) -> NDArray[np.float64]:
         """What the device was handed in a time [N]."""

@@ -42,6 +42,8 @@ FORCE = 0.1
 """The force on every hand: small enough to arm the device with it [N]."""
 
 SESSION = "f" * 32
+_GROWN = Safeguard.ARMED | Safeguard.RAMPING
+
 ROWS = 10
 """Ticks in a batch for the logger; a batch goes out in as many turns [1]."""
 
@@ -73,6 +75,8 @@ class HostileServer:
         How much of it went out, by channel [1].
     armed : set of bytes
         Agents whose device gives forces.
+    grown : set of bytes
+        Those of them whose force has grown to what is wanted.
     samples : int
         Samples heard [1].
     shown : int
@@ -86,6 +90,7 @@ class HostileServer:
     def __init__(self, config: Config, context: sockets.Context, mutants: Iterator[bytes]) -> None:
         where = sockets.addresses(config.network)
         self.armed: set[bytes] = set()
+        self.grown: set[bytes] = set()
         self.samples = self.shown = self.ticks = self.durable = 0
         self._mutants = mutants
         self._welcome = encode(Welcome(SESSION, PROTOCOL_VERSION, now_ns(), resolve(config)))
@@ -129,6 +134,7 @@ class HostileServer:
                 case Stylus(safeguards=bits):
                     self.samples += 1
                     (self.armed.add if bits & Safeguard.ARMED else self.armed.discard)(name)
+                    (self.grown.add if bits & _GROWN == Safeguard.ARMED else self.grown.discard)(name)
                 case Frames(shown=shown):
                     self.shown += len(shown)
                 case LogRequest(first=first):
