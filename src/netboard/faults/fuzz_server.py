@@ -39,6 +39,9 @@ QUIET_SECONDS = 5.0
 COUNTED_SECONDS = 2.0
 """What has been refused is told once a second [s]."""
 
+LAST_WORDS = 100
+"""Of most kinds there is one among so many messages [1]."""
+
 COUNTED = 0.8
 """Such a share of what was sent must be told to have been refused: some is lost where connections are cut [1]."""
 
@@ -128,7 +131,7 @@ def _fire(rig: Rig, assaults: list[barrage.Assault], vandal: barrage.Vandal, tel
     barrage.fire(assaults, vandal, lambda: look(rig), lambda share: tell("a server: in a trial", share))
     time.sleep(COUNTED_SECONDS)
     for assault in assaults:  # with these it tells how many there were before
-        assault.count += 1
+        assault.count += LAST_WORDS
         assault.fire(assault.count)
     vandal.close()
     time.sleep(COUNTED_SECONDS)
