@@ -18,11 +18,13 @@ from netboard.process import (
     IO_ABOVE,
     OFF,
     OK,
+    PLACES,
     STOP_SIGNALS,
     WITH_PARENT,
     Priority,
     Stopping,
     cpu_set,
+    cpus_for,
     io_priority,
     make_way,
     prepare,
@@ -166,6 +168,24 @@ def test_memory_is_not_locked_within_a_limit_that_would_end_the_process_later(
     came = prepare(Realtime(scheduling=False), Priority.AGENT, "")
     assert came["memory"] == "the limit is 8 MB, expected none"
     assert machine.asked == []
+
+
+@pytest.mark.parametrize(
+    ("have", "expected"),
+    [({0}, ["", "", ""]), ({0, 1}, ["1", "", ""]), ({0, 1, 2}, ["2", "1", "0"]), ({1, 4, 5, 9}, ["9", "5", "4"])],
+)
+def test_each_loop_gets_a_cpu_of_its_own_where_there_are_enough(
+    monkeypatch: pytest.MonkeyPatch, have: set[int], expected: list[str]
+) -> None:
+    monkeypatch.setattr("netboard.process.os.sched_getaffinity", lambda which: have, raising=False)
+    assert [cpus_for(loop, Realtime()) for loop in PLACES] == expected
+    named = Realtime(server_cpus="0-1", agent_cpus="")
+    assert [cpus_for(loop, named) for loop in PLACES] == ["0-1", "", ""]
+
+
+def test_where_cpus_cannot_be_chosen_none_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delattr("netboard.process.os.sched_getaffinity", raising=False)
+    assert [cpus_for(loop, Realtime()) for loop in PLACES] == ["", "", ""]
 
 
 @linux

@@ -10,13 +10,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rig import PATIENCE, Rig
 from skewed import SkewedClock
 
 from netboard.clock import now_ns
 from netboard.config import Side
 from netboard.faults.relay import Weather, between
-from netboard.faults.rigs import Way
+from netboard.faults.rigs import PATIENCE, Rig, Way
 from netboard.nodes.launcher import free_port
 from netboard.recording.reader import Recording
 from netboard.wire.messages import ClockRecord, Safeguard

@@ -13,10 +13,10 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import pytest
-from rig import PATIENCE, Rig
 from typer.testing import CliRunner
 
 from netboard import doors, keys, sockets
+from netboard.faults.rigs import PATIENCE, Rig
 from netboard.recording.reader import Recording
 from netboard.services.cli import app
 from netboard.wire.codec import decode, encode

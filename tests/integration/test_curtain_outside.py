@@ -12,11 +12,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rig import Rig
 
 from netboard import sockets
 from netboard.clock import now_ns
 from netboard.config import Physics
+from netboard.faults.rigs import Rig
 from netboard.recording.reader import Recording
 from netboard.tick import TICK
 from netboard.wire.codec import decode, encode

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from rig import Rig
 
+from netboard.faults.rigs import Rig
 from netboard.recording.account import Account, account_of
 from netboard.recording.recovery import recover
 

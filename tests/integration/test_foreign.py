@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rig import Rig
 
 from netboard.experiment.machine import Phase
+from netboard.faults.rigs import Rig
 from netboard.recording.reader import Recording
 from netboard.recording.verification import verify_recording
 from netboard.wire.codec import decode

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rig import Rig
 
 from netboard import sockets
 from netboard.config import parse
 from netboard.experiment.machine import Cause, Phase
+from netboard.faults.rigs import Rig
 from netboard.recording.reader import Recording
 from netboard.recording.recovery import recover
 from netboard.recording.verification import verify_recording
