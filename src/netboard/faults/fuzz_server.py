@@ -42,7 +42,7 @@ COUNTED_SECONDS = 2.0
 LAST_WORDS = 100
 """Of most kinds there is one among so many messages [1]."""
 
-COUNTED = 0.8
+COUNTED = 0.7
 """Such a share of what was sent must be told to have been refused: some is lost where connections are cut [1]."""
 
 Tell = Callable[[str, float], object]
