@@ -205,7 +205,17 @@ def play(setup: Setup, cases: Sequence[Case], folder: Path, quick: bool, tell: T
         site.end()
         tell(f"{cases[0].name}: judging")
         found = gather(site, windows)
-    return [judge(case, evidence) for case, evidence in zip(cases, found, strict=False)]
+    return [_from_within(folder, judge(case, evidence)) for case, evidence in zip(cases, found, strict=False)]
+
+
+def _from_within(folder: Path, outcome: Outcome) -> Outcome:
+    """Name the files of a site as they are called in it."""
+    outside = f"{folder.resolve()}/"
+    return replace(
+        outcome,
+        verdicts=tuple(replace(verdict, found=verdict.found.replace(outside, "")) for verdict in outcome.verdicts),
+        facts=tuple((name, fact.replace(outside, "")) for name, fact in outcome.facts),
+    )
 
 
 def _finished(site: Site, last: Window) -> Window:
