@@ -236,19 +236,14 @@ class Router:
         self._channel = CHANNELS[endpoint.channel]
         self._names: dict[bytes, str] = {}
 
-    def receive(self, signalled: bool = False) -> tuple[bytes, bytes] | None:
+    def receive(self) -> tuple[bytes, bytes] | None:
         """Next (peer, frame), or None if there is none now.
 
         What is not one frame, or comes under a name that is not the sender's, is taken for an empty frame, which no
         message is.
-
-        Parameters
-        ----------
-        signalled : bool
-            There most likely is something: it is not asked for first, which takes longer than receiving it.
         """
         socket = self.socket
-        if not signalled and not readable(socket):
+        if not readable(socket):  # quicker than an exception
             return None
         try:
             peer = socket.recv(NOBLOCK)

@@ -19,7 +19,7 @@ class FakeRouter:
         self.forbidden = ""
         self.closed = False
 
-    def receive(self, signalled: bool = False) -> tuple[bytes, bytes] | None:
+    def receive(self) -> tuple[bytes, bytes] | None:
         return self.arrived.popleft() if self.arrived else None
 
     def send(self, peer: bytes, frame: bytes) -> bool:

@@ -9,7 +9,6 @@ agent moves its phase, slowly, until that is `LEAD_NS`. So a sample waits for no
 """
 
 import logging
-import struct
 from collections.abc import Callable
 from importlib.metadata import version
 from typing import Any, Protocol
@@ -47,9 +46,7 @@ SHIFT_SHARE = 0.02
 LARGEST_SHIFT_NS = 5_000
 """The phase is moved by at most so much in a tick: the interval of the samples stays 1 ms within 0.5 % [ns]."""
 
-_FORCE = struct.Struct("<" + "".join("d" if kind == "<f8" else "q" for _, kind in fixed.fields_of(Force)))
-_STYLUS = struct.Struct("<" + "".join("d" if kind == "<f8" else "q" for _, kind in fixed.fields_of(Stylus)))
-
+_FORCE, _STYLUS = fixed.packer_of(Force), fixed.packer_of(Stylus)
 
 FORCE_CAME = -4
 """What `hear` returns for a force in its fixed form, beside what `netboard.fastpath.hear` does [1]."""

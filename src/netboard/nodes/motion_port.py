@@ -5,7 +5,6 @@ says hello for a side takes the seat (a restarted agent takes over from itself; 
 first one is alive). Nothing here waits.
 """
 
-import struct
 from collections.abc import Callable
 from operator import attrgetter
 from typing import Any
@@ -32,9 +31,8 @@ PROBE_TICKS = 4
 GONE_NS = 2_000_000_000
 """An agent that has been silent for so long has left [ns]."""
 
-_FIELDS = fixed.fields_of(Stylus)
-_VALUES = attrgetter(*(name for name, _ in _FIELDS))
-_PACK = struct.Struct("<" + "".join("d" if kind == "<f8" else "q" for _, kind in _FIELDS))
+_VALUES = attrgetter(*(name for name, _ in fixed.fields_of(Stylus)))
+_PACK = fixed.packer_of(Stylus)
 
 
 class Seat:

@@ -8,6 +8,7 @@ In memory such a message is a row of words of 64 bits, one for each field, whate
 record that names them.
 """
 
+import struct
 from typing import Any, NamedTuple, get_type_hints
 
 import numpy as np
@@ -66,6 +67,17 @@ def fields_of(message: type[Message]) -> list[tuple[str, str]]:
         The dataclass of a message of numbers only.
     """
     return [(name, _TYPES[hint]) for name, hint in get_type_hints(message).items()]
+
+
+def packer_of(message: type[Message]) -> struct.Struct:
+    """Return what packs and unpacks the words of a message as they are in memory.
+
+    Parameters
+    ----------
+    message : type
+        The dataclass of a message of numbers only.
+    """
+    return struct.Struct("<" + "".join("d" if kind == "<f8" else "q" for _, kind in fields_of(message)))
 
 
 STYLUS, FORCE = form_of(Stylus), form_of(Force)
