@@ -15,7 +15,8 @@ demo: .venv/.ready-to-run ## a whole session with simulated people; options with
 
 test: lint imports types ## all checks and all tests; options for pytest with ARGS="-k physics"
 	$(BIN)/python docs/generate.py --check
-	$(BIN)/python -m pytest $(ARGS)
+	$(BIN)/python -m pytest -m "not integration" -n 2 --dist loadfile $(ARGS) || [ $$? = 5 ]
+	$(BIN)/python -m pytest -m integration $(ARGS) || [ $$? = 5 ]
 
 lint: .venv/.ready-to-develop ## style
 	$(BIN)/ruff check .
@@ -41,7 +42,7 @@ wheel: .venv/.ready-to-develop ## dist/netboard-*.whl
 
 lock: ## write requirements/constraints.txt anew, with the newest versions that pyproject.toml allows
 	python3.11 -m venv --clear build/lock
-	build/lock/bin/python -m pip install --quiet --disable-pip-version-check '.[bench,dev,devices,fuzz,parquet]'
+	build/lock/bin/python -m pip install --quiet --disable-pip-version-check '.[bench,dev,devices,fuzz,lsl,parquet]'
 	sed -n '/^#/p' requirements/constraints.txt > build/lock/head
 	build/lock/bin/python -m pip freeze --exclude netboard | LC_ALL=C sort -f | cat build/lock/head - > requirements/constraints.txt
 

@@ -13,13 +13,17 @@ import json
 import re
 import sys
 from collections.abc import Callable, Iterator
+from dataclasses import fields
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import typer.main
 
 from netboard.config import Config
+from netboard.devices.registry import BACKENDS
 from netboard.experiment.machine import BALL_FREE, TABLE, Action, Cause, Phase
+from netboard.participants.device_models import MODELS, DeviceModel
 from netboard.services.cli import app
 from netboard.settings import Key, tables, to_toml
 
@@ -27,10 +31,12 @@ DOCS = Path(__file__).parent
 
 
 def state_diagram() -> str:
-    """Draw the trial machine: one arrow for each edge, marked cause / action."""
+    """Draw the trial machine: one arrow for each edge of a trial, marked cause / action."""
     arrows = ["    [*] --> IDLE"]
     for phase, edges in TABLE.items():
         for cause, (then, action) in edges.items():
+            if action in (Action.EXTEND, Action.SHORTEN):
+                continue
             does = "" if action is Action.NONE else f" / {action.name.lower()}"
             arrows.append(f"    {phase.name} --> {then.name}: {cause.name.lower()}{does}")
     arrows += [f"    {phase.name} --> [*]" for phase, edges in TABLE.items() if not edges]
@@ -60,6 +66,18 @@ def configuration() -> str:
             head = [f"## [{table.name}]", "", table.text, "", "| key | default | unit | values | what it is |"]
             sections.append("\n".join([*head, "|---|---|---|---|---|", *rows]))
     return "\n\n".join(sections)
+
+
+def device_options(backend: str) -> Callable[[], str]:
+    """Return what writes the table of a device backend's own options."""
+
+    def write() -> str:
+        module = import_module(BACKENDS[backend].partition(":")[0])
+        (table,) = tables(module.Options)
+        head = "| option | default | unit | values | what it is |\n|---|---|---|---|---|"
+        return "\n".join([head, *map(_key_row, table.keys)])
+
+    return write
 
 
 def _key_row(key: Key) -> str:
@@ -159,9 +177,30 @@ SOAK = ("records", "memory", "minutes", "costs")
 FAULTS = ("processes", "links", "peers", "devices", "machines")
 """Those of `netboard bench faults`."""
 
+VELOCITY = ("estimators", "delays")
+"""Those of `netboard bench velocity`."""
+
+
+def device_models() -> str:
+    """Write the models of the simulated device as a table, with a mark at every estimate."""
+    virtual = next(table for table in tables(Config) if table.name == "virtual")
+    keys = [key for key in virtual.keys if key.name in {field.name for field in fields(DeviceModel)}]
+    lines = ["| `model` | device | " + " | ".join(f"`{key.name}` [{key.unit}]" for key in keys) + " | source |"]
+    lines += ["|---|---|" + "---|" * (len(keys) + 1)]
+    for name, model in MODELS.items():
+        marks = ["(e)" if key.name in model.estimates else "" for key in keys]
+        numbers = [f"{getattr(model, key.name):g} {mark}".strip() for key, mark in zip(keys, marks, strict=True)]
+        lines.append(f"| `{name}` | {model.name} | " + " | ".join(numbers) + f" | {_cell(model.source)} |")
+    return "\n".join(lines)
+
+
+COUPLING = ("delays", "limits", "releases", "remedies", "transparency", "everyday")
+"""Those of `netboard bench coupling`."""
+
 GENERATED: dict[str, tuple[str, Callable[[], str]]] = {
     "state diagram": ("trial-machine.md", state_diagram),
     "edge table": ("trial-machine.md", edge_table),
+    **{f"options of {name}": (f"how-to/{name}.md", device_options(name)) for name in ("falcon", "spacemouse")},
     "configuration": ("reference/configuration.md", configuration),
     "commands": ("reference/commands.md", commands),
     "machine": ("accuracy.md", study_machine("physics")),
@@ -171,6 +210,12 @@ GENERATED: dict[str, tuple[str, Callable[[], str]]] = {
     "loop machine": ("latency.md", study_machine("loop")),
     **{f"loop-{name}": ("latency.md", study_part("loop", name)) for name in LOOP},
     **{f"soak-{name}": ("latency.md", study_part("soak", name)) for name in SOAK},
+    "device models": ("participants.md", device_models),
+    "velocity machine": ("velocity.md", study_machine("velocity")),
+    **{name: ("velocity.md", study_part("velocity", name)) for name in VELOCITY},
+    "coupling machine": ("coupling.md", study_machine("coupling")),
+    **{f"coupling-{name}": ("coupling.md", study_part("coupling", name)) for name in COUPLING},
+    "forces conditions": ("forces.md", study_part("forces", "conditions")),
     "faults machine": ("faults.md", study_machine("faults")),
     **{name: ("faults.md", study_part("faults", name)) for name in FAULTS},
 }

@@ -4,7 +4,7 @@ from netboard import sockets
 from netboard.config import Config, Side
 from netboard.devices import registry
 from netboard.nodes.agent import Agent
-from netboard.nodes.companion import Held, companion_of
+from netboard.nodes.companion import companion_of
 from netboard.process import Priority, Stopping, cpus_for, io_priority, prepare, speak
 
 
@@ -30,6 +30,5 @@ def main(config: Config, *, side: Side) -> int:
         sockets.open_context(io_priority(came, Priority.AGENT)) as context,
         registry.make(side, config) as device,
     ):
-        companion = companion_of(config, device, context) if isinstance(device, Held) else None
-        Agent(config, side, device, context, companion).run(stopping)
+        Agent(config, side, device, context, companion_of(config, device, context)).run(stopping)
     return 0

@@ -8,6 +8,8 @@ from typing import Annotated, Literal
 
 import typer
 
+from netboard.services import configuration
+
 app = typer.Typer(
     help="Measure netboard on this machine: the physics, the loop from stylus to force, long runs.",
     no_args_is_help=True,
@@ -38,6 +40,14 @@ def stability(
     from netboard.endurance import bench as study
 
     raise typer.Exit(study.main(output, quick=quick, force=force, soak_too=soak))
+
+
+@app.command(epilog="Examples:\n\n  netboard bench velocity --quick\n\n  netboard bench velocity -o results")
+def velocity(output: Output = None, quick: Quick = False, force: Force = False, json: Json = None) -> None:
+    """How the velocity of a stylus is told from its positions: lag, noise, time, and the delay that each way leaves."""
+    from netboard.endurance import velocity_bench as study
+
+    raise typer.Exit(study.main(output, json, quick=quick, force=force))
 
 
 @app.command(
@@ -89,6 +99,28 @@ def loop(
     raise typer.Exit(study.loop(setting, seconds, study.read_dyads(dyads), output, json, skips=skips, force=force))
 
 
+@app.command(
+    epilog="Examples:\n\n  netboard bench servo --quick\n\n  netboard bench servo --library /opt/libHD.so -o results"
+)
+def servo(
+    output: Output = None,
+    quick: Quick = False,
+    force: Force = False,
+    json: Json = None,
+    library: Annotated[
+        str,
+        typer.Option(metavar="FILE", help="The vendor's library; else libHD.so or HD.dll, where the system finds it."),
+    ] = "",
+    seconds: Annotated[
+        float | None, typer.Option(min=0.2, metavar="S", help="Measure each of six for so long; else half a minute.")
+    ] = None,
+) -> None:
+    """The servo callback of a Touch in Python and in C, beside a bare tick, without and with a busy thread."""
+    from netboard.latency import servo as study
+
+    raise typer.Exit(study.main(library, output, json, seconds, quick=quick, force=force))
+
+
 @app.command(epilog="Examples:\n\n  netboard bench soak --minutes 30\n\n  netboard bench soak --quick --dyads 2")
 def soak(
     output: Output = None,
@@ -109,6 +141,22 @@ def soak(
 
     setting = study.Setting(transport, curve, realtime, displays, quick)
     raise typer.Exit(study.soak(setting, minutes, dyads, output, json, force=force))
+
+
+@app.command(epilog="Examples:\n\n  netboard bench coupling --quick\n\n  netboard bench coupling -o results")
+def coupling(output: Output = None, quick: Quick = False, force: Force = False, json: Json = None) -> None:
+    """Over what delay a hand can be coupled to the board: theory beside the simulated service, and what helps."""
+    from netboard.coupling import bench as study
+
+    raise typer.Exit(study.main(output, json, quick=quick, force=force))
+
+
+@app.command(epilog="Examples:\n\n  netboard bench forces --quick\n\n  netboard bench forces -o results")
+def forces(output: Output = None, quick: Quick = False, force: Force = False, json: Json = None) -> None:
+    """What both hands feel of one movement under each of the five force conditions, as a figure and a table."""
+    from netboard.studies import forces as study
+
+    raise typer.Exit(study.main(output, json, quick=quick, force=force))
 
 
 @app.command(epilog="Examples:\n\n  netboard bench fuzz --quick\n\n  netboard bench fuzz --frames 1000000 -o results")
@@ -141,3 +189,24 @@ def faults(
     from netboard.faults import bench as study
 
     raise typer.Exit(study.list_cases() if listing else study.main(output, quick=quick, force=force, names=case or ()))
+
+
+@app.command(
+    epilog="Examples:\n\n  netboard bench display --quick\n\n  netboard bench display --set display.width=1920"
+)
+def display(
+    config: configuration.ConfigFile = None,
+    overrides: configuration.Overrides = None,
+    output: Output = None,
+    quick: Quick = False,
+    force: Force = False,
+    json: Json = None,
+    seconds: Annotated[
+        float | None, typer.Option(min=1, metavar="S", help="Measure each of three for so long; else half a minute.")
+    ] = None,
+) -> None:
+    """From a view's sending to its painting: latency, what is seen late, dropped frames, cost."""
+    settings = configuration.load(config, overrides or ())
+    from netboard.latency import display as study
+
+    raise typer.Exit(study.main(settings, output, json, seconds, quick=quick, force=force))

@@ -13,9 +13,9 @@ from typing import Annotated, Any, Literal
 import typer
 from typer.core import TyperGroup
 
-from netboard.config import Config, Side
+from netboard.config import MOUSE, SIDES, Config, Side
 from netboard.errors import ConfigError, NetboardError
-from netboard.services import bench, configuration, keys
+from netboard.services import bench, configuration, devices, keys, plan, session
 from netboard.services.configuration import ConfigFile, Overrides
 
 OK, FAULT, WRONG = 0, 1, 2
@@ -58,7 +58,10 @@ app = typer.Typer(
 config_app = typer.Typer(help="Check, show or write the configuration file.", no_args_is_help=True)
 app.add_typer(config_app, name="config")
 app.add_typer(bench.app, name="bench")
+app.add_typer(devices.app, name="devices")
 app.add_typer(keys.app, name="keys")
+app.add_typer(plan.app, name="plan")
+app.add_typer(session.app, name="session")
 
 RecordingFile = Annotated[Path, typer.Argument(metavar="RECORDING", help="The recording, an .mcap file.")]
 Screenshot = Annotated[Path | None, typer.Option(metavar="FILE", help="Save the first picture as a PNG file and stop.")]
@@ -81,9 +84,17 @@ def root(
     """Take the options that go before the command; `Guarded` reads ``debug``."""
 
 
+Dyad = Annotated[int, typer.Option(min=1, help="Number of the dyad in the study.")]
+SessionNumber = Annotated[int, typer.Option("--session", min=1, help="Number of the session in the dyad's plan.")]
+
+
 @app.command(
     epilog=examples(
-        "netboard server", "netboard server -c rig.toml --no-autostart", "netboard server -c a.toml -c b.toml"
+        "netboard server",
+        "netboard server -c rig.toml --no-autostart",
+        "netboard server -c rig.toml --study paper --dyad 3",
+        "netboard server -c rig.toml --study paper --dyad 3 --resume",
+        "netboard server -c a.toml -c b.toml",
     )
 )
 def server(
@@ -98,10 +109,27 @@ def server(
         ),
     ] = None,
     overrides: Overrides = None,
-    autostart: Annotated[bool, typer.Option(help="Start the block when all peers are there.")] = True,
+    autostart: Annotated[
+        bool | None,
+        typer.Option(
+            "--autostart/--no-autostart",
+            help="Start each block when all peers are there; usual for a single block, not in a study, where an "
+            "operator does (netboard console).",
+        ),
+    ] = None,
     insecure: Annotated[
         bool, typer.Option("--insecure", help="Listen beyond this machine although nothing is encrypted.")
     ] = False,
+    study: Annotated[
+        str | None, typer.Option(metavar="NAME|FILE", help="Run a session of this study (netboard plan list).")
+    ] = None,
+    dyad: Dyad = 1,
+    session: SessionNumber = 1,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the study's plan.")] = 1,
+    blocks: Annotated[int | None, typer.Option(min=1, help="Of a pilot run: only the first blocks.")] = None,
+    trials: Annotated[int | None, typer.Option(min=1, help="Of a pilot run: at most so many trials in each.")] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on where the session was left.")] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="Go on there without asking.")] = False,
 ) -> None:
     """Run the physics server: it computes the board and decides the trials, of one dyad or of several."""
     files: list[Path | None] = [*(config or (None,))]
@@ -109,9 +137,18 @@ def server(
     if not insecure:
         for one in settings:
             refuse_open_network(one)
+    if study is None and resume:
+        raise ConfigError("--resume: expected the --study that is resumed: a single block is not")
+    if study is not None and len(settings) > 1:
+        raise ConfigError(f"--study: found with {len(settings)} files, expected one: each dyad of a study has a server")
     from netboard.services import server as service
 
-    raise typer.Exit(service.main(settings, autostart=autostart))
+    if study is None:
+        raise typer.Exit(service.main(settings, autostart=autostart is not False))
+    from netboard.services.planned import Wanted
+
+    wanted = Wanted(study, dyad, session, seed, blocks, trials)
+    raise typer.Exit(service.study(settings[0], wanted, autostart=autostart is True, resume=resume, yes=yes))
 
 
 def refuse_open_network(config: Config) -> None:
@@ -148,11 +185,13 @@ def agent(
 
 @app.command(
     epilog=examples(
-        "netboard display --station left", "netboard display --station right --offscreen --screenshot r.png"
+        "netboard display --station left",
+        "netboard display --station right --offscreen --screenshot r.png",
+        "netboard display --calibrate --set display.screen=1",
     )
 )
 def display(
-    station: Annotated[Side, typer.Option(help="The seat whose view this is.")],
+    station: Annotated[Side | None, typer.Option(help="The seat whose view this is.")] = None,
     config: ConfigFile = None,
     overrides: Overrides = None,
     screenshot: Screenshot = None,
@@ -161,12 +200,42 @@ def display(
         typer.Option(min=0, metavar="SECONDS", help="Take the screenshot so long after the first view, and go on."),
     ] = None,
     offscreen: Annotated[bool, typer.Option("--offscreen", help="Draw without a screen.")] = False,
+    list_screens: Annotated[
+        bool, typer.Option("--list-screens", help="Print the screens of this machine, and show nothing.")
+    ] = False,
+    calibrate: Annotated[
+        bool, typer.Option("--calibrate", help="Measure the pixels of the screen with a bank card.")
+    ] = False,
 ) -> None:
     """Run a participant's display: board, ball, target and one's own stylus."""
     settings = configuration.load(config, overrides or ())
     from netboard.services import display as service
 
+    if list_screens:
+        raise typer.Exit(service.list_screens())
+    if calibrate:
+        raise typer.Exit(service.calibrate(settings))
+    if station is None:
+        raise ConfigError("--station: not given, expected left or right")
     raise typer.Exit(service.main(settings, station=station, screenshot=screenshot, after=after, offscreen=offscreen))
+
+
+@app.command(epilog=examples("netboard console", "netboard console -c rig.toml", "netboard console --screenshot c.png"))
+def console(
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    screenshot: Screenshot = None,
+    after: Annotated[
+        float | None,
+        typer.Option(min=0, metavar="SECONDS", help="Take the screenshot so long after the first word, and go on."),
+    ] = None,
+    offscreen: Annotated[bool, typer.Option("--offscreen", help="Draw without a screen.")] = False,
+) -> None:
+    """Open the operator's window: see how everything is, open the session, run it, stop it."""
+    settings = configuration.load(config, overrides or ())
+    from netboard.services import console as service
+
+    raise typer.Exit(service.main(settings, screenshot=screenshot, after=after, offscreen=offscreen))
 
 
 @app.command(epilog=examples("netboard logger", "netboard logger --set recording.directory=/data --once"))
@@ -201,33 +270,70 @@ def replay(
     )
 
 
-@app.command(epilog=examples("netboard demo", "netboard demo --trials 2 --haptics off --bimanual"))
+@app.command(
+    epilog=examples(
+        "netboard demo",
+        "netboard demo --play left",
+        "netboard demo --trials 2 --haptics off --bimanual",
+        "netboard demo --study paper --dyad 3 --blocks 4 --trials 5",
+    )
+)
 def demo(
     config: ConfigFile = None,
     overrides: Overrides = None,
-    trials: Annotated[int, typer.Option(min=1, help="Successful trials.")] = 6,
+    trials: Annotated[
+        int | None, typer.Option(min=1, help="Successful trials: 6, or in each block of a study at most so many.")
+    ] = None,
     haptics: Annotated[Literal["on", "off"], typer.Option(help="Whether the hands feel the board.")] = "on",
     bimanual: Annotated[bool, typer.Option("--bimanual", help="One simulated person with both hands.")] = False,
     seed: Annotated[int, typer.Option(min=0, help="Seed of everything random.")] = 1,
     directory: Annotated[Path, typer.Option(metavar="FOLDER", help="Where the recording goes.")] = Path("recordings"),
     displays: Annotated[bool, typer.Option("--displays/--no-displays", help="Run the two displays.")] = True,
+    play: Annotated[
+        Literal["left", "right", "both"] | None,
+        typer.Option(
+            help="Play a side yourself, with the mouse; the other one is simulated. Both: the mouse moves the left "
+            "hand, the up and down keys the right one."
+        ),
+    ] = None,
+    study: Annotated[
+        str | None,
+        typer.Option(metavar="NAME|FILE", help="A session of a study in place of one block, as a pilot run."),
+    ] = None,
+    dyad: Dyad = 1,
+    blocks: Annotated[int | None, typer.Option(min=1, help="Only the first blocks of the study.")] = None,
 ) -> None:
-    """Run a whole session on this machine, with simulated people."""
-    wanted = demo_settings(trials=trials, haptics=haptics, bimanual=bimanual, seed=seed, directory=directory)
-    settings = configuration.load(config, [*wanted, *(overrides or ())])
+    """Run a whole session on this machine, with simulated people, or play in it."""
+    if play and not displays:
+        raise ConfigError(f"--no-displays: found with --play {play}, which needs a window to play in")
+    if play in SIDES and bimanual:
+        raise ConfigError(f"--bimanual: found with --play {play}, expected --play both: one person moves both hands")
+    settings_of = demo_settings(
+        trials=trials or 6, haptics=haptics, bimanual=bimanual, seed=seed, directory=directory, play=play
+    )
+    if study is not None:
+        settings_of.append("session.pilot=true")
+    settings = configuration.load(config, [*settings_of, *(overrides or ())])
     from netboard.services import demo as service
+    from netboard.services.planned import Wanted
 
-    raise typer.Exit(service.main(settings, displays=displays))
+    wanted = None if study is None else Wanted(study, dyad, 1, seed, blocks, trials)
+    raise typer.Exit(service.main(settings, displays=displays, study=wanted))
 
 
-def demo_settings(*, trials: int, haptics: str, bimanual: bool, seed: int, directory: Path) -> list[str]:
+def demo_settings(
+    *, trials: int, haptics: str, bimanual: bool, seed: int, directory: Path, play: str | None = None
+) -> list[str]:
     """Write the demo's own options as settings."""
+    played = [side for side in SIDES if play in (side, "both")]
     return [
         f"block.trials={trials}",
-        f"block.haptics={'true' if haptics == 'on' else 'false'}",
+        f"block.force={'full' if haptics == 'on' else 'none'}",
         f"block.configuration={'bimanual' if bimanual else 'dyadic'}",
         f"block.seed={seed}",
         f"recording.directory={directory}",
+        *(f"agents.{side}.device={MOUSE}" for side in played),
+        *(["agents.right.options.input=keys"] if play == "both" else []),
     ]
 
 
@@ -356,6 +462,84 @@ def status(
     from netboard.services import status as service
 
     raise typer.Exit(service.main(settings, watch=watch, as_json=json))
+
+
+@app.command(epilog=examples("netboard stop", "netboard stop --guard -c rig.toml", "netboard stop --release"))
+def stop(
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    release: Annotated[bool, typer.Option("--release", help="End the stop: devices may be armed again.")] = False,
+    guard: Annotated[bool, typer.Option("--guard", help="Stand by, and stop when any key is pressed.")] = False,
+) -> None:
+    """Emergency stop: no device has a force any more, until it is released.
+
+    With --guard it is connected already, and acts within a millisecond; without, it has to start first.
+    """
+    if release and guard:
+        raise ConfigError("--release and --guard: expected one of them, for they are opposites")
+    settings = configuration.load(config, overrides or ())
+    from netboard.services import control as service
+
+    raise typer.Exit(service.emergency(settings, release=release, guard=guard))
+
+
+Deed = Literal[
+    "start",
+    "pause",
+    "pause_after_trial",
+    "resume",
+    "abort",
+    "repeat",
+    "veto",
+    "skip",
+    "stop",
+    "stop_after_block",
+    "next",
+    "end",
+    "open",
+    "arm",
+    "disarm",
+    "note",
+    "take",
+]
+
+
+@app.command(
+    epilog=examples(
+        "netboard control start",
+        "netboard control pause_after_trial -c rig.toml --json",
+        """netboard control open '{"participant_a": "P07", "participant_b": "P08", "consent": true}'""",
+        "netboard control note 'the left participant sneezed'",
+        "netboard control start --until finished --seconds 900",
+    )
+)
+def control(
+    command: Annotated[
+        Deed,
+        typer.Argument(
+            help="abort gives up the attempt, which begins anew; skip counts the trial as done; repeat adds a trial at "
+            "the end of the block, and veto takes that back; stop ends the block; next goes on to the next one; end "
+            "ends the session and the server; open takes a form as JSON; take makes this the commander."
+        ),
+    ],
+    argument: Annotated[str, typer.Argument(help="What the command needs to know: a form, a note, a trial.")] = "",
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    take: Annotated[bool, typer.Option("--take", help="Command even if a console does: take over.")] = False,
+    until: Annotated[
+        Literal["idle", "levelling", "running", "holding", "paused", "finished"] | None,
+        typer.Option(metavar="PHASE", help="Wait then until the trial is in this phase; exit code 1 if it is not."),
+    ] = None,
+    seconds: Annotated[float | None, typer.Option(min=0, help="At most so long.")] = None,
+    json: Annotated[bool, typer.Option("--json", help="Answer and status as one line of JSON.")] = False,
+) -> None:
+    """Tell a running server what to do, as the console does: for scripts."""
+    settings = configuration.load(config, overrides or ())
+    from netboard.services import control as service
+
+    raise typer.Exit(
+        service.command(settings, command, argument, take=take, until=until, seconds=seconds, as_json=json)
+    )
 
 
 @app.command(epilog=examples("netboard info recordings/S01.mcap"))

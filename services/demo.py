@@ -1,18 +1,20 @@
-"""A whole session on this machine: every process for real, the people simulated."""
+"""A whole session on this machine: every process for real, the people simulated, or one side or both played by you."""
 
+import os
 import subprocess
 import sys
 import tempfile
 import time
 from dataclasses import replace
 from datetime import UTC, datetime
+from enum import Enum
 from pathlib import Path
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from netboard import sockets
-from netboard.config import SIDES, Config, resolve
+from netboard.config import SIDES, Config, played_sides, resolve
 from netboard.errors import NetboardError
 from netboard.nodes.launcher import Launcher, free_port
 from netboard.nodes.operator import Operator
@@ -20,6 +22,7 @@ from netboard.process import Stopping
 from netboard.recording.reader import Recording
 from netboard.recording.verification import verify_recording
 from netboard.report.tables import summary_of, summary_tables, verdict_line
+from netboard.services.planned import Wanted
 from netboard.stage import make_stage
 
 PICTURE_AFTER = 8.0
@@ -28,12 +31,28 @@ PICTURE_AFTER = 8.0
 ANSWER_SECONDS = 0.2
 START_SECONDS = 60.0
 END_SECONDS = 20.0
+HEAR_SECONDS = 10.0
+"""Whoever leaves before the server has answered waits so long for that [s]."""
+
+SCREENS = ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM")
+"""Where the environment says that there is a screen, or what to take for one."""
+
+FAREWELL_SECONDS = 3.0
+"""Whoever has played sees that the block is over for so long [s]."""
 
 console = Console(highlight=False)
 
 
-def main(config: Config, *, displays: bool = True) -> int:
-    """Play a block with simulated people and show what came of it.
+class End(Enum):
+    """How the watch over a block ends."""
+
+    FINISHED = "all trials are done"
+    LEFT = "whoever played has left"
+    FAILED = "it was interrupted, or a process died"
+
+
+def main(config: Config, *, displays: bool = True, study: Wanted | None = None) -> int:
+    """Play a block, or a session of a study, with simulated people or those who play here, and show what came of it.
 
     Parameters
     ----------
@@ -41,12 +60,22 @@ def main(config: Config, *, displays: bool = True) -> int:
         Rig and experiment; its port is replaced by free ones.
     displays : bool
         Run the two displays.
+    study : Wanted, optional
+        The session; without one, the configuration's block.
 
     Returns
     -------
     int
-        Exit code: 1 if a process failed, the block was not finished, or the recording is not verified.
+        Exit code: 1 if a process failed, the block was not finished, or the recording is not verified. Whoever plays
+        may leave before the end: that is no failure.
+
+    Raises
+    ------
+    NetboardError
+        If a side is to be played and there is no screen for that.
     """
+    if played_sides(config) and (trouble := why_no_windows(screen=True)):
+        raise NetboardError(f"nobody can play here: {trouble}; without a player: netboard demo")
     began = time.monotonic()
     directory = Path(config.recording.directory).resolve()
     with Stopping() as stopping:
@@ -58,7 +87,7 @@ def main(config: Config, *, displays: bool = True) -> int:
         try:
             directory.mkdir(parents=True, exist_ok=True)
             words = Path(tempfile.mkdtemp(prefix=f"demo_{datetime.now(UTC):%Y%m%dT%H%M%SZ}_", dir=directory))
-            session = play(on_this_machine(config, directory), words, displays, stopping)
+            session = play(on_this_machine(config, directory), words, displays, stopping, study)
         except OSError as error:
             raise NetboardError(f"{directory}: cannot be written to: {error.strerror}") from error
     if session:
@@ -78,31 +107,41 @@ def on_this_machine(config: Config, directory: Path) -> Config:
     )
 
 
-def why_no_windows() -> str:
-    """Why Qt cannot be loaded on this machine; empty if it can."""
-    tried = subprocess.run(
-        [sys.executable, "-c", "import PySide6.QtWidgets"], capture_output=True, text=True, check=False
-    )
-    return tried.stderr.strip().splitlines()[-1] if tried.returncode else ""
+def why_no_windows(*, screen: bool = False) -> str:
+    """Why Qt cannot be loaded on this machine, or, if so wanted, not open a window; empty if it can."""
+    if screen and sys.platform == "linux" and not any(map(os.environ.get, SCREENS)):
+        return f"there is no screen (none of {', '.join(SCREENS)} is set)"
+    script = "import PySide6.QtWidgets as qt" + ("; qt.QApplication([])" if screen else "")
+    tried = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    said = tried.stderr.strip().splitlines() or [f"Qt ended with exit code {tried.returncode}"]
+    aborted = tried.returncode < 0  # Qt says first why it will, Python says last why it could not
+    return (said[0] if aborted else said[-1]) if tried.returncode else ""
 
 
-def play(config: Config, words: Path, displays: bool, stopping: Stopping) -> str:
+def play(config: Config, words: Path, displays: bool, stopping: Stopping, study: Wanted | None = None) -> str:
     """Start everything, watch it play, end it in order; return the session's id, empty if it went wrong."""
     file = words / "demo.toml"
     file.write_text(resolve(config), encoding="utf-8")
+    played = played_sides(config)
+    shown = (played or SIDES) if displays else ()  # who plays does not look behind the curtain
     with Launcher(words, {"PYTHONUNBUFFERED": "1"}) as launcher, sockets.open_context() as context:
         launcher.start("logger", "logger", "--once", "-c", str(file))
-        launcher.start("server", "server", "-c", str(file))
+        launcher.start("server", "server", "-c", str(file), *([] if study is None else study.options))
         for side in SIDES:
             launcher.start(f"{side} agent", "agent", "--side", side, "-c", str(file))
-            if displays:
+            if side in shown:
                 shot = ("--screenshot", str(words / f"display-{side}.png"), "--after", str(PICTURE_AFTER))
                 launcher.start(f"{side} display", "display", "--station", side, "-c", str(file), *shot)
         operator = Operator(config.network, context)
-        if not watch(operator, launcher, stopping):
+        end = watch(operator, launcher, stopping, bool(played))
+        if end is End.LEFT:
+            hear(operator)
+        if end is End.FAILED or operator.status is None:
             return ""
-        session = operator.status.session if operator.status else ""
-        operator.command("shutdown")
+        if end is End.FINISHED and played:
+            operator.attend(FAREWELL_SECONDS)
+        session = operator.status.session
+        operator.command("end")
         with console.status("bringing the last records to disk"):
             trouble = launcher.wait("server", END_SECONDS) or launcher.wait("logger", END_SECONDS)
         if trouble:
@@ -111,31 +150,44 @@ def play(config: Config, words: Path, displays: bool, stopping: Stopping) -> str
     return session
 
 
-def watch(operator: Operator, launcher: Launcher, stopping: Stopping) -> bool:
-    """Show the progress until the block is over; False if it was interrupted or a process died."""
+def watch(operator: Operator, launcher: Launcher, stopping: Stopping, played: bool) -> End:
+    """Show the progress until the block is over, or whoever plays has closed the window or pressed Ctrl-C."""
     heard = time.monotonic()
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(*columns, console=console) as progress:
         task = progress.add_task("starting", total=None)
         while not stopping():
             ended = launcher.ended()
+            if ended is not None and played and ended.code == 0 and ended.name.endswith("display"):
+                console.print("the window was closed")
+                return End.LEFT
             if ended is not None:
                 console.print(f"[red]{ended}[/red]")
-                return False
+                return End.FAILED
             status = operator.ask(ANSWER_SECONDS)
             if status is None:
                 if time.monotonic() - heard > START_SECONDS:
                     console.print(f"[red]the server has been silent for {START_SECONDS:.0f} s[/red]")
-                    return False
+                    return End.FAILED
                 continue
             heard = time.monotonic()
-            line = status.notice or f"trial {status.trial}: {status.phase}, {status.failures} failed so far"
+            block = f"block {status.block} of {status.blocks}, " if status.blocks > 1 else ""
+            line = status.notice or f"{block}trial {status.trial}: {status.phase}, {status.failures} failed so far"
             progress.update(task, completed=status.successes, total=status.trials, description=f"{line:48.48s}")
-            if status.phase == "finished":
-                return True
+            if status.phase == "finished" and status.block == status.blocks:
+                return End.FINISHED
             time.sleep(ANSWER_SECONDS)
+    if played:
+        return End.LEFT
     console.print("interrupted; everything has been stopped")
-    return False
+    return End.FAILED
+
+
+def hear(operator: Operator) -> None:
+    """Wait for the server's first answer: whoever leaves while everything starts shall find a whole recording."""
+    until = time.monotonic() + HEAR_SECONDS
+    while operator.status is None and time.monotonic() < until:
+        operator.ask(ANSWER_SECONDS)
 
 
 def show(directory: Path, session: str, words: Path, began: float) -> int:
@@ -148,7 +200,8 @@ def show(directory: Path, session: str, words: Path, began: float) -> int:
         with Recording(path) as recording:
             summary = summary_of(recording)
             verdict = verify_recording(recording)
-        console.print(summary_tables(summary))
+        if len(paths) == 1:
+            console.print(summary_tables(summary))
         console.print(verdict_line(verdict))
         good &= verdict.identical and not summary.missing_ticks
         console.print(f"recording   {path}")

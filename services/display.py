@@ -1,9 +1,9 @@
-"""A participant's display as a process."""
+"""A participant's display as a process; and what is to be known of the screens before."""
 
 import os
 from pathlib import Path
 
-from netboard.config import Config, Side
+from netboard.config import Config, Side, played_sides
 from netboard.process import Stopping, make_way, speak
 
 
@@ -15,7 +15,7 @@ def main(
     after: float | None = None,
     offscreen: bool = False,
 ) -> int:
-    """Show one station's view until the window is closed or the process is told to stop.
+    """Show one station's view until the window is closed or the process is told to stop; let it be played, if it is.
 
     Parameters
     ----------
@@ -41,6 +41,51 @@ def main(
         os.environ["QT_QPA_PLATFORM"] = "offscreen"
     from netboard.display import client
 
+    play: client.Play | None = None
+    if station in played_sides(config):
+        from netboard.display.playing import Playing
+
+        play = Playing
     with Stopping() as stopping:
-        client.run(config, station, stopping, screenshot, after)
+        client.run(config, station, stopping, screenshot, after, play)
+    return 0
+
+
+def list_screens() -> int:
+    """Print the screens of this machine, by the numbers that ``[display] screen`` knows.
+
+    Returns
+    -------
+    int
+        Exit code.
+    """
+    from netboard.display.window import application, in_words, screens
+
+    application()
+    for number, screen in enumerate(screens()):
+        print(in_words(number, screen))  # noqa: T201  (what was asked for)
+    return 0
+
+
+def calibrate(config: Config) -> int:
+    """Let somebody measure the pixels of the chosen screen with a bank card, and print what the configuration needs.
+
+    Parameters
+    ----------
+    config : Config
+        Of it the number of the screen.
+
+    Returns
+    -------
+    int
+        Exit code: 1 if nobody said that the outline fits.
+    """
+    from netboard.display.calibration import calibrate as measure
+
+    size, screen = measure(config.display.screen)
+    print(f"screen {screen}")  # noqa: T201  (what was asked for)
+    if size is None:
+        print("not calibrated: the window was closed before Enter was pressed")  # noqa: T201
+        return 1
+    print(f"[display]\nscreen = {config.display.screen}\nmm_per_pixel = {size:.4f}")  # noqa: T201
     return 0

@@ -4,12 +4,11 @@ from pathlib import Path
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-from rich.table import Table
-from rich.text import Text
 
 from netboard.config import Config
-from netboard.doctor.report import QUICK, THOROUGH, Report, examine
+from netboard.doctor.report import QUICK, THOROUGH, examine
 from netboard.recording.provenance import doctor_report_path
+from netboard.rig.words import findings_table
 
 console = Console(highlight=False)
 
@@ -39,20 +38,9 @@ def main(config: Config, *, quick: bool = False, json: Path | None = None) -> in
             QUICK if quick else THOROUGH,
             lambda what, done: progress.update(task, description=what, completed=done),
         )
-    console.print(report_table(report))
+    console.print(findings_table("This machine", report.findings))
     console.print(report.summary)
     for path in filter(None, (doctor_report_path(), json)):
         report.save(path)
         console.print(f"report  {path}")
     return 0 if report.fit else 1
-
-
-def report_table(report: Report) -> Table:
-    """Lay the findings out, with what to do below each that is not green."""
-    table = Table(title="This machine", title_justify="left", show_header=False)
-    for finding in report.findings:
-        found = Text(finding.found)
-        if finding.advice:
-            found.append(f"\n{finding.advice}", "bold")
-        table.add_row(Text(finding.colour, finding.colour), finding.name, found)
-    return table

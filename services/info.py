@@ -1,5 +1,6 @@
 """What is in a recording, for people: where it comes from, trials, completion times, latencies, losses."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from rich.console import Console
@@ -7,7 +8,9 @@ from rich.table import Table
 
 from netboard.config import parse
 from netboard.errors import RecordingError
+from netboard.experiment.quality import WORDS, Verdict
 from netboard.recording.account import Stretch, account_of, parts_of
+from netboard.recording.quality import judged
 from netboard.recording.reader import Recording
 from netboard.report.tables import summary_of, summary_tables
 
@@ -29,6 +32,7 @@ def main(path: Path) -> int:
     with Recording(path) as recording:
         console.print(provenance_table(recording))
         console.print(summary_tables(summary_of(recording)))
+        console.print(quality_table(judged(recording)))
     console.print(account_table(path))
     return 0
 
@@ -62,6 +66,30 @@ def provenance_table(recording: Recording) -> Table:
     table = Table(title="Recording", title_justify="left", show_header=False)
     for name, value in rows.items():
         table.add_row(name, value)
+    return table
+
+
+def quality_table(verdicts: Sequence[Verdict]) -> Table:
+    """Say which attempts are doubtful, by the rules of the recording's configuration, and why.
+
+    Parameters
+    ----------
+    verdicts : sequence of Verdict
+        Of all attempts.
+
+    Returns
+    -------
+    Table
+        For printing.
+    """
+    doubtful = [verdict for verdict in verdicts if verdict.flags]
+    title = f"Doubtful attempts: {len(doubtful)} of {len(verdicts)}"
+    table = Table(title=title, title_justify="left", show_header=bool(doubtful))
+    for heading in ("trial", "attempt", "outcome", "flag", "what it says"):
+        table.add_column(heading, justify="right" if heading in ("trial", "attempt") else "left")
+    for verdict in doubtful:
+        words, sentences = "\n".join(verdict.flags), "\n".join(WORDS[word] for word in verdict.flags)
+        table.add_row(str(verdict.trial), str(verdict.attempt), verdict.outcome, words, sentences)
     return table
 
 

@@ -4,12 +4,15 @@ from collections.abc import Sequence
 
 from netboard import keys, sockets
 from netboard.config import Config
+from netboard.nodes.ledger import Ledger
+from netboard.nodes.programme import Programme
 from netboard.nodes.server import Server
 from netboard.process import Priority, Stopping, cpus_for, io_priority, prepare, speak
+from netboard.services.planned import Planned, Wanted, agreed
 
 
 def main(configs: Sequence[Config], *, autostart: bool = True) -> int:
-    """Serve one session of each of some dyads.
+    """Serve one block of each of some dyads.
 
     Parameters
     ----------
@@ -23,11 +26,43 @@ def main(configs: Sequence[Config], *, autostart: bool = True) -> int:
     int
         Exit code: 1 if records are not known to be on disk.
     """
+    return serve([(Programme([config]), Ledger()) for config in configs], autostart=autostart)
+
+
+def study(config: Config, wanted: Wanted, *, autostart: bool, resume: bool, yes: bool) -> int:
+    """Serve one session of a study.
+
+    Parameters
+    ----------
+    config : Config
+        The rig.
+    wanted : Wanted
+        Which session.
+    autostart : bool
+        Start each block as soon as everything is there.
+    resume : bool
+        Go on where the session was left.
+    yes : bool
+        Without asking.
+
+    Returns
+    -------
+    int
+        Exit code, as of `main`.
+    """
+    planned = Planned(config, wanted)
+    session = planned.resumed(agreed(yes)) if resume else planned.begun()
+    return serve([session], autostart=autostart)
+
+
+def serve(sessions: Sequence[tuple[Programme, Ledger]], *, autostart: bool) -> int:
+    """Serve sessions until all have ended; 1 if records are not known to be on disk."""
+    configs = [programme.block.config for programme, _ in sessions]
     doors = [keys.door(config.network) for config in configs]
     speak("server")
     wanted = configs[0].realtime
     came = prepare(wanted, Priority.SERVER, cpus_for("server", wanted))
     with Stopping() as stopping, sockets.open_context(io_priority(came, Priority.SERVER)) as context:
-        server = Server(configs, context, doors, autostart=autostart)
+        server = Server(sessions, context, doors, autostart=autostart)
         server.run(stopping, came)
     return 0 if server.everything_recorded else 1

@@ -87,4 +87,7 @@ def plain(status: Status) -> dict[str, object]:
         }
         for link in status.links
     ]
-    return {**asdict(status), "links": links}
+    loops = [
+        {"peer": peer, "late": None if isnan(late) else late, "limit": limit} for peer, late, limit in status.loops
+    ]
+    return {**asdict(status), "links": links, "loops": loops}

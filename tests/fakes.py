@@ -1,4 +1,4 @@
-"""Small real implementations of what surrounds netboard: a clock, and a log channel with a server behind it."""
+"""Small real implementations of what surrounds netboard: a clock, what an operator asks, and a log channel."""
 
 import random
 from collections import deque
@@ -13,11 +13,62 @@ from netboard.wire.messages import (
     LogEnd,
     LogRequest,
     Message,
+    Outcomes,
     Pong,
     Refusal,
+    Status,
+    Trace,
     Welcome,
 )
 from netboard.wire.ring import LogRing
+
+STATUS = Status(
+    session="session",
+    tick=1,
+    phase="idle",
+    trial=1,
+    trials=60,
+    successes=0,
+    failures=0,
+    completions=(),
+    late_ticks=0,
+    waiting_for=(),
+    peers=(),
+    notice="",
+    links=(),
+    loops=(),
+    name="S01",
+    dyad="D01",
+    study="",
+    pilot=False,
+    consent=False,
+    opened=True,
+    armed=True,
+    commander="",
+    block=1,
+    blocks=1,
+    label="",
+    condition="dyadic, force full",
+    rest=0.0,
+    pending="",
+    outcomes=0,
+    recordings=(),
+    stations=(),
+)
+"""How a session is that has just begun."""
+
+
+class Answers:
+    """What operators may ask, and are told nothing new."""
+
+    def status(self) -> Status:
+        return STATUS
+
+    def outcomes(self, first: int) -> Outcomes:
+        return Outcomes(first, ())
+
+    def trace(self, after: int) -> Trace:
+        return Trace(())
 
 
 class FakeClock:
@@ -77,6 +128,10 @@ class FakeLogServer:
                 self._cursor = None
         return []
 
+    def lose(self) -> None:
+        """Forget the logger."""
+        self.greeted, self._cursor = False, None
+
     def pump(self) -> list[Message]:
         """Send what is due."""
         sent: list[Message] = []
@@ -126,6 +181,12 @@ class FakeLogLink:
     def inject(self, frame: bytes) -> None:
         """Put a frame on the line that the server did not send."""
         self._inbox.append(frame)
+
+    def hang_up(self) -> None:
+        """Lose the logger, and what is on the line to it."""
+        self._inbox.clear()
+        if self.server is not None:
+            self.server.lose()
 
     def _copies(self) -> int:
         if self.random.random() < self.drop:

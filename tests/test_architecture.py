@@ -50,6 +50,7 @@ def test_contracts_are_kept(tree: Path) -> None:
         ("nodes/screen.py", "from PySide6 import QtCore", "Qt"),
         ("nodes/hidden.py", "import hid", "device libraries"),
         ("recording/leak.py", "import netboard.sockets", "Arrows"),
+        ("devices/leak.py", "import netboard.sockets", "A device"),
         ("stage_two.py", "X = 1", "Arrows"),
     ],
 )

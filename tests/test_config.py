@@ -57,7 +57,7 @@ def test_resolved_text_is_complete_and_reads_back() -> None:
     assert parse(resolve(config)) == config
     for table, key in ALL:
         assert key.name == "options" or re.search(
-            rf"\[{table.name}\][^\[]*^{key.name} = ", resolve(config), re.MULTILINE
+            rf"^\[{table.name}\]$(?:\n(?!\[).*)*?\n{key.name} = ", resolve(config), re.MULTILINE
         )
 
 
@@ -111,7 +111,7 @@ def test_digest_tells_configurations_apart() -> None:
 
 @pytest.mark.parametrize(("table", "key"), ALL, **NAMED)
 def test_a_wrong_type_names_table_key_and_what_is_expected(table: Table, key: Key) -> None:
-    (problem,) = problems(f"[{table.name}]\n{key.name} = [1]")
+    (problem,) = problems(f"[{table.name}]\n{key.name} = [[1]]")
     if key.name != "options":
         assert problem == f"rig.toml: [{table.name}] {key.name}: found a list, expected {key.expected} ({key.text})"
 
@@ -140,7 +140,7 @@ def test_limits_hold_and_infinity_is_outside(table: Table, key: Key) -> None:
         ),
         ("[physics]\nM = true", "[physics] M: found true, expected a number"),
         ("[block]\ntrials = 1.5", "[block] trials: found 1.5, expected a whole number >= 1 and <= 10000 "),
-        ("[block]\nhaptics = 1", "[block] haptics: found 1, expected true or false "),
+        ("[session]\npilot = 1", "[session] pilot: found 1, expected true or false "),
         ('[block]\nfirst_target = "up"', 'found "up", expected "left" or "right" or "random" '),
         ('[session]\nname = "a b"', 'found "a b", expected text matching '),
         ('[network]\nhost = ""', 'found "", expected text of at least one character '),
@@ -170,6 +170,14 @@ def test_all_problems_are_listed() -> None:
     assert {line.split(": ")[1] for line in lines} == {"[physics] Mass", "[physics] m", "[block] trials", "[nowhere]"}
 
 
+AT_BOTH = "[physics]\ncoupling_at = 'both'\n[block]\n"
+
+
+def test_with_the_coupling_at_both_ends_all_of_it_is_felt_or_nothing() -> None:
+    assert parse(AT_BOTH).block.haptics
+    assert not parse(AT_BOTH + "force = 'none'").block.haptics
+
+
 @pytest.mark.parametrize(
     ("text", "key"),
     [
@@ -195,6 +203,14 @@ def test_all_problems_are_listed() -> None:
         ("[physics]\nboard = 'hinged'\nb_z = 0.1", "[physics] b_z"),
         ("[physics]\nboard = 'level'\nb_theta = 0.1", "[physics] b_theta"),
         ("[physics]\nmethod = 'exact'", "[physics] method"),
+        ("[block]\ncatch = [3, 0]", "[block] catch"),
+        ("[block]\ncatch = [10001]", "[block] catch"),
+        (AT_BOTH + "force = 'partner_only'", "[block] force"),
+        (AT_BOTH + "force_scale = 0.5", "[block] force_scale"),
+        (AT_BOTH + "force_delay_ms = 20", "[block] force_delay_ms"),
+        (AT_BOTH + "catch = [3]", "[block] catch"),
+        (AT_BOTH + "left = 'robot'", "[block] left"),
+        (AT_BOTH + "right = 'still'", "[block] right"),
     ],
 )
 def test_keys_that_contradict_each_other(text: str, key: str) -> None:
@@ -210,7 +226,7 @@ def test_keys_that_contradict_each_other(text: str, key: str) -> None:
     ("override", "value"),
     [
         ("block.trials=6", lambda config: config.block.trials == 6),
-        ("block.haptics = false", lambda config: config.block.haptics is False),
+        ("session.pilot = true", lambda config: config.session.pilot is True),
         ("block.first_target=left", lambda config: config.block.first_target == "left"),
         ('block.first_target="left"', lambda config: config.block.first_target == "left"),
         ("session.dyad=007", lambda config: config.session == Session(dyad="007")),
@@ -220,7 +236,7 @@ def test_keys_that_contradict_each_other(text: str, key: str) -> None:
     ],
 )
 def test_an_override_goes_before_the_file(override: str, value: Any) -> None:
-    assert value(parse("[block]\ntrials = 2\nhaptics = true\n[session]\nname = 'S01'", "rig.toml", [override]))
+    assert value(parse("[block]\ntrials = 2\nforce = 'full'\n[session]\nname = 'S01'", "rig.toml", [override]))
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,6 @@
 """The curtain: what a station may see of a tick, and what it never may."""
 
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from netboard.config import SIDES, parse
+from netboard.config import SIDES, Side, parse
 from netboard.curtain import AGAIN, make_curtain, view_of
 from netboard.experiment.machine import Phase
 from netboard.tick import TICK
@@ -44,18 +44,62 @@ def test_whatever_the_partners_hand_does_a_dyadic_view_does_not_show_it(seed: in
 
 def test_one_person_with_both_hands_sees_both() -> None:
     r = row(3)
-    for station in SIDES:
-        view = view_of(BIMANUAL, r[0], station, None, 0)
-        assert (view.left, view.right) == (r["left_used_z"][0], r["right_used_z"][0])
+    view = view_of(BIMANUAL, r[0], "left", None, 0)
+    assert (view.left, view.right) == (r["left_used_z"][0], r["right_used_z"][0])
+
+
+ALONE = {
+    "right": '[block]\nconfiguration = "bimanual"',
+    "left": '[block]\nconfiguration = "bimanual"\nstation = "right"',
+}
+MANNED = {"right": '[block]\nright = "still"', "left": '[block]\nleft = "robot"'}
+
+
+@pytest.mark.parametrize("text", [*ALONE.items(), *MANNED.items()])
+@given(st.integers(0, 2**31))
+def test_who_has_nothing_to_do_sees_nothing_of_it(text: tuple[Side, str], seed: int) -> None:
+    station, toml = text
+    curtain = make_curtain(parse(toml))
+    assert curtain.away == (station,)
+    seen = [view_of(curtain, row(s)[0], station, 2.0, 0, 7, 12.5) for s in (seed, seed + 1)]
+    numbers = {"tick": 0, "trial": 0, "trials": 0}
+    assert replace(seen[0], **numbers) == replace(seen[1], **numbers)  # type: ignore[arg-type]
+    view = seen[0]
+    assert (view.phase, view.z, view.theta, view.p, view.left, view.right) == ("away", 0.0, 0.0, None, None, None)
+    assert (view.completion, view.best, view.failures, view.share, view.notice) == (None, None, 0, 0.0, "")
+    assert (view.seq, view.rest) == (7, 12.5)
+
+
+@pytest.mark.parametrize(
+    ("phase", "counted", "share"),
+    [(Phase.LEVELLING, 250, 0.5), (Phase.HOLDING, 375, 0.25), (Phase.HOLDING, 9999, 1.0), (Phase.RUNNING, 375, 0.0)],
+)
+def test_the_share_is_of_the_time_that_the_phase_must_last(phase: Phase, counted: int, share: float) -> None:
+    r = row(1)
+    r["phase"], r["counted"] = phase, counted
+    assert view_of(DYADIC, r[0], "left", None, 0).share == share
+
+
+def test_a_board_that_need_not_be_level_for_long_has_no_share() -> None:
+    r = row(1)
+    r["phase"], r["counted"] = Phase.LEVELLING, 1
+    assert view_of(make_curtain(parse("[task]\nlevel_time = 0")), r[0], "left", None, 0).share == 0.0
+
+
+def test_a_view_says_which_block_it_is_of() -> None:
+    curtain = make_curtain(parse("[block]\nnumber = 3\nblocks = 18"))
+    view = view_of(curtain, row(1)[0], "left", None, 0)
+    assert (view.block, view.blocks) == (3, 18)
 
 
 def test_a_view_is_the_boards_state_and_the_blocks_count() -> None:
     r = row(5)
-    r["phase"], r["target"], r["completion"], r["trial"] = Phase.HOLDING, -1, 2.5, 4
+    r["phase"], r["target"], r["completion"], r["trial"], r["extra"] = Phase.HOLDING, -1, 2.5, 4, 2
     view = view_of(DYADIC, r[0], "left", 2.25, 77)
     assert (view.phase, view.target, view.completion, view.best) == ("holding", -0.15, 2.5, 2.25)
     assert (view.z, view.theta, view.p) == (r["z"][0], r["theta"][0], r["p"][0])
-    assert (view.trial, view.trials, view.sent_ns, view.notice) == (4, 6, 77, "")
+    assert (view.trial, view.trials, view.sent_ns, view.notice) == (4, 8, 77, "")
+    assert (view.seq, view.block, view.blocks, view.rest) == (0, 1, 1, None)
     assert all(type(getattr(view, f.name)) in (str, int, float, type(None)) for f in fields(view))
 
 

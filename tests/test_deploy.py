@@ -13,7 +13,7 @@ import pytest
 import typer.main
 
 from netboard.config import parse
-from netboard.doctor.usb import DEVICES
+from netboard.doctor.usb import NAMES
 from netboard.keys import encrypted
 from netboard.nodes.launcher import STOP_SECONDS
 from netboard.nodes.session import FINISH_NS
@@ -146,8 +146,8 @@ def test_rules_and_doctor_know_the_same_devices() -> None:
         for product in parts.get("idProduct", "").split("|"):
             for subsystem in parts.get("SUBSYSTEM", "").split("|"):
                 ruled.setdefault(subsystem, set()).add((parts.get("idVendor", ""), product))
-    assert ruled["usb"] == set(DEVICES)
-    assert ruled["hidraw"] | {("0403", "cb48")} == set(DEVICES)
+    assert ruled["usb"] == set(NAMES)
+    assert ruled["hidraw"] | {("0403", "cb48")} == set(NAMES)
 
 
 @pytest.mark.skipif(shutil.which("udevadm") is None, reason="udevadm is not installed")

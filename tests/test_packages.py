@@ -31,9 +31,9 @@ def test_no_package_is_deeper_than_two() -> None:
     assert all(package.count(".") <= 1 for package in SETUPTOOLS["packages"])
 
 
-def test_documents_beside_the_code_are_packaged() -> None:
+def test_what_is_beside_the_code_is_packaged() -> None:
     listed = {folder(package) / name for package, names in SETUPTOOLS["package-data"].items() for name in names}
-    assert listed == set((ROOT / "src").rglob("*.md"))
+    assert listed == {path for kind in ("*.md", "*.c", "*.toml") for path in (ROOT / "src").rglob(kind)}
 
 
 def test_init_holds_only_a_docstring() -> None:

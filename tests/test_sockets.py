@@ -17,6 +17,7 @@ import zmq
 from netboard import doors, fastpath, sockets
 from netboard.config import Network
 from netboard.errors import NetboardError
+from netboard.nodes.launcher import free_port
 from netboard.wire.codec import KINDS
 from netboard.wire.messages import Command, Frames, Goodbye, Hello, LogAck, LogRequest, Pong, Stylus
 
@@ -114,6 +115,28 @@ def test_the_nerve_stays_on_its_machine_and_needs_no_keys() -> None:
         assert nerve == sockets.Endpoint("tcp://127.0.0.1:6005", sockets.NERVE)
     assert where.reach(sockets.LOG).lock is keys
     assert "ssss" not in repr(keys)
+
+
+def test_what_a_player_does_stays_on_the_machine_and_takes_no_port() -> None:
+    keys = doors.Credentials("p" * 40, "s" * 40, "q" * 40)
+    for transport in ("tcp", "ipc"):
+        network = Network(host="10.0.0.1", bind="0.0.0.0", port=6000, transport=transport)  # type: ignore[arg-type]
+        where = sockets.addresses(network, keys)
+        ends = [end(side) for end in (where.pointer, where.felt) for side in ("left", "right")]
+        assert all(end.address.startswith("ipc:///tmp/netboard-") and end.lock is None for end in ends)
+        assert len({end.address for end in ends}) == 4
+
+
+def test_of_what_a_player_points_at_the_newest_counts_and_nothing_waits_for_an_agent(made: Made) -> None:
+    where = sockets.addresses(Network(port=free_port()))
+    early = made.pointer_sender(where.pointer("left"))
+    assert not sockets.send(early, b"stale")
+    agent = made.pointer_receiver(where.pointer("left"))
+    assert until(lambda: sockets.send(early, b"first"))
+    assert until(lambda: sockets.receive(agent)) == b"first"
+    for number in range(50):
+        sockets.send(early, b"%d" % number)
+    assert until(lambda: sockets.send(early, b"newest") and sockets.receive(agent) == b"newest")
 
 
 def test_a_taken_port_is_said_in_words(made: Made) -> None:

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from netboard.config import Config, parse
-from netboard.experiment.machine import BALL_FREE, Cause, Phase
+from netboard.experiment.machine import BALL_FREE, TABLE, Cause, Phase
 from netboard.recording.verification import state_of, verify
-from netboard.stage import Stage, make_stage
+from netboard.stage import Stage, make_stage, told_forces
 from netboard.tick import INPUT, OUTPUT, SERVICE, STATE, TICK, TICK_NS
 
 RIGHT_FIRST = '[block]\nfirst_target = "right"\ntrials = 2\n'
@@ -145,7 +145,7 @@ def test_a_ball_that_falls_fails_the_attempt_and_the_same_trial_comes_again() ->
 def test_without_haptics_the_hands_are_sent_nothing_and_the_board_moves_alike() -> None:
     on, off = started(inputs(2000, 0.01)), started(inputs(2000, 0.01))
     play(make_stage(parse(RIGHT_FIRST)), on)
-    play(make_stage(parse(RIGHT_FIRST + "haptics = false")), off)
+    play(make_stage(parse(RIGHT_FIRST + 'force = "none"')), off)
     assert np.any(on["left_force"] != 0)
     assert not np.any(off["left_force"])
     assert not np.any(off["right_force"])
@@ -301,6 +301,256 @@ def test_whatever_comes_in_the_state_stays_finite_and_the_counts_stay_true(
     assert verify(stage, rows).identical
 
 
+# --- what is felt ----------------------------------------------------------------------------------------------------
+
+
+def felt_by(block: str, rows: NDArray[Any]) -> NDArray[np.float64]:
+    """Forces on both hands in the same block with other settings, after a start."""
+    played = started(rows.copy())
+    play(make_stage(parse(RIGHT_FIRST + block)), played)
+    return np.stack([played["left_force"], played["right_force"]], axis=1)
+
+
+CONDITIONS = {
+    "full": 'force = "full"',
+    "partner_only": 'force = "partner_only"',
+    "environment_only": 'force = "environment_only"',
+    "unrelated": 'force = "unrelated"\nunrelated = "a.mcap"',
+    "none": 'force = "none"',
+}
+
+
+def waving(count: int = 1500) -> NDArray[Any]:
+    """Both hands in slow motion, not alike, and forces of another session."""
+    t = np.arange(count) * 1e-3
+    rows = inputs(count, 0.01 * np.sin(2 * t), 0.008 * np.sin(3 * t + 1))
+    rows["left_other"], rows["right_other"] = 0.3 * np.cos(t), np.sin(5 * t)
+    return rows
+
+
+def test_the_board_and_the_trial_do_not_know_what_is_felt() -> None:
+    played = []
+    for block in CONDITIONS.values():
+        rows = started(waving())
+        played.append(play(make_stage(parse(RIGHT_FIRST + block)), rows).tobytes())
+    assert len(set(played)) == 1
+
+
+def test_partner_and_environment_add_up_to_the_whole_of_a_board_at_rest() -> None:
+    rows = inputs(1000, 0.02, 0.005)
+    parts = felt_by(CONDITIONS["partner_only"], rows) + felt_by(CONDITIONS["environment_only"], rows)
+    # The tilt of 1.7 deg spares the board 0.1 % of the ball's weight, and has not quite ended.
+    assert parts[-1] == pytest.approx(felt_by(CONDITIONS["full"], rows)[-1], abs=1e-3)
+
+
+def test_the_environment_knows_nothing_of_the_partners_hand_and_the_partner_of_nothing_else() -> None:
+    """While the ball is fixed: what it does when it rolls is the work of both."""
+    here, there, mine = waving(), waving(), waving()
+    for name in ("sent_z", "sent_vz"):
+        there[f"right_{name}"], mine[f"left_{name}"] = -here[f"right_{name}"], -here[f"left_{name}"]
+    environment, partner = CONDITIONS["environment_only"], CONDITIONS["partner_only"]
+    assert np.array_equal(felt_by(environment, here)[:, 0], felt_by(environment, there)[:, 0])
+    assert np.array_equal(felt_by(partner, here)[:, 0], felt_by(partner, mine)[:, 0])
+    assert not np.array_equal(felt_by(partner, here)[:, 0], felt_by(partner, there)[:, 0])
+    assert not np.array_equal(felt_by(environment, here)[:, 0], felt_by(environment, mine)[:, 0])
+
+
+def test_the_parts_are_those_of_the_height_that_is_used_clipped_and_at_whatever_rate() -> None:
+    rows = inputs(100, 0.2, 0.0)
+    rows["left_sent_vz"] = 1.0
+    assert felt_by(CONDITIONS["partner_only"], rows)[1:, 1] == pytest.approx(-25.9259 * 0.075, abs=1e-4)
+
+
+def test_an_unrelated_force_is_that_of_the_row_and_only_while_a_trial_is_on() -> None:
+    rows = waving()
+    felt = felt_by(CONDITIONS["unrelated"], rows)
+    assert np.array_equal(felt[1:], np.stack([rows["left_other"], rows["right_other"]], axis=1)[1:])
+    assert not felt[0].any()
+
+
+@pytest.mark.parametrize("force", [name for name in CONDITIONS if name != "none"])
+def test_a_scale_multiplies_and_a_side_without_a_person_or_a_sample_feels_nothing(force: str) -> None:
+    rows, block = waving(), CONDITIONS[force]
+    whole = felt_by(block, rows)
+    assert whole[1:].any(axis=0).all()
+    assert np.array_equal(felt_by(block + "\nforce_scale = 0.5", rows), 0.5 * whole)
+    assert not felt_by(block + "\nforce_scale = 0.0", rows).any()
+    one = felt_by(f'{block}\nleft = "still"', rows)
+    assert not one[:, 0].any()
+    assert np.array_equal(one[:, 1], whole[:, 1])
+    assert np.array_equal(felt_by(f'{block}\nleft = "robot"', rows), whole)
+    rows["right_live"][700:] = 0
+    assert not felt_by(block, rows)[700:, 1].any()
+
+
+def test_in_a_catch_trial_nothing_is_felt_from_its_levelling_to_its_end() -> None:
+    stage = make_stage(parse(RIGHT_FIRST + "catch = [2]"))
+    rows = started(inputs(300, 0.01))
+    rows["command"][[100, 200]] = Cause.SKIP, Cause.REPEAT
+    play(stage, rows)
+    assert rows["trial"][[100, 101, 299]].tolist() == [1, 2, 2]
+    assert rows["left_force"][1:101].all()
+    assert not rows["left_force"][101:].any()
+    assert np.array_equal(rows["left_force"] == 0, rows["right_force"] == 0)
+
+
+@pytest.mark.parametrize("delay", [0, 1, 37, 500])
+def test_a_hand_is_told_the_force_of_so_many_ticks_before_from_the_ring_and_from_a_recording(delay: int) -> None:
+    stage = make_stage(parse(RIGHT_FIRST + f"force_delay_ms = {delay}"))
+    rows = started(waving(2000))
+    undelayed = felt_by("", waving(2000))
+    ring, state, told = np.zeros(512, TICK), stage.initial(), []
+    for i in range(2000):
+        ring[i % 512] = rows[i]
+        stage.advance(state, ring, i)
+        row = stage.told(ring, i)
+        told.append((row["left_force"], row["right_force"]))
+        rows[i] = ring[i % 512]
+    assert np.array_equal(rows["left_force"], undelayed[:, 0])
+    assert np.array_equal(told[delay:], undelayed[: 2000 - delay])
+    assert not np.any(told[:delay])
+    assert np.array_equal(told_forces(rows, delay), told)
+    words = ring.view(np.int64).reshape(512, -1)
+    assert stage.told(words, 1999).tobytes() == stage.told(ring, 1999).tobytes()
+
+
+def test_of_a_recording_with_a_gap_it_is_known_what_was_told_and_nothing_is_told_in_a_pause() -> None:
+    rows = started(waving(300))
+    rows["command"][200] = Cause.PAUSE
+    play(make_stage(parse(RIGHT_FIRST)), rows)
+    told = told_forces(np.delete(rows, slice(100, 110)), 20)
+    kept = np.delete(np.arange(300), slice(100, 110))
+    known = (kept > 20) & (kept <= 200) & ~((kept >= 120) & (kept < 130))
+    assert np.array_equal(told[:, 0] != 0, known)
+    assert told_forces(rows[:0], 20).shape == (0, 2)
+
+
+# --- the block -------------------------------------------------------------------------------------------------------
+
+
+def commanded(stage: Stage, *commands: tuple[int, Cause], count: int = 100, **begin: int) -> tuple[Any, NDArray[Any]]:
+    """Rows of a tilted board with commands at some of its ticks, and the state after them."""
+    rows, state = started(inputs(count, 0.02, -0.02)), stage.initial(**begin)
+    for tick, cause in commands:
+        rows["command"][tick] = cause
+    stage.advance(state, rows, 0, count)
+    assert verify(stage, rows).identical
+    return state[0], rows
+
+
+def test_a_block_begins_in_its_middle() -> None:
+    stage = make_stage(parse(RIGHT_FIRST))
+    for trial, side in ((1, 1), (2, -1), (7, 1)):
+        begun = stage.initial(trial=trial, attempt=3, successes=trial - 1, failures=4, extra=6, block_ticks=9)[0]
+        assert (begun["trial"], begun["target"], begun["p"]) == (trial, side, -side * 0.15)
+        assert [begun[name] for name in ("attempt", "failures", "extra", "block_ticks")] == [3, 4, 6, 9]
+        assert begun["phase"] == Phase.IDLE
+    state, _ = commanded(stage, trial=2, attempt=3)
+    assert (state["phase"], state["trial"], state["attempt"], state["p"]) == (Phase.LEVELLING, 2, 3, 0.15)
+
+
+def test_skipped_trials_are_done_without_success_until_the_block_is_over() -> None:
+    stage = make_stage(parse(RIGHT_FIRST))
+    state, rows = commanded(stage, (10, Cause.SKIP), (20, Cause.SKIP), (30, Cause.SKIP))
+    assert events(rows) == [(0, Cause.START), (10, Cause.SKIP), (20, Cause.LAST)]
+    assert (state["phase"], state["trial"], state["successes"]) == (Phase.FINISHED, 2, 0)
+    assert rows["target"][[10, 11]].tolist() == [1, -1]
+    assert rows["p"][[10, 11]].tolist() == [-0.15, 0.15]
+
+
+def test_a_trial_skipped_in_a_pause_leaves_the_pause_and_the_next_begins_with_its_first_attempt() -> None:
+    stage = make_stage(parse(RIGHT_FIRST))
+    state, rows = commanded(stage, (10, Cause.PAUSE), (20, Cause.SKIP), (30, Cause.RESUME))
+    assert rows["phase"][[20, 21, 30]].tolist() == [Phase.PAUSED] * 3
+    assert rows["attempt"][[10, 21]].tolist() == [1, 0]
+    assert (state["phase"], state["trial"], state["attempt"], state["target"]) == (Phase.LEVELLING, 2, 1, -1)
+    ended, _ = commanded(stage, (10, Cause.PAUSE), (20, Cause.SKIP), (30, Cause.SKIP))
+    assert (ended["phase"], ended["trial"]) == (Phase.FINISHED, 2)
+
+
+def test_trials_are_added_and_vetoed_before_within_and_in_pauses_of_a_block_and_none_is_owed() -> None:
+    stage = make_stage(parse(RIGHT_FIRST))
+    wishes = [(5, Cause.VETO), (6, Cause.REPEAT), (7, Cause.REPEAT), (8, Cause.VETO), (10, Cause.PAUSE)]
+    state, rows = commanded(stage, *wishes, (12, Cause.REPEAT))
+    assert rows["extra"][:14].tolist() == [0] * 7 + [1, 2] + [1] * 4 + [2]
+    assert (state["phase"], state["extra"], state["attempt"]) == (Phase.PAUSED, 2, 1)
+    idle = inputs(3)
+    idle["command"] = Cause.REPEAT
+    assert play(stage, idle)["extra"] == 3
+    assert [cause for _, cause in events(idle)] == [Cause.REPEAT] * 3
+    longer, _ = commanded(stage, *((tick, Cause.SKIP) for tick in (10, 20, 30)), extra=1)
+    assert (longer["phase"], longer["trial"]) == (Phase.FINISHED, 3)
+
+
+def test_a_repeat_takes_nothing_from_the_trial_and_counts_at_its_very_end() -> None:
+    """The same movement with a trial added at any tick: the trial ends at the same tick, and the block one later."""
+    stage = make_stage(parse(RIGHT_FIRST))
+    rows = started(inputs(8000, *steered(stage, np.arange(8000) * 1e-3)))
+    rows["command"][0] = Cause.START
+    begun = stage.initial(trial=2)
+    begun["target"], begun["p"] = 1, -0.15
+    plain, state = rows.copy(), begun.copy()
+    stage.advance(state, plain, 0, len(plain))
+    assert (state["phase"], state["trial"]) == (Phase.FINISHED, 2)
+    (held,) = plain["tick"][plain["event"] == Cause.HELD]
+    (entered,) = plain["tick"][plain["event"] == Cause.ENTERED][-1:]
+    for tick in (300, entered, held, held + 1):
+        longer, state = rows.copy(), begun.copy()
+        longer["command"][tick] = Cause.REPEAT
+        stage.advance(state, longer, 0, len(longer))
+        assert longer["completion"][held + 1] == plain["completion"][held + 1] > 0
+        assert (longer["event"][held], longer["phase"][held + 2]) == (Cause.HELD, Phase.LEVELLING)
+        assert (state["trial"], state["extra"]) == (3, 1)
+
+
+def test_time_counts_while_trials_go_on_and_ends_a_block_after_an_attempt() -> None:
+    stage = make_stage(
+        parse("[block]\nduration = 0.05\n[task]\ntime_limit = 0.1\nlevel_time = 0.0\nlevel_height = 0.05")
+    )
+    rows, state = started(inputs(400, 0.002, 0.002)), stage.initial()
+    rows["command"][[20, 120]] = Cause.PAUSE, Cause.RESUME
+    stage.advance(state, rows, 0, 400)
+    assert rows["block_ticks"][[1, 20, 21, 120, 121, 122]].tolist() == [0, 19, 20, 20, 20, 21]
+    causes = [cause for _, cause in events(rows)]
+    assert causes[-2:] == [Cause.TIMED_OUT, Cause.LAST]
+    assert causes.count(Cause.TIMED_OUT) == 1
+    assert (state["phase"], state["trial"], state["failures"]) == (Phase.FINISHED, 1, 1)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.lists(st.sampled_from([*Cause, *[Cause.SKIP] * 6, *[Cause.REPEAT] * 3]), min_size=1, max_size=300),
+    st.integers(1, 5),
+)
+def test_whatever_is_commanded_the_table_is_kept_no_trial_is_owed_and_the_block_ends(
+    commands: list[Cause], trials: int
+) -> None:
+    stage = make_stage(parse(f"[block]\ntrials = {trials}\nfirst_target = 'right'"))
+    rows = started(inputs(len(commands) + 1, 0.02, -0.02))
+    rows["command"][1:] = commands
+    state = play(stage, rows)[0]
+    assert rows["extra"].min() >= 0
+    phases = [*rows["phase"].tolist(), int(state["phase"])]
+    for row, phase, then in zip(rows, phases, phases[1:], strict=False):
+        if phase != then:
+            assert TABLE[Phase(phase)][Cause(int(row["event"]))][0] == then
+    alternating = np.where(rows["trial"] % 2 == 1, 1, -1)
+    assert np.array_equal(rows["target"], alternating)
+    # Whoever skips every trial there is comes to the end.
+    ending = inputs(2 * (int(state["trial"]) + trials + int(state["extra"]) + 2), 0.02, -0.02)
+    ending["command"][0], ending["command"][1:] = Cause.RESUME, Cause.SKIP
+    after = state.reshape(1).copy()
+    stage.advance(after, ending, 0, len(ending))
+    assert after["phase"] == Phase.FINISHED
+    done = rows["event"].tolist() + ending["event"].tolist()
+    if Cause.STOP not in commands:
+        assert after["trial"][0] >= trials
+        assert done.count(Cause.LAST) == 1
+
+
+# --- the same again --------------------------------------------------------------------------------------------------
+
+
 def test_verification_finds_the_first_bit_that_differs() -> None:
     stage = make_stage(parse(RIGHT_FIRST))
     rows = started(inputs(1000, 0.01))
@@ -345,8 +595,9 @@ from netboard.stage import make_stage
 heights = 0.02 * np.sin(np.arange(1500) * 4e-3)
 rows = started(inputs(1500, heights, -heights))
 rows["left_live"][700:720] = 0
-play(make_stage(parse(RIGHT_FIRST)), rows)
-sys.stdout.buffer.write(rows.tobytes())
+for block in ("", "force = 'environment_only'\\nforce_scale = 0.7\\ncatch = [2]"):
+    play(make_stage(parse(RIGHT_FIRST + block)), rows)
+    sys.stdout.buffer.write(rows.tobytes())
 """
 
 
@@ -360,5 +611,5 @@ def test_compiled_and_interpreted_stages_give_the_same_bits() -> None:
         ).stdout
         for off in ("0", "1")
     ]
-    assert len(outputs[0]) == 1500 * TICK.itemsize
+    assert len(outputs[0]) == 2 * 1500 * TICK.itemsize
     assert outputs[0] == outputs[1]

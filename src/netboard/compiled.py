@@ -50,6 +50,12 @@ def _choose_folder() -> None:
 
 _choose_folder()
 
+
+def folder() -> Path:
+    """Where what is compiled on this machine is kept."""
+    return Path(os.environ["NUMBA_CACHE_DIR"])
+
+
 STRICT: dict[str, Any] = {"error_model": "numpy"}
 """IEEE arithmetic as written; it never raises: x / 0 is infinite."""
 
@@ -106,6 +112,26 @@ def fast(function: Callable[P, R]) -> Callable[P, R]:
 
 _CHOICES: dict[Any, Callable[..., object]] = {}
 """What `specialised` was given for each function."""
+
+
+def composed(function: Callable[P, R], **kernels: Callable[..., object]) -> Callable[P, R]:
+    """Compile a function as `kernel` does, with kernels made at run time in the place of those that it names.
+
+    Numba keeps it under a name of its own for each of what those were made with: their constants.
+
+    Parameters
+    ----------
+    function : callable
+        As for `kernel`.
+    **kernels : callable
+        Kernels, by the name of what the function's module has in their place.
+    """
+    texts = {name: getattr(found, "py_func", found) for name, found in kernels.items()}
+    made_with = {name: [cell.cell_contents for cell in text.__closure__ or ()] for name, text in texts.items()}
+    known = {**function.__globals__, **kernels}
+    copy = FunctionType(function.__code__, known, function.__name__)
+    copy.__qualname__ = f"{function.__name__}-{hashlib.sha256(repr(made_with).encode()).hexdigest()[:16]}"
+    return kernel(copy)
 
 
 def specialised(function: Callable[..., object]) -> Callable[[Callable[..., object]], None]:

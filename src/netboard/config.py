@@ -12,13 +12,20 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
-from pydantic import StrictBool, TypeAdapter
+from pydantic import StrictBool, StrictInt, TypeAdapter
 
 from netboard.errors import ConfigError
 from netboard.settings import NO_EXTRAS, about, read, write, write_template
 
 Side = Literal["left", "right"]
 SIDES: tuple[Side, Side] = ("left", "right")
+OfModel = Literal["model"]
+
+MOST_TRIALS = 10_000
+"""A block has at most so many trials [1]."""
+
+MOUSE = "mouse"
+"""Device backend of a side that a person plays in the display's window."""
 
 TEMPLATE_HEAD = """\
 # netboard: one rig and one experiment.
@@ -39,6 +46,18 @@ class Session:
     )
     dyad: Annotated[str, about("pseudonymous id of the dyad", pattern=r"^[A-Za-z0-9_-]+$")] = "D01"
     pilot: Annotated[StrictBool, about("true: a pilot run, marked as such in the data")] = False
+    study: Annotated[str, about("name of the study; empty: none, a single block")] = ""
+    participant_a: Annotated[str, about("pseudonymous id of participant A", pattern=r"^[A-Za-z0-9_-]+$")] = "A"
+    participant_b: Annotated[str, about("pseudonymous id of participant B", pattern=r"^[A-Za-z0-9_-]+$")] = "B"
+    hand_a: Annotated[Literal["right", "left"], about("dominant hand of participant A")] = "right"
+    hand_b: Annotated[Literal["right", "left"], about("dominant hand of participant B")] = "right"
+    seat_a: Annotated[Literal["left", "right"], about("where participant A sits; B sits at the other side")] = "left"
+    consent: Annotated[StrictBool, about("true: both participants have given their consent")] = False
+
+    @property
+    def ready(self) -> bool:
+        """Whether a block of a study may begin: with consent, or as a pilot run."""
+        return self.consent or self.pilot
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +92,10 @@ class Physics:
     coupling: Annotated[Literal["both", "left", "right", "none"], about("which hands are coupled to the board")] = (
         "both"
     )
+    coupling_at: Annotated[
+        Literal["server", "both"],
+        about("where a hand's force is computed: on the server, or, for long delays, in both server and agent"),
+    ] = "server"
     balls: Annotated[int, about("how many balls, each of mass m; they pass each other", ge=0, le=4)] = 1
     ball_inertia: Annotated[
         float,
@@ -145,16 +168,72 @@ class Task:
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """One block: so many successful trials under one condition."""
+    """One block: trials under one condition; a plan has many."""
 
     __pydantic_config__ = NO_EXTRAS
+    number: Annotated[int, about("number of the block in its plan", "1", ge=1, le=1000)] = 1
+    blocks: Annotated[int, about("how many blocks the plan has", "1", ge=1, le=1000)] = 1
+    label: Annotated[str, about("what people call the block; empty: its condition")] = ""
     configuration: Annotated[
         Literal["dyadic", "bimanual"], about("two people with one hand each, or one person with both hands")
     ] = "dyadic"
-    haptics: Annotated[StrictBool, about("true: the hands feel the board")] = True
-    trials: Annotated[int, about("successful trials in the block", "1", ge=1, le=10_000)] = 60
+    performer: Annotated[Literal["A", "B"], about("the participant who performs a bimanual block")] = "A"
+    station: Annotated[Literal["left", "right"], about("the seat whose display a bimanual block is shown at")] = "left"
+    force: Annotated[
+        Literal["full", "partner_only", "environment_only", "none", "unrelated"],
+        about("what the hands feel: all of the board, only what the partner does, all but that, nothing, or a record"),
+    ] = "full"
+    force_scale: Annotated[float, about("what is felt is multiplied by this", "1", ge=0, le=2)] = 1.0
+    force_delay_ms: Annotated[int, about("what is felt comes so much later", "ms", ge=0, le=500)] = 0
+    catch: Annotated[
+        tuple[StrictInt, ...],
+        about("catch trials: the numbers of those in which nothing is felt", max_length=1000, strict=False),
+    ] = ()
+    unrelated: Annotated[str, about('recording whose forces are felt with force = "unrelated"')] = ""
+    left: Annotated[
+        Literal["person", "still", "robot"],
+        about("who moves the left hand: a person, nobody (it is held still at height 0), or a simulated partner"),
+    ] = "person"
+    right: Annotated[Literal["person", "still", "robot"], about("who moves the right hand, likewise")] = "person"
+    trials: Annotated[int, about("successful trials in the block", "1", ge=1, le=MOST_TRIALS)] = 60
+    duration: Annotated[
+        float, about("no trial begins after so long; 0: only the number of trials counts", "s", ge=0, le=36_000)
+    ] = 0.0
     first_target: Annotated[Literal["left", "right", "random"], about("side of the first target")] = "random"
+    rest: Annotated[float, about("rest before the block", "s", ge=0, le=3600)] = 0.0
+    instructions: Annotated[str, about("what the participants read before the block; empty: the standard text")] = ""
+    questionnaires: Annotated[str, about("what the operator is to ask after the block, in words; empty: nothing")] = ""
     seed: Annotated[int, about("seed of everything random in the session", "1", ge=0, lt=2**31)] = 1
+
+    @property
+    def haptics(self) -> bool:
+        """Whether the hands feel anything."""
+        return self.force != "none"
+
+
+@dataclass(frozen=True, slots=True)
+class Quality:
+    """What makes a trial doubtful: rules that are declared before, and applied by code."""
+
+    __pydantic_config__ = NO_EXTRAS
+    late_ticks: Annotated[int, about("most ticks of a trial that may be late", "1", ge=0, le=1_000_000)] = 20
+    lost_share: Annotated[float, about("largest share of a trial without a fresh sample", "1", ge=0, le=1)] = 0.02
+    clipped_share: Annotated[float, about("largest share with a force at its limit", "1", ge=0, le=1)] = 0.05
+    saturated_share: Annotated[
+        float, about("largest share with a stylus at the edge of its range", "1", ge=0, le=1)
+    ] = 0.05
+    start_tilt_deg: Annotated[float, about("largest tilt at the release", "deg", gt=0, le=90)] = 1.5
+    stuck: Annotated[
+        float, about("longest time for which the height of a stylus may not change at all", "s", gt=0, le=60)
+    ] = 2.0
+    shortest: Annotated[float, about("a completion time below this is too short", "s", ge=0, le=60)] = 0.3
+    longest: Annotated[float, about("a completion time above this is too long", "s", gt=0, le=3600)] = 60.0
+    frozen_ms: Annotated[
+        float, about("longest time between two frames of a display while the board moves", "ms", gt=0, le=60_000)
+    ] = 250.0
+    repeat: Annotated[
+        Literal["none", "flagged"], about("flagged: a doubtful trial is repeated at the end of its block")
+    ] = "none"
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,6 +257,10 @@ class Network:
     clock_bound_ms: Annotated[
         float, about("a device is armed only while its clock is known to this bound", "ms", gt=0, le=1000)
     ] = 0.5
+    delay_action: Annotated[
+        Literal["warn", "soften", "disarm"],
+        about("a hand's loop takes more than half of what is stable: say so, soften what is felt, or pause the trial"),
+    ] = "warn"
     view_rate_hz: Annotated[float, about("highest rate of views sent to a display", "Hz", gt=0, le=1000)] = 120.0
     log_ring_s: Annotated[float, about("seconds of records the server keeps for a late logger", "s", ge=1, le=3600)] = (
         120.0
@@ -209,6 +292,10 @@ class Safety:
 
     __pydantic_config__ = NO_EXTRAS
     max_force: Annotated[float, about("largest force at the stylus (norm)", "N", gt=0, le=40)] = 3.0
+    mean_force: Annotated[
+        float,
+        about("largest mean force over some 10 s; a device's own rating counts where it is less", "N", gt=0, le=40),
+    ] = 0.88
     max_slew: Annotated[float, about("largest change of force", "N/s", gt=0, le=10_000)] = 500.0
     max_speed: Annotated[float, about("stylus speed above which the force is cut", "m/s", gt=0, le=10)] = 1.0
     stale_after_ms: Annotated[float, about("age of the last force at which it begins to fade", "ms", gt=0, le=1000)] = (
@@ -221,6 +308,9 @@ class Safety:
     hold_damping: Annotated[float, about("damping while a stale force fades", "N s/m", ge=0, le=5)] = 1.0
     arm_time: Annotated[float, about("ramp from no force to full force after arming", "s", gt=0, le=10)] = 1.0
     arm_gate: Annotated[float, about("arming waits until the wanted force is below this", "N", gt=0, le=5)] = 0.2
+    passivity: Annotated[
+        StrictBool, about("true: the agent keeps forces that come late from making energy (passivity control)")
+    ] = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -237,8 +327,20 @@ class Agent:
     """One device and the agent that owns it."""
 
     __pydantic_config__ = NO_EXTRAS
-    device: Annotated[str, about("device backend: virtual, or one installed as a plug-in", min_length=1)] = "virtual"
+    device: Annotated[
+        str, about("device backend, of those that `netboard devices list` names: openhaptics, mouse, ...", min_length=1)
+    ] = "virtual"
     zero: Annotated[float, about("height of the device's own origin that is the scene's z = 0", "m", ge=-1, le=1)] = 0.0
+    stop_buttons: Annotated[
+        int, about("sum of the bits of buttons that are an emergency stop", "1", ge=0, le=65535)
+    ] = 0
+    consent_buttons: Annotated[
+        int, about("sum of the bits of buttons that must be held down for a force; 0: none", "1", ge=0, le=65535)
+    ] = 0
+    velocity: Annotated[
+        Literal["device", "adaptive", "chai3d", "difference", "alpha_beta", "kalman"],
+        about("who estimates the stylus' velocity: the device or its driver, or netboard from the positions, and how"),
+    ] = "device"
     options: Annotated[dict[str, str | int | float | bool], about("options handed to the device backend")] = field(
         default_factory=dict
     )
@@ -249,21 +351,48 @@ class Agents:
     """The two agents."""
 
     __pydantic_config__ = NO_EXTRAS
+    profiles: Annotated[
+        str, about("folder of the profiles of devices, which are named after serial numbers", min_length=1)
+    ] = "profiles"
     left: Agent = field(default_factory=Agent)
     right: Agent = field(default_factory=Agent)
 
 
 @dataclass(frozen=True, slots=True)
 class VirtualDevice:
-    """The simulated Touch-like device of the ``virtual`` backend."""
+    """The simulated device of the ``virtual`` backend; "model" stands for its model's number (docs/participants.md)."""
 
     __pydantic_config__ = NO_EXTRAS
-    mass: Annotated[float, about("apparent mass at the stylus", "kg", gt=0, le=5)] = 0.045
-    friction: Annotated[float, about("Coulomb friction of the mechanism", "N", ge=0, le=5)] = 0.26
-    damping: Annotated[float, about("viscous damping of the mechanism", "N s/m", ge=0, le=20)] = 0.1
-    resolution: Annotated[float, about("size of one encoder step at the stylus", "m", ge=0, le=0.01)] = 0.055e-3
-    max_force: Annotated[float, about("largest force the motors give", "N", gt=0, le=40)] = 3.3
-    workspace: Annotated[float, about("radius of the workspace", "m", gt=0, le=1)] = 0.075
+    model: Annotated[
+        Literal["touch", "omni", "touch_x", "premium_1_5", "premium_3_0", "falcon", "omega_3"],
+        about("device that it stands for, whose numbers count where none is written"),
+    ] = "touch"
+    mass: Annotated[float, about("apparent mass at the stylus", "kg", gt=0, le=5)] | OfModel = "model"
+    friction: Annotated[float, about("Coulomb friction of the mechanism", "N", ge=0, le=5)] | OfModel = "model"
+    damping: Annotated[float, about("viscous damping of the mechanism", "N s/m", ge=0, le=20)] | OfModel = "model"
+    resolution: (
+        Annotated[float, about("size of one encoder step at the stylus; 0: none", "m", ge=0, le=0.01)] | OfModel
+    ) = "model"
+    max_force: Annotated[float, about("largest force the motors give", "N", gt=0, le=40)] | OfModel = "model"
+    continuous_force: Annotated[float, about("largest force they give for ever", "N", gt=0, le=40)] | OfModel = "model"
+    workspace: Annotated[float, about("radius of the workspace", "m", gt=0, le=1)] | OfModel = "model"
+    cable_stiffness: (
+        Annotated[float, about("stiffness between motors and stylus; 0: rigid", "N/m", ge=0, le=100_000)] | OfModel
+    ) = 0.0
+    cable_damping: (
+        Annotated[float, about("damping between motors and stylus, if not rigid", "N s/m", ge=0, le=1000)] | OfModel
+    ) = "model"
+    tip_share: (
+        Annotated[float, about("share of the mass on the stylus' side of the cables", "1", gt=0, lt=1)] | OfModel
+    ) = "model"
+    thermal_time: (
+        Annotated[float, about("time constant of the motors' temperature; 0: they stay cool", "s", ge=0, le=10_000)]
+        | OfModel
+    ) = 0.0
+    read_latency_ms: Annotated[
+        float, about("time from a position to its reading, of which the device does not know", "ms", ge=0, le=1000)
+    ] = 0.0
+    write_latency_ms: Annotated[float, about("time from a force's writing to its acting", "ms", ge=0, le=1000)] = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -316,6 +445,16 @@ class Display:
     width: Annotated[int, about("window width in pixels", "1", ge=200, le=20_000)] = 1200
     height: Annotated[int, about("window height in pixels", "1", ge=150, le=20_000)] = 700
     fullscreen: Annotated[StrictBool, about("true: the whole screen, no frame")] = False
+    screen: Annotated[int, about("number of the screen the window opens on; 0: the main one", "1", ge=0, le=15)] = 0
+    mm_per_pixel: Annotated[
+        float, about("size of a pixel, so that the board has its true size; 0: it fills the window", "mm", ge=0, le=10)
+    ] = 0.0
+    language: Annotated[str, about("en, de, fr, es, it, or a file of words", min_length=1)] = "en"
+    smooth: Annotated[StrictBool, about("true: what moves is drawn at every refresh, between the views")] = True
+    patch: Annotated[StrictBool, about("true: a patch in the corner, for a photodiode, is white in a trial")] = False
+    markers: Annotated[
+        str, about("where trial events are marked as they are painted: none, lsl, or a serial port such as /dev/ttyS0")
+    ] = "none"
     link_timeout_ms: Annotated[
         float, about("without a view for this long the window blanks", "ms", gt=0, le=60_000)
     ] = 500.0
@@ -340,6 +479,7 @@ class Config:
     __pydantic_config__ = NO_EXTRAS
     session: Session = field(default_factory=Session)
     block: Block = field(default_factory=Block)
+    quality: Quality = field(default_factory=Quality)
     task: Task = field(default_factory=Task)
     physics: Physics = field(default_factory=Physics)
     geometry: Geometry = field(default_factory=Geometry)
@@ -415,6 +555,23 @@ def template() -> str:
     return TEMPLATE_HEAD + write_template(Config)
 
 
+def played_sides(config: Config) -> tuple[Side, ...]:
+    """Which sides are played in their display's window.
+
+    Parameters
+    ----------
+    config : Config
+        The configuration.
+
+    Returns
+    -------
+    tuple of {"left", "right"}
+        Those whose device is the mouse.
+    """
+    agents = {"left": config.agents.left, "right": config.agents.right}
+    return tuple(side for side in SIDES if agents[side].device == MOUSE)
+
+
 def digest(config: Config) -> str:
     """Fingerprint of a configuration: equal configurations have equal fingerprints.
 
@@ -446,6 +603,8 @@ def contradictions(config: Config) -> Iterator[str]:
     """
     geometry, task, physics, safety = config.geometry, config.task, config.physics, config.safety
     yield from _contradictory_scene(physics)
+    yield from _contradictory_block(config.block)
+    yield from _contradictory_force(config.block, physics)
     edge, half = geometry.board_length / 2, geometry.target_width / 2
     outer = geometry.target_distance + half
     if outer > edge:
@@ -491,6 +650,41 @@ def contradictions(config: Config) -> Iterator[str]:
         )
     if safety.arm_gate > safety.max_force:
         yield f"[safety] arm_gate: found {safety.arm_gate:g}, expected at most {safety.max_force:g} N (max_force)"
+
+
+def _contradictory_block(block: Block) -> Iterator[str]:
+    """Find parts of a block that do not go together."""
+    if block.number > block.blocks:
+        yield f"[block] number: found {block.number}, expected at most {block.blocks} ([block] blocks)"
+    if (block.force == "unrelated") != bool(block.unrelated):
+        wanted = 'a recording, which force = "unrelated" needs' if not block.unrelated else 'none without "unrelated"'
+        yield f'[block] unrelated: found "{block.unrelated}", expected {wanted}'
+    if block.left != "person" and block.right != "person":
+        yield f'[block] left, right: found "{block.left}" and "{block.right}", expected a "person" at one of them'
+    if block.configuration == "bimanual" and (block.left, block.right) != ("person", "person"):
+        yield '[block] left, right: expected "person" and "person" in a bimanual block'
+    for trial in block.catch:
+        if not 1 <= trial <= MOST_TRIALS:
+            yield f"[block] catch: found {trial}, expected numbers of trials, from 1 to {MOST_TRIALS}"
+
+
+def _contradictory_force(block: Block, physics: Physics) -> Iterator[str]:
+    """Find what agents cannot render by themselves: they know the board's end of their coupling, and nothing more."""
+    if physics.coupling_at != "both" or not block.haptics:
+        return
+    needs: dict[str, tuple[bool, str]] = {
+        "force": (block.force == "full", '"full" or "none"'),
+        "force_scale": (block.force_scale == 1.0, "1"),
+        "force_delay_ms": (block.force_delay_ms == 0, "0"),
+        "catch": (not block.catch, "none"),
+        "left": (block.left == "person", '"person"'),
+        "right": (block.right == "person", '"person"'),
+    }
+    for key, (fine, expected) in needs.items():
+        if not fine:
+            found = getattr(block, key)
+            said = f'"{found}"' if isinstance(found, str) else str(list(found) if key == "catch" else found)
+            yield f'[block] {key}: found {said}, expected {expected} with [physics] coupling_at = "both"'
 
 
 def _contradictory_scene(physics: Physics) -> Iterator[str]:

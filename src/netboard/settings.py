@@ -9,10 +9,11 @@ This module knows no particular setting; `netboard.config` says which there are.
 
 import dataclasses
 import difflib
+import functools
 import json
 import tomllib
-from collections.abc import Iterator, Sequence
-from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin, get_type_hints
+from collections.abc import Callable, Iterator, Sequence
+from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 from pydantic.fields import FieldInfo
@@ -154,22 +155,34 @@ def tables(cls: type[Any], path: Path = ()) -> Iterator[Table]:
 
 
 def _key(field: dataclasses.Field[Any], hint: Any) -> Key:
-    """Describe one annotated field."""
+    """Describe one annotated field, which may take a word instead: ``Annotated[float, about(...)] | Literal["x"]``."""
+    others = [part for part in get_args(hint) if get_origin(part) is Literal] if get_origin(hint) is Union else []
+    (hint,) = (part for part in get_args(hint) if part not in others) if others else (hint,)
     kind, *_, info = get_args(hint) or (hint, None)
     if get_origin(hint) is not Annotated or not isinstance(info, FieldInfo):
         raise TypeError(f"{field.name}: a setting is annotated with about(...)")
     extra = info.json_schema_extra
     assert isinstance(extra, dict)
-    if get_origin(kind) is Literal:
-        words = " or ".join(f'"{choice}"' for choice in get_args(kind))
-    else:
-        words = _KINDS.get(kind, "text, a number, true or false")
+    words = " or ".join(_kind_words(part) for part in (*others, kind))
     if field.default_factory is not dataclasses.MISSING:
         default = field.default_factory()
     else:
         default = field.default
     text = info.description or ""
     return Key(field.name, words, str(extra["unit"]), str(extra["limits"]), text, default, kind is str)
+
+
+def _kind_words(kind: Any) -> str:
+    """Say what values a type takes."""
+    if get_origin(kind) is Literal:
+        return " or ".join(f'"{choice}"' for choice in get_args(kind))
+    if get_origin(kind) is tuple:
+        return "a list of texts" if get_args(kind)[0] is str else "a list of whole numbers"
+    if get_origin(kind) is dict:
+        return _kind_words(get_args(kind)[1])
+    if kind is Any or dataclasses.is_dataclass(kind):
+        return "a table"
+    return _KINDS.get(kind, "text, a number, true or false")
 
 
 # --- reading -----------------------------------------------------------------------------------------------------
@@ -207,13 +220,56 @@ def read(adapter: TypeAdapter[T], cls: type[T], text: str, source: str, override
     except ValueError as error:
         raise ConfigError(f"{source}: not valid TOML: {error}") from None
     sources = dict.fromkeys((_override(values, word, known) for word in overrides), "--set")
+    return _checked(adapter, values, known, lambda path: sources.get(path, source))
+
+
+def check(cls: type[T], values: dict[str, Any], path: Path) -> T:
+    """Check one table that has been read already and turn it into a dataclass.
+
+    Parameters
+    ----------
+    cls : type
+        The dataclass; it has no tables within it.
+    values : dict
+        Keys and values; missing keys take their defaults.
+    path : tuple of str
+        The table's name, one item per dot.
+
+    Returns
+    -------
+    dataclass
+        The settings.
+
+    Raises
+    ------
+    ConfigError
+        If a key is unknown, of the wrong type or out of range.
+    """
+    adapter: TypeAdapter[T] = _adapter(cls)  # type: ignore[arg-type]  # mypy doubts that a class can be hashed
+    return _checked(adapter, values, {table.path: table for table in tables(cls, path)}, None, path)
+
+
+@functools.cache
+def _adapter(cls: Any) -> TypeAdapter[Any]:
+    """Make pydantic's validator of a dataclass, which takes some milliseconds, once."""
+    return TypeAdapter(cls)
+
+
+def _checked(
+    adapter: TypeAdapter[T],
+    values: dict[str, Any],
+    known: dict[Path, Table],
+    source_of: Callable[[Path], str] | None,
+    base: Path = (),
+) -> T:
+    """Validate a table; all its problems in one error, each with its source if there is one."""
     try:
         return adapter.validate_python(values)
     except ValidationError as error:
         problems: dict[Path, str] = {}
         for detail in error.errors(include_url=False):
-            path, problem = _explain(detail, known)
-            problems.setdefault(path, f"{sources.get(path, source)}: {problem}")
+            path, problem = _explain(detail, known, base)
+            problems.setdefault(path, f"{source_of(path)}: {problem}" if source_of else problem)
         raise ConfigError("\n".join(problems.values())) from None
 
 
@@ -246,9 +302,9 @@ def _find(table: Table | None, name: str) -> Key | None:
     return next((key for key in table.keys if key.name == name), None) if table else None
 
 
-def _explain(detail: ErrorDetails, known: dict[Path, Table]) -> tuple[Path, str]:
+def _explain(detail: ErrorDetails, known: dict[Path, Table], base: Path) -> tuple[Path, str]:
     """Put one of pydantic's errors into words: the path it is about, and the problem."""
-    path = tuple(str(step) for step in detail["loc"])
+    path = (*base, *(str(step) for step in detail["loc"]))
     found = detail["input"]
     if detail["type"] == "unexpected_keyword_argument":
         return path, _unknown(path, found, known)
@@ -297,12 +353,12 @@ def _show(value: Any) -> str:
 # --- writing -----------------------------------------------------------------------------------------------------
 
 
-def to_toml(value: str | bool | int | float) -> str:
+def to_toml(value: str | bool | int | float | tuple[int | str, ...]) -> str:
     """Write a TOML value that reads back as the same value, to the last bit.
 
     Parameters
     ----------
-    value : str, bool, int or float
+    value : str, bool, int, float or tuple of int or str
         The value.
 
     Returns
@@ -310,6 +366,8 @@ def to_toml(value: str | bool | int | float) -> str:
     str
         Its TOML.
     """
+    if isinstance(value, tuple):
+        return f"[{', '.join(map(to_toml, value))}]"
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, str):  # JSON's escapes are TOML's, but for DEL
@@ -383,5 +441,5 @@ def _is_table(values: dict[str, Any], key: Key) -> bool:
 def _comment(key: Key) -> str:
     """Say what a key is, its unit and its limits (or choices)."""
     unit = f" [{key.unit}]" if key.unit else ""
-    limits = key.limits or (key.kind if key.kind.startswith('"') else "")
+    limits = f"{key.kind} {key.limits}".strip() if key.kind.startswith('"') else key.limits
     return f"{key.text}{unit}" + (f"; {limits}" if limits else "")

@@ -131,6 +131,22 @@ class Addresses:
         """Endpoint a peer connects to for a channel."""
         return self._endpoint(self.host, channel)
 
+    def pointer(self, side: Side) -> Endpoint:
+        """Endpoint at which the agent of a side hears where its player points."""
+        return self._beside("pointer", side)
+
+    def felt(self, side: Side) -> Endpoint:
+        """Endpoint at which the agent of a side says what its player would feel."""
+        return self._beside("felt", side)
+
+    def _beside(self, what: str, side: Side) -> Endpoint:
+        """What display and agent of one side say to each other stays on the machine, and with its user.
+
+        It is a socket of the file system whatever the transport: it takes no port, and nobody else who uses the
+        machine can move a hand or see its force.
+        """
+        return Endpoint(f"ipc://{_own_folder() / f'{self.port}.{what}.{side}'}")
+
     def _endpoint(self, machine: str, channel: int) -> Endpoint:
         """The nerve does not leave the machine: who has two hands has them at one station."""
         port = self.port + channel
@@ -153,7 +169,10 @@ def _own_folder() -> Path:
     The same for every process of the user, whatever its environment.
     """
     if not hasattr(os, "getuid"):
-        raise ConfigError('[network] transport: found "ipc", expected "tcp": this system has no such sockets')
+        raise ConfigError(
+            'this system has no sockets in its file system, which [network] transport = "ipc" needs, and '
+            'device = "mouse"; expected "tcp", and another device'
+        )
     folder = Path(f"/tmp/netboard-{os.getuid()}")
     folder.mkdir(mode=0o700, exist_ok=True)
     found = folder.lstat()
@@ -525,6 +544,25 @@ def nerve_receiver(context: Context, endpoint: Endpoint) -> Socket:
     """Where that other hand receives it."""
     socket = _make(context, zmq.PULL, CONTROL_HWM)
     return _connect(socket, endpoint)
+
+
+def pointer_sender(context: Context, endpoint: Endpoint) -> Socket:
+    """Where a played display says where its player points; the newest counts, and nothing is kept for later."""
+    socket = _make(context, zmq.PUSH, 1)
+    socket.setsockopt(zmq.CONFLATE, 1)
+    socket.setsockopt(zmq.IMMEDIATE, 1)
+    return _connect(socket, endpoint)
+
+
+def pointer_receiver(context: Context, endpoint: Endpoint) -> Socket:
+    """Where the agent of that side hears it."""
+    socket = _make(context, zmq.PULL, 1)
+    socket.setsockopt(zmq.CONFLATE, 1)
+    return _bind(context, socket, endpoint)
+
+
+felt_publisher, felt_subscriber = view_publisher, view_subscriber
+"""Where that agent says what its player would feel, and where the display hears it: like views."""
 
 
 def receive(socket: Socket) -> bytes | None:

@@ -33,11 +33,13 @@ from netboard.experiment.machine import (
     is_level,
     pack_rules,
     sense,
+    wished,
 )
 from netboard.methods.catalogue import METHODS, NUMBER, advance
 from netboard.methods.choice import Choice, choose
 from netboard.physics.hold import later, moving, reached, resting
 from netboard.physics.models import coupling, stopped
+from netboard.physics.rendering import FELT, Felt, felt_of, force_on_hand, is_catch, pack_felt
 from netboard.physics.scene import SCENE, Parts, pack_scene, parts_of
 from netboard.physics.vectors import State, calm
 from netboard.tick import STATE, TICK, TICK_SECONDS
@@ -64,10 +66,11 @@ HOLDS = ("zoh", "cv", "ca")
 """How a stylus moves after its last sample; a hold's number is its place."""
 
 # Plain integers: what numba folds into the kernel below.
-_NONE, _START, _FAULT = int(Cause.NONE), int(Cause.START), int(Cause.FAULT)
+_NONE, _FAULT, _REPEAT, _VETO = int(Cause.NONE), int(Cause.FAULT), int(Cause.REPEAT), int(Cause.VETO)
 _LEVELLING, _RUNNING, _HOLDING = int(Phase.LEVELLING), int(Phase.RUNNING), int(Phase.HOLDING)
 _PREPARE, _RELEASE, _MARK, _SUCCEED = int(Action.PREPARE), int(Action.RELEASE), int(Action.MARK), int(Action.SUCCEED)
 _FAIL, _ADVANCE, _RETRY, _HALT = int(Action.FAIL), int(Action.ADVANCE), int(Action.RETRY), int(Action.HALT)
+_EXTEND, _SHORTEN, _PASS = int(Action.EXTEND), int(Action.SHORTEN), int(Action.PASS)
 
 
 @inlined
@@ -141,14 +144,22 @@ def _drives(row: Any, hold: int, scene: Any) -> State:
 
 
 @inlined
-def _force(s: Any, row: Any, hands: State, parts: Parts, settings: Any, scene: Any) -> None:
+def _force(s: Any, row: Any, hands: State, parts: Parts, felt: Felt, numbers: Any, scene: Any) -> None:
     """Write the forces of the couplings, and those that the hands are to feel."""
     x = (s["z"], s["vz"], s["theta"], s["omega"])
     on_left, on_right = coupling(x, hands[0], hands[4], parts, scene)
     row["left_coupling"], row["right_coupling"] = on_left, on_right
-    felt = settings["haptics"] != 0 and is_active(s["phase"])
-    row["left_force"] = -on_left if felt and row["left_live"] != 0 else 0.0
-    row["right_force"] = -on_right if felt and row["right_live"] != 0 else 0.0
+    row["left_force"], row["right_force"] = 0.0, 0.0
+    if not (felt.left or felt.right) or not is_active(s["phase"]) or is_catch(s["trial"], numbers, felt):
+        return
+    rolls = s["phase"] == _RUNNING or s["phase"] == _HOLDING
+    left_z, right_z, p, scale = row["left_used_z"], row["right_used_z"], s["p"], numbers["scale"]
+    if felt.left and row["left_live"] != 0:
+        gains = numbers["left_free"] if rolls else numbers["left_fixed"]
+        row["left_force"] = force_on_hand(on_left, left_z, right_z, p, row["left_other"], gains, scale, felt)
+    if felt.right and row["right_live"] != 0:
+        gains = numbers["right_free"] if rolls else numbers["right_fixed"]
+        row["right_force"] = force_on_hand(on_right, right_z, left_z, p, row["right_other"], gains, scale, felt)
 
 
 @kernel
@@ -172,23 +183,28 @@ def _act(s: Any, action: int, rules: Any) -> None:
         s["failures"] += 1
     elif action == _PREPARE:
         _place_ball(s, rules)
-    elif action == _ADVANCE:
+    elif action in (_ADVANCE, _PASS):
         s["target"] = -s["target"]
         s["trial"] += 1
-        s["attempt"] = 1
+        s["attempt"] = 1 if action == _ADVANCE else 0
         _place_ball(s, rules)
     elif action == _RETRY:
         s["attempt"] += 1
         _place_ball(s, rules)
     elif action == _HALT:
         s["vp"] = 0.0
+    elif action in (_EXTEND, _SHORTEN):
+        s["extra"] = s["extra"] + 1 if action == _EXTEND else max(s["extra"] - 1, 0)
+        return
     s["counted"] = 0
 
 
 @kernel
 def _count(s: Any, rules: Any) -> None:
-    """Count this tick for the trial: since the release, level, inside the target."""
+    """Count this tick: for the block, since the release, level, inside the target."""
     phase = s["phase"]
+    if is_active(phase):
+        s["block_ticks"] += 1
     if phase == _LEVELLING:
         s["counted"] = s["counted"] + 1 if is_level(s["z"], s["theta"], s["omega"], rules) else 0
     elif phase == _RUNNING:
@@ -214,11 +230,13 @@ def _decide(s: Any, command: int, rules: Any) -> int:
     """Run the trial machine on the state; return the cause of the edge taken, 0 for none."""
     _count(s, rules)
     phase = s["phase"]
-    if _START <= command <= _FAULT and HAS_EDGE[phase, command]:
-        return _move(s, command, rules)
+    cause = _move(s, wished(command, s["trial"], s["extra"], s["block_ticks"], rules), rules)
+    if cause not in (_NONE, _REPEAT, _VETO):
+        return cause
     centre = s["target"] * rules["target_distance"]
-    sensed = sense(phase, s["p"], centre, s["counted"], s["run_ticks"], s["successes"], rules)
-    return _move(s, sensed, rules)
+    trial, extra, block_ticks = s["trial"], s["extra"], s["block_ticks"]
+    sensed = sense(phase, s["p"], centre, s["counted"], s["run_ticks"], trial, extra, block_ticks, rules)
+    return _move(s, sensed, rules) or cause
 
 
 @inlined
@@ -250,14 +268,14 @@ def _keep_compiled(row: Any, s: Any) -> Any:
 
 
 @cache
-def _make_ticks(METHOD: int, SUBSTEPS: int, HOLD: int, FREE: Parts, FIXED: Parts) -> Callable[..., None]:
-    """Compile the ticks for a kind of scene: its method, and its parts while the ball rolls and while it is fixed."""
+def _make_ticks(METHOD: int, SUBSTEPS: int, HOLD: int, FREE: Parts, FIXED: Parts, HANDS: Felt) -> Callable[..., None]:
+    """Compile the ticks for a kind of block: its method, its parts while the ball rolls and while not, its forces."""
     STEP = TICK_SECONDS / SUBSTEPS
 
     @kernel
     def ticks(state: Any, rows: Any, first: int, count: int, book: Any, tables: Any) -> None:
-        s, scene, rules, settings = state[0], book[0]["scene"], book[0]["rules"], book[0]["settings"]
-        limit = settings["stylus_range"]
+        s, scene, rules, numbers = state[0], book[0]["scene"], book[0]["rules"], book[0]["felt"]
+        limit = book[0]["settings"]["stylus_range"]
         tables = borrowed(tables)
         place = first % len(rows)
         for _ in range(count):
@@ -267,7 +285,7 @@ def _make_ticks(METHOD: int, SUBSTEPS: int, HOLD: int, FREE: Parts, FIXED: Parts
             _sense_left(s, row, limit, HOLD)
             _sense_right(s, row, limit, HOLD)
             hands = _drives(row, HOLD, scene)
-            _force(s, row, hands, FIXED, settings, scene)
+            _force(s, row, hands, FIXED, HANDS, numbers, scene)
             cause = _decide(s, row["command"], rules)
             rolls = s["phase"] == _RUNNING or s["phase"] == _HOLDING
             x: State = (s["z"], s["vz"], s["theta"], s["omega"], s["p"], s["vp"] if rolls else 0.0)
@@ -289,12 +307,11 @@ SETTINGS = np.dtype(
     [
         ("stylus_range", "<f8"),  # stylus heights are clipped to +- this [m]
         ("balls", "<i8"),  # 1: there is a ball
-        ("haptics", "<i8"),  # 1: the hands feel the board
     ]
 )
 """What the stage itself needs to know of the block: one record."""
 
-BOOK = np.dtype([("scene", SCENE), ("rules", RULES), ("settings", SETTINGS)])
+BOOK = np.dtype([("scene", SCENE), ("rules", RULES), ("felt", FELT), ("settings", SETTINGS)])
 """Everything the ticks of a block go by: one record."""
 
 
@@ -305,7 +322,7 @@ class Stage:
     Attributes
     ----------
     book : ndarray of BOOK, shape (1,)
-        The scene, the rules of the trial, and the rest.
+        The scene, the rules of the trial, what is felt, and the rest.
     choice : Choice
         How the scene is stepped, and why.
     tables : ndarray of float64, shape (2, k, 6, 6)
@@ -313,7 +330,9 @@ class Stage:
     ticks : callable
         The compiled ticks.
     first_target : int
-        Side of the first target: -1 left, +1 right [1].
+        Side of the first target, that of trial 1: -1 left, +1 right [1].
+    delay : int
+        A hand is told a force so many ticks later [1].
     """
 
     book: NDArray[Any]
@@ -321,9 +340,32 @@ class Stage:
     tables: NDArray[np.float64]
     ticks: Callable[..., None]
     first_target: int
+    delay: int
 
-    def initial(self) -> NDArray[Any]:
+    def initial(
+        self,
+        *,
+        trial: int = 1,
+        attempt: int = 1,
+        successes: int = 0,
+        failures: int = 0,
+        extra: int = 0,
+        block_ticks: int = 0,
+    ) -> NDArray[Any]:
         """State before the first tick: the board at its static rest would be reached in 50 ms, so it starts flat.
+
+        A block that is resumed begins in its middle: with a trial and an attempt that have not begun.
+
+        Parameters
+        ----------
+        trial, attempt : int
+            Numbers of the trial and of the attempt at it that come first [1].
+        successes, failures : int
+            Successful trials and failed attempts so far [1].
+        extra : int
+            Trials that operators have added so far [1].
+        block_ticks : int
+            Ticks that the block has taken so far [1].
 
         Returns
         -------
@@ -332,10 +374,12 @@ class Stage:
         """
         state = np.zeros(1, STATE)
         state["phase"] = Phase.IDLE
-        state["target"] = self.first_target
-        state["trial"] = state["attempt"] = 1
+        state["target"] = self.first_target if trial % 2 else -self.first_target
+        state["trial"], state["attempt"] = trial, attempt
+        state["successes"], state["failures"] = successes, failures
+        state["extra"], state["block_ticks"] = extra, block_ticks
         if self.book["settings"]["balls"][0]:
-            state["p"] = -self.first_target * self.book["rules"]["target_distance"]
+            state["p"] = -state["target"] * self.book["rules"]["target_distance"]
         return state
 
     def advance(self, state: NDArray[Any], rows: NDArray[Any], first: int = 0, count: int = 1) -> None:
@@ -353,6 +397,23 @@ class Stage:
             How many ticks [1].
         """
         self.ticks(state, rows, first, count, self.book, self.tables)
+
+    def told(self, rows: NDArray[Any], number: int) -> Any:
+        """Find the row whose forces the hands are told at a tick: that of `delay` ticks before.
+
+        Parameters
+        ----------
+        rows : ndarray of TICK, shape (n,)
+            A ring of rows, or of their words, more of them than `delay`; those of ticks that there were not are zeros.
+        number : int
+            Number of the tick [1].
+
+        Returns
+        -------
+        TICK record, or ndarray of its words
+            The row.
+        """
+        return rows[(number - self.delay) % len(rows)]
 
     def warm(self) -> None:
         """Compile (or load from the cache) everything `advance` needs, so that no first tick is late."""
@@ -386,7 +447,8 @@ def make_stage(config: Config) -> Stage:
     book = np.zeros(1, BOOK)
     book["scene"] = pack_scene(physics)
     book["rules"] = pack_rules(config.task, config.geometry, config.block)
-    book["settings"] = (config.task.stylus_range, physics.balls, config.block.haptics)
+    book["felt"] = pack_felt(config)
+    book["settings"] = (config.task.stylus_range, physics.balls)
     choice = choose(physics, TICK_SECONDS)
     method, kinds = NUMBER[choice.method], (parts_of(physics), parts_of(physics, free=False))
     step = TICK_SECONDS / choice.substeps
@@ -394,6 +456,36 @@ def make_stage(config: Config) -> Stage:
         book=book,
         choice=choice,
         tables=np.stack([METHODS[method].tables(book["scene"][0], parts, 6, step) for parts in kinds]),
-        ticks=_make_ticks(method, choice.substeps, HOLDS.index(physics.hold), *kinds),
+        ticks=_make_ticks(method, choice.substeps, HOLDS.index(physics.hold), *kinds, felt_of(config.block)),
         first_target=first_target(config),
+        delay=config.block.force_delay_ms,
     )
+
+
+def told_forces(ticks: NDArray[Any], delay: int) -> NDArray[np.float64]:
+    """Return the forces that the hands were told in a recording, before the server's gains.
+
+    Parameters
+    ----------
+    ticks : ndarray of TICK, shape (n,)
+        The recorded ticks, in order; some may be missing.
+    delay : int
+        A hand is told a force so many ticks later [1].
+
+    Returns
+    -------
+    ndarray of float64, shape (n, 2)
+        Of the left and the right hand, + = up: 0 where the tick that it is of does not exist, or no trial is on [N].
+    """
+    told = np.zeros((len(ticks), 2))
+    if len(ticks):
+        then = np.searchsorted(ticks["tick"], ticks["tick"] - delay)
+        known = (ticks["tick"][then] == ticks["tick"] - delay) & _active(ticks["phase"])
+        for place, side in enumerate(("left", "right")):
+            told[known, place] = ticks[f"{side}_force"][then[known]]
+    return told
+
+
+def _active(phases: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Tell of many phases whether a trial is going on."""
+    return np.array([is_active(int(phase)) for phase in Phase])[phases]

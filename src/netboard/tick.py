@@ -15,6 +15,9 @@ TICK_NS = 1_000_000
 TICK_SECONDS = 1e-3
 """Length of a tick [s]."""
 
+LATE_NS = TICK_NS // 2
+"""A tick that began later than this after its deadline is late: half a tick [ns]."""
+
 _BOTH = ("left", "right")
 
 STATE = np.dtype(
@@ -40,12 +43,14 @@ STATE = np.dtype(
         ("phase", "<i8"),  # netboard.experiment.machine.Phase
         ("target", "<i8"),  # side of the target: -1 left, +1 right
         ("trial", "<i8"),  # number of the trial in the block, from 1
-        ("attempt", "<i8"),  # number of the attempt at this trial, from 1
+        ("attempt", "<i8"),  # number of the attempt at this trial, from 1; 0 if it is skipped to in a pause
         ("successes", "<i8"),  # successful trials in the block
         ("failures", "<i8"),  # failed attempts in the block
         ("counted", "<i8"),  # ticks level (levelling) or inside the target (holding)
         ("run_ticks", "<i8"),  # ticks since the release
         ("mark_ticks", "<i8"),  # run_ticks when the ball came into the target
+        ("extra", "<i8"),  # trials that operators have added to the block
+        ("block_ticks", "<i8"),  # ticks that the block has taken, without pauses
     ]
 )
 """Everything `advance` needs to know of the past."""
@@ -64,6 +69,7 @@ INPUT = np.dtype(
                 (f"{side}_stamp_ns", "<i8"),  # when it was read, server time [ns]
                 (f"{side}_sent_z", "<f8"),  # height as sent [m]
                 (f"{side}_sent_vz", "<f8"),  # its rate as sent [m/s]
+                (f"{side}_other", "<f8"),  # force felt in another session, for blocks of such; else 0 [N]
             )
         ),
     ]
@@ -81,7 +87,7 @@ OUTPUT = np.dtype(
                 (f"{side}_used_vz", "<f8"),  # its rate used [m/s]
                 (f"{side}_used_az", "<f8"),  # the rate of that used, kept through the tick [m/s2]
                 (f"{side}_coupling", "<f8"),  # force of the coupling on the board, + = up [N]
-                (f"{side}_force", "<f8"),  # force sent to the hand; 0 without haptics, a trial or a live stylus [N]
+                (f"{side}_force", "<f8"),  # to be felt by the hand, before any delay; 0 where nothing is [N]
             )
         ),
     ]

@@ -1,6 +1,8 @@
 """What every device backend must do; each backend's test derives from `DeviceContract`."""
 
+import contextlib
 from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from math import inf, isfinite, nan
 
@@ -8,6 +10,7 @@ import pytest
 
 from netboard.config import Config
 from netboard.devices.base import Device
+from netboard.errors import ConfigError, DeviceError, DeviceNotFound
 
 MS = 1_000_000
 
@@ -23,6 +26,14 @@ class DeviceContract(ABC):
     def motor_force(self, device: Device) -> tuple[float, float, float]:
         """The force the motors exert now, also after `Device.close` [N]."""
 
+    def instants(self) -> Iterator[int]:
+        """Times at which a stylus is read, a millisecond apart; a device with a loop of its own overrides this."""
+        return (1000 * MS + k * MS for k in range(50))
+
+    def unplug(self, device: Device) -> Callable[[], None]:
+        """Pull the plug of an open device; how to put it in again. Skips where there is none."""
+        pytest.skip("this device has no plug")
+
     @pytest.fixture
     def device(self):
         device = self.make(Config())
@@ -33,7 +44,8 @@ class DeviceContract(ABC):
         info = device.open()
         assert info.model
         assert info.serial
-        assert 0 < info.continuous_force <= info.max_force < 50
+        assert 0 <= info.continuous_force <= info.max_force < 50
+        assert (info.continuous_force > 0) == (info.max_force > 0)
         assert info.resolution >= 0
         assert device.info == info
 
@@ -44,8 +56,7 @@ class DeviceContract(ABC):
     def test_readings_are_finite_and_in_time(self, device: Device) -> None:
         device.open()
         last = -1
-        for k in range(50):
-            now = 1000 * MS + k * MS
+        for now in self.instants():
             reading = device.read(now)
             numbers = (reading.x, reading.y, reading.z, reading.vx, reading.vy, reading.vz)
             assert all(map(isfinite, numbers))
@@ -53,11 +64,44 @@ class DeviceContract(ABC):
             assert reading.buttons >= 0
             last = reading.stamp_ns
 
+    def test_outside_of_its_workspace_it_is_not_ready(self, device: Device) -> None:
+        box = device.open().workspace
+        reading = next(device.read(now) for now in self.instants())
+        assert not reading.ready or box is None or box.holds(reading.x, reading.y, reading.z)
+
+    def test_a_device_that_is_pulled_out_is_lost_and_can_be_opened_again(self, device: Device) -> None:
+        device.open()
+        plug_in = self.unplug(device)
+
+        def use() -> None:
+            for now in self.instants():
+                device.read(now)
+                device.write(0.0, 0.0, 0.1)
+
+        with pytest.raises(DeviceError):
+            use()
+        with contextlib.suppress(DeviceError):
+            device.close()
+        with pytest.raises(DeviceNotFound):
+            device.open()
+        plug_in()
+        device.open()
+        assert self.motor_force(device) == (0.0, 0.0, 0.0)
+        use()
+
+    def test_an_unknown_option_is_named(self) -> None:
+        plain = Config()
+        odd = replace(plain.agents.left, options={**plain.agents.left.options, "no_such_thing": 1})
+        with pytest.raises(ConfigError, match=r"\[agents\.left\.options\] no_such_thing: unknown key"):
+            self.make(replace(plain, agents=replace(plain.agents, left=odd)))
+
     def test_the_scene_s_origin_is_where_the_agent_says(self) -> None:
         plain = Config()
         shifted = replace(plain, agents=replace(plain.agents, left=replace(plain.agents.left, zero=0.02)))
-        with self.make(plain) as here, self.make(shifted) as there:
-            assert there.read(MS).z == pytest.approx(here.read(MS).z - 0.02, abs=1e-3)
+        with self.make(plain) as device:
+            here = device.read(MS).z
+        with self.make(shifted) as device:  # a real one is open only once at a time
+            assert device.read(MS).z == pytest.approx(here - 0.02, abs=1e-3)
 
     def test_it_renders_no_more_than_it_says(self, device: Device) -> None:
         limit = device.open().max_force

@@ -1,14 +1,14 @@
 """The safety chain: each rule in a scene of its own, then every rule at once on any sequence of inputs."""
 
 from dataclasses import replace
-from math import hypot, inf, isfinite, nan
+from math import hypot, inf, isfinite, log, nan
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from netboard.config import Safety as Limits
-from netboard.devices.safety import LIVE, LONGEST_STEP_NS, TABLE, Guard, Limited, Safety, Trip
+from netboard.devices.safety import LIVE, LONGEST_STEP_NS, MARGIN, MEAN_TIME, TABLE, Guard, Limited, Safety, Trip
 from netboard.wire.messages import Safeguard
 
 MS = 1_000_000
@@ -20,8 +20,8 @@ QUIET = (0.0, 0.0, 0.0)
 class Bench:
     """A chain with a clock of 1 ms and a server that is heard every tick unless it is cut off."""
 
-    def __init__(self, limits: Limits = LIMITS, device: float = 3.3) -> None:
-        self.chain = Safety(limits, device)
+    def __init__(self, limits: Limits = LIMITS, device: float = 3.3, lasting: float = 3.3) -> None:
+        self.chain = Safety(limits, device, lasting)
         self.now = 0
         self.heard: int | None = None
         self.history: list[Limited] = []
@@ -47,6 +47,12 @@ class Bench:
         return max(hypot(b.fx - a.fx, b.fy - a.fy, b.fz - a.fz) for a, b in pairs)
 
 
+number = st.one_of(
+    st.floats(-5.0, 5.0), st.sampled_from([0.0, 0.1, -0.1, nan, inf, -inf, 1e308, -1e308, 5e-324]), st.floats()
+)
+tame = st.floats(-3.0, 3.0)
+vector = st.one_of(st.tuples(tame, tame, st.floats(-0.1, 0.1)), st.tuples(tame, tame, tame), st.tuples(*[number] * 3))
+velocity = st.one_of(st.just(STILL), st.tuples(*[st.floats(-0.5, 0.5)] * 3), st.tuples(*[number] * 3))
 SLEW = LIMITS.max_slew * 1e-3 + 1e-12
 
 
@@ -220,11 +226,60 @@ def test_disarming_goes_down_by_the_slew_limit_and_stays_down() -> None:
 
 @pytest.mark.parametrize(("device", "most"), [(3.3, 3.0), (1.2, 1.2)])
 def test_the_clamp_is_the_smaller_limit_and_keeps_the_direction(device: float, most: float) -> None:
-    bench = Bench(device=device).armed()
+    bench = Bench(replace(LIMITS, mean_force=40.0), device).armed()
     clamped = bench.run(100, (3.0, 0.0, -4.0))
     assert hypot(*clamped[:3]) == pytest.approx(most)
     assert clamped.fx / clamped.fz == pytest.approx(-0.75)
     assert clamped.safeguards == Safeguard.ARMED | Safeguard.CLAMPED
+
+
+def test_a_force_that_goes_on_comes_down_to_what_the_motors_give_for_ever() -> None:
+    """Under a constant force F the mean is F (1 - exp(-t / MEAN_TIME)): the clamp comes down when that is near."""
+    bench = Bench().armed((0.0, 0.0, 2.0))
+    lasting = LIMITS.mean_force
+    until = -MEAN_TIME * log(1.0 - (1.0 - MARGIN) * lasting / 2.0)
+    bench.run(round((until - 0.5) * 1000), (0.0, 0.0, 2.0))
+    assert bench.history[-1].fz == 2.0
+    assert not any(h.safeguards & Safeguard.WORN for h in bench.history)
+    last = bench.run(60_000, (0.0, 0.0, 2.0))
+    assert last.fz == pytest.approx(lasting, rel=1e-3)
+    assert last.safeguards == Safeguard.ARMED | Safeguard.WORN
+    assert bench.largest_step() <= SLEW
+    bench.run(10_000, QUIET)
+    assert bench.run(100, (0.0, 0.0, 2.0)).fz == 2.0
+
+
+@pytest.mark.parametrize(("limit", "device", "most"), [(0.88, 3.3, 0.88), (0.88, 0.5, 0.5), (2.0, 0.9, 0.9)])
+def test_the_mean_is_limited_by_the_smaller_of_limit_and_rating(limit: float, device: float, most: float) -> None:
+    bench = Bench(replace(LIMITS, mean_force=limit), lasting=device).armed((0.0, 0.0, 3.0))
+    assert bench.run(100_000, (0.0, 0.0, 3.0)).fz == pytest.approx(most, rel=1e-3)
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.floats(0.1, 3.0), st.lists(st.tuples(tame, st.integers(1, 6000)), min_size=4, max_size=8))
+def test_no_wanted_force_brings_the_mean_above_its_limit(lasting: float, wishes: list[tuple[float, int]]) -> None:
+    bench, mean = Bench(lasting=lasting).armed(), 0.0
+    most = min(lasting, LIMITS.mean_force)
+    for wanted, times in wishes:
+        for _ in range(times):
+            mean += (abs(bench.run(1, (0.0, 0.0, wanted)).fz) - mean) * 1e-3 / MEAN_TIME
+            assert mean <= most * 1.001 + LIMITS.max_force * 0.006 / MEAN_TIME
+
+
+def test_a_device_without_motors_gets_no_force() -> None:
+    bench = Bench(device=0.0, lasting=0.0)
+    bench.chain.arm()
+    assert bench.run(3000, (0.1, 0.0, 0.1))[:3] == STILL
+
+
+def test_an_emergency_stop_cuts_to_zero_at_once_and_holds_until_it_is_disarmed() -> None:
+    bench = Bench().armed((0.0, 0.0, 2.0))
+    bench.chain.stop()
+    assert bench.run(1, (0.0, 0.0, 2.0)) == (0.0, 0.0, 0.0, Safeguard.STOPPED)
+    assert not bench.chain.arm()
+    bench.chain.disarm()
+    assert bench.run(1).safeguards == Safeguard(0)
+    assert bench.chain.arm()
 
 
 def test_the_slew_limit_holds_a_step_back() -> None:
@@ -249,14 +304,8 @@ def test_a_clock_that_runs_backwards_changes_nothing() -> None:
     assert bench.chain.step(bench.now - 50 * MS, (0.0, 0.0, 3.0), bench.now, STILL)[:3] == before[:3]
 
 
-number = st.one_of(
-    st.floats(-5.0, 5.0), st.sampled_from([0.0, 0.1, -0.1, nan, inf, -inf, 1e308, -1e308, 5e-324]), st.floats()
-)
-tame = st.floats(-3.0, 3.0)
-vector = st.one_of(st.tuples(tame, tame, st.floats(-0.1, 0.1)), st.tuples(tame, tame, tame), st.tuples(*[number] * 3))
-velocity = st.one_of(st.just(STILL), st.tuples(*[st.floats(-0.5, 0.5)] * 3), st.tuples(*[number] * 3))
 moment = st.tuples(
-    st.sampled_from(["", "", "", "", "", "", "arm", "arm", "disarm", "lost"]),
+    st.sampled_from(["", "", "", "", "", "", "arm", "arm", "disarm", "lost", "stop"]),
     st.sampled_from([0, 1, 1, 1, 1, 2, 5, 30, 300]),
     vector,
     st.sampled_from([0, 0, 0, 0, 11, 40, 150, None]),
@@ -273,9 +322,9 @@ limit = st.builds(
 
 
 @settings(max_examples=200)
-@given(limit, st.floats(0.1, 10.0), st.lists(moment, max_size=25))
-def test_no_sequence_of_inputs_breaks_a_rule(limits: Limits, device: float, moments: list) -> None:
-    chain, now, last = Safety(limits, device), 0, STILL
+@given(limit, st.floats(0.1, 10.0), st.floats(0.1, 10.0), st.lists(moment, max_size=25))
+def test_no_sequence_of_inputs_breaks_a_rule(limits: Limits, device: float, lasting: float, moments: list) -> None:
+    chain, now, last = Safety(limits, device, lasting), 0, STILL
     for action, dt, wanted, age, speed, times in moments:
         before = chain.guard
         if action == "arm":
@@ -285,6 +334,8 @@ def test_no_sequence_of_inputs_breaks_a_rule(limits: Limits, device: float, mome
             chain.disarm()
         elif action == "lost":
             chain.device_lost()
+        elif action == "stop":
+            chain.stop()
         for _ in range(times):
             was = chain.guard
             now += dt * MS

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from contract import DeviceContract
 
-from netboard.config import Agent, Agents, Config
+from netboard.config import Config
 from netboard.devices import registry
 from netboard.devices.base import Device
 from netboard.errors import ConfigError, DeviceLost
@@ -29,7 +29,7 @@ MS = 1_000_000
 
 
 def in_folder(config: Config, folder: Path) -> Config:
-    left = replace(config.agents.left, device=NAME, options={"folder": str(folder)})
+    left = replace(config.agents.left, device=NAME, options={"folder": str(folder), **config.agents.left.options})
     return replace(config, agents=replace(config.agents, left=left))
 
 
@@ -111,10 +111,12 @@ def test_it_can_be_gone_having_been_told_to_let_go(device: TamperedTouch, tmp_pa
     assert trace["fz"].tolist() == [0.5, 0.0]
 
 
-@pytest.mark.parametrize("options", [{}, {"folder": 3}, {"folder": "here", "held": True}])
-def test_it_wants_its_folder_and_nothing_else(options: dict) -> None:
-    with pytest.raises(ConfigError, match=r"agents.left.options.*its folder"):
-        TamperedTouch("left", Config(agents=Agents(left=Agent(options=options))))
+@pytest.mark.parametrize("options", [{"folder": 3}, {"folder": "", "held": True}])
+def test_wrong_options_of_it_are_named(options: dict) -> None:
+    config = Config()
+    left = replace(config.agents.left, options=options)
+    with pytest.raises(ConfigError, match=r"\[agents\.left\.options\] (folder|held)"):
+        TamperedTouch("left", replace(config, agents=replace(config.agents, left=left)))
 
 
 def test_it_is_a_plug_in_where_it_is_installed_and_nowhere_else(

@@ -10,10 +10,14 @@ from netboard.config import Config, VirtualDevice
 from netboard.devices.base import Device
 from netboard.devices.virtual import CATCH_UP_NS, VirtualTouch
 from netboard.errors import ConfigError
+from netboard.participants.device_models import resolved
+from netboard.participants.hand import STEP
 from netboard.participants.submovement import Submovement
 
+FLAWS = {"cable_stiffness": "model", "thermal_time": "model", "read_latency_ms": 3.0, "write_latency_ms": 2.0}
 
-def configured(options: dict | None = None, **virtual: float) -> Config:
+
+def configured(options: dict | None = None, **virtual: float | str) -> Config:
     config = Config(virtual=VirtualDevice(**virtual))
     left = replace(config.agents.left, options=options or {})
     return replace(config, agents=replace(config.agents, left=left))
@@ -28,6 +32,11 @@ class TestVirtualTouch(DeviceContract):
         return device._written
 
 
+class TestFlawedFalcon(TestVirtualTouch):
+    def make(self, config: Config) -> Device:
+        return VirtualTouch("left", replace(config, virtual=VirtualDevice(model="falcon", **FLAWS)))
+
+
 def opened(config: Config) -> VirtualTouch:
     device = VirtualTouch("left", config)
     device.open()
@@ -37,7 +46,7 @@ def opened(config: Config) -> VirtualTouch:
 def test_positions_come_in_encoder_steps() -> None:
     device = opened(configured())
     device.command([Submovement("left", 0.0, 0.3, 0.02)])
-    step = Config().virtual.resolution
+    step = resolved(Config().virtual).resolution
     heights = np.array([device.read(k * MS).z for k in range(800)])
     assert len(np.unique(heights)) > 100
     assert np.abs(heights / step - np.round(heights / step)).max() < 1e-6
@@ -91,7 +100,7 @@ def test_a_force_acts_from_the_moment_on_in_which_the_hand_lives_after_it() -> N
     """A free stylus under a constant force from 0.5 ms on: by its closed form."""
     device = opened(configured({"held": False}, friction=0.0, damping=0.0, resolution=0.0, workspace=1.0))
     device.read(0)
-    mass, when = Config().virtual.mass, MS // 2
+    mass, when = resolved(Config().virtual).mass, MS // 2
     device.write(0.0, 0.0, 0.045)
     device.live(when)
     for k in range(1, 100):
@@ -152,7 +161,107 @@ def test_it_moves_no_hand_but_its_own() -> None:
         opened(configured()).command([Submovement("right", 0.0, 0.2, 0.02)])
 
 
-@pytest.mark.parametrize(("options", "message"), [({"hold": True}, "unknown option"), ({"held": 1}, "true or false")])
+@pytest.mark.parametrize(
+    ("options", "message"), [({"hold": True}, "did you mean held"), ({"held": "no"}, "true or false")]
+)
 def test_wrong_options_are_named(options: dict, message: str) -> None:
     with pytest.raises(ConfigError, match=rf"agents\.left\.options.*{message}"):
         VirtualTouch("left", configured(options))
+
+
+def test_it_is_the_touch_of_old_if_nothing_else_is_said() -> None:
+    info = opened(configured()).info
+    assert (info.model, info.max_force, info.continuous_force, info.resolution) == (
+        "virtual Touch",
+        3.3,
+        0.88,
+        0.055e-3,
+    )
+    assert info.workspace is not None
+    assert info.workspace.x_max == 0.075 + 0.055e-3
+    assert info.details == {"mass": "0.045 kg", "friction": "0.26 N", "damping": "0.1 N s/m"}
+
+
+def test_a_model_says_what_is_not_written() -> None:
+    info = opened(configured(model="falcon", max_force=5.0)).info
+    assert (info.model, info.max_force, info.continuous_force) == ("virtual Novint Falcon", 5.0, 3.0)
+    assert info.resolution == 0.0635e-3
+
+
+def test_flaws_are_told() -> None:
+    details = opened(configured(**FLAWS)).info.details
+    assert details["cable stiffness"] == "1020.0 N/m"
+    assert details["thermal time"] == "100.0 s"
+    assert details["read latency"] == "3.0 ms"
+    assert details["write latency"] == "2.0 ms"
+
+
+def test_the_stylus_moves_where_the_encoders_do_not() -> None:
+    """Motors that friction holds against the arm: only the cables give, by force over stiffness."""
+    config = configured(friction=5.0, cable_stiffness=1000.0)
+    device = opened(replace(config, participant=replace(config.participant, force_noise=0.0)))
+    device.read(0)
+    device.command([Submovement("left", 0.0, 0.3, 0.004)])
+    for k in range(1, 3000):
+        reading = device.read(k * MS)
+    stiffness = Config().participant.arm_stiffness
+    assert reading.z == 0.0
+    pulled = stiffness * 0.004 / (1.0 + stiffness / 1000.0)
+    assert device.tip[2] == pytest.approx(pulled / 1000.0)
+
+
+def test_warm_motors_are_not_ready_and_give_no_more_than_the_continuous_force() -> None:
+    """They get warm after ``time ln(r / (r - 1))``, with r the square of the force over the continuous one."""
+    device = opened(configured({"held": False}, friction=5.0, thermal_time=1.0))
+    warm_at = float(np.log(3.75**2 / (3.75**2 - 1.0)))
+    readings = []
+    for k in range(200):
+        readings.append(device.read(k * MS).ready)
+        device.write(0.0, 0.0, 3.3)
+    assert readings.index(False) * 1e-3 == pytest.approx(warm_at, abs=2.1e-3)
+    assert device.felt == pytest.approx(0.88)
+    assert device.temperature > 1.0
+    device.write(0.0, 0.0, 0.0)
+    ready = [device.read(k * MS).ready for k in range(200, 1000)]
+    assert True in ready
+    assert device.temperature < 0.8
+    device.write(0.0, 0.0, 3.3)
+    assert device.felt == 3.3
+
+
+def test_late_readings_are_those_of_before() -> None:
+    late, plain = opened(configured(read_latency_ms=7.0)), opened(configured())
+    for each in (late, plain):
+        each.command([Submovement("left", 0.0, 0.3, 0.02)])
+    heights = [(late.read(k * MS).z, plain.read(k * MS).z) for k in range(600)]
+    seen, true = np.array(heights).T
+    assert (seen[7:] == true[:-7]).all()
+    assert (seen[:7] == true[0]).all()
+
+
+def test_a_late_force_acts_later() -> None:
+    """A free stylus under a force that is written at 10 ms and takes 5 ms: by its closed form."""
+    options = {"friction": 0.0, "damping": 0.0, "resolution": 0.0, "workspace": 1.0, "write_latency_ms": 5.0}
+    device = opened(configured({"held": False}, **options))
+    mass = resolved(Config().virtual).mass
+    for k in range(60):
+        reading = device.read(k * MS)
+        since = max(k - 15, 0) * 1e-3
+        assert reading.z == pytest.approx(0.5 / mass * since * (since + STEP), abs=1e-12)
+        assert device.felt == (1.0 if k >= 15 else 0.0)
+        if k == 10:
+            device.write(0.0, 0.0, 1.0)
+            device.live(k * MS)
+
+
+def test_a_device_that_was_closed_has_no_force_on_its_way() -> None:
+    device = opened(configured(write_latency_ms=50.0))
+    device.read(0)
+    device.write(0.0, 0.0, 2.0)
+    for k in range(1, 30):
+        device.read(k * MS)
+    device.close()
+    device.open()
+    for k in range(30, 200):
+        device.read(k * MS)
+        assert device.felt == 0.0

@@ -8,12 +8,15 @@ import numpy as np
 import zmq
 
 from netboard import sockets
+from netboard.clock import now_ns
 from netboard.config import Config, Display, Network
+from netboard.display.language import load_words
 from netboard.experiment.machine import Cause, Phase
 from netboard.tick import TICK, TICK_NS
 from netboard.wire.codec import decode, encode
 from netboard.wire.messages import View
 
+WORDS = load_words("en")
 VIEW = View(
     station="left",
     tick=1,
@@ -31,6 +34,11 @@ VIEW = View(
     completion=None,
     best=None,
     notice="",
+    seq=0,
+    share=0.0,
+    block=1,
+    blocks=1,
+    rest=None,
 )
 
 
@@ -80,6 +88,7 @@ class SmallServer:
         self.control = sockets.control_server(context, where.listen(sockets.CONTROL))
         self.heard = []
         self.peer = b""
+        self._seq = 0
 
     def hear(self, kind: type) -> bool:
         """Whether a message of a kind has come by now."""
@@ -93,7 +102,8 @@ class SmallServer:
 
     def show(self, **changes) -> bool:
         """Publish a view; always true, so that it can be repeated in a waiting loop."""
-        self.views.send(encode(replace(VIEW, **changes)))
+        self.views.send(encode(replace(VIEW, **{"seq": self._seq, "sent_ns": now_ns(), **changes})))
+        self._seq += 1
         return True
 
     def close(self) -> None:

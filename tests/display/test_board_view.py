@@ -5,13 +5,18 @@ import sys
 from dataclasses import replace
 
 import pytest
-from display_parts import VIEW
+from display_parts import VIEW, WORDS
 
 from netboard.config import Config, Display
-from netboard.display.scene import COLOURS, Mood, blank, compose, extent
+from netboard.display import screens
+from netboard.display.scene import COLOURS, Mood, extent
 from netboard.errors import NetboardError
 
 CONFIG = Config()
+
+
+def compose(view, config=CONFIG, **more):
+    return screens.compose(view, config, WORDS, **more)
 
 
 def colour_at(view, point):
@@ -27,7 +32,7 @@ def test_colours_are_where_the_view_says(app, board, size):
     view, _ = board
     view.window().resize(*size)
     app.processEvents()
-    picture = compose(replace(VIEW, theta=0.1, z=0.02, p=-0.05, left=-0.01), CONFIG)
+    picture = compose(replace(VIEW, theta=0.1, z=0.02, p=-0.05, left=-0.01))
     view.show_picture(picture)
     app.processEvents()
     target = [sum(corner[i] for corner in picture.target) / 4 for i in (0, 1)]
@@ -44,32 +49,32 @@ def test_colours_are_where_the_view_says(app, board, size):
 @pytest.mark.parametrize("phase", ["holding", "succeeded", "paused"])
 def test_the_mood_colours_the_target(app, board, phase):
     view, _ = board
-    view.show_picture(compose(replace(VIEW, phase=phase), CONFIG))
+    view.show_picture(compose(replace(VIEW, phase=phase)))
     app.processEvents()
     assert colour_at(view, (0.15, 0.0)) == view.picture.colours.target != COLOURS[Mood.RUN].target
 
 
 def test_it_paints_once_a_picture_and_never_for_an_equal_one(app, board):
     view, paints = board
-    view.show_picture(compose(VIEW, CONFIG))
+    view.show_picture(compose(VIEW))
     for _ in range(20):
         app.processEvents()
     paints.clear()
     for tick in range(20):
-        assert not view.show_picture(compose(replace(VIEW, tick=tick, sent_ns=tick), CONFIG))
+        assert not view.show_picture(compose(replace(VIEW, tick=tick, sent_ns=tick)))
         app.processEvents()
     assert paints == []
     for step in range(1, 6):
-        assert view.show_picture(compose(replace(VIEW, theta=step * 0.01), CONFIG))
+        assert view.show_picture(compose(replace(VIEW, theta=step * 0.01)))
         app.processEvents()
         assert len(paints) == step
 
 
 def test_blank_leaves_nothing_of_the_board(app, board):
     view, _ = board
-    view.show_picture(compose(replace(VIEW, phase="levelling", right=0.02), CONFIG))
+    view.show_picture(compose(replace(VIEW, phase="levelling", right=0.02)))
     app.processEvents()
-    view.show_picture(blank(CONFIG, "", lost=True))
+    view.show_picture(screens.blank(CONFIG, WORDS, "", lost=True))
     app.processEvents()
     image = view.grab().toImage()
     colours = {image.pixelColor(x, y).name() for x in range(0, 840, 5) for y in range(0, 480, 5)}
@@ -82,7 +87,7 @@ def test_a_screenshot_is_written_once(app, board, tmp_path):
     from netboard.display.widget import screenshot
 
     view, _ = board
-    view.show_picture(compose(VIEW, CONFIG))
+    view.show_picture(compose(VIEW))
     path = tmp_path / "shots" / "left.png"
     screenshot(view, path)
     assert QImage(str(path)).width() == 840

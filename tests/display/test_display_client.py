@@ -7,10 +7,12 @@ import zmq
 from display_parts import SmallServer, free_ports, local_config, until
 
 from netboard import sockets
-from netboard.config import Config, Geometry, resolve
+from netboard.config import Block, Config, Display, Geometry, resolve
 from netboard.display.scene import Mood
 from netboard.errors import NetboardError
 from netboard.wire.messages import PROTOCOL_VERSION, Frames, Goodbye, Hello, Refusal, Welcome
+
+WIDE = Geometry(board_length=0.8)
 
 pytestmark = pytest.mark.integration
 
@@ -92,6 +94,38 @@ def test_the_servers_configuration_says_what_the_board_looks_like(rig):
     rig.welcome(replace(Config(), geometry=Geometry(ball_radius=0.04)))
     assert rig.shows(Mood.RUN, tick=5)
     assert rig.window.board.picture.ball_radius == 0.04
+
+
+def test_another_block_is_taken_over_without_a_restart(rig):
+    rig.serve()
+    rig.welcome()
+    assert rig.shows(Mood.RUN, tick=5)
+    block = Block(number=2, blocks=18, instructions="Now the other way round.")
+    rig.server.tell(Welcome("s1", PROTOCOL_VERSION, 0, resolve(replace(Config(), block=block, geometry=WIDE))))
+    assert until(rig.app, lambda: rig.client.config.block == block)
+    assert rig.shows(Mood.WAIT, phase="idle", block=2, blocks=18)
+    assert until(rig.app, lambda: rig.window.board.picture.text == "Now the other way round.")
+    assert rig.window.board.picture.headline == "Block 2 of 18"
+    assert rig.shows(Mood.RUN, block=2, blocks=18)
+    assert rig.window.board.picture.extent[0] > 0.9
+
+
+def test_the_screen_is_the_displays_own(rig):
+    rig.serve()
+    theirs = Display(language="de", patch=True, mm_per_pixel=0.3)
+    rig.welcome(replace(Config(), display=theirs))
+    assert rig.client.config.display == local_config(rig.port).display
+    assert rig.shows(Mood.LEVEL, phase="levelling")
+    assert rig.window.board.picture.headline == "Hold the board level"
+    assert rig.window.board.picture.patch is None
+
+
+def test_a_board_that_does_not_fit_is_said(rig, caplog):
+    rig.window.board.mm_per_pixel = 0.3
+    rig.client.own = replace(rig.client.own, mm_per_pixel=0.3)
+    rig.serve()
+    rig.welcome(replace(Config(), geometry=WIDE))
+    assert "the window is 252 mm wide and the board needs 920 mm" in caplog.text
 
 
 def test_views_that_show_nothing_new_are_not_painted(rig):

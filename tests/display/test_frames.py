@@ -12,36 +12,51 @@ PERIOD = 16 * MS
 
 def test_steady_views_that_are_painted_in_time_lose_nothing():
     tally = FrameTally("left", PERIOD)
-    for tick in range(0, 1000, 16):
-        tally.receive(tick)
-        tally.wait(tick, tick * MS)
-        assert tally.paint(tick * MS + 2 * MS)
+    for seq in range(63):
+        at = 16 * seq * MS
+        tally.receive(seq, at)
+        tally.wait(16 * seq, at, at)
+        assert tally.paint(at + 2 * MS)
     assert (tally.painted, tally.dropped) == (63, 0)
 
 
-def test_more_views_than_the_screen_can_show_are_not_drops():
+def test_more_views_than_the_screen_can_show_are_no_drops():
     tally = FrameTally("left", PERIOD)
-    for tick in range(0, 1000, 8):
-        tally.receive(tick)
+    for seq in range(125):
+        tally.receive(seq, 8 * seq * MS)
+    for seq in range(125, 250, 2):  # every other one was replaced on its way
+        tally.receive(seq, 8 * seq * MS)
+    assert tally.dropped == 0
+
+
+def test_views_that_were_never_sent_are_no_drops():
+    tally = FrameTally("left", PERIOD)
+    for seq in range(20):
+        tally.receive(seq, 50 * seq * MS)
     assert tally.dropped == 0
 
 
 def test_a_hole_of_three_frames_is_three_drops_and_a_new_count_is_none():
     tally = FrameTally("left", PERIOD)
-    tally.receive(1000)
-    tally.receive(1000 + 4 * 16)
+    tally.receive(1000, 0)
+    tally.receive(1004, 4 * PERIOD)
     assert tally.dropped == 3
-    tally.receive(5)
-    assert tally.dropped == 3
+    tally.receive(1006, 14 * PERIOD)  # one view was sent in ten periods, and did not come
+    assert tally.dropped == 4
+    tally.receive(5, 15 * PERIOD)
+    assert tally.dropped == 4
 
 
 def test_replaced_and_late_frames_are_drops():
     tally = FrameTally("right", PERIOD)
-    tally.wait(1, 0)
-    tally.wait(2, 20 * MS)
+    tally.wait(1, 0, 0)
+    tally.wait(2, 20 * MS, 20 * MS)
     assert tally.dropped == 1
     assert tally.paint(20 * MS + PERIOD + 1)
     assert tally.dropped == 2
+    tally.wait(3, 0, 100 * MS)
+    tally.paint(100 * MS + 3 * PERIOD)
+    assert tally.dropped == 5
 
 
 def test_a_paint_without_a_waiting_view_is_no_frame():
@@ -57,7 +72,7 @@ def test_every_painted_frame_is_reported_once(steps):
     waited, reported = 0, []
     for i, step in enumerate(steps):
         if step == "w":
-            tally.wait(i, i)
+            tally.wait(i, i, i)
             waited += 1
         elif step == "p":
             tally.paint(i)
@@ -75,11 +90,11 @@ def test_every_painted_frame_is_reported_once(steps):
 def test_what_nobody_has_taken_for_long_still_fits_a_report():
     tally = FrameTally("left", PERIOD)
     for number in range(2 * MOST_KEPT):
-        tally.receive(number)
-        tally.wait(number, -(2**62))
+        tally.receive(number, number)
+        tally.wait(number, -(2**62), 2**62)
         tally.paint(2**62)
     for far in (2**63 - 1, -(2**63)) * 100:
-        tally.receive(far)
+        tally.receive(far, far)
     report = tally.report()
     assert report is not None
     assert decode(encode(report)) == report

@@ -4,27 +4,34 @@ import math
 from dataclasses import replace
 
 import pytest
-from display_parts import VIEW, two_trials
+from display_parts import VIEW, WORDS, two_trials
 from hypothesis import given
 from hypothesis import strategies as st
 
-from netboard.config import Config, Session
+from netboard.config import Config
 from netboard.curtain import make_curtain, view_of
-from netboard.display.scene import COLOURS, GRAIN, TEXT_SHARE, Mood, blank, compose
+from netboard.display.scene import COLOURS, GRAIN, TEXT_SHARE, Mood
+from netboard.display.screens import compose
 from netboard.errors import WireError
 from netboard.experiment.machine import Phase
 
 CONFIG = Config()
-PHASES = [phase.name.lower() for phase in Phase]
+PHASES = [phase.name.lower() for phase in Phase] + ["away"]
+ON_BOARD = [name for name in PHASES if name not in ("idle", "finished", "away")]
 HEIGHTS = st.floats(-0.075, 0.075)
 SLACK = 2 * GRAIN
+FIGURES = ("board", "target", "handles", "cursors", "fill", "bar", "level")
+
+
+def shown(view, config=CONFIG):
+    return compose(view, config, WORDS)
 
 
 @st.composite
 def views(draw):
     return replace(
         VIEW,
-        phase=draw(st.sampled_from(PHASES)),
+        phase=draw(st.sampled_from(ON_BOARD)),
         z=draw(HEIGHTS),
         theta=draw(st.floats(-0.5, 0.5)),
         p=draw(st.none() | st.floats(-0.35, 0.35)),
@@ -32,6 +39,7 @@ def views(draw):
         left=draw(st.none() | HEIGHTS),
         right=draw(st.none() | HEIGHTS),
         completion=draw(st.none() | st.floats(0.1, 60)),
+        share=draw(st.floats(0, 1)),
     )
 
 
@@ -43,39 +51,44 @@ def flipped(points):
 def test_a_mirrored_view_gives_the_mirrored_picture(view):
     p = None if view.p is None else -view.p
     mirrored = replace(view, theta=-view.theta, p=p, target=-view.target, left=view.right, right=view.left)
-    a, b = compose(view, CONFIG), compose(mirrored, CONFIG)
-    for name in ("board", "target", "handles", "cursors"):
+    a, b = shown(view), shown(mirrored)
+    for name in FIGURES:
         assert flipped(getattr(a, name)) == sorted(getattr(b, name))
+    ours, theirs = ([point for arrow in one.arrows for point in arrow] for one in (a, b))
+    assert [y for _, y in flipped(ours)] == pytest.approx([y for _, y in sorted(theirs)])
+    assert sorted(-x for x, _ in ours) == pytest.approx(sorted(x for x, _ in theirs))
     assert (a.ball is None) == (b.ball is None)
     if a.ball is not None:
         assert (-a.ball[0], a.ball[1]) == b.ball
-    assert replace(a, board=(), target=(), handles=(), cursors=(), ball=None) == replace(
-        b, board=(), target=(), handles=(), cursors=(), ball=None
-    )
+    bare = {**dict.fromkeys(FIGURES, ()), "arrows": (), "ball": None}
+    assert replace(a, **bare) == replace(b, **bare)
 
 
 @given(views(), st.integers(0, 10**9), st.integers(0, 10**18))
 def test_what_is_not_shown_does_not_change_the_picture(view, tick, sent_ns):
-    assert compose(view, CONFIG) == compose(replace(view, tick=tick, sent_ns=sent_ns), CONFIG)
+    assert shown(view) == shown(replace(view, tick=tick, sent_ns=sent_ns))
 
 
 @given(views())
 def test_the_board_keeps_its_shape_and_its_control_points(view):
-    picture = compose(view, CONFIG)
+    picture = shown(view)
     a, b, c, _ = picture.board
     assert math.dist(a, b) == pytest.approx(0.700, abs=SLACK)
     assert math.dist(b, c) == pytest.approx(0.050, abs=SLACK)
-    assert math.dist(*picture.target[:2]) == pytest.approx(0.070, abs=SLACK)
     left, right = picture.handles
     assert left[1] == pytest.approx(view.z - 0.25 * math.sin(view.theta), abs=SLACK)
     assert right[1] == pytest.approx(view.z + 0.25 * math.sin(view.theta), abs=SLACK)
+    if view.p is None:
+        assert picture.target == picture.fill == ()
+        return
+    assert math.dist(*picture.target[:2]) == pytest.approx(0.070, abs=SLACK)
     middle = [sum(corner[i] for corner in picture.target) / 4 for i in (0, 1)]
     assert math.dist(middle, (0.0, view.z)) == pytest.approx(0.150, abs=SLACK)
 
 
 @given(views().filter(lambda view: view.p is not None))
 def test_the_ball_lies_on_the_board(view):
-    picture = compose(view, CONFIG)
+    picture = shown(view)
     (ax, ay), (bx, by) = picture.board[3], picture.board[2]
     x, y = picture.ball
     above = ((bx - ax) * (y - ay) - (by - ay) * (x - ax)) / math.dist((ax, ay), (bx, by))
@@ -84,11 +97,11 @@ def test_the_ball_lies_on_the_board(view):
     assert along - 0.350 == pytest.approx(view.p, abs=SLACK)
 
 
-@given(HEIGHTS, HEIGHTS, st.floats(-0.35, 0.35), st.sampled_from(PHASES))
+@given(HEIGHTS, HEIGHTS, st.floats(-0.35, 0.35), st.sampled_from(ON_BOARD))
 def test_everything_within_reach_of_the_styluses_is_seen_and_leaves_room_for_words(left, right, p, phase):
     theta = math.asin((right - left) / 0.5)
     view = replace(VIEW, phase=phase, z=(left + right) / 2, theta=theta, p=p, left=left, right=right)
-    picture = compose(view, CONFIG)
+    picture = shown(view)
     width, height = picture.extent
     points = (*picture.board, *picture.handles, *picture.cursors, picture.ball)
     assert all(abs(x) <= width / 2 for x, _ in points)
@@ -102,7 +115,7 @@ def test_the_partners_hand_is_not_in_the_picture(station, partner, x):
     row = two_trials()[2000]
     other = row.copy()
     other[f"{partner}_used_z"] += 0.03
-    pictures = [compose(view_of(curtain, which, station, None, 0), CONFIG) for which in (row, other)]
+    pictures = [shown(view_of(curtain, which, station, None, 0)) for which in (row, other)]
     assert pictures[0] == pictures[1]
     ((cursor_x, cursor_y),) = pictures[0].cursors
     assert cursor_x == pytest.approx(x)
@@ -110,44 +123,20 @@ def test_the_partners_hand_is_not_in_the_picture(station, partner, x):
 
 
 def test_one_person_with_two_hands_sees_both():
-    picture = compose(replace(VIEW, left=0.01, right=-0.02), CONFIG)
+    picture = shown(replace(VIEW, left=0.01, right=-0.02))
     assert picture.cursors == (pytest.approx((-0.25, 0.01)), pytest.approx((0.25, -0.02)))
 
 
 @pytest.mark.parametrize("phase", PHASES)
 def test_every_phase_has_its_mood(phase):
-    picture = compose(replace(VIEW, phase=phase), CONFIG)
+    picture = shown(replace(VIEW, phase=phase))
     assert picture.colours == COLOURS[picture.mood]
-
-
-def test_words_and_numbers_come_between_trials_only():
-    times = {"completion": 3.416, "best": 2.9}
-    assert compose(replace(VIEW, phase="levelling", **times), CONFIG).detail == "Last 3.42 s   (best 2.90 s)"
-    assert compose(replace(VIEW, phase="levelling"), CONFIG).detail == ""
-    running = compose(replace(VIEW, phase="running", **times), CONFIG)
-    assert (running.headline, running.detail, running.counter) == ("", "", "Trial 4 of 60")
-    assert compose(replace(VIEW, phase="finished", trial=61), CONFIG).counter == "Trial 60 of 60"
-
-
-def test_a_pilot_run_is_marked_in_every_picture():
-    pilot = replace(CONFIG, session=Session(pilot=True))
-    assert "PILOT" in compose(VIEW, pilot).counter
-    assert "PILOT" in compose(None, pilot).counter
-    assert "PILOT" in blank(pilot, "Connection lost", lost=True).counter
-
-
-def test_a_blank_picture_shows_words_only():
-    picture = blank(CONFIG, "Connection lost", lost=True)
-    assert picture.mood is Mood.LOST
-    assert picture.ball is None
-    assert not picture.board
-    assert not picture.cursors
 
 
 @pytest.mark.parametrize("change", [{"phase": "dancing"}, {"z": math.nan}, {"p": math.inf}, {"left": math.nan}])
 def test_what_cannot_be_drawn_is_refused(change):
     with pytest.raises(WireError):
-        compose(replace(VIEW, **change), CONFIG)
+        shown(replace(VIEW, **change))
 
 
 def test_colours_of_things_that_touch_differ_in_brightness():
@@ -156,5 +145,12 @@ def test_colours_of_things_that_touch_differ_in_brightness():
         return 0.2126 * red + 0.7152 * green + 0.0722 * blue
 
     for colours in COLOURS.values():
-        for one, other in (("board", "background"), ("target", "board"), ("ball", "background"), ("cursor", "board")):
+        for one, other in (
+            ("board", "background"),
+            ("target", "board"),
+            ("ball", "background"),
+            ("cursor", "board"),
+        ):
             assert abs(brightness(getattr(colours, one)) - brightness(getattr(colours, other))) > 12
+    holding = COLOURS[Mood.HOLD]
+    assert abs(brightness(holding.fill) - brightness(holding.target)) > 12

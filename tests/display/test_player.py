@@ -4,11 +4,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from display_parts import two_trials, until
+from display_parts import WORDS, two_trials, until
 
 from netboard.config import Block, Config, Display, resolve
 from netboard.curtain import make_curtain, view_of
-from netboard.display.scene import compose
+from netboard.display.screens import compose
 from netboard.errors import NetboardError, RecordingError
 from netboard.recording.provenance import next_recording, provenance
 from netboard.recording.writer import RecordingWriter
@@ -42,7 +42,8 @@ def player(app):
 def expected(position):
     ticks = two_trials()
     index = round(position * 1000)
-    return compose(view_of(make_curtain(CONFIG), ticks[index], "left", 3.0 if index >= 4000 else None, 0), CONFIG)
+    view = view_of(make_curtain(CONFIG), ticks[index], "left", 3.0 if index >= 4000 else None, 0)
+    return compose(view, CONFIG, WORDS)
 
 
 def test_it_begins_where_the_block_does_and_plays_with_the_clock(player):

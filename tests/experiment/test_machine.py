@@ -1,5 +1,7 @@
 """The trial machine: its table, and what it senses."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -20,24 +22,73 @@ from netboard.experiment.machine import (
     is_level,
     pack_rules,
     sense,
+    wished,
 )
 
 RULES = pack_rules(Task(), Geometry(), Block())[0]
 RIGHT = 0.150
 
 
-def sensed(phase: Phase, p: float = 0.0, counted: int = 0, run_ticks: int = 0, successes: int = 0) -> Cause:
-    return Cause(sense(int(phase), p, RIGHT, counted, run_ticks, successes, RULES))
+TIMED = pack_rules(Task(), Geometry(), Block(duration=2.0))[0]
+LASTING = set(Phase) - {Phase.SUCCEEDED, Phase.FAILED, Phase.FINISHED}
+
+
+def sensed(
+    phase: Phase,
+    p: float = 0.0,
+    counted: int = 0,
+    run_ticks: int = 0,
+    trial: int = 1,
+    extra: int = 0,
+    block_ticks: int = 0,
+    rules: Any = RULES,
+) -> Cause:
+    return Cause(sense(int(phase), p, RIGHT, counted, run_ticks, trial, extra, block_ticks, rules))
 
 
 def test_every_phase_has_a_row_and_every_phase_but_the_first_is_reached() -> None:
     assert set(TABLE) == set(Phase)
-    assert {then for edges in TABLE.values() for then, _ in edges.values()} == set(Phase) - {Phase.IDLE}
+    reached = {then for phase, edges in TABLE.items() for then, _ in edges.values() if then is not phase}
+    assert reached == set(Phase) - {Phase.IDLE}
 
 
 def test_the_block_can_be_left_from_everywhere_that_lasts() -> None:
-    lasting = set(Phase) - {Phase.SUCCEEDED, Phase.FAILED, Phase.FINISHED}
-    assert all(TABLE[phase][Cause.STOP] == (Phase.FINISHED, Action.HALT) for phase in lasting)
+    assert all(TABLE[phase][Cause.STOP] == (Phase.FINISHED, Action.HALT) for phase in LASTING)
+
+
+def test_numbers_that_recordings_have_stay() -> None:
+    assert [cause.value for cause in Cause] == list(range(18))
+    assert (Cause.START, Cause.FAULT, Cause.REPEAT, Cause.VETO, Cause.SKIP) == (9, 14, 15, 16, 17)
+    assert [phase.value for phase in Phase] == list(range(8))
+
+
+def test_a_block_gets_longer_and_shorter_until_it_is_over_and_the_trial_does_not_notice() -> None:
+    for phase in set(Phase) - {Phase.FINISHED}:
+        assert TABLE[phase][Cause.REPEAT] == (phase, Action.EXTEND)
+        assert TABLE[phase][Cause.VETO] == (phase, Action.SHORTEN)
+    assert TABLE[Phase.FINISHED] == {}
+
+
+def test_a_trial_is_skipped_wherever_there_is_one_and_a_pause_goes_on() -> None:
+    for phase in (Phase.LEVELLING, *BALL_FREE):
+        assert TABLE[phase][Cause.SKIP] == (Phase.LEVELLING, Action.ADVANCE)
+    assert TABLE[Phase.PAUSED][Cause.SKIP] == (Phase.PAUSED, Action.PASS)
+    assert {phase for phase in Phase if Cause.SKIP in TABLE[phase]} == LASTING - {Phase.IDLE}
+
+
+def test_to_skip_the_last_trial_is_the_end_of_the_block() -> None:
+    for phase in LASTING - {Phase.IDLE}:
+        assert TABLE[phase][Cause.LAST] == (Phase.FINISHED, Action.HALT)
+    assert wished(int(Cause.SKIP), 59, 0, 10**9, RULES) == Cause.SKIP
+    assert wished(int(Cause.SKIP), 60, 0, 0, RULES) == Cause.LAST
+    assert wished(int(Cause.SKIP), 60, 1, 0, RULES) == Cause.SKIP
+    assert wished(int(Cause.SKIP), 1, 0, 2000, TIMED) == Cause.LAST
+
+
+@given(st.integers(-(2**62), 2**62))
+def test_only_commands_are_wished(command: int) -> None:
+    commands = range(Cause.START, Cause.SKIP + 1)
+    assert wished(command, 1, 0, 0, RULES) == (command if command in commands else Cause.NONE)
 
 
 def test_a_fault_fixes_the_ball_wherever_a_trial_is_going_on() -> None:
@@ -107,14 +158,27 @@ def test_the_ball_falls_beyond_350_mm(phase: Phase, side: int) -> None:
 def test_a_time_limit_ends_a_trial_only_where_there_is_one_and_not_in_the_target() -> None:
     limited = pack_rules(Task(time_limit=2.0), Geometry(), Block())[0]
     assert sensed(Phase.RUNNING, run_ticks=10**9) is Cause.NONE
-    assert sense(int(Phase.RUNNING), 0.0, RIGHT, 0, 1999, 0, limited) == Cause.NONE
-    assert sense(int(Phase.RUNNING), 0.0, RIGHT, 0, 2000, 0, limited) == Cause.TIMED_OUT
-    assert sense(int(Phase.HOLDING), RIGHT, RIGHT, 0, 2000, 0, limited) == Cause.NONE
+    assert sensed(Phase.RUNNING, run_ticks=1999, rules=limited) is Cause.NONE
+    assert sensed(Phase.RUNNING, run_ticks=2000, rules=limited) is Cause.TIMED_OUT
+    assert sensed(Phase.HOLDING, RIGHT, run_ticks=2000, rules=limited) is Cause.NONE
 
 
-def test_the_block_ends_with_the_last_of_its_successes() -> None:
-    assert sensed(Phase.SUCCEEDED, successes=59) is Cause.NEXT
-    assert sensed(Phase.SUCCEEDED, successes=60) is Cause.LAST
+def test_the_block_ends_with_its_last_trial() -> None:
+    assert sensed(Phase.SUCCEEDED, trial=59) is Cause.NEXT
+    assert sensed(Phase.SUCCEEDED, trial=60) is Cause.LAST
+    assert sensed(Phase.SUCCEEDED, trial=60, extra=1) is Cause.NEXT
+    assert sensed(Phase.SUCCEEDED, trial=61, extra=1) is Cause.LAST
+    assert sensed(Phase.SUCCEEDED, trial=61, extra=0) is Cause.LAST
+    assert sensed(Phase.FAILED, trial=60) is Cause.NEXT
+
+
+def test_a_block_that_has_a_time_ends_with_the_attempt_in_which_it_is_over() -> None:
+    for phase in (Phase.SUCCEEDED, Phase.FAILED):
+        assert sensed(phase, block_ticks=1999, rules=TIMED) is Cause.NEXT
+        assert sensed(phase, block_ticks=2000, rules=TIMED) is Cause.LAST
+        assert sensed(phase, block_ticks=10**9) is Cause.NEXT
+    for phase in (Phase.LEVELLING, Phase.RUNNING, Phase.HOLDING):
+        assert sensed(phase, block_ticks=10**9, rules=TIMED) not in (Cause.NEXT, Cause.LAST)
 
 
 def test_forces_are_felt_only_while_a_trial_is_going_on() -> None:

@@ -201,9 +201,18 @@ def test_safeguards_are_read_from_the_ticks() -> None:
 def test_a_device_without_numbers_is_to_have_no_force() -> None:
     trace = trace_of(np.where(np.arange(LENGTH) < 500, 1.0, 0.0))
     trace["z"][500:] = np.nan
-    assert powerless("left")(evidence(traces={"left": [trace], "right": []})).holds
+    found = evidence(traces={"left": [trace], "right": []})
+    assert powerless("left", to_the_end=True)(found).holds
+    assert powerless("left", to_the_end=False)(found).holds
+    trace["z"][600:], trace["fz"][700:] = 0.0, 1.0
+    assert powerless("left", to_the_end=False)(found).holds
+    assert not powerless("left", to_the_end=True)(found).holds
     trace["z"][499] = np.nan
-    assert not powerless("left")(evidence(traces={"left": [trace], "right": []})).holds
+    assert powerless("left", to_the_end=False)(found).holds  # by which it found out
+    trace["z"][498] = np.nan
+    assert not powerless("left", to_the_end=False)(found).holds
+    trace["z"][:] = 0.0
+    assert not powerless("left", to_the_end=False)(found).holds
 
 
 def test_frames_must_be_shown_at_the_end() -> None:

@@ -95,9 +95,22 @@ def test_the_largest_frame_is_exactly_as_large_as_is_said(kind: int) -> None:
         assert (judge(frame) is None) == (len(frame) > longest)
 
 
+AFTER_COMPLETIONS = [
+    *(0, [], [], "", [], []),
+    *("S01", "D01", "", False, False, True, True, "", 1, 1, "", "", 0.0, "", 0, [], []),
+]
+"""What a `Status` says after the completion times."""
+
+
 @pytest.mark.parametrize(
     ("kind", "before", "item", "after"),
-    [(21, ["left"], [1, 2, 3], [0]), (31, [0, 0], b"", []), (52, ["", 0, "", 0, 0, 0, 0], 0.5, [0, [], [], "", []])],
+    [
+        (21, ["left"], [1, 2, 3], [0]),
+        (31, [0, 0], b"", []),
+        (52, ["", 0, "", 0, 0, 0, 0], 0.5, AFTER_COMPLETIONS),
+        (55, [0], [1, 1, 1, "success", 0.5, "", 0], []),
+        (57, [], [5, 0.0, 0.0, 0.0, 0.0, 0.5, 0.0, 0.0], []),
+    ],
 )
 def test_the_longest_array_is_exactly_as_long_as_is_said(kind: int, before: list, item: object, after: list) -> None:  # type: ignore[type-arg]
     longest = KINDS[kind].most_items

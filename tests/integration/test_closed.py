@@ -160,7 +160,7 @@ class Attempts:
         """A display says that it is the operator."""
         who = self.at(sockets.CONTROL, self.own("display.left"), "display.left@upstart")
         who.until_heard(Refusal, hello("console", ""))
-        who.until_heard(Refusal, Command("shutdown"))
+        who.until_heard(Refusal, Command("end", "", 1))
         return who
 
     def wrong_hand(self) -> Intruder:
@@ -179,9 +179,9 @@ class Attempts:
         """A display that has been welcomed gives commands."""
         who = self.at(sockets.CONTROL, self.own("display.left"), "display.left@rebel")
         who.until_heard(Welcome, hello("display", "left"))
-        for name in ("pause", "stop", "shutdown"):
+        for name in ("pause", "stop", "end"):
             who.heard.clear()
-            who.until_heard(Refusal, Command(name))
+            who.until_heard(Refusal, Command(name, "", 1))
         who.heard.clear()
         who.until_heard(Refusal, StatusRequest())
         who.heard.clear()

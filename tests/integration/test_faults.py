@@ -17,7 +17,8 @@ pytestmark = [pytest.mark.integration, pytest.mark.slow, pytest.mark.timeout(900
 
 WITH_RELAYS = (
     *("line-held-20ms", "line-held-200ms", "line-cut-20ms", "delay-10ms", "agent-killed", "agent-stopped-1s"),
-    *("other-version", "no-hello", "device-nan", "device-frozen", "device-jumps", "logger-killed"),
+    *("other-version", "no-hello", "device-nan", "device-frozen", "device-jumps", "device-gone", "logger-killed"),
+    "emergency-stop",
 )
 OF_THE_SERVER = ("server-stopped-1s", "server-killed")
 OF_THE_RECORDING = ("directory-removed",)

@@ -28,6 +28,8 @@ SOURCE = Path(__file__).parent / "foreign"
 FRAMES = ROOT / "tests" / "data" / "frames"
 EASY = ("task.level_time=0.05", "task.level_angle_deg=5.0", "task.level_rate_deg_s=30.0", "task.time_limit=10.0")
 """A ball that is released almost at once, and a trial that ends in any case."""
+TWO_BLOCKS = 'orders.main = "2 duo"\n[kinds.duo]\n'
+"""A study."""
 
 Line = dict[str, Any]
 
@@ -156,9 +158,50 @@ def test_what_a_foreign_display_shows_is_recorded_and_hides_the_partner(played: 
     assert {line["partner_seen"] for line in shown} == {0}
 
 
+def require_one_session(said: list[Line], session: str) -> None:
+    """A client was welcome in one session, and nothing was refused."""
+    words = [line for line in said if "armed" not in line and "picture" not in line]
+    assert [list(line) for line in words] in ([["Welcome"]], [["Welcome"], ["Goodbye"]]), words
+    assert words[0]["Welcome"] == session
+
+
 def test_foreign_clients_are_welcomed_and_never_refused(played: Played) -> None:
     for said in (played.agent, played.display):
-        words = [line for line in said if "armed" not in line and "picture" not in line]
-        assert [list(line) for line in words] in ([["Welcome"]], [["Welcome"], ["Goodbye"]]), words
-        assert words[0]["Welcome"] == played.status.session
+        require_one_session(said, played.status.session)
     assert any(line["armed"] for line in played.agent if "armed" in line)
+
+
+def test_foreign_clients_go_on_with_the_next_block(clients: Path, tmp_path: Path) -> None:
+    with Rig(tmp_path, (*EASY, "session.pilot=true")) as rig:
+        study = rig.folder / "two.toml"
+        study.write_text(TWO_BLOCKS, encoding="utf-8")
+        rig.start("logger", "logger", "--once")
+        rig.start("server", "server", "--study", str(study), "--autostart")
+        rig.start_agent("right")
+        for what in ("agent", "display"):
+            start_client(rig, clients, what)
+        rig.until(lambda status: status.phase == "running" and "display.left" in status.peers)
+        assert rig.operator.do("pause").accepted
+        rig.until(lambda status: status.phase == "paused")
+        assert rig.operator.do("next").accepted
+        status = rig.until(lambda status: status.block == 2 and status.successes + status.failures > 0)
+        paths = rig.finish()
+        for what in ("agent", "display"):
+            assert rig.stop(f"left {what}") == 0, rig.said(f"left {what}")
+        agent, display = lines(rig, "agent"), lines(rig, "display")
+    for said in (agent, display):
+        require_one_session(said, status.session)
+        assert max(line.get("welcomes", 0) for line in said) >= 2
+    shown = [line["picture"] for line in display if "picture" in line]
+    assert any("running 1/" in picture and "of block 2/2" in picture for picture in shown), shown
+    seqs = []
+    for number, path in enumerate(paths, start=1):
+        with Recording(path) as recording:
+            ticks = recording.ticks()
+            assert recording.metadata["block"] == str(number)
+            assert verify_recording(recording).identical
+        felt = ticks[(ticks["phase"] == Phase.RUNNING) & (ticks["left_live"] == 1)]
+        assert np.any(felt["left_rendered"] != 0)
+        seqs += ticks["left_seq"][ticks["left_live"] == 1].tolist()
+    assert len(paths) == 2
+    assert seqs == sorted(seqs), "the numbers of its samples go on"

@@ -1,6 +1,9 @@
 """Real processes on real sockets: a session from start to verified recording, and what goes wrong in between."""
 
+import json
 import signal
+import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,6 +18,7 @@ from netboard.faults.rigs import Rig
 from netboard.recording.reader import Recording
 from netboard.recording.recovery import recover
 from netboard.recording.verification import verify_recording
+from netboard.wire.messages import Safeguard
 
 pytestmark = [pytest.mark.integration, pytest.mark.slow, pytest.mark.timeout(240)]
 
@@ -53,7 +57,7 @@ def test_a_session_is_recorded_whole_and_verifies(rig: Rig) -> None:
     with Recording(path) as recording:
         names = [event.name for event in recording.events()]
         assert [event.seq for event in recording.events()] == list(range(len(names)))
-        assert names[0] == "session_started"
+        assert names[:2] == ["block_began", "session_started"]
         assert names[-1] == "session_ended"
         assert {"agent_joined", "display_joined", "start", "level"} <= set(names)
         assert {frame.station for frame in recording.frames()} == {"left", "right"}
@@ -132,7 +136,7 @@ def test_a_killed_logger_loses_no_tick_the_server_still_has(rig: Rig) -> None:
 
 
 def test_blocks_without_haptics_send_no_force(folder: Path) -> None:
-    with Rig(folder, (*SOON_LEVEL, "block.trials=50", "block.haptics=false")) as rig:
+    with Rig(folder, (*SOON_LEVEL, "block.trials=50", "block.force=none")) as rig:
         rig.start_all()
         running = rig.until(lambda s: s.phase == "running")
         rig.until(lambda s: s.tick > running.tick + 500)
@@ -200,7 +204,7 @@ def test_the_server_waits_for_a_logger_that_is_held_up_at_the_end(rig: Rig) -> N
     status = rig.until(lambda s: s.phase == "running")
     rig.send_signal("logger", signal.SIGSTOP)
     rig.until(lambda s: s.tick > status.tick + 500)
-    rig.operator.command("shutdown")
+    rig.operator.command("end")
     time.sleep(3)
     rig.send_signal("logger", signal.SIGCONT)
     assert rig.running.pop("server").wait(60) == 0, rig.said("server")
@@ -253,11 +257,11 @@ def test_one_server_serves_two_dyads_and_what_befalls_one_does_not_touch_the_oth
         one.start_agent("left")
         one.until(lambda s: s.phase == "running")
         other.until(lambda s: s.tick > there.tick + 500)
-        one.operator.command("shutdown")
+        one.operator.command("end")
         assert one.wait("logger") == 0, one.said("logger")
         after = other.until(lambda s: True)
         other.until(lambda s: s.tick > after.tick + 200)
-        other.operator.command("shutdown")
+        other.operator.command("end")
         assert other.wait("logger") == 0, other.said("logger")
         assert one.wait("server") == 0, one.said("server")
         first, second = (verified(path) for rig in (one, other) for path in rig.recordings())
@@ -280,3 +284,51 @@ def test_an_idle_server_keeps_every_tick_and_wakes_at_once(folder: Path) -> None
     steps = np.diff(ticks["time_ns"])
     assert np.all(steps % 1_000_000 == 0)
     assert np.median(steps) == 1_000_000
+
+
+def test_a_coupling_computed_in_both_is_felt_recorded_and_verified(folder: Path) -> None:
+    far = ("block.trials=50", "physics.coupling_at=both", "safety.passivity=true")
+    with Rig(folder, (*SOON_LEVEL, *far)) as rig:
+        rig.start_all()
+        status = rig.until(lambda s: s.phase == "running")
+        rig.until(lambda s: s.tick > status.tick + 1500)
+        (path,) = rig.finish()
+    ticks = verified(path)
+    with Recording(path) as recording:
+        (limit,) = {event.details["limit"] for event in recording.events() if event.name == "delay_limit"}
+    assert limit.endswith(" ms")
+    felt = ticks[(ticks["phase"] == Phase.RUNNING) & ((ticks["left_safeguards"] & Safeguard.ARMED.value) != 0)]
+    for side in ("left", "right"):
+        late = felt[f"{side}_rendered"][20:] - felt[f"{side}_force"][:-20]
+        assert np.any(felt[f"{side}_rendered"] != 0)
+        assert np.median(np.abs(late)) < 0.1  # both computed the same spring, each from what it knew
+
+
+def shell(rig: Rig, *words: str) -> str:
+    """What a command of an operator says; an error if it fails."""
+    command = [sys.executable, "-m", "netboard.services.cli", *words, "-c", str(rig.folder / "rig.toml")]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    return done.stdout if done.returncode == 0 else f"error {done.returncode}: {done.stderr}"
+
+
+def test_an_operator_commands_from_a_shell_and_stops_in_an_emergency(rig: Rig) -> None:
+    rig.start_all()
+    rig.until(lambda s: s.phase in ("levelling", "running"))
+    assert json.loads(shell(rig, "control", "pause", "--json"))["status"]["phase"] == "paused"
+    assert shell(rig, "control", "resume").startswith("resume: the trial is ")
+    assert "EMERGENCY STOP" in shell(rig, "stop")
+    stopped = rig.until(lambda s: s.phase == "paused" and "the left device to be armed" in s.waiting_for)
+    assert stopped.notice == "paused: emergency stop by an operator"
+    assert "error 1: netboard: cannot resume without" in shell(rig, "control", "resume")
+    assert "is released" in shell(rig, "stop", "--release")
+    rig.until(lambda s: s.phase == "paused" and not s.waiting_for)
+    assert shell(rig, "control", "resume").startswith("resume: the trial is ")
+    (path,) = rig.finish()
+    ticks = verified(path)
+    with Recording(path) as recording:
+        ticks_of = {event.name: event.tick for event in recording.events()}
+    held = ticks[(ticks["tick"] > ticks_of["emergency_stop"] + 30) & (ticks["tick"] < ticks_of["emergency_release"])]
+    assert len(held) > 100
+    for side in ("left", "right"):
+        assert not held[f"{side}_rendered"].any()
+        assert not (held[f"{side}_safeguards"] & Safeguard.ARMED.value).any()

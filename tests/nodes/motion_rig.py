@@ -1,6 +1,7 @@
 """A motion port with a router of its own, and whoever talks to it, in one process and under a time of the test's."""
 
 from collections.abc import Callable
+from typing import Any
 
 import zmq
 from fake_router import WELCOME
@@ -52,11 +53,11 @@ class Peers:
 class MotionRig:
     """The port, its router and its peers."""
 
-    def __init__(self, context: sockets.Context) -> None:
+    def __init__(self, context: sockets.Context, ends: Any = None) -> None:
         address = f"inproc://motion-{id(self)}"
         self.real = sockets.motion_server(context, sockets.Endpoint(address))
         self.router = Peers(context, address)
-        self.port = MotionPort(self.real, WELCOME, TIMEOUT_NS, BOUND_NS)
+        self.port = MotionPort(self.real, WELCOME, TIMEOUT_NS, BOUND_NS, ends)
 
     def drain(self, clock: Callable[[], int], due_ns: int = 0) -> bool:
         """Take what has arrived, all of it at one time."""

@@ -1,14 +1,17 @@
 """The agent's end of the motion channel: what counts as fresh."""
 
 from collections.abc import Iterator
+from dataclasses import astuple, replace
 
+import numpy as np
 import pytest
 
 from netboard import sockets
 from netboard.clock import now_ns
-from netboard.nodes.agent import REMEMBERED, Link
+from netboard.nodes.motion_link import REMEMBERED, Link
+from netboard.wire import fixed
 from netboard.wire.codec import decode, encode
-from netboard.wire.messages import PROTOCOL_VERSION, Beat, Force, Hello, Message, Welcome
+from netboard.wire.messages import PROTOCOL_VERSION, Beat, Force, Hello, Message, Point, Welcome
 
 TIMEOUT_NS = 50_000_000
 HELLO = Hello("agent", "left", PROTOCOL_VERSION, "here:1", "0", {})
@@ -64,6 +67,22 @@ def test_an_answer_to_a_sample_long_forgotten_is_not_fresh(pair: Pair) -> None:
     pair.link.send(REMEMBERED + 1, now_ns())
     assert pair.say(force(1, 1))
     assert pair.link.received_ns is None
+
+
+def test_a_point_counts_as_a_force_does_in_either_form(pair: Pair) -> None:
+    pair.link.send(1, now_ns() - 5_000_000)
+    point = Point(1, 0, 1, 7, 0.01, -0.5, 200.0, 2.0, 300_000)
+    assert pair.say(point)
+    assert pair.link.newest == point
+    assert pair.link.received_ns is not None
+    pair.link.rendered(now_ns())
+    assert pair.link.loop_ns >= 5_000_000
+    words, frame = np.zeros(len(fixed.POINT.markers), np.int64), np.zeros(fixed.POINT.size, np.uint8)
+    words.view(np.dtype(fixed.fields_of(Point)))[0] = astuple(replace(point, tick=2))
+    fixed.write(frame, *fixed.POINT[:2], words)
+    assert pair.router.send(pair.agent, frame.tobytes())
+    assert pair.link.receive()
+    assert pair.link.newest == replace(point, tick=2)
 
 
 def test_a_server_that_has_no_sample_yet_is_fresh(pair: Pair) -> None:

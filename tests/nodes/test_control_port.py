@@ -2,6 +2,7 @@
 
 from fake_router import WELCOME, FakeRouter, hello
 
+from fakes import STATUS, Answers
 from netboard.nodes.control_port import SILENT_NS, ControlPort
 from netboard.nodes.peer import PING_NS
 from netboard.wire.messages import (
@@ -9,16 +10,19 @@ from netboard.wire.messages import (
     Frames,
     Goodbye,
     Message,
+    Outcomes,
+    OutcomesRequest,
     Ping,
     Pong,
     Refusal,
-    Status,
+    Reply,
     StatusRequest,
     Stylus,
+    Trace,
+    TraceRequest,
     Welcome,
 )
 
-STATUS = Status("session", 1, "idle", 1, 60, 0, 0, (), 0, (), (), "", ())
 STYLUS = Stylus(0, 0, 0.0, 0.0, 0.01, 0.0, 0.0, 0.1, 0, 0, 0.0, -1, 0, 0, 0, 0)
 D, C = b"display.left@1", b"console@1"
 
@@ -28,7 +32,7 @@ class Rig:
 
     def __init__(self) -> None:
         self.router = FakeRouter()
-        self.port = ControlPort(self.router, WELCOME, lambda: STATUS)  # type: ignore[arg-type]
+        self.port = ControlPort(self.router, WELCOME, Answers())  # type: ignore[arg-type]
         assert isinstance(self.say(D, hello("display", "left"))[0], Welcome)
         assert isinstance(self.say(C, hello("console"))[0], Welcome)
 
@@ -41,13 +45,18 @@ class Rig:
 def test_an_operator_asks_and_commands() -> None:
     rig = Rig()
     assert rig.say(C, StatusRequest()) == [STATUS]
-    assert rig.say(C, Command("pause")) == [STATUS]
-    assert rig.port.wishes == ["pause"]
+    assert rig.say(C, OutcomesRequest(3)) == [Outcomes(3, ())]
+    assert rig.say(C, TraceRequest(7)) == [Trace(())]
+    assert rig.say(C, Command("pause", "", 5)) == []
+    (wish,) = rig.port.wishes
+    assert (wish.who, wish.command.name) == (C, "pause")
+    rig.port.reply(wish, False, "cannot pause while idle")
+    assert rig.router.heard(C) == [Reply(5, False, "cannot pause while idle")]
 
 
 def test_a_display_cannot_command_nor_report_for_another_station() -> None:
     rig = Rig()
-    for message in (Command("start"), StatusRequest(), STYLUS, Frames("right", ((1, 2, 3),), 0)):
+    for message in (Command("start", "", 1), StatusRequest(), STYLUS, Frames("right", ((1, 2, 3),), 0)):
         (answer,) = rig.say(D, message)
         assert isinstance(answer, Refusal)
         assert answer.reason == f"a display may not send {type(message).__name__}"
@@ -110,9 +119,10 @@ def test_peers_are_asked_for_their_time_and_their_clocks_are_known_then() -> Non
 def test_a_display_that_falls_silent_is_missed_and_welcome_back() -> None:
     rig = Rig()
     rig.port.pump(SILENT_NS + PING_NS)
-    assert rig.port.peers == ("console",)
+    assert rig.port.peers == ()
+    assert not rig.port.is_there(C)
     rig.say(D, Frames("left", ((1, 2, 3),), 0))
-    assert rig.port.peers == ("console", "display.left")
+    assert rig.port.peers == ("display.left",)
     names = [name for name, _ in rig.port.news]
-    assert names == ["display_joined", "console_joined", "display_silent", "display_back"]
+    assert names == ["display_joined", "console_joined", "display_silent", "console_silent", "display_back"]
     assert [frame.tick for frame in rig.port.frames] == [1]

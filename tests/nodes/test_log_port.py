@@ -81,7 +81,7 @@ class Rig:
     def fill_spill(self, count: int) -> None:
         """Let a logger come and go, and many records be made after that."""
         self.join(L)
-        self.pump(L, LogAck(0, 10**12))
+        self.pump(L, LogAck(0, 10**12, "a.mcap", 0))
         self.clock.advance(2 * GONE_NS * 1e-9)
         for start in range(0, count, 1000):  # which would take a second in earnest
             self.record(min(1000, count - start), pump_each=20)
@@ -127,7 +127,7 @@ def test_a_logger_gets_every_record_once_in_order(rig: Rig) -> None:
     assert rig.numbers(rig.pump(L)) == [5, 6, 7]
     assert rig.pump(L) == []
     assert rig.port.backlog == 8
-    rig.pump(L, LogAck(8, 10**9))
+    rig.pump(L, LogAck(8, 10**9, "a.mcap", 0))
     assert (rig.port.backlog, rig.port.free_bytes) == (0, 10**9)
 
 
@@ -146,7 +146,7 @@ def test_a_full_queue_delays_and_loses_nothing(tmp_path: Path) -> None:
 def test_a_restarted_logger_goes_on_with_the_first_record_that_is_not_on_disk(rig: Rig) -> None:
     rig.record(10)
     rig.pump(L, hello("logger"))
-    rig.pump(L, LogRequest(-1), LogAck(6, 0))
+    rig.pump(L, LogRequest(-1), LogAck(6, 0, "a.mcap", 0))
     rig.pump(M, hello("logger", name="host:2"))
     assert rig.numbers(rig.pump(M, LogRequest(-1))) == [6, 7, 8, 9]
 
@@ -171,7 +171,7 @@ def test_a_logger_that_falls_silent_is_gone_and_must_say_hello_again(rig: Rig) -
     rig.clock.advance(GONE_NS * 1e-9 + 1e-3)
     rig.pump(L)
     assert rig.port.loggers == 0
-    assert rig.pump(L, LogAck(0, 0)) == [Refusal("say hello first")]
+    assert rig.pump(L, LogAck(0, 0, "a.mcap", 0)) == [Refusal("say hello first")]
 
 
 def test_the_end_is_told_once_all_records_are_sent_and_done_once_they_are_on_disk(rig: Rig) -> None:
@@ -184,7 +184,7 @@ def test_the_end_is_told_once_all_records_are_sent_and_done_once_they_are_on_dis
     assert not rig.port.done
     rig.record(1)
     assert rig.pump(L) == []
-    rig.pump(L, LogAck(3, 0))
+    rig.pump(L, LogAck(3, 0, "a.mcap", 0))
     assert rig.port.done
 
 
@@ -195,7 +195,7 @@ def test_a_logger_that_has_been_told_the_end_may_take_its_time(rig: Rig) -> None
     rig.pump(L, LogRequest(-1))
     rig.clock.advance(3 * GONE_NS * 1e-9)
     rig.pump(L)
-    assert rig.pump(L, LogAck(3, 0)) == []
+    assert rig.pump(L, LogAck(3, 0, "a.mcap", 0)) == []
     assert rig.port.done
 
 
@@ -238,7 +238,7 @@ def test_what_no_logger_takes_goes_to_the_spill_and_from_there_to_the_next_one(r
     got = rig.catch_up(M, rig.join(M), 19_999)
     assert got == list(range(20_000))
     assert "log_lost" not in rig.names()
-    rig.pump(M, LogAck(20_000, 10**12))
+    rig.pump(M, LogAck(20_000, 10**12, "a.mcap", 0))
     assert rig.names()[-1] == "log_spill_taken"
     end(rig)
     assert not rig.spill.path.exists()
@@ -276,7 +276,7 @@ def test_a_spill_of_its_full_size_stops_the_trial_and_what_is_lost_is_said(tmp_p
     assert got == [*range(held), *range(850, 950)]
     lost = dict(rig.port.news)["log_lost"]
     assert lost == {"first": str(held), "count": str(850 - held), "cause": losing["cause"]}
-    rig.pump(M, LogAck(950, 10**12))
+    rig.pump(M, LogAck(950, 10**12, "a.mcap", 0))
     assert rig.port.trouble == ""
     end(rig)
 
@@ -367,7 +367,7 @@ def test_the_clock_of_a_logger_is_probed(rig: Rig) -> None:
 def test_an_answer_is_listened_for_at_every_tick_for_a_while_only(rig: Rig) -> None:
     rig.join(L)
     rig.clock.advance(LISTEN_NS * 1e-9)
-    rig.router.say(L, LogAck(0, 7))
+    rig.router.say(L, LogAck(0, 7, "a.mcap", 0))
     rig.port.listen(rig.clock())
     assert rig.port.free_bytes == 0
     rig.port.pump(rig.clock())
@@ -378,6 +378,6 @@ def test_a_disk_that_gets_full_is_said_once(rig: Rig) -> None:
     rig.record(3)
     rig.join(L)
     for free in (LOW_BYTES, LOW_BYTES - 10**8, 10**8, LOW_BYTES + 1):
-        rig.pump(L, LogAck(1, free))
+        rig.pump(L, LogAck(1, free, "a.mcap", 0))
         assert (rig.port.notice != "") == (free < LOW_BYTES)
     assert [details for name, details in rig.port.news if name == "logger_disk_low"] == [{"free_gb": "4.9"}]

@@ -20,7 +20,17 @@ from netboard.recording.reader import Recording
 from netboard.recording.recovery import recover
 from netboard.tick import TICK
 from netboard.wire.codec import encode
-from netboard.wire.messages import EventRecord, LogBatch, LogEnd, Ping, Refusal, TickRecord
+from netboard.wire.messages import (
+    BLOCK_BEGAN,
+    PROTOCOL_VERSION,
+    EventRecord,
+    LogBatch,
+    LogEnd,
+    Ping,
+    Refusal,
+    TickRecord,
+    Welcome,
+)
 
 CONFIG = '[session]\nname = "S07"\ndyad = "D03"\n'
 UTC_NS = 1_790_000_000_000_000_000
@@ -36,21 +46,28 @@ class Rig:
         self.link = FakeLogLink(self.server, self.clock, self.live)
         self.settings = Settings(directory=str(directory), flush_ms=flush_ms)
         self.ticks = ticks
-        self.made = 0
+        self.made = self.noted = 0
         self._began_ns = self.clock()
 
     def live(self) -> None:
         """Make the ticks that are due; an event with every tenth."""
         due = min(self.ticks, (self.clock() - self._began_ns) // 1_000_000)
         for k in range(self.made, due):
-            row = np.zeros(1, TICK)
-            row["tick"], row["time_ns"], row["z"] = k, self._began_ns + k * 1_000_000, k * 1e-6
-            self.server.append(TickRecord(row.tobytes()))
-            if k % 10 == 0:
-                self.server.append(EventRecord(k // 10, k, k, "tenth", {}))
+            self.tick(k)
         self.made = max(self.made, due)
         if self.made == self.ticks:
             self.server.end()
+
+    def tick(self, k: int) -> None:
+        row = np.zeros(1, TICK)
+        row["tick"], row["time_ns"], row["z"] = k, self._began_ns + k * 1_000_000, k * 1e-6
+        self.server.append(TickRecord(row.tobytes()))
+        if k % 10 == 0:
+            self.note(k, "tenth", {})
+
+    def note(self, k: int, name: str, details: dict[str, str]) -> None:
+        self.server.append(EventRecord(self.noted, k, k, name, details))
+        self.noted += 1
 
     def logger(self, *, once: bool = True) -> Logger:
         return Logger(self.settings, self.link, once=once, clock=self.clock, wall_clock=lambda: UTC_NS)
@@ -58,6 +75,43 @@ class Rig:
     def stop_after(self, seconds: float) -> Callable[[], bool]:
         until = self.clock() + round(seconds * 1e9)
         return lambda: self.clock() >= until
+
+
+def block_config(number: int) -> str:
+    return f"{CONFIG}[block]\nnumber = {number}\nblocks = 3\n"
+
+
+class Blocks(Rig):
+    """Blocks of a session, each of so many ticks: it begins with its event, and everybody is told."""
+
+    def __init__(self, directory: Path, *ticks: int) -> None:
+        super().__init__(directory, sum(ticks))
+        self.begins = {sum(ticks[:number]): number + 1 for number in range(len(ticks))}
+        self.server._welcome = self.welcome(1)
+        self.welcomes: list[tuple[int, Welcome]] = []
+
+    def welcome(self, number: int) -> Welcome:
+        return Welcome(SESSION, PROTOCOL_VERSION, self.clock(), block_config(number))
+
+    def tick(self, k: int) -> None:
+        if k in self.begins:
+            number = self.begins[k]
+            self.welcomes.append((self.server.ring.next, self.welcome(number)))
+            self.look_at_acks()
+            if self.server.greeted:
+                self.link.inject(encode(self.server._welcome))
+            self.note(k, BLOCK_BEGAN, {"config": block_config(number)})
+        super().tick(k)
+
+    def live(self) -> None:
+        super().live()
+        self.look_at_acks()
+
+    def look_at_acks(self) -> None:
+        """As the server's port has it: whoever comes is told of the block of what is not on disk yet."""
+        for first, welcome in self.welcomes:
+            if first <= self.server.ring.acknowledged:
+                self.server._welcome = welcome
 
 
 def ticks_of(*paths: Path) -> list[int]:
@@ -88,6 +142,99 @@ def test_a_session_becomes_one_recording(tmp_path: Path) -> None:
         assert (recording.metadata["session"], recording.metadata["dyad"]) == (SESSION, "D03")
     assert rig.server.acks[-1].durable == rig.server.ring.next == 2200
     assert rig.server.goodbyes == ["the recording is complete"]
+
+
+def require_blocks(paths: list[Path], *ends: tuple[int, int, str]) -> None:
+    """Each file is of this block and part, has its configuration, and ended like this; their numbers go on."""
+    following = 0
+    for path, (number, part, ended) in zip(paths, ends, strict=True):
+        suffix = f"_part{part}" if part > 1 else ""
+        assert path.name == f"S07_D03_20260921T141320Z_c0ffee12_block{number:02d}{suffix}.mcap"
+        with Recording(path) as recording:
+            assert recording.config_text == block_config(number)
+            assert (recording.metadata["block"], recording.metadata["part"]) == (str(number), str(part))
+            assert (recording.end["ended"], recording.end["lost"], recording.gaps()) == (ended, "0", {})
+            began = [event.details["config"] for event in recording.events() if event.name == BLOCK_BEGAN]
+            assert began == ([block_config(number)] if part == 1 else [])
+            assert recording.first_record == following
+            following = int(recording.end["next_record"])
+
+
+def test_each_block_has_a_recording(tmp_path: Path) -> None:
+    rig = Blocks(tmp_path, 700, 5, 800)
+    logger = rig.logger()
+    assert logger.run(never) == 0
+    require_blocks(logger.finished, *((number, 1, "complete") for number in (1, 2, 3)))
+    assert [len(ticks_of(path)) for path in logger.finished] == [700, 5, 800]
+    assert ticks_of(*logger.finished) == list(range(1505))
+    assert rig.server.acks[-1].durable == rig.server.ring.next
+    assert rig.server.acks[-1].file == logger.finished[-1].name
+    assert rig.server.goodbyes == ["the recording is complete"]
+    account = account_of(logger.finished)
+    assert account.present == (Stretch(0, 1504),)
+    assert (account.sound, account.complete) == (True, True)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_bad_line_leaves_no_hole_between_blocks(tmp_path: Path, seed: int) -> None:
+    rig = Blocks(tmp_path, 600, 600, 600)
+    logger = rig.logger()
+    while not rig.server.acks:
+        logger.step()
+    rig.link.random.seed(seed)
+    rig.link.drop, rig.link.repeat, rig.link.reorder = 0.1, 0.1, 0.1
+    assert logger.run(never) == 0
+    require_blocks(logger.finished, *((number, 1, "complete") for number in (1, 2, 3)))
+    assert ticks_of(*logger.finished) == list(range(1800))
+
+
+@pytest.mark.parametrize("seconds", [0.5, 0.93, 1.02, 1.3])
+def test_a_logger_that_dies_in_a_block_is_followed_in_that_block(tmp_path: Path, seconds: float) -> None:
+    rig = Blocks(tmp_path, 500, 1000)
+    victim = rig.logger()
+    stop = rig.stop_after(seconds)
+    while not stop():
+        victim.step()
+    # Dies here: nothing is closed, and what was not acknowledged may be lost.
+    (part,) = tmp_path.glob("*.part")
+    dead = tmp_path / "dead.mcap.part"
+    dead.write_bytes(part.read_bytes())
+    rig.link.hang_up()
+    second = rig.logger()
+    assert second.run(never) == 0
+    block = 1 if seconds <= 0.5 else 2
+    assert second.finished[0].name.endswith(f"_block{block:02d}_part2.mcap")
+    with Recording(second.finished[0]) as recording:
+        assert recording.config_text == block_config(block)
+    account = account_of([recover(dead).output, *victim.finished, *second.finished])
+    assert account.present == (Stretch(0, 1499),)
+    assert (account.sound, account.complete) == (True, True)
+    assert victim.run(lambda: True) == 0
+
+
+def test_a_logger_that_is_stopped_in_a_block_leaves_the_rest_to_the_next(tmp_path: Path) -> None:
+    rig = Blocks(tmp_path, 500, 1000, 500)
+    first = rig.logger()
+    assert first.run(rig.stop_after(1.0)) == 0
+    second = rig.logger()
+    assert second.run(never) == 0
+    require_blocks(
+        [*first.finished, *second.finished],
+        (1, 1, "complete"),
+        (2, 1, "the logger was stopped"),
+        (2, 2, "complete"),
+        (3, 1, "complete"),
+    )
+    assert ticks_of(*first.finished, *second.finished) == list(range(2000))
+
+
+def test_nothing_is_written_before_the_first_record(tmp_path: Path) -> None:
+    rig = Rig(tmp_path, 10**9)
+    rig.link.live = lambda: None
+    logger = rig.logger()
+    assert logger.run(rig.stop_after(2.0)) == 0
+    assert list(tmp_path.iterdir()) == []
+    assert logger.finished == []
 
 
 def test_only_what_is_on_disk_is_acknowledged(tmp_path: Path) -> None:

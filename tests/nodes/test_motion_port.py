@@ -1,5 +1,7 @@
 """The two seats: who may sit, which sample counts, what is answered."""
 
+import math
+import struct
 from collections.abc import Callable, Iterator
 from dataclasses import astuple, replace
 from typing import Any
@@ -10,6 +12,8 @@ from fake_router import hello
 from motion_rig import TIMEOUT_NS, MotionRig
 
 from netboard import sockets
+from netboard.config import SIDES, Physics
+from netboard.nodes import seats
 from netboard.nodes.motion_port import BEAT_TICKS, GONE_NS
 from netboard.nodes.refusals import AGAIN_NS, REMEMBERED
 from netboard.nodes.seats import ARMED, LIVE, MOST_FRAMES, SANE_NS
@@ -17,7 +21,7 @@ from netboard.sockets import LARGEST_REQUEST
 from netboard.tick import TICK, TICK_NS
 from netboard.wire import fixed
 from netboard.wire.codec import encode
-from netboard.wire.messages import Beat, Force, Goodbye, Refusal, Safeguard, StatusRequest, Stylus, Welcome
+from netboard.wire.messages import Beat, Force, Goodbye, Point, Refusal, Safeguard, StatusRequest, Stylus, Welcome
 
 MS = 1_000_000
 A, B = b"agent.left@1", b"agent.right@2"
@@ -44,16 +48,16 @@ class Rig(MotionRig):
         row = np.zeros(1, TICK)
         row["tick"], row["left_force"], row["right_force"] = tick, left, right
         self.port.fast.record["set_ns"] = tick
-        self.port.force(row.view(np.int64))
+        self.port.force(row.view(np.int64), row.view(np.int64))
 
 
 @pytest.fixture
-def new_rig() -> Iterator[Callable[[], Rig]]:
+def new_rig() -> Iterator[Callable[..., Rig]]:
     with sockets.open_context() as context:
         rigs: list[Rig] = []
 
-        def make() -> Rig:
-            rigs.append(Rig(context))
+        def make(ends: Any = None) -> Rig:
+            rigs.append(Rig(context, ends))
             return rigs[-1]
 
         yield make
@@ -181,6 +185,62 @@ def test_a_force_tells_which_sample_it_is_of_and_how_long_before_its_deadline_th
     assert rig.router.heard(B) == [Force(12, 12, -1, 0.0, 0)]
 
 
+def test_a_force_is_the_bytes_it_has_always_been(rig: Rig) -> None:
+    """What the server alone computes goes out as before there was another way; and softened, if that is wanted."""
+    rig.seated()
+    for force in (0.5, -0.0, 1e-310, float("inf")):
+        row = np.zeros(1, TICK)
+        row["tick"], row["left_force"] = 12, force
+        words, frame = np.zeros(5, np.int64), np.zeros(fixed.FORCE.size, np.uint8)
+        told = row.view(np.int64)
+        seats.tell_force(words, told, told, np.zeros((2, seats.WORDS), np.int64), np.ones(2), 0, 77)
+        fixed.write(frame, *fixed.FORCE[:2], words)
+        parts = (0x96, 11, 0xD3, 12, 0xD3, 77, 0xD3, 0, 0xCB, force, 0xD3, 0)
+        assert frame.tobytes() == struct.pack(">BBBqBqBqBdBq", *parts)
+    rig.port.gains[:] = 0.5, 1.0
+    rig.force(13, 0.5, 0.5)
+    assert [m.force for m in rig.router.heard(A) + rig.router.heard(B)] == [0.25, 0.5]  # type: ignore[union-attr]
+
+
+def test_a_delayed_force_is_an_earlier_rows_and_all_else_the_ticks_own(rig: Rig) -> None:
+    rig.seated()
+    row, earlier = np.zeros(1, TICK), np.zeros(1, TICK)
+    row["tick"], row["left_force"], row["right_force"] = 12, 9.0, 9.0
+    earlier["tick"], earlier["left_force"], earlier["right_force"] = 8, 0.5, -0.25
+    rig.port.force(row.view(np.int64), earlier.view(np.int64))
+    told = rig.router.heard(A) + rig.router.heard(B)
+    assert [(m.tick, m.force) for m in told] == [(12, 0.5), (12, -0.25)]  # type: ignore[union-attr]
+
+
+def test_agents_that_compute_their_own_force_are_told_where_the_board_is(new_rig: Callable[..., Rig]) -> None:
+    physics = Physics(coupling="right")
+    rig = new_rig(seats.ends_of(physics)).seated()
+    for peer, ahead in ((A, 5 * MS), (B, 0)):
+        rig.router.say(peer, replace(STYLUS, seq=9, force_tick=1, force_received_ns=ahead, sent_ns=ahead))
+    rig.drain(lambda: 700_000, TICK_NS)
+    row = np.zeros(1, TICK)[0:1]
+    words = row.view(np.int64).reshape(-1)
+    rig.port.fill(words, 12, TICK_NS, 0)
+    row["z"], row["vz"], row["theta"], row["omega"] = 0.01, 0.1, 0.1, 0.5
+    row["left_live"], row["right_live"] = 1, 0
+    rig.port.gains[:] = 0.5
+    rig.port.force(words, words)
+    (point,) = rig.router.heard(A)
+    assert isinstance(point, Point)
+    assert (point.tick, point.stylus_seq, point.lead_ns) == (12, 9, 300_000)
+    assert point.z == pytest.approx(0.01 - physics.l * math.sin(0.1))
+    assert point.vz == pytest.approx(0.1 - physics.l * math.cos(0.1) * 0.5)
+    assert abs(point.stamp_ns - (TICK_NS + 5 * MS)) <= 350_000
+    assert (point.k, point.c) == (0.0, 0.0)
+    assert rig.router.heard(B) == []
+    row["right_live"] = 1
+    rig.port.force(words, words)
+    (point,) = rig.router.heard(B)
+    assert isinstance(point, Point)
+    assert (point.k, point.c) == (0.5 * physics.k_h, 0.5 * physics.c_h)
+    assert point.z == pytest.approx(0.01 + physics.l * math.sin(0.1))
+
+
 def test_a_sample_counts_in_its_fixed_form_as_in_any_other(new_rig: Callable[[], Rig]) -> None:
     stylus = replace(STYLUS, seq=3, x=-0.25, z=0.5, safeguards=1, force_tick=7, sent_ns=2**40)
     words, frame = np.zeros(len(fixed.STYLUS.markers), np.int64), np.zeros(fixed.STYLUS.size, np.uint8)
@@ -241,9 +301,10 @@ def test_a_device_may_be_armed_only_while_its_clock_is_known_well_enough(rig: Ri
         (beat,) = rig.router.heard(A)
         assert isinstance(beat, Beat)
         assert beat.arm == may
-        lacking = rig.port.lacks(sent + 2 * delay_ns)
+        lacking = rig.port.lacks(sent + 2 * delay_ns, SIDES)
         assert any("clock" in what for what in lacking) != may, lacking
-    assert rig.port.lacks(MS) == ["the left device to be armed", "the right agent"]
+    assert rig.port.lacks(MS, SIDES) == ["the left device to be armed", "the right agent"]
+    assert rig.port.lacks(MS, ("left",)) == ["the left device to be armed"]
 
 
 def test_an_agent_that_has_been_silent_for_long_has_left(rig: Rig) -> None:

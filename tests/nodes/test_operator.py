@@ -4,15 +4,15 @@ from dataclasses import replace
 
 import pytest
 
+from fakes import STATUS
 from netboard import sockets
 from netboard.config import Network
 from netboard.nodes import operator
 from netboard.nodes.launcher import free_port
 from netboard.nodes.operator import Operator
 from netboard.wire.codec import decode, encode
-from netboard.wire.messages import PROTOCOL_VERSION, Hello, Message, Status, StatusRequest, Welcome
+from netboard.wire.messages import PROTOCOL_VERSION, Hello, Message, StatusRequest, Welcome
 
-STATUS = Status("session", 1, "idle", 1, 60, 0, 0, (), 0, (), (), "", ())
 TRIES = 100
 
 

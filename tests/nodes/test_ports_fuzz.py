@@ -11,14 +11,15 @@ import pytest
 from fake_router import WELCOME, FakeRouter, hello
 from motion_rig import MotionRig
 
-from fakes import FakeClock
+from fakes import STATUS, Answers, FakeClock
 from netboard import sockets
+from netboard.config import SIDES
 from netboard.faults.mutants import Mutants, true_frames
 from netboard.nodes.control_port import ControlPort
 from netboard.nodes.log_port import LogPort
 from netboard.recording.spill import Spill
 from netboard.tick import TICK
-from netboard.wire.codec import encode
+from netboard.wire.codec import COMMANDS, encode
 from netboard.wire.messages import (
     ClockRecord,
     Command,
@@ -29,7 +30,6 @@ from netboard.wire.messages import (
     LogRequest,
     Message,
     Pong,
-    Status,
     StatusRequest,
     Stylus,
     TickRecord,
@@ -41,7 +41,6 @@ WORDS = 1500
 MS, SECOND = 1_000_000, 1_000_000_000
 SPANS = (0, 0, 0, 1, MS, MS, 20 * MS, 60 * MS, 600 * MS, 3 * SECOND)
 BIG = (0, 1, -1, 5, 1000, 2**40, 2**60, 2**63 - 1, -(2**63))
-STATUS = Status("session", 1, "idle", 1, 60, 0, 0, (), 0, (), (), "", ())
 
 
 def plausible(chance: random.Random, now_ns: int) -> Message:
@@ -67,8 +66,8 @@ def plausible(chance: random.Random, now_ns: int) -> Message:
         lambda: Pong(number(), number(), number()),
         lambda: Frames(chance.choice(("left", "right")), ((number(), number(), number()),) * 3, number()),
         lambda: LogRequest(number()),
-        lambda: LogAck(number(), number()),
-        lambda: Command(chance.choice(("start", "stop", "abort"))),
+        lambda: LogAck(number(), number(), "", number()),
+        lambda: Command(chance.choice(("start", "stop", "abort")), "", number()),
         StatusRequest,
     )
     return chance.choice(makers)()
@@ -105,11 +104,11 @@ def test_the_motion_port(seed: int) -> None:
             port.fill(row.view(np.int64), tick, clock.now_ns, 0)
             assert np.isfinite(row["left_sent_z"] + row["right_sent_z"]) or not (row["left_live"] and row["right_live"])
             port.beat(tick, clock.now_ns)
-            port.force(row.view(np.int64))
+            port.force(row.view(np.int64), row.view(np.int64))
             router.heard(peer)
             if tick % 5 == 0:
                 port.expire(clock.now_ns)
-                port.lacks(clock.now_ns)
+                port.lacks(clock.now_ns, SIDES)
                 encode(replace(STATUS, links=tuple(port.links(clock.now_ns))))
                 recordable(port.news, port.clock_records(tick))
             seated = [seat.agent for seat in port.seats.values() if seat.hello is not None]
@@ -120,7 +119,7 @@ def test_the_motion_port(seed: int) -> None:
 @pytest.mark.parametrize("seed", SEEDS)
 def test_the_control_port(seed: int) -> None:
     chance, clock, router = random.Random(seed), FakeClock(), FakeRouter(room=50)
-    port = ControlPort(router, WELCOME, lambda: STATUS)  # type: ignore[arg-type]
+    port = ControlPort(router, WELCOME, Answers())  # type: ignore[arg-type]
     for tick, (peer, word) in enumerate(islice(said(chance, clock), WORDS)):
         router.say(peer, word)
         port.drain(clock.now_ns)
@@ -132,7 +131,7 @@ def test_the_control_port(seed: int) -> None:
                 encode(frame)
             port.frames.clear()
             router.sent.clear()
-        assert set(port.wishes) <= {"start", "stop", "abort"}
+        assert {wish.command.name for wish in port.wishes} <= set(COMMANDS)
 
 
 @pytest.mark.parametrize("seed", SEEDS)

@@ -5,7 +5,7 @@ from itertools import count, islice
 import pytest
 
 from netboard.experiment.machine import Cause, Phase
-from netboard.nodes.watch import READY_TICKS, WISHES, Watch
+from netboard.nodes.watch import READY_TICKS, Watch
 
 ALL_THERE: tuple[str, ...] = ()
 TICKS = count()
@@ -14,7 +14,7 @@ TICKS = count()
 def wait(watch: Watch, phase: Phase, ticks: int, missing: tuple[str, ...] = ALL_THERE, trouble: str = "") -> Cause:
     """The last of so many commands, asserting that those before were none."""
     first = next(TICKS)
-    causes = [watch.command(tick, phase, "", missing, trouble) for tick in [first, *islice(TICKS, ticks - 1)]]
+    causes = [watch.command(tick, phase, missing, trouble) for tick in [first, *islice(TICKS, ticks - 1)]]
     assert not any(causes[:-1])
     return causes[-1]
 
@@ -30,50 +30,46 @@ def test_a_block_starts_by_itself_once_all_have_been_there_for_half_a_second() -
 
 
 def test_without_autostart_it_waits_for_the_operator() -> None:
+    assert wait(Watch(autostart=False), Phase.IDLE, 10 * READY_TICKS) is Cause.NONE
+
+
+def test_what_an_operator_was_refused_is_to_be_read_until_something_is_obeyed() -> None:
     watch = Watch(autostart=False)
-    assert wait(watch, Phase.IDLE, 10 * READY_TICKS) is Cause.NONE
-    assert watch.command(next(TICKS), Phase.IDLE, "start", ALL_THERE, "") is Cause.START
-
-
-def test_an_operator_cannot_start_without_the_peers_and_is_told_so() -> None:
-    watch = Watch(autostart=False)
-    assert watch.command(next(TICKS), Phase.IDLE, "start", ("the left agent", "the logger"), "") is Cause.NONE
-    assert watch.notice == "cannot start without the left agent, the logger"
-
-
-@pytest.mark.parametrize("wish", sorted(set(WISHES) - {"start", "stop"}))
-def test_a_wish_that_does_not_fit_the_phase_is_refused_in_words(wish: str) -> None:
-    watch = Watch(autostart=False)
-    assert watch.command(next(TICKS), Phase.IDLE, wish, ALL_THERE, "") is Cause.NONE
-    assert watch.notice == f"cannot {wish} while idle"
+    watch.refused("cannot start without the left agent")
+    assert watch.command(next(TICKS), Phase.IDLE, ("the left agent",), "") is Cause.NONE
+    assert watch.notice == "cannot start without the left agent"
+    watch.obeyed()
+    assert watch.notice == ""
 
 
 @pytest.mark.parametrize("phase", [Phase.LEVELLING, Phase.RUNNING, Phase.HOLDING])
-def test_trouble_pauses_a_trial_at_once_before_any_wish_but_the_last(phase: Phase) -> None:
+def test_trouble_pauses_a_trial_at_once(phase: Phase) -> None:
     watch = Watch(autostart=True)
-    assert watch.command(next(TICKS), phase, "abort", ALL_THERE, "no sample from the left agent") is Cause.FAULT
+    assert watch.command(next(TICKS), phase, ALL_THERE, "no sample from the left agent") is Cause.FAULT
     assert watch.notice == "paused: no sample from the left agent"
-    assert (
-        Watch(autostart=True).command(next(TICKS), phase, "stop", ALL_THERE, "no sample from the left agent")
-        is Cause.STOP
-    )
 
 
 @pytest.mark.parametrize("phase", [Phase.IDLE, Phase.PAUSED, Phase.FINISHED])
 def test_trouble_changes_nothing_where_no_trial_is_going_on(phase: Phase) -> None:
-    assert Watch(autostart=True).command(next(TICKS), phase, "", ALL_THERE, "no sample") is Cause.NONE
+    assert Watch(autostart=True).command(next(TICKS), phase, ALL_THERE, "no sample") is Cause.NONE
 
 
 def test_after_a_fault_it_goes_on_by_itself_only_with_autostart() -> None:
     for autostart, cause in ((True, Cause.RESUME), (False, Cause.NONE)):
         watch = Watch(autostart)
-        watch.command(next(TICKS), Phase.RUNNING, "", ALL_THERE, "no sample")
+        watch.command(next(TICKS), Phase.RUNNING, ALL_THERE, "no sample")
         wait(watch, Phase.PAUSED, 50, ALL_THERE, "no sample")
         assert wait(watch, Phase.PAUSED, READY_TICKS + 1) is cause
 
 
 def test_what_the_operator_has_paused_only_the_operator_resumes() -> None:
     watch = Watch(autostart=True)
-    assert watch.command(next(TICKS), Phase.RUNNING, "pause", ALL_THERE, "") is Cause.PAUSE
+    assert watch.command(next(TICKS), Phase.RUNNING, ALL_THERE, "") is Cause.NONE
     assert wait(watch, Phase.PAUSED, 10 * READY_TICKS) is Cause.NONE
-    assert watch.command(next(TICKS), Phase.PAUSED, "resume", ALL_THERE, "") is Cause.RESUME
+
+
+def test_after_an_emergency_only_the_operator_resumes() -> None:
+    watch = Watch(autostart=True)
+    watch.command(next(TICKS), Phase.RUNNING, ALL_THERE, "emergency stop by an operator")
+    watch.await_operator()
+    assert wait(watch, Phase.PAUSED, 10 * READY_TICKS) is Cause.NONE

@@ -37,7 +37,9 @@ class Played:
 
 
 def with_block(config: Config, configuration: str, haptics: bool, trials: int, seed: int) -> Config:
-    block = replace(config.block, configuration=configuration, haptics=haptics, trials=trials, seed=seed)
+    block = replace(
+        config.block, configuration=configuration, force="full" if haptics else "none", trials=trials, seed=seed
+    )
     return replace(config, block=block)
 
 
@@ -56,7 +58,8 @@ def play(config: Config, most_seconds: float) -> Played:
     rows = np.zeros(int(most_seconds * 1000), TICK)
     row = rows[0]
     devices = {side: VirtualTouch(side, config) for side in SIDES}
-    chains = {side: Safety(config.safety, devices[side].open().max_force) for side in SIDES}
+    infos = {side: devices[side].open() for side in SIDES}
+    chains = {side: Safety(config.safety, infos[side].max_force, infos[side].continuous_force) for side in SIDES}
     for chain in chains.values():
         chain.arm()
     brains = make_brains(config)

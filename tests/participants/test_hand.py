@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 
 from netboard.config import Participant, VirtualDevice
+from netboard.participants.device_models import resolved
 from netboard.participants.hand import CAPACITY, GRASP, STEP, Hand, pack_arm
 from netboard.participants.submovement import Submovement
 
 PERSON = Participant(force_noise=0.0)
 SMOOTH = VirtualDevice(friction=0.0)
+TOUCH = resolved(VirtualDevice())
 NO_FORCE = (0.0, 0.0, 0.0)
 
 
@@ -35,8 +37,8 @@ def test_a_constant_force_deflects_the_arm_by_force_over_stiffness() -> None:
 def test_it_swings_like_a_damped_oscillator() -> None:
     hand = make()
     hand.state["z"] = 0.01
-    m, k = PERSON.arm_mass + SMOOTH.mass, PERSON.arm_stiffness
-    decay = (PERSON.arm_damping + SMOOTH.damping) / (2 * m)
+    m, k = PERSON.arm_mass + TOUCH.mass, PERSON.arm_stiffness
+    decay = (PERSON.arm_damping + TOUCH.damping) / (2 * m)
     swing = np.sqrt(k / m - decay**2)
     t = STEP * np.arange(1, 2001)
     theory = 0.01 * np.exp(-decay * t) * (np.cos(swing * t) + decay / swing * np.sin(swing * t))
@@ -79,13 +81,13 @@ def test_a_stylus_nobody_holds_falls_freely_under_the_motors() -> None:
     hand = make(device=device, held=False)
     hand.advance(400, 0.0, (0.0, 0.0, 0.05))
     assert hand.position[:2] == (0.0, 0.0)
-    assert hand.position[2] == pytest.approx(0.05 / device.mass * 0.1**2 / 2, rel=5e-3)
+    assert hand.position[2] == pytest.approx(0.05 / TOUCH.mass * 0.1**2 / 2, rel=5e-3)
 
 
 def test_the_mechanical_stop_ends_every_movement() -> None:
     hand = make(held=False)
     hand.advance(8000, 0.0, (3.0, -3.0, 3.0))
-    assert hand.position == (SMOOTH.workspace, -SMOOTH.workspace, SMOOTH.workspace)
+    assert hand.position == (TOUCH.workspace, -TOUCH.workspace, TOUCH.workspace)
     assert hand.velocity == (0.0, 0.0, 0.0)
 
 
@@ -111,7 +113,7 @@ def test_practice_makes_up_for_most_of_the_friction() -> None:
     hand = make(device=device)
     hand.plan([Submovement("left", 0.0, 0.4, 0.02)])
     hand.advance(8000, 0.0, NO_FORCE)
-    assert abs(hand.position[2] - 0.02) < 0.7 * device.friction / PERSON.arm_stiffness
+    assert abs(hand.position[2] - 0.02) < 0.7 * TOUCH.friction / PERSON.arm_stiffness
 
 
 def test_tremor_has_the_strength_asked_for() -> None:

@@ -19,7 +19,7 @@ from netboard.recording.spill import Spill
 from netboard.recording.writer import RecordingWriter
 from netboard.tick import TICK
 from netboard.wire.codec import encode
-from netboard.wire.messages import EventRecord, LogBatch, TickRecord, Welcome
+from netboard.wire.messages import BLOCK_BEGAN, EventRecord, LogBatch, TickRecord, Welcome
 
 Log = list[TickRecord | EventRecord]
 
@@ -76,6 +76,37 @@ def test_a_whole_session(tmp_path: Path) -> None:
     assert account.complete
     assert len(account.events) == 50
     assert account.parts[0][1:] == (0, 550, "complete", "")
+
+
+def test_a_session_that_was_opened_late_has_no_ticks_before_that(tmp_path: Path) -> None:
+    log = session(500)
+    later = [EventRecord(0, 123, 0, BLOCK_BEGAN, {"config": CONFIG_TEXT}), *log[ticks_before(log, 123) :]]
+    account = account_of([write_part(tmp_path / "a.mcap", later, range(len(later)))])
+    assert account.present == (Stretch(123, 499),)
+    assert account.sound
+
+
+def ticks_before(log: Sequence[Any], tick: int) -> int:
+    """Number of the record of a tick."""
+    return next(k for k in range(len(log)) if ticks_in(log, [k]) == [tick])
+
+
+def test_blocks_are_parts_of_one_session(tmp_path: Path) -> None:
+    log = session(500)
+    stem = "S01_D01_20260921T14{}_3f2a9c1e_block0{}"
+    files = [
+        (stem.format("1320Z", "1"), range(200), "complete"),
+        (stem.format("1420Z", "2"), range(200, 300), "the logger was stopped"),
+        (stem.format("1430Z", "2_part2"), range(295, 400), "complete"),
+        (stem.format("1520Z", "3"), range(400, 550), "the server left"),
+    ]
+    paths = [write_part(tmp_path / f"{name}.mcap", log, held, ended) for name, held, ended in files]
+    assert all(parts_of(path) == paths for path in paths)
+    account = account_of(paths)
+    assert account.present == (Stretch(0, 499),)
+    assert account.sound
+    assert not account.complete
+    assert account_of(paths[:3]).complete
 
 
 def test_parts_that_overlap_are_one_session(tmp_path: Path) -> None:

@@ -112,7 +112,7 @@ def test_another_format_version_is_refused(tmp_path: Path) -> None:
         tmp_path / "a.mcap", metadata() | {"format": "99", "netboard": "7.0"}, CONFIG_TEXT, Settings(), OPENED_NS
     )
     writer.finish(OPENED_NS)
-    with pytest.raises(RecordingError, match=r"format version 99.*reads version 1.*netboard 7\.0"):
+    with pytest.raises(RecordingError, match=r"format version 99.*reads version 2.*netboard 7\.0"):
         Recording(tmp_path / "a.mcap")
 
 

@@ -9,15 +9,15 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from netboard.config import Config, parse
+from netboard.config import Config, parse, played_sides
 from netboard.services.cli import app, demo_settings
 
 runner = CliRunner()
 COMMANDS = (
     *("server", "agent", "display", "logger", "replay", "demo", "info", "recover", "config", "simulate", "bench"),
-    *("up", "status", "doctor", "keys"),
+    *("up", "status", "doctor", "keys", "devices"),
 )
-BENCHES = ("physics", "stability", "loop", "soak", "faults", "fuzz")
+BENCHES = ("physics", "stability", "loop", "servo", "soak", "faults", "fuzz")
 
 
 @pytest.fixture(autouse=True)
@@ -40,12 +40,16 @@ def test_help_lists_every_command() -> None:
         *COMMANDS,
         *("config check", "config show", "config init", "keys init", "keys add", "keys list", "keys revoke"),
         *(f"bench {name}" for name in BENCHES),
+        *(f"devices {name}" for name in ("list", "test", "identify", "monitor", "calibrate")),
     ],
 )
 def test_every_command_has_help_with_examples(command: str) -> None:
     result = runner.invoke(app, [*command.split(), "--help"])
     assert result.exit_code == 0
-    assert command in {"config", "bench", "keys"} or f"netboard {command}" in result.output.partition("Examples:")[2]
+    assert (
+        command in {"config", "bench", "keys", "devices"}
+        or f"netboard {command}" in result.output.partition("Examples:")[2]
+    )
 
 
 def test_nothing_asked_shows_the_help() -> None:
@@ -59,7 +63,7 @@ def test_version() -> None:
 
 
 @pytest.mark.parametrize(
-    "words", ["fly", "agent", "agent --side up", "display", "demo --trials 0", "demo --haptics so"]
+    "words", ["fly", "agent", "agent --side up", "display", "demo --trials 0", "demo --haptics so", "demo --play me"]
 )
 def test_wrong_usage_ends_with_2(words: str) -> None:
     assert runner.invoke(app, words.split()).exit_code == 2
@@ -81,7 +85,7 @@ def test_the_shell_completes_commands() -> None:
     }
     script = "import sys; sys.argv = ['netboard']; from netboard.services.cli import main; main()"
     done = subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, text=True, check=False)
-    assert done.stdout.split() == ["demo"]
+    assert done.stdout.split() == ["demo", "devices"]
 
 
 # --- configuration -----------------------------------------------------------------------------------------------
@@ -164,6 +168,39 @@ def test_the_demos_options_are_settings() -> None:
     assert (config.block.trials, config.block.haptics, config.block.seed) == (2, False, 7)
     assert config.block.configuration == "bimanual"
     assert config.recording.directory == "a b"
+
+
+@pytest.mark.parametrize(
+    ("play", "sides"), [(None, ()), ("left", ("left",)), ("right", ("right",)), ("both", ("left", "right"))]
+)
+def test_what_is_played_is_a_setting_too(play: str | None, sides: tuple[str, ...]) -> None:
+    settings = demo_settings(trials=2, haptics="on", bimanual=False, seed=1, directory=Path(), play=play)
+    config = parse("", "defaults", settings)
+    assert played_sides(config) == sides
+    assert config.agents.right.options == ({"input": "keys"} if play == "both" else {})
+
+
+@pytest.mark.parametrize(
+    ("words", "problem"),
+    [
+        ("--play left --no-displays", "needs a window to play in"),
+        ("--play right --bimanual", "expected --play both"),
+    ],
+)
+def test_a_demo_that_nobody_could_play_is_refused(words: str, problem: str) -> None:
+    result = runner.invoke(app, ["demo", *words.split()])
+    assert result.exit_code == 2
+    assert problem in result.stderr
+
+
+def test_without_a_screen_nobody_plays(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(sys, "platform", "linux")
+    result = runner.invoke(app, ["demo", "--play", "left"])
+    assert result.exit_code == 1
+    assert "nobody can play here: there is no screen" in result.stderr
+    assert result.stderr.count("\n") == 1
 
 
 @pytest.mark.parametrize("command", ["info", "recover", "replay --verify"])

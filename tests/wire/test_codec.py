@@ -10,6 +10,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from wire_strategies import CLASSES, messages, messages_of
 
+from fakes import STATUS
 from netboard.errors import WireError
 from netboard.wire.codec import CHOICES, KINDS, decode, encode
 from netboard.wire.messages import (
@@ -24,7 +25,6 @@ from netboard.wire.messages import (
     Message,
     Refusal,
     Safeguard,
-    Status,
     StatusRequest,
     Stylus,
     View,
@@ -142,7 +142,7 @@ def test_every_choice_is_a_field() -> None:
         (frame(11, 1, 2**63, 3, 0.5, 4), "Force: sent_ns: expected an integer of 64 bits"),
         (frame(3, b"no"), "Refusal: reason: expected str"),
         (frame(34, "row"), "TickRecord: row: expected bytes"),
-        (frame(50, "explode"), "Command: name: expected one of"),
+        (frame(50, "explode", "", 1), "Command: name: expected one of"),
         (frame(1, "king", "", 1, "", "", {}), "Hello: role: expected one of"),
         (frame(1, "agent", "middle", 1, "", "", {}), "Hello: side: expected one of"),
         (frame(1, "agent", "left", 1, "", "", {"n": 1}), "Hello: details: expected str, got 1"),
@@ -204,7 +204,7 @@ def test_what_stands_for_a_number_is_converted_by_the_sender() -> None:
         Force(1.5, 2, 3, 0.5, 4),  # type: ignore[arg-type]
         Force(2**63, 2, 3, 0.5, 4),
         Force(1, -(2**63) - 1, 3, 0.5, 4),
-        Command("explode"),
+        Command("explode", "", 1),
         dataclasses.replace(HELLO, details={"n": 1}),  # type: ignore[dict-item]
         dataclasses.replace(HELLO, details=None),  # type: ignore[arg-type]
         Refusal(b"bytes"),  # type: ignore[arg-type]
@@ -222,7 +222,7 @@ def test_our_own_mistakes_are_not_wire_errors(mistake: Message) -> None:
 
 def test_whatever_the_sender_may_send_the_receiver_accepts_up_to_the_limits() -> None:
     longest = KINDS[52].most_items
-    status = Status("s", 0, "idle", 1, longest, longest, 0, (1.5,) * longest, 0, (), (), "", ())
+    status = dataclasses.replace(STATUS, completions=(1.5,) * longest)
     assert decode(encode(status)) == status
     batch = LogBatch(0, 0, (bytes(250),) * KINDS[31].most_items)
     assert decode(encode(batch)) == batch
@@ -250,5 +250,5 @@ def test_small_messages() -> None:
 
 
 def test_views_carry_what_may_not_be_seen_as_nil() -> None:
-    view = View("left", 1, 2, "running", 0.0, 0.0, None, 0.15, 0.01, None, 1, 6, 0, None, None, "")
+    view = View("left", 1, 2, "running", 0.0, 0.0, None, 0.15, 0.01, None, 1, 6, 0, None, None, "", 7, 0.5, 1, 2, 3.5)
     assert decode(encode(view)) == view

@@ -10,7 +10,7 @@ from wire_strategies import messages_of
 
 from netboard.wire import fixed
 from netboard.wire.codec import decode, encode
-from netboard.wire.messages import Beat, Force, Message, Stylus
+from netboard.wire.messages import Beat, Force, Message, Point, Stylus
 
 
 def written(message: Message, form: fixed.Form) -> bytes:
@@ -22,7 +22,7 @@ def written(message: Message, form: fixed.Form) -> bytes:
     return frame.tobytes()
 
 
-@pytest.mark.parametrize(("kind", "form"), [(Stylus, fixed.STYLUS), (Force, fixed.FORCE)])
+@pytest.mark.parametrize(("kind", "form"), [(Stylus, fixed.STYLUS), (Force, fixed.FORCE), (Point, fixed.POINT)])
 def test_the_codec_reads_what_is_written_and_what_is_read_is_what_was_written(kind: type, form: fixed.Form) -> None:
     @settings(max_examples=100, deadline=None)
     @given(messages_of(kind))

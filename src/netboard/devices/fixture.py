@@ -4,6 +4,8 @@ It is computed by the agent from its own reading, so it needs no network, and it
 B9). Its force goes through the safety chain like any other.
 """
 
+import numba
+
 from netboard import config
 from netboard.devices.base import Reading
 
@@ -24,4 +26,23 @@ def lateral_force(reading: Reading, fixture: config.Fixture) -> tuple[float, flo
         Force along x and y [N].
     """
     k, c = fixture.stiffness, fixture.damping
-    return -k * reading.x - c * reading.vx, -k * reading.y - c * reading.vy
+    return drawn_in(k, c, reading.x, reading.vx), drawn_in(k, c, reading.y, reading.vy)
+
+
+@numba.njit(cache=True)
+def drawn_in(k: float, c: float, place: float, rate: float) -> float:
+    """Force of the fixture along one axis.
+
+    Parameters
+    ----------
+    k, c : float
+        Its stiffness and damping [N/m, N s/m].
+    place, rate : float
+        How far the stylus is from the line, and how fast it goes away [m, m/s].
+
+    Returns
+    -------
+    float
+        Force on the hand [N].
+    """
+    return -k * place - c * rate

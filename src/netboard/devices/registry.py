@@ -14,7 +14,14 @@ from netboard.errors import DeviceNotFound
 GROUP = "netboard.devices"
 """Entry-point group of third-party backends."""
 
-BACKENDS = {"virtual": "netboard.devices.virtual:VirtualTouch"}
+BACKENDS = {
+    "falcon": "netboard.falcon.device:Falcon",
+    "mouse": "netboard.devices.mouse:MouseStylus",
+    "openhaptics": "netboard.openhaptics.device:OpenHaptics",
+    "playback": "netboard.devices.playback:Playback",
+    "spacemouse": "netboard.devices.spacemouse:SpaceMouse",
+    "virtual": "netboard.devices.virtual:VirtualTouch",
+}
 """Backends that come with netboard: name to module and class."""
 
 

@@ -12,7 +12,9 @@ after a speed cut it starts from zero, behind the gate; after a long outage, a f
 starts it.
 Rule 4: staleness concerns the vertical force, which comes over the network. The lateral force is the agent's own; it is
 ramped, clamped, slewed and cut like the other, but it does not fade while the network is silent.
-Rule 5: the gate asks only for a small vertical force. The lateral one is a spring the hand is brought to gently.
+Rule 5: the mean of the force over some `MEAN_TIME` is never larger than what the motors give for ever. As it comes
+near, the clamp comes down to that: a force that went on would burn them, or end in the driver's own cut.
+Rule 6: the gate asks only for a small vertical force. The lateral one is a spring the hand is brought to gently.
 """
 
 from enum import IntEnum
@@ -25,12 +27,18 @@ from netboard.wire.messages import Safeguard
 LONGEST_STEP_NS = 2_000_000
 """Steps further apart than this count as this long where the force may grow [ns]."""
 
+MEAN_TIME = 10.0
+"""The mean force forgets by this time constant [s]."""
+
+MARGIN = 0.1
+"""The clamp comes down while the mean is so near to the largest one, as a share of that [1]."""
+
 # Plain integers: arithmetic with flags costs more than all the rest of a step.
 _NONE = 0
 _ARMED, _RAMPING, _CLAMPED, _SLEWED = map(
     int, (Safeguard.ARMED, Safeguard.RAMPING, Safeguard.CLAMPED, Safeguard.SLEWED)
 )
-_STALE, _TOO_FAST = int(Safeguard.STALE), int(Safeguard.TOO_FAST)
+_STALE, _TOO_FAST, _WORN = map(int, (Safeguard.STALE, Safeguard.TOO_FAST, Safeguard.WORN))
 
 Vector = tuple[float, float, float]
 
@@ -55,7 +63,7 @@ class Trip(IntEnum):
     NONE = 0
     ARM = 1  # asked for
     DISARM = 2  # asked for
-    FAULT = 3  # a number was not finite, or the device is lost
+    FAULT = 3  # a number was not finite, the device is lost, or an emergency stop
     TOO_FAST = 4  # the stylus is
     EXPIRED = 5  # no fresh force for too long
     STALE = 6  # no fresh force for a while
@@ -125,11 +133,15 @@ class Safety:
         The limits.
     max_device_force : float
         Largest force the device itself allows; the smaller one of the two is the clamp [N].
+    lasting_device_force : float
+        Largest force it can give for ever; the smaller one of this and the limit is the largest mean [N].
     """
 
-    def __init__(self, limits: config.Safety, max_device_force: float) -> None:
+    def __init__(self, limits: config.Safety, max_device_force: float, lasting_device_force: float) -> None:
         self._limits = limits
         self._clamp = min(limits.max_force, max_device_force)
+        self._lasting = min(limits.mean_force, lasting_device_force, self._clamp)
+        self._mean = 0.0
         self._guard = Guard.DISARMED
         self._cause = _NONE
         self._vertical_gain = 0.0
@@ -155,6 +167,10 @@ class Safety:
     def disarm(self) -> None:
         """Take the force away, by the slew limit; acknowledges a fault. Only `arm` brings it back."""
         self._trip(Trip.DISARM)
+
+    def stop(self) -> None:
+        """Stop in an emergency; the force is zero at once."""
+        self._fail(Safeguard.STOPPED)
 
     def device_lost(self) -> None:
         """Report that the device does not answer any more; the force is zero at once."""
@@ -201,15 +217,24 @@ class Safety:
                 bits |= _RAMPING
             self._fade_or_grow(dt)
             target = self._scaled(wanted, vz)
-            size = hypot(*target)
-            if size > self._clamp:
-                target = _times(self._clamp / size, target)
-                bits |= _CLAMPED
+            size, most = hypot(*target), self._most()
+            if size > most:
+                target = _times(most / size, target)
+                bits |= _CLAMPED if size > self._clamp else _NONE
+                bits |= _WORN if most < self._clamp else _NONE
         else:
             target = ZERO
         if self._guard not in (Guard.FAULT, Guard.DISARMED):
             bits |= self._slew(dt, target)
+        self._mean += (hypot(*self._force) - self._mean) * min(dt / MEAN_TIME, 1.0)
         return Limited(*self._force, bits)
+
+    def _most(self) -> float:
+        """Largest force now: the clamp, or less where the mean is near its limit [N]."""
+        if self._mean <= (1.0 - MARGIN) * self._lasting:
+            return self._clamp
+        share = max(self._lasting - self._mean, 0.0) / (MARGIN * self._lasting)
+        return self._lasting + (self._clamp - self._lasting) * share
 
     def _watch(self, age: float | None, too_fast: bool, fz: float) -> None:
         """Take the first edge that the present gives cause to, if any."""

@@ -1,9 +1,9 @@
 """The display of a station: views in, frames out.
 
-The newest view wins. It is painted as soon as it comes, but not more often than the screen refreshes; a view that
-changes nothing on the screen is not painted at all. Without views for the configured time the window goes blank and
-says so, and it recovers by itself when they are back. About twice a second the server is told which view was painted
-when.
+The newest view wins; `netboard.display.showing` makes frames of it. Without views for the configured time the window
+goes blank and says so, and it recovers by itself when they are back. About twice a second the server is told which view
+was painted when. The server's configuration says what the board and the block are, and may come again, with the next
+block; of `[display]` it is the local one that counts, which knows this screen and this participant's language.
 
 ZeroMQ's file descriptor signals changes only, so every signal drains the socket; a slow round looks after what must be
 done by the clock, and drains too. Everything runs in Qt's thread.
@@ -11,18 +11,23 @@ done by the clock, and drains too. Everything runs in Qt's thread.
 
 import logging
 from collections.abc import Callable
+from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
+from typing import TypeAlias
 
-from PySide6.QtCore import QObject, QSocketNotifier, Qt, QTimer
+from PySide6.QtCore import QObject, QSocketNotifier, QTimer
 
 from netboard import keys, sockets
 from netboard.clock import now_ns
 from netboard.config import Config, Side, parse
-from netboard.display.frames import FrameTally
-from netboard.display.scene import Picture, blank, compose
+from netboard.display.language import load_words
+from netboard.display.markers import open_markers
+from netboard.display.scene import Picture, extent
+from netboard.display.screens import blank
+from netboard.display.showing import Player, Showing
 from netboard.display.widget import screenshot
-from netboard.display.window import BoardWindow, application, screen_of
+from netboard.display.window import BoardWindow, application
 from netboard.errors import ConfigError, NetboardError, WireError
 from netboard.process import NAME, Seldom
 from netboard.wire.codec import decode, encode
@@ -33,9 +38,9 @@ log = logging.getLogger(__name__)
 ROUND_MS = 50
 HELLO_NS = 500_000_000
 REPORT_NS = 500_000_000
-DEFAULT_REFRESH_HZ = 60.0
-SOON = 0.15
-"""A frame due within this share of a refresh is painted at once [1]."""
+
+Play: TypeAlias = Callable[[Side, Config, sockets.Context, BoardWindow], Player]
+"""Makes the player of a side."""
 
 
 class DisplayClient(QObject):
@@ -52,37 +57,54 @@ class DisplayClient(QObject):
         Where the sockets are made.
     window : BoardWindow
         Where it is shown.
+    player : Player or None
+        Who plays this side here.
+
+    Raises
+    ------
+    ConfigError
+        If there are no such words, or markers cannot be sent where they should.
     """
 
-    def __init__(self, station: Side, config: Config, context: sockets.Context, window: BoardWindow) -> None:
+    def __init__(
+        self,
+        station: Side,
+        config: Config,
+        context: sockets.Context,
+        window: BoardWindow,
+        player: Player | None = None,
+    ) -> None:
         super().__init__(window)
+        self._words = load_words(config.display.language)
+        markers = open_markers(config.display.markers, station)
+        self.own = config.display
         self.station = station
-        self.config = config
         self.window = window
+        self.showing = Showing(station, config, self._words, markers, window, player)
+        self.tally = self.showing.tally
         self.session = ""
         self.linked = False
         self._seen = False
         self._over = False
         self._trouble = ""
         self._said = Seldom(log)
-        self._pending: tuple[Picture, int, int] | None = None
-        self._view_ns = self._hello_ns = self._report_ns = self._shown_ns = -(2**62)
+        self._view_ns = self._hello_ns = self._report_ns = -(2**62)
         self._link_timeout_ns = round(config.display.link_timeout_ms * 1e6)
-        self._refresh_ns = round(1e9 / DEFAULT_REFRESH_HZ)
-        self.tally = FrameTally(station, self._refresh_ns)
         self._address = keys.reach(config.network, f"display.{station}")
         self._views = sockets.view_subscriber(context, self._address.reach(sockets.VIEW[station]))
         self._control = sockets.control_client(
             context, self._address.reach(sockets.CONTROL), f"display.{station}@{NAME}"
         )
         self._notifiers = [self._notify(self._views, self._take_views), self._notify(self._control, self._take_words)]
-        self._turn = QTimer(self, singleShot=True, timerType=Qt.TimerType.PreciseTimer)
-        self._turn.timeout.connect(self._paint_pending)
         self._round = QTimer(self, interval=ROUND_MS)
         self._round.timeout.connect(self.look_after)
         self._round.start()
-        window.board.painted.connect(self._painted)
         self.look_after()
+
+    @property
+    def config(self) -> Config:
+        """What the board and the block are, as far as it is known."""
+        return self.showing.config
 
     def _notify(self, socket: sockets.Socket, slot: Callable[[], None]) -> QSocketNotifier:
         """Call `slot` whenever something may have happened on a socket."""
@@ -95,12 +117,12 @@ class DisplayClient(QObject):
         if self._views.closed:
             return
         self._round.stop()
-        self._turn.stop()
         for notifier in self._notifiers:
             notifier.setEnabled(False)
         if self.session:
             self._report()
             sockets.send(self._control, encode(Goodbye("the display was closed")))
+        self.showing.close()
         self._views.close()
         sockets.close_after_goodbye(self._control)
 
@@ -113,43 +135,18 @@ class DisplayClient(QObject):
             message = self._decode(frame)
             if isinstance(message, View):
                 newest = message
-                self.tally.receive(message.tick)
         if newest is None:
             return
+        now = now_ns()
         try:
-            picture = compose(newest, self.config)
+            self.showing.take(newest, now)
         except WireError as error:
             self._complain(str(error))
             return
-        self._view_ns = now_ns()
+        self._view_ns = now
         if not self.linked:
             log.info("views are coming")
         self.linked = self._seen = True
-        self._plan(picture, newest.tick, self._view_ns)
-
-    def _plan(self, picture: Picture, tick: int, received_ns: int) -> None:
-        """Paint a picture at once if it is its turn, else when it is; the newest takes the turn."""
-        self._pending = None if picture == self.window.board.picture else (picture, tick, received_ns)
-        remaining = self._shown_ns + self._refresh_ns - received_ns
-        if remaining <= SOON * self._refresh_ns:
-            self._paint_pending()
-        elif not self._turn.isActive():
-            self._turn.start(-(-remaining // 1_000_000))
-
-    def _paint_pending(self) -> None:
-        """Hand the pending picture to the window."""
-        if self._pending is None:
-            return
-        picture, tick, received_ns = self._pending
-        self._pending = None
-        self._turn.stop()
-        self._shown_ns = now_ns()
-        self.tally.wait(tick, received_ns)
-        self.window.board.show_picture(picture)
-
-    def _painted(self) -> None:
-        """Count a frame."""
-        self.tally.paint(now_ns())
 
     # --- control -----------------------------------------------------------------------------------------------
 
@@ -173,7 +170,7 @@ class DisplayClient(QObject):
     def _welcome(self, session: str, text: str) -> None:
         """Take over the server's configuration."""
         try:
-            self.config = parse(text, "the server's configuration")
+            config = replace(parse(text, "the server's configuration"), display=self.own)
         except ConfigError as error:
             self._complain(str(error))
             return
@@ -182,6 +179,19 @@ class DisplayClient(QObject):
         self.session = session
         self._trouble = ""
         self._over = False
+        if config != self.config:
+            self.showing.config = config
+            self._measure(config)
+
+    def _measure(self, config: Config) -> None:
+        """Say it if the board in its true size is larger than the window."""
+        room, wanted = self.window.board.metres_across, extent(config)[0]
+        if self.own.mm_per_pixel > 0 and room < wanted:
+            log.warning(
+                "the window is %.0f mm wide and the board needs %.0f mm: its ends may not be seen",
+                room * 1e3,
+                wanted * 1e3,
+            )
 
     def _decode(self, frame: bytes) -> Message | None:
         """Decode a frame; what breaks the protocol is said and left out."""
@@ -199,7 +209,7 @@ class DisplayClient(QObject):
 
     def _hello(self) -> None:
         """Ask to be welcomed."""
-        details = {"refresh_hz": f"{1e9 / self._refresh_ns:.2f}", "platform": application().platformName()}
+        details = {"refresh_hz": f"{self.showing.refresh_hz:.2f}", "platform": application().platformName()}
         hello = Hello("display", self.station, PROTOCOL_VERSION, NAME, version("netboard"), details)
         sockets.send_or_renew(self._control, encode(hello))
         if not self.linked:
@@ -218,7 +228,7 @@ class DisplayClient(QObject):
         self._take_views()
         self._take_words()
         now = now_ns()
-        self._pace()
+        self.showing.pace()
         if now - self._view_ns > self._link_timeout_ns:
             self._blank()
         if (not self.session or not self.linked) and now - self._hello_ns >= HELLO_NS:
@@ -228,28 +238,22 @@ class DisplayClient(QObject):
             self._report_ns = now
             self._report()
 
-    def _pace(self) -> None:
-        """Follow the refresh rate of the screen the window is on."""
-        rate = screen_of(self.window).refreshRate()
-        self._refresh_ns = round(1e9 / (rate if rate > 1 else DEFAULT_REFRESH_HZ))
-        self.tally.period_ns = max(self._refresh_ns, round(1e9 / self.config.network.view_rate_hz))
-
     def _blank(self) -> None:
         """Show that there is nothing to show, and why."""
         if self.linked:
             log.warning("no view for %.1f s", self._link_timeout_ns * 1e-9)
         self.linked = False
-        self._pending = None
-        self.window.board.show_picture(self._words())
+        self.showing.blank(self._why())
 
-    def _words(self) -> Picture:
+    def _why(self) -> Picture:
         """Say why there is no view."""
+        words = self._words
         if self._over:
-            return blank(self.config, "The session is over")
-        waiting = self._trouble or f"Waiting for the server at {self._address.host}:{self._address.port}"
+            return blank(self.config, words, words.over)
+        server = words.server.format(host=self._address.host, port=self._address.port)
         if self._seen:
-            return blank(self.config, "Connection lost", waiting, lost=True)
-        return blank(self.config, "Waiting for the experiment", waiting)
+            return blank(self.config, words, words.lost, self._trouble or server, lost=True)
+        return blank(self.config, words, words.waiting, self._trouble or server)
 
 
 class _Photographer(QObject):
@@ -290,6 +294,7 @@ def run(
     stopping: Callable[[], bool],
     picture: Path | None = None,
     after: float | None = None,
+    play: Play | None = None,
 ) -> None:
     """Run the display of a station until its window is closed or the process is asked to stop.
 
@@ -306,9 +311,13 @@ def run(
     after : float, optional
         Take it so long after the first painted view, or at the end if that comes before, and go on. Without it, take
         it at the first painted view and stop [s].
+    play : callable, optional
+        Makes the player of this side, where somebody plays it here.
 
     Raises
     ------
+    ConfigError
+        If there is no such screen or language, or markers cannot be sent where they should.
     NetboardError
         If the screenshot exists already or cannot be written.
     """
@@ -318,7 +327,8 @@ def run(
     window = BoardWindow(f"netboard: {station} station")
     window.present(config.display)
     with sockets.open_context() as context:
-        client = DisplayClient(station, config, context, window)
+        player = None if play is None else play(station, config, context, window)
+        client = DisplayClient(station, config, context, window, player)
         photographer = None
         if picture is not None:
             done = (lambda: None) if after is not None else app.quit

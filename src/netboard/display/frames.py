@@ -1,22 +1,22 @@
 """The count of frames: what came, what was painted, what was dropped. Pure: time is an argument.
 
 The screen can show one frame a refresh, and there is no more to show than the server sends, so one frame is due in the
-longer of the two periods. A frame is dropped if the views that were received leave a hole in the server's ticks (they
-were lost, or replaced while this process did something else), if it was replaced after its turn and before it was
-painted, or if it was painted more than one such period after its view had come.
+longer of the two periods. Dropped is what a participant should have been shown and was not: each such period in which
+a new view had been sent and none came (their numbers say so: a view that was not sent, because nothing had changed, is
+missed by nobody), and each in which a picture that was asked for was not painted. A view that came and gave way to a
+newer one within a period is no drop: the screen could not have shown both.
 """
 
 from collections import deque
 
 from netboard.config import Side
-from netboard.tick import TICK_NS
 from netboard.wire.messages import Frames
 
 MOST_KEPT = 2000
 """Frames kept while nobody takes the report, no more than one may hold; the oldest are forgotten first [1]."""
 
-MOST_TICKS = 86_400_000
-"""Ticks of a day: views further apart are not of one session [1]."""
+MOST_NS = 3600 * 1_000_000_000
+"""Views further apart are not of one session [ns]."""
 
 
 class FrameTally:
@@ -42,39 +42,45 @@ class FrameTally:
         self.period_ns = period_ns
         self.painted = 0
         self.dropped = 0
-        self._tick: int | None = None
-        self._waiting: tuple[int, int] | None = None
+        self._newest: tuple[int, int] | None = None
+        self._waiting: tuple[int, int, int] | None = None
         self._shown: deque[tuple[int, int, int]] = deque(maxlen=MOST_KEPT)
         self._reported = 0
 
-    def receive(self, tick: int) -> None:
-        """Note that a view came, and count the frames that should have come since the one before.
+    def receive(self, seq: int, sent_ns: int) -> None:
+        """Note that a view came, and count the frames that those before it could have made and did not.
 
         Parameters
         ----------
-        tick : int
-            Its tick; a smaller one than before, or one of another day, begins a new count [1].
+        seq : int
+            Its number; one that is not larger than the one before begins a new count [1].
+        sent_ns : int
+            Server time of its sending [ns].
         """
-        if self._tick is not None and 0 < tick - self._tick < MOST_TICKS:
-            self.dropped += max(0, round((tick - self._tick) * TICK_NS / self.period_ns) - 1)
-        self._tick = tick
+        if self._newest is not None:
+            missing, elapsed = seq - self._newest[0] - 1, sent_ns - self._newest[1]
+            if missing > 0 and 0 < elapsed < MOST_NS:
+                self.dropped += max(0, min(missing, round(elapsed / self.period_ns) - 1))
+        self._newest = seq, sent_ns
 
-    def wait(self, tick: int, received_ns: int) -> None:
-        """Note that it is a view's turn to be painted.
+    def wait(self, tick: int, received_ns: int, due_ns: int) -> None:
+        """Note that a picture was handed to the window.
 
         Parameters
         ----------
         tick : int
-            Its tick [1].
+            Tick of the newest view in it [1].
         received_ns : int
-            When it was received [ns].
+            When that was received [ns].
+        due_ns : int
+            When the picture was due [ns].
         """
         if self._waiting is not None:
             self.dropped += 1
-        self._waiting = (tick, received_ns)
+        self._waiting = tick, received_ns, due_ns
 
     def paint(self, now_ns: int) -> bool:
-        """Note that the window was painted; tell whether a waiting view came to the screen with it.
+        """Note that the window was painted; tell whether a waiting picture came to the screen with it.
 
         Parameters
         ----------
@@ -83,10 +89,10 @@ class FrameTally:
         """
         if self._waiting is None:
             return False
-        tick, received_ns = self._waiting
+        tick, received_ns, due_ns = self._waiting
         self._waiting = None
         self.painted += 1
-        self.dropped += now_ns - received_ns > self.period_ns
+        self.dropped += max(0, (now_ns - due_ns) // self.period_ns)
         self._shown.append((tick, received_ns, now_ns))
         return True
 

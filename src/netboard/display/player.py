@@ -5,6 +5,7 @@ and pauses, left and right go one second (with shift: ten), up and down change t
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,10 @@ from PySide6.QtWidgets import QLabel
 from netboard.clock import now_ns
 from netboard.config import Config, Side, parse
 from netboard.curtain import make_curtain, view_of
-from netboard.display.scene import COLOURS, Mood, compose
+from netboard.display.language import LANGUAGES, load_words
+from netboard.display.scene import COLOURS, Mood
+from netboard.display.screens import compose
+from netboard.display.story import Story, follow
 from netboard.display.timebar import TimeBar
 from netboard.display.timeline import Playback, begin, best_so_far, clock, seconds
 from netboard.display.widget import screenshot
@@ -28,6 +32,9 @@ from netboard.recording.reader import Recording
 FRAME_MS = 16
 STEP, LONG_STEP = 1.0, 10.0
 """How far the arrow keys go [s]."""
+
+NEAR_TICKS = 1000
+"""A view that is further from the one before does not go on from there [1]."""
 
 KEYS = "space: play, pause   \u2190 \u2192: seek   \u2191 \u2193: speed   Home: begin again   Q: close"
 """What the keys do, for people."""
@@ -64,6 +71,9 @@ class PlayerWindow(BoardWindow):
         super().__init__(title)
         self._ticks, self._config, self._station, self._now = ticks, config, station, now
         self._curtain = make_curtain(config)
+        language = config.display.language
+        self._words = load_words(language if language in LANGUAGES else LANGUAGES[0])
+        self._story: Story | None = None
         self._times, self._best = seconds(ticks), best_so_far(ticks)
         self._begin = begin(ticks)
         self.playback = Playback(float(self._times[-1]), self._begin, now(), speed)
@@ -85,7 +95,9 @@ class PlayerWindow(BoardWindow):
         i = max(int(np.searchsorted(self._times, position, side="right")) - 1, 0)
         best = float(self._best[i])
         view = view_of(self._curtain, self._ticks[i], self._station, best if np.isfinite(best) else None, 0)
-        self.board.show_picture(compose(view, self._config))
+        near = self._story is not None and 0 <= view.tick - self._story.view.tick < NEAR_TICKS
+        self._story = follow(self._story if near else None, view)
+        self.board.show_picture(compose(view, self._config, self._words, self._story.result))
         self.bar.point_at(position)
         state = "\u25b6" if self.playback.playing else "\u275a\u275a"
         self.line.setText(
@@ -165,7 +177,7 @@ def run(
         raise RecordingError(f"{path}: has no tick to show")
     app = application()
     window = PlayerWindow(ticks, config, station, f"netboard replay: {path.name}", speed)
-    window.present(config.display)
+    window.present(replace(config.display, screen=0, mm_per_pixel=0.0))
     if picture is not None:
         app.processEvents()
         screenshot(window, picture)

@@ -5,12 +5,13 @@ import os
 import sys
 from typing import cast
 
-from PySide6.QtCore import QMessageLogContext, Qt, QtMsgType, Signal, qInstallMessageHandler
+from PySide6.QtCore import QEventLoop, QMessageLogContext, Qt, QTimer, QtMsgType, Signal, qInstallMessageHandler
 from PySide6.QtGui import QCloseEvent, QGuiApplication, QKeyEvent, QScreen
 from PySide6.QtWidgets import QApplication, QVBoxLayout, QWidget
 
-from netboard.config import Display
+from netboard.config import Display, Side
 from netboard.display.widget import BoardView
+from netboard.errors import ConfigError
 
 log = logging.getLogger(__name__)
 
@@ -38,12 +39,52 @@ def application() -> QApplication:
     return app
 
 
+def work(seconds: float) -> None:
+    """Let Qt work for a while."""
+    loop, end = QEventLoop(), QTimer(singleShot=True, interval=round(seconds * 1000))
+    end.timeout.connect(loop.quit)
+    end.start()
+    loop.exec()
+
+
 def screen_of(widget: QWidget) -> QScreen:
     """Find the screen a widget is on.
 
     Not by `QWidget.screen`: the binding would give Python the screen as the widget's child, to be deleted with it.
     """
     return QGuiApplication.screenAt(widget.geometry().center()) or QGuiApplication.primaryScreen()
+
+
+def screens() -> list[QScreen]:
+    """List the screens of this machine, the main one first."""
+    main = QGuiApplication.primaryScreen()
+    return [main, *(screen for screen in QGuiApplication.screens() if screen != main)]
+
+
+def numbered_screen(number: int) -> QScreen:
+    """Find a screen by its number.
+
+    Raises
+    ------
+    ConfigError
+        If there is no such screen.
+    """
+    there = screens()
+    if number >= len(there):
+        listed = "; ".join(in_words(i, screen) for i, screen in enumerate(there))
+        raise ConfigError(f"[display] screen: found {number}, expected one of these: {listed}")
+    return there[number]
+
+
+def in_words(number: int, screen: QScreen) -> str:
+    """Say what a screen is, in one line."""
+    size, mm = screen.size() * screen.devicePixelRatio(), screen.physicalSize()
+    claimed = mm.width() / max(size.width(), 1)
+    name = screen.name() or "unnamed"
+    return (
+        f"{number}: {name}, {size.width()} x {size.height()} pixels at {screen.refreshRate():.2f} Hz, "
+        f"{mm.width():.0f} x {mm.height():.0f} mm by its own account ({claimed:.4f} mm a pixel)"
+    )
 
 
 class BoardWindow(QWidget):
@@ -68,12 +109,31 @@ class BoardWindow(QWidget):
         self.rows.addWidget(self.board, 1)
 
     def present(self, display: Display) -> None:
-        """Open the window in the size the configuration asks for."""
+        """Open the window on the screen, in the size and on the scale that the configuration asks for.
+
+        Raises
+        ------
+        ConfigError
+            If there is no such screen.
+        """
+        self.board.mm_per_pixel = display.mm_per_pixel
         self.resize(display.width, display.height)
+        if display.screen > 0:
+            self.move(numbered_screen(display.screen).availableGeometry().topLeft())
         if display.fullscreen:
             self.fill_screen(True)
         else:
             self.show()
+
+    def take_half(self, side: Side) -> None:
+        """Take one half of the screen, beside the window of the other side, unless it takes the whole."""
+        if self.isFullScreen():
+            return
+        room = screen_of(self).availableGeometry()
+        room.setWidth(room.width() // 2)
+        if side == "right":
+            room.translate(room.width(), 0)
+        self.setGeometry(room)
 
     def fill_screen(self, full: bool) -> None:
         """Take the whole screen, without frame and mouse pointer, or give it back.

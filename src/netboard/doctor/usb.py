@@ -6,19 +6,13 @@ Presence is read from /sys; no device is opened, because that would fight with t
 import os
 from pathlib import Path
 
+from netboard.devices.known import DEVICES
 from netboard.doctor.finding import Finding, text_of
 
 ROOT = Path("/")
 
-DEVICES = {
-    ("2988", "0302"): "Touch (USB)",
-    ("2988", "0304"): "Touch (HID)",
-    ("0301", "2988"): "Touch 3D Stylus",
-    ("0403", "cb48"): "Falcon",
-    **{("046d", product): "SpaceMouse" for product in ("c625", "c626", "c627", "c629", "c62b")},
-    **{("256f", product): "SpaceMouse" for product in ("c62e", "c632", "c633", "c635", "c638", "c63a", "c641", "c652")},
-}
-"""Devices that people hold, by USB vendor and product; deploy/udev/70-netboard.rules has the same."""
+NAMES = {(f"{vendor:04x}", f"{product:04x}"): name for (vendor, product), name in DEVICES.items()}
+"""Devices that people hold, by vendor and product as /sys writes them."""
 
 ADVICE = "install deploy/udev/70-netboard.rules and join the group netboard; see docs/how-to/two-stations.md"
 
@@ -31,7 +25,7 @@ def devices(root: Path = ROOT) -> Finding:
         return Finding(name, "green", "not offered here")
     found, shut, open_to_all = [], [], []
     for device in sorted(plugged.iterdir()):
-        what = DEVICES.get((text_of(device / "idVendor"), text_of(device / "idProduct")))
+        what = NAMES.get((text_of(device / "idVendor"), text_of(device / "idProduct")))
         if what is None:
             continue
         found.append(f"{what} at {device.name}")

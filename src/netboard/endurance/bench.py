@@ -9,18 +9,16 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from netboard.config import Config
-from netboard.endurance.maps import PLANES, Plane, Tell, draw_map, make_map, map_parts, tick_limits
+from netboard.endurance.maps import PLANES, Plane, draw_map, make_map, map_parts, tick_limits
 from netboard.endurance.odd_hands import odd_hands
 from netboard.endurance.rest import energy_drift, perfect_rest
 from netboard.endurance.runs import STUDIED
 from netboard.endurance.soak import soak
 from netboard.endurance.stress import ball_at_ends, large_tilts, stiff_forces
-from netboard.studies.machine import describe
-from netboard.studies.results import Folder, Part, new_folder, show
+from netboard.studies.results import Folder, Part, new_folder
+from netboard.studies.running import Tell, run
 
 SCALES = tuple(float(scale) for scale in np.geomspace(1.0, 1000.0, 7))
 QUICK_SCALES = (1.0, 1000.0)
@@ -49,26 +47,9 @@ def main(output: Path | None, *, quick: bool, force: bool, soak_too: bool) -> in
     int
         Exit code: 0, also if verdicts fail, for that is a result.
     """
-    console = Console(highlight=False)
     folder = Folder(output or new_folder("stability"), force=force)
-    for line in describe().lines():
-        console.print(line)
-    parts = []
-    columns = TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn()
-    with Progress(*columns, console=console, transient=True) as progress:
-        task = progress.add_task("", total=1.0)
-
-        def tell(text: str, share: float) -> None:
-            progress.update(task, description=text, completed=share)
-
-        for part in study(folder, quick, soak_too, tell):
-            parts.append(part)
-            if part.on_screen:
-                show(console, part)
-            folder.write(parts, {"study": "stability", "quick": quick, "soak": soak_too})
-    verdicts = [verdict for part in parts for verdict in part.verdicts]
-    held = sum(verdict.holds for verdict in verdicts)
-    console.print(f"{held} of {len(verdicts)} verdicts hold; tables and figures are in {folder.path}")
+    settings = {"study": "stability", "quick": quick, "soak": soak_too}
+    run(folder, settings, lambda tell: study(folder, quick, soak_too, tell))
     return 0
 
 

@@ -25,10 +25,8 @@ from netboard.methods.choice import CREEP, EXPONENTIAL
 from netboard.methods.stability import Matrix, is_stable, largest_step, spectral_radius, tilted_matrix
 from netboard.physics.scene import pack_scene, parts_of
 from netboard.studies.results import Part, Value, Verdict
+from netboard.studies.running import Tell
 from netboard.tick import TICK_SECONDS
-
-Tell = Callable[[str, float], object]
-"""Gets what is being done, and the share of it that is."""
 
 ALLOWED = {"verlet": 0.08}
 USUALLY_ALLOWED = 0.04

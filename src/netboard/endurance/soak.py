@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from netboard.compiled import fast
 from netboard.config import Physics
-from netboard.endurance.maps import Tell
 from netboard.endurance.soak_audit import (
     BEYOND,
     GROWTH,
@@ -33,6 +32,7 @@ from netboard.endurance.soak_dyads import DYADS, HAND, KINDS, LAST_Z, PLACE, dra
 from netboard.offline.batch import LANES, in_blocks, make_batch, out_of_blocks, scene_blocks
 from netboard.physics.scene import pack_scene, parts_of, state_length
 from netboard.studies.results import Part, Value, Verdict
+from netboard.studies.running import Tell
 from netboard.tick import TICK_SECONDS
 
 Array = NDArray[np.float64]

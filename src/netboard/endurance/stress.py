@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.config import Physics
-from netboard.endurance.maps import Tell, board_matrix
+from netboard.endurance.maps import board_matrix
 from netboard.endurance.runs import DURATION, FIXED_PLACE, make_run, scaled, waves_at
 from netboard.methods.choice import choose
 from netboard.methods.stability import is_stable, stiffness
@@ -21,6 +21,7 @@ from netboard.physics.scene import pack_scene, parts_of
 from netboard.physics.vectors import State
 from netboard.studies.problem import BALL, MODELS
 from netboard.studies.results import Part, Value, Verdict
+from netboard.studies.running import Tell
 from netboard.tick import TICK_SECONDS
 
 Array = NDArray[np.float64]

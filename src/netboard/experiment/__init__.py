@@ -1,1 +1,1 @@
-"""What participants are asked to do: blocks of trials and the trial machine (pure)."""
+"""What happens in a session: the trial machine, what becomes of attempts, and where a session stands (pure)."""

@@ -4,6 +4,8 @@ Rule 1: every change of phase is an edge of `TABLE`; nothing else changes a phas
 Rule 2: the machine sees the board and the ball only through `sense`, and acts on them only through an `Action`, which
 the stage carries out. It knows no clock: it counts ticks.
 Rule 3: a cause for which the present phase has no edge changes nothing.
+Rule 4: an edge that stays in its phase with `Action.EXTEND` or `Action.SHORTEN` is about the block: it leaves the trial
+alone, and what is sensed at the same tick counts too.
 
 The diagram in the documentation is drawn from `TABLE`.
 """
@@ -43,13 +45,16 @@ class Cause(IntEnum):
     FELL = 5  # it went over the edge
     TIMED_OUT = 6  # the trial took too long
     NEXT = 7  # another trial follows
-    LAST = 8  # the block has all its successful trials
+    LAST = 8  # the block is over: it had all its trials, or its time
     START = 9  # operator; from here on a stage takes them as commands
     PAUSE = 10  # operator
     RESUME = 11  # operator
     ABORT = 12  # operator: give up this attempt, repeat the trial
     STOP = 13  # operator: end the block here
     FAULT = 14  # server: a peer is missing, or a value was not finite
+    REPEAT = 15  # operator: one more trial at the end of the block
+    VETO = 16  # operator: one less of those
+    SKIP = 17  # operator: this trial is done, without success
 
 
 class Action(IntEnum):
@@ -64,6 +69,9 @@ class Action(IntEnum):
     ADVANCE = 6  # the target changes side, the next trial is prepared
     RETRY = 7  # the same trial is prepared again
     HALT = 8  # the ball is fixed where it is, the attempt does not count
+    EXTEND = 9  # one more trial than the block has
+    SHORTEN = 10  # one less of those
+    PASS = 11  # as `ADVANCE`, and no attempt has begun: it will be the first
 
 
 TABLE: dict[Phase, dict[Cause, tuple[Phase, Action]]] = {
@@ -76,6 +84,8 @@ TABLE: dict[Phase, dict[Cause, tuple[Phase, Action]]] = {
         Cause.PAUSE: (Phase.PAUSED, Action.HALT),
         Cause.FAULT: (Phase.PAUSED, Action.HALT),
         Cause.ABORT: (Phase.LEVELLING, Action.RETRY),
+        Cause.SKIP: (Phase.LEVELLING, Action.ADVANCE),
+        Cause.LAST: (Phase.FINISHED, Action.HALT),
         Cause.STOP: (Phase.FINISHED, Action.HALT),
     },
     Phase.RUNNING: {
@@ -85,6 +95,8 @@ TABLE: dict[Phase, dict[Cause, tuple[Phase, Action]]] = {
         Cause.PAUSE: (Phase.PAUSED, Action.HALT),
         Cause.FAULT: (Phase.PAUSED, Action.HALT),
         Cause.ABORT: (Phase.LEVELLING, Action.RETRY),
+        Cause.SKIP: (Phase.LEVELLING, Action.ADVANCE),
+        Cause.LAST: (Phase.FINISHED, Action.HALT),
         Cause.STOP: (Phase.FINISHED, Action.HALT),
     },
     Phase.HOLDING: {
@@ -94,6 +106,8 @@ TABLE: dict[Phase, dict[Cause, tuple[Phase, Action]]] = {
         Cause.PAUSE: (Phase.PAUSED, Action.HALT),
         Cause.FAULT: (Phase.PAUSED, Action.HALT),
         Cause.ABORT: (Phase.LEVELLING, Action.RETRY),
+        Cause.SKIP: (Phase.LEVELLING, Action.ADVANCE),
+        Cause.LAST: (Phase.FINISHED, Action.HALT),
         Cause.STOP: (Phase.FINISHED, Action.HALT),
     },
     Phase.SUCCEEDED: {
@@ -102,13 +116,19 @@ TABLE: dict[Phase, dict[Cause, tuple[Phase, Action]]] = {
     },
     Phase.FAILED: {
         Cause.NEXT: (Phase.LEVELLING, Action.RETRY),
+        Cause.LAST: (Phase.FINISHED, Action.HALT),
     },
     Phase.PAUSED: {
         Cause.RESUME: (Phase.LEVELLING, Action.RETRY),
+        Cause.SKIP: (Phase.PAUSED, Action.PASS),
+        Cause.LAST: (Phase.FINISHED, Action.HALT),
         Cause.STOP: (Phase.FINISHED, Action.HALT),
     },
     Phase.FINISHED: {},
 }
+for _phase, _from_there in TABLE.items():
+    if _from_there:  # the block is not over: it can get longer and shorter
+        _from_there |= {Cause.REPEAT: (_phase, Action.EXTEND), Cause.VETO: (_phase, Action.SHORTEN)}
 
 BALL_FREE = (Phase.RUNNING, Phase.HOLDING)
 """The phases in which the ball rolls; in all others it is fixed."""
@@ -124,7 +144,8 @@ RULES = np.dtype(
         ("level_ticks", "<i8"),  # the board must be level for so many ticks
         ("hold_ticks", "<i8"),  # the ball must stay in the target for so many ticks
         ("limit_ticks", "<i8"),  # a trial may take so many ticks; 0 for any number
-        ("trials", "<i8"),  # successful trials in the block
+        ("trials", "<i8"),  # trials in the block
+        ("block_ticks", "<i8"),  # no trial begins after so many ticks of the block; 0: any number
     ]
 )
 """The rules of a trial as the kernels read them: one record."""
@@ -170,11 +191,12 @@ def pack_rules(task: Task, geometry: Geometry, block: Block) -> NDArray[Any]:
     rules["hold_ticks"] = ticks(task.hold_time)
     rules["limit_ticks"] = ticks(task.time_limit)
     rules["trials"] = block.trials
+    rules["block_ticks"] = ticks(block.duration)
     return rules
 
 
 def first_target(config: Config) -> int:
-    """Side of the first target of the block: -1 left, +1 right [1].
+    """Side of the first target of the block, that of trial 1: -1 left, +1 right [1].
 
     A random side is drawn from the block's seed, so that it can be repeated.
 
@@ -211,7 +233,7 @@ _LEVELLING, _RUNNING, _HOLDING = int(Phase.LEVELLING), int(Phase.RUNNING), int(P
 _SUCCEEDED, _FAILED = int(Phase.SUCCEEDED), int(Phase.FAILED)
 _NONE, _LEVEL, _ENTERED, _LEFT = int(Cause.NONE), int(Cause.LEVEL), int(Cause.ENTERED), int(Cause.LEFT)
 _HELD, _FELL, _TIMED_OUT = int(Cause.HELD), int(Cause.FELL), int(Cause.TIMED_OUT)
-_NEXT, _LAST = int(Cause.NEXT), int(Cause.LAST)
+_NEXT, _LAST, _START, _SKIP = int(Cause.NEXT), int(Cause.LAST), int(Cause.START), int(Cause.SKIP)
 
 
 @kernel
@@ -246,7 +268,72 @@ def is_level(z: float, theta: float, omega: float, rules: Any) -> bool:
 
 
 @kernel
-def sense(phase: int, p: float, centre: float, counted: int, run_ticks: int, successes: int, rules: Any) -> int:
+def is_over(block_ticks: int, rules: Any) -> bool:
+    """Tell whether the time of the block is over, if it has one: the attempt that goes on is its last.
+
+    Parameters
+    ----------
+    block_ticks : int
+        Ticks that the block has taken [1].
+    rules : RULES record
+        The rules of the trial.
+    """
+    return bool(0 < rules["block_ticks"] <= block_ticks)
+
+
+@kernel
+def is_last(trial: int, extra: int, block_ticks: int, rules: Any) -> bool:
+    """Tell whether no trial follows this one.
+
+    Parameters
+    ----------
+    trial : int
+        Number of the trial in the block, from 1 [1].
+    extra : int
+        Trials added to the block [1].
+    block_ticks : int
+        Ticks that the block has taken [1].
+    rules : RULES record
+        The rules of the trial.
+    """
+    return bool(trial >= rules["trials"] + extra or is_over(block_ticks, rules))
+
+
+@kernel
+def wished(command: int, trial: int, extra: int, block_ticks: int, rules: Any) -> int:
+    """What a command gives cause to: itself, but that to skip the last trial is the end of the block.
+
+    Parameters
+    ----------
+    command : int
+        A `Cause`, or any other number [1].
+    trial, extra, block_ticks : int
+        As for `is_last` [1].
+    rules : RULES record
+        The rules of the trial.
+
+    Returns
+    -------
+    int
+        A `Cause`; `Cause.NONE` for what is no command [1].
+    """
+    if not _START <= command <= _SKIP:
+        return _NONE
+    return _LAST if command == _SKIP and is_last(trial, extra, block_ticks, rules) else command
+
+
+@kernel
+def sense(
+    phase: int,
+    p: float,
+    centre: float,
+    counted: int,
+    run_ticks: int,
+    trial: int,
+    extra: int,
+    block_ticks: int,
+    rules: Any,
+) -> int:
     """What the board and the ball give cause to in this phase.
 
     Parameters
@@ -261,8 +348,8 @@ def sense(phase: int, p: float, centre: float, counted: int, run_ticks: int, suc
         Ticks the board has been level (levelling) or the ball inside the target (holding), this one included [1].
     run_ticks : int
         Ticks since the release [1].
-    successes : int
-        Successful trials so far in the block [1].
+    trial, extra, block_ticks : int
+        As for `is_last` [1].
     rules : RULES record
         The rules of the trial.
 
@@ -287,5 +374,7 @@ def sense(phase: int, p: float, centre: float, counted: int, run_ticks: int, suc
             return _TIMED_OUT
         return _NONE
     if phase == _SUCCEEDED:
-        return _LAST if successes >= rules["trials"] else _NEXT
-    return _NEXT if phase == _FAILED else _NONE
+        return _LAST if is_last(trial, extra, block_ticks, rules) else _NEXT
+    if phase == _FAILED:
+        return _LAST if is_over(block_ticks, rules) else _NEXT
+    return _NONE

@@ -1,7 +1,7 @@
 """Malformed messages for every socket of a real server, from strangers and from peers it has welcomed; and no ZeroMQ.
 
 They come at a steady rate, not as fast as they go: what is tried here is what is in them. What a welcomed peer may say
-with effect (a command, an acknowledgement) is not malformed, and is left out.
+with effect (a command, an acknowledgement, an emergency stop) is not malformed, and is left out.
 """
 
 import random
@@ -24,6 +24,8 @@ from netboard.wire.messages import (
     LogAck,
     LogRequest,
     Message,
+    Safeguard,
+    Stylus,
 )
 
 RATE_HZ = 1500.0
@@ -131,11 +133,16 @@ class Assault:
         """Whether a frame is not sent: it would be meant, or cut the connection once too often."""
         if len(frame) > sockets.LARGEST_REQUEST:
             return self._chance.random() > TOO_LARGE
-        return self._welcomed and isinstance(parse(frame), MEANT)
+        return self._welcomed and _is_meant(parse(frame))
 
     def _is_malformed(self, parts: list[bytes]) -> bool:
         """Whether a message must be refused: from a stranger any, from others what is none."""
         return not self._welcomed or len(parts) > 1 or parse(parts[0]) is None
+
+
+def _is_meant(message: Message | None) -> bool:
+    """Whether a welcomed peer may say this with effect."""
+    return isinstance(message, MEANT) or (isinstance(message, Stylus) and bool(message.safeguards & Safeguard.STOPPED))
 
 
 class Vandal:

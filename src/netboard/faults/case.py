@@ -20,11 +20,12 @@ LOGGED = Setup("one dyad, a log ring of 3 s", settings=("network.log_ring_s=3",)
 UNSPILLED = Setup("one dyad, a log ring of 3 s, no spill", ("network.log_ring_s=3", "network.log_spill_mb=0"))
 SHOWN = Setup("one dyad with displays, the left one's line through a relay", relayed=(DISPLAY,), displays=True)
 RELAYED = Setup(
-    "two dyads, the agents of one through relays",
+    "one dyad, its agents through relays, any clock",
     settings=("network.clock_bound_ms=100",),
     relayed=(LEFT, RIGHT),
-    neighbour=True,
 )
+"""No neighbour: the relays are no real-time processes, and beside two dyads two cores have no time for them."""
+
 DISTRUSTED = Setup("one dyad, its agents through relays", relayed=(LEFT, RIGHT))
 CABLED = Setup("one dyad, real links", spaces=True)
 CLOCKED = Setup("one dyad, a wall clock that can be set", wall_clock=True)

@@ -16,6 +16,7 @@ from netboard.config import SIDES, Side
 from netboard.experiment.machine import Phase
 from netboard.faults.evidence import Fade, Pause, between, fades, largest_step, steps_to_nothing, without_cut
 from netboard.faults.gathering import Evidence, Taken
+from netboard.nodes import alarm
 from netboard.studies.results import Verdict
 from netboard.tick import TICK_NS
 from netboard.wire.messages import Safeguard
@@ -36,6 +37,9 @@ EXCUSED_NS = 150_000_000
 
 WAY_DOWN = 3
 """Steps that the largest force takes to zero at the slew limit, for an agent that has been held up [1]."""
+
+STOPPED_WITHIN = 0.003
+"""An emergency stop is on its way to the devices for at most so long [s]."""
 
 LATELY_NS = 1_000_000_000
 TICK = TICK_NS * 1e-9
@@ -209,16 +213,40 @@ def noted(name: str, *words: str) -> Check:
     return check
 
 
-def powerless(side: Side) -> Check:
-    """Check that a device that gives no numbers, or does not answer, was handed no force any more."""
+def powerless(side: Side, *, to_the_end: bool) -> Check:
+    """Check that a device that gives no numbers was handed no force to the end, or one that does not answer meanwhile.
+
+    The first force may be what tells the agent that its device does not answer.
+    """
 
     def check(evidence: Evidence) -> Verdict:
         trace = evidence.traces[side][0]
-        rows = np.concatenate([trace[np.isnan(trace["z"])], trace[-1:]])
-        largest = float(np.max(np.abs([rows["fx"], rows["fy"], rows["fz"]])))
-        return Verdict(f"the {side} device is handed no force any more", largest == 0.0, f"at most {largest:.3g} N")
+        failing = np.flatnonzero(np.isnan(trace["z"]))
+        if to_the_end and failing.size:
+            failing = np.arange(failing[0], trace.size)
+        rows = trace[failing[1:] if failing.size > 1 else failing]
+        largest = float(np.max(np.abs([rows["fx"], rows["fy"], rows["fz"]]), initial=0.0))
+        found = f"at most {largest:.3g} N in {rows.size} writes"
+        return Verdict(f"the {side} device is handed no force while it fails", rows.size > 0 and largest == 0.0, found)
 
     return check
+
+
+def stopped(evidence: Evidence) -> Verdict:
+    """Check that an emergency stop reaches both devices with the next tick, and holds until it is released."""
+    events = {event.name: event.time_ns for event in evidence.events}
+    claim = "both forces go to zero by the slew limit from the next tick on, and stay there until released"
+    if not {alarm.STOP, alarm.RELEASE} <= set(events):
+        return Verdict(claim, False, "no stop and release are recorded")
+    way_down = evidence.limits.max_force / evidence.limits.max_slew
+    good, words = True, []
+    for side in SIDES:
+        trace = between(evidence.traces[side][0], events[alarm.STOP], events[alarm.RELEASE])
+        felt = trace["time_ns"][np.any([trace[axis] != 0.0 for axis in ("fx", "fy", "fz")], axis=0)]
+        last = (int(felt[-1]) - events[alarm.STOP]) * 1e-9 if felt.size else 0.0
+        good &= last <= way_down + STOPPED_WITHIN
+        words.append(f"{side} zero {last * 1e3:.1f} ms after the stop")
+    return Verdict(claim, good, ", ".join(words))
 
 
 def safeguarded(side: Side, guard: Safeguard) -> Check:

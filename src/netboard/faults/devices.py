@@ -4,15 +4,15 @@ It is no backend of netboard: the harness puts it in the way of its own processe
 would. Every force handed to it goes to a file of its process at once, with the time, so that the file tells what was at
 the motors even if the process is killed. What it does wrong is one byte in another file, read at every reading.
 
-Options (``agents.<side>.options``): ``folder``, where both files are.
+Options (``agents.<side>.options``): see `Options`.
 """
 
 import os
 from collections.abc import Iterable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from math import nan
 from pathlib import Path
-from typing import Any, Literal, final
+from typing import Annotated, Any, Literal, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,13 +23,16 @@ from netboard.devices.base import Device, DeviceInfo, Reading
 from netboard.devices.registry import GROUP
 from netboard.devices.velocity import Velocimeter
 from netboard.devices.virtual import VirtualTouch
-from netboard.errors import ConfigError, DeviceLost
+from netboard.errors import DeviceLost, DeviceNotFound
+from netboard.participants.device_models import resolved
 from netboard.participants.submovement import Submovement
+from netboard.settings import NO_EXTRAS, about
 
 NAME = "tampered"
 
 TRACE = np.dtype([("time_ns", "<i8"), ("fx", "<f8"), ("fy", "<f8"), ("fz", "<f8"), ("z", "<f8")])
-"""One row for each force handed to the device: when, the force, and the height read last [ns, N, N, N, m]."""
+"""One row for each force handed to the device: when, the force, and the height read last, or no number if the device
+gives none or is gone [ns, N, N, N, m]."""
 
 Trick = Literal["none", "nan", "frozen", "jump", "gone"]
 
@@ -37,6 +40,14 @@ _TRICKS: dict[bytes, Trick] = {b"-": "none", b"n": "nan", b"f": "frozen", b"j": 
 
 JUMP = 0.1
 """How far the stylus seems to jump [m]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """Options of the tampered device."""
+
+    __pydantic_config__ = NO_EXTRAS
+    folder: Annotated[str, about("where both files are", min_length=1)] = "."
 
 
 @final
@@ -53,17 +64,14 @@ class TamperedTouch(Device):
     Raises
     ------
     ConfigError
-        If it is not told its folder.
+        If an option is unknown or of the wrong type.
     """
 
     def __init__(self, side: Side, config: Config) -> None:
         super().__init__(side, config)
-        folder = self.agent.options.get("folder")
-        if not isinstance(folder, str) or set(self.agent.options) != {"folder"}:
-            raise ConfigError(f"[agents.{side}.options] the tampered device has one option, its folder")
-        self._folder = Path(folder)
+        self._folder = Path(self.read_options(Options).folder)
         self._touch = VirtualTouch(side, _plain(config, side))
-        self._velocimeter = Velocimeter(config.virtual.resolution)
+        self._velocimeter = Velocimeter(resolved(config.virtual).resolution)
         self._reading: Reading | None = None
         self._trace = self._trick = -1
 
@@ -90,7 +98,10 @@ class TamperedTouch(Device):
         flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND
         self._trace = os.open(trace_file(self._folder, self.side, os.getpid()), flags, 0o600)
         self._trick = os.open(_trick_file(self._folder, self.side), os.O_RDONLY | os.O_CREAT, 0o600)
-        return self._touch.open()
+        if self._tricked() == "gone":
+            self._close_files()
+            raise DeviceNotFound("the device is gone")
+        return self._touch.open(placed=False)  # the profile is applied once, to the device around it
 
     def _read(self, now_ns: int) -> Reading:
         trick = self._tricked()
@@ -107,17 +118,21 @@ class TamperedTouch(Device):
         return self._reading
 
     def _write(self, fx: float, fy: float, fz: float) -> None:
-        z = self._reading.z if self._reading is not None else nan
+        gone = self._tricked() == "gone"
+        z = self._reading.z if self._reading is not None and not gone else nan
         os.write(self._trace, np.array((now_ns(), fx, fy, fz, z), TRACE).tobytes())
-        if self._tricked() == "gone":
+        if gone:
             raise DeviceLost("the device is gone")
         self._touch.write(fx, fy, fz)
 
     def _close(self) -> None:
-        os.close(self._trace)
-        os.close(self._trick)
+        self._close_files()
         self._reading = None
         self._touch.close()
+
+    def _close_files(self) -> None:
+        os.close(self._trace)
+        os.close(self._trick)
 
     def _tricked(self) -> Trick:
         return _TRICKS.get(os.pread(self._trick, 1, 0), "none")
@@ -125,7 +140,8 @@ class TamperedTouch(Device):
 
 def _plain(config: Config, side: Side) -> Config:
     """Return the configuration as the virtual device within is to see it."""
-    return replace(config, agents=replace(config.agents, **{side: Agent()}))
+    agents = replace(config.agents, left=Agent()) if side == "left" else replace(config.agents, right=Agent())
+    return replace(config, agents=agents)
 
 
 def _trick_file(folder: Path, side: Side) -> Path:

@@ -8,21 +8,18 @@ what is refused is counted, the trial goes on, and no force is any other than it
 
 import gc
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
-
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from netboard.errors import WireError
 from netboard.faults.fuzz_peers import peer_parts
 from netboard.faults.fuzz_server import server_parts
 from netboard.faults.mutants import Mutants, true_frames
 from netboard.faults.watching import GROWN, resident
-from netboard.studies.machine import describe
-from netboard.studies.results import Folder, Part, Value, Verdict, new_folder, show
+from netboard.studies.results import Folder, Part, Value, Verdict, new_folder
+from netboard.studies.running import Tell, run
 from netboard.wire.codec import decode, encode
 
 FRAMES = 1_000_000
@@ -33,7 +30,6 @@ SLOWEST_MS = 50.0
 """No frame of the codec may take longer [ms]."""
 
 TOLD_FRAMES = 10_000
-Tell = Callable[[str, float], object]
 
 
 def main(output: Path | None, *, quick: bool, force: bool, frames: int | None) -> int:
@@ -55,26 +51,10 @@ def main(output: Path | None, *, quick: bool, force: bool, frames: int | None) -
     int
         Exit code: 1 if something does not hold.
     """
-    console = Console(highlight=False)
     folder = Folder(output or new_folder("fuzz"), force=force)
     count = frames or (QUICK_FRAMES if quick else FRAMES)
-    for line in describe().lines():
-        console.print(line)
-    parts: list[Part] = []
-    columns = TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn()
-    with Progress(*columns, console=console, transient=True) as progress:
-        task = progress.add_task("", total=1.0)
-
-        def tell(text: str, share: float) -> None:
-            progress.update(task, description=text, completed=share)
-
-        for part in study(folder.path, count, tell):
-            parts.append(part)
-            show(console, part)
-            folder.write(parts, {"study": "fuzz", "frames": count})
-    held = all(part.holds for part in parts)
-    console.print(f"{'everything holds' if held else 'NOT everything holds'}; tables and logs are in {folder.path}")
-    return 0 if held else 1
+    verdicts = run(folder, {"study": "fuzz", "frames": count}, lambda tell: study(folder.path, count, tell))
+    return 0 if all(verdict.holds for verdict in verdicts) else 1
 
 
 def study(folder: Path, count: int, tell: Tell) -> Iterator[Part]:

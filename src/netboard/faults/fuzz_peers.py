@@ -25,6 +25,7 @@ from netboard.faults.rigs import PATIENCE, Rig, tampered
 from netboard.faults.watching import look, memory, memory_part
 from netboard.recording.reader import Recording
 from netboard.studies.results import Part, Value, Verdict
+from netboard.studies.running import Tell
 
 PLAIN = ("safety.stale_after_ms=1000", "safety.disarm_after_ms=2000", "safety.arm_time=0.1")
 """The nonsense comes from the same loop as the force, which may be late for it; it is the same force all the time."""
@@ -41,8 +42,6 @@ BABBLE_SECONDS = 5.0
 
 STUCK_SECONDS = 60.0
 """A socket that takes nothing for so long does so no more [s]."""
-
-Tell = Callable[[str, float], object]
 
 
 class Front:

@@ -24,6 +24,7 @@ from netboard.nodes.session import LATE_NS
 from netboard.recording.reader import Recording
 from netboard.recording.verification import verify_recording
 from netboard.studies.results import Part, Value, Verdict
+from netboard.studies.running import Tell
 from netboard.tick import TICK_NS
 from netboard.wire.messages import EventRecord, Goodbye
 
@@ -44,8 +45,6 @@ LAST_WORDS = 100
 
 COUNTED = 0.7
 """Such a share of what was sent must be told to have been refused: some is lost where connections are cut [1]."""
-
-Tell = Callable[[str, float], object]
 
 
 @dataclass(frozen=True)

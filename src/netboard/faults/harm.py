@@ -23,6 +23,7 @@ from netboard.faults.devices import Trick, play_trick, read_trace, trace_file
 from netboard.faults.relay import FAIR, Weather
 from netboard.faults.rigs import PATIENCE
 from netboard.faults.sites import START_S, Site, side_of
+from netboard.nodes import alarm
 from netboard.nodes.launcher import CHANNELS
 from netboard.wire.codec import decode, encode
 from netboard.wire.messages import PROTOCOL_VERSION, Hello, Refusal, Stylus
@@ -221,19 +222,19 @@ def second_agent(site: Site) -> Facts:
 
 
 def say(*frames: bytes) -> Act:
-    """Say something to the motion channel, as a stranger, and note the answer."""
+    """Say something to the motion channel, as a stranger, and note what is answered to each frame."""
 
     def act(site: Site) -> Facts:
+        answers: dict[str, None] = {}
         with sockets.open_context() as context:
             stranger = sockets.motion_agent(context, _reach(site).reach(sockets.MOTION), "stranger")
-            answer = ""
             until = time.monotonic() + ANSWER_SECONDS
-            while not answer and time.monotonic() < until:
+            while len(answers) < len(frames) and time.monotonic() < until:
                 for frame in frames:
                     sockets.send(stranger, frame)
                 if sockets.wait_readable(stranger, 0.2):
-                    answer = _words(sockets.receive(stranger))
-        return {"answer": answer}
+                    answers[_words(sockets.receive(stranger))] = None
+        return {"answer": "; ".join(answers)}
 
     return act
 
@@ -313,6 +314,17 @@ def trick_and_restart(process: str, what: Trick) -> Act:
         return {"exit code of the agent": str(code), "its last words": site.rig.said(process).splitlines()[-1]}
 
     return act
+
+
+def stop_in_an_emergency(site: Site) -> Facts:
+    """Let an operator stop everything, release it a while later, and resume."""
+    site.rig.do(alarm.STOP)
+    site.rig.until(lambda status: alarm.LACKING in status.waiting_for)
+    time.sleep(AWAY)
+    site.rig.do(alarm.RELEASE)
+    site.rig.until(lambda status: status.phase == "paused" and not status.waiting_for)
+    site.rig.do("resume")
+    return {}
 
 
 # --- clocks and disks --------------------------------------------------------------------------------------------

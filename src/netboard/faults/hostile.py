@@ -1,12 +1,14 @@
 """A server that is none: it does what a server does, and between its messages says whatever comes to its mind.
 
 Real agents, displays and loggers connect to it. What it says in earnest is as plain as can be, so that any effect of
-the rest is seen: one force that never changes, ticks that are numbered and else empty, a board that moves a little.
+the rest is seen: one force that never changes, ticks that are numbered and else empty, a board that moves a little; and
+now and then another block, which is like the one before.
 """
 
 import socket as net
 from collections.abc import Iterator
 from contextlib import suppress
+from dataclasses import replace
 from math import sin
 
 import numpy as np
@@ -30,6 +32,7 @@ from netboard.wire.messages import (
     LogEnd,
     LogRequest,
     Message,
+    Point,
     Refusal,
     Safeguard,
     Stylus,
@@ -50,10 +53,16 @@ ROWS = 10
 VIEW_TURNS = 16
 """A view goes out in every so many turns [1]."""
 
+BLOCK_TURNS = 5000
+"""A block begins in every so many turns [1]."""
+
+BLOCKS = 1000
+"""Blocks that there are; after the last one it begins anew [1]."""
+
 KEPT_OPEN = 4
 """Connections in which no ZeroMQ is spoken are left open, so many of them [1]."""
 
-MEANT: tuple[type[Message], ...] = (Welcome, Goodbye, Refusal, Force, Beat, LogBatch, LogEnd)
+MEANT: tuple[type[Message], ...] = (Welcome, Goodbye, Refusal, Force, Point, Beat, LogBatch, LogEnd)
 """What a peer must believe its server: what happens to be one of these is no nonsense, and not said."""
 
 
@@ -93,7 +102,8 @@ class HostileServer:
         self.grown: set[bytes] = set()
         self.samples = self.shown = self.ticks = self.durable = 0
         self._mutants = mutants
-        self._welcome = encode(Welcome(SESSION, PROTOCOL_VERSION, now_ns(), resolve(config)))
+        self._config = config
+        self._welcome = self._begin(1)
         self._routers = {
             "motion": sockets.motion_server(context, where.listen(sockets.MOTION)),
             "log": sockets.log_server(context, where.listen(sockets.LOG)),
@@ -123,6 +133,11 @@ class HostileServer:
 
     # --- in earnest --------------------------------------------------------------------------------------------------
 
+    def _begin(self, number: int) -> bytes:
+        """What peers are told of a block."""
+        block = replace(self._config.block, number=number, blocks=BLOCKS)
+        return encode(Welcome(SESSION, PROTOCOL_VERSION, now_ns(), resolve(replace(self._config, block=block))))
+
     def _hear(self, channel: str) -> None:
         router = self._routers[channel]
         while (received := router.receive()) is not None:
@@ -147,6 +162,11 @@ class HostileServer:
         for name in self._peers["motion"]:
             force = Force(turn, now, -1, FORCE, 0) if name in self.armed else Beat(turn, now, -1, 0, arm=True)
             self._routers["motion"].send(name, encode(force))
+        if turn % BLOCK_TURNS == 0:
+            self._welcome = self._begin(turn // BLOCK_TURNS % BLOCKS + 1)
+            for channel, router in self._routers.items():
+                for name in self._peers[channel]:
+                    router.send(name, self._welcome)
         if turn % ROWS == 0:
             for name in self._wanted:
                 self._send_ticks(name)
@@ -186,7 +206,9 @@ class HostileServer:
 def _view(side: str, turn: int) -> View:
     """A board that sways."""
     z = 0.01 * sin(turn * 1e-3)
-    return View(side, turn, now_ns(), "running", z, 0.1 * z, 0.0, 0.15, z, z, 1, 6, 0, None, None, "")
+    return View(
+        side, turn, now_ns(), "running", z, 0.1 * z, 0.0, 0.15, z, z, 1, 6, 0, None, None, "", turn, 0.0, 1, 1, None
+    )
 
 
 class Babbler:

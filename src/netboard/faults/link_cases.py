@@ -35,6 +35,11 @@ def _blown(
     return _case(name, done, expected, blow(LEFT, up, down), *checks, quick=quick)
 
 
+def _delayed(name: str, done: str, delay: float, *, quick: bool) -> Case:
+    """The same delay both ways, under which a trial goes on."""
+    return _blown(name, done, "the trial goes on", goes_on(), up=Weather(delay), down=Weather(delay), quick=quick)
+
+
 LINKS = (
     _case(
         "line-held-20ms",
@@ -76,16 +81,8 @@ LINKS = (
         double(LEFT),
         *_GONE,
     ),
-    _blown(
-        "delay-1ms",
-        "1 ms each way on an agent's line for 3 s",
-        "the trial goes on",
-        goes_on(),
-        up=Weather(0.001),
-        down=Weather(0.001),
-        quick=False,
-    ),
-    _blown("delay-10ms", "10 ms each way", "the trial goes on", goes_on(), up=Weather(0.01), down=Weather(0.01)),
+    _delayed("delay-1ms", "1 ms each way on an agent's line for 3 s", 0.001, quick=False),
+    _delayed("delay-10ms", "10 ms each way", 0.01, quick=True),
     _blown("delay-20ms-up", "20 ms from agent to server only", _ANY, either(*OUTAGE), up=Weather(0.02)),
     _blown(
         "delay-20ms-down",

@@ -63,7 +63,7 @@ ODD: tuple[Any, ...] = (
     -math.inf,
     "",
     "left",
-    "shutdown",
+    "end",
     "\0",
     "ä" * 40,
     b"",

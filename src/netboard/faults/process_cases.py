@@ -1,5 +1,7 @@
 """Faults of processes: killed and started again, and stopped for a while, each of the four kinds."""
 
+from dataclasses import replace
+
 from netboard.config import SIDES
 from netboard.faults.case import (
     DISPLAY,
@@ -94,7 +96,8 @@ PROCESSES = (
     ),
     _stopped(LOGGER, "logger", 0.05, LOGGED, GOES_ON, *UNNOTICED),
     _stopped(LOGGER, "logger", 1.0, LOGGED, GOES_ON, *UNNOTICED),
-    _stopped(LOGGER, "logger", 10.0, LOGGED, _SPILLS, *UNNOTICED, noted("log_spilling")),
+    # Alone: after other cases the spill may not have been taken yet, and would not begin anew.
+    replace(_stopped(LOGGER, "logger", 10.0, LOGGED, _SPILLS, *UNNOTICED, noted("log_spilling")), alone=True),
     _case("display-killed", SHOWN, "kill -9 of a display, started again after 1 s", _SHOWN, kill(DISPLAY), *_UNSEEN),
     _stopped(DISPLAY, "display", 0.05, SHOWN, _SHOWN, *_UNSEEN),
     _stopped(DISPLAY, "display", 1.0, SHOWN, _SHOWN, *_UNSEEN),

@@ -180,6 +180,24 @@ class Rig:
         """Whether this rig's server has ended, though nobody asked it to."""
         return "server" in self.running and self.running["server"].poll() is not None
 
+    def do(self, command: str) -> None:
+        """Have the server do something.
+
+        Raises
+        ------
+        NetboardError
+            If it refuses, or does not answer.
+        """
+        self.until(lambda status: True)
+        reply = self.operator.do(command)
+        if not reply.accepted:
+            raise NetboardError(f"{command}: refused: {reply.reason}")
+
+    def ask_to_end(self) -> None:
+        """Have the server end the session; its answer may be lost with the link."""
+        self.until(lambda status: True)
+        self.operator.command("end")
+
     def until_felt(self, seconds: float = PATIENCE) -> Status:
         """Wait until a trial is on and both hands feel it; for a rig with tampered devices."""
 
@@ -254,7 +272,7 @@ class Rig:
         NetboardError
             If the server or the logger does not end cleanly.
         """
-        self.operator.command("shutdown")
+        self.ask_to_end()
         for name in ("server", "logger"):
             if self.wait(name) != 0:
                 raise NetboardError(f"the {name} did not end cleanly: {self._last_words(name)}")

@@ -153,8 +153,7 @@ class Site:
     def finish(self) -> None:
         """Shut the sessions down in order."""
         for rig in reversed(self.rigs):
-            rig.until(lambda status: True)
-            rig.operator.command("shutdown")
+            rig.ask_to_end()
         self.rig.wait("server")
         for rig in self.rigs:
             if self.setup.follow:

@@ -19,7 +19,6 @@ from netboard.config import Config
 from netboard.errors import ConfigError, NetboardError
 from netboard.latency.loop import measure_loop
 from netboard.latency.loop_tables import costs_part, latency_part, lateness_part, loop_series, server_verdict
-from netboard.latency.rig import Tell
 from netboard.latency.scale import measure_scale, measure_waiting, scale_part, waiting_part
 from netboard.latency.serving import Crowd
 from netboard.latency.skips import measure_skips, skips_part, tick_part
@@ -29,6 +28,7 @@ from netboard.latency.usage import Costs, add_costs
 from netboard.stage import make_stage
 from netboard.studies.machine import describe
 from netboard.studies.results import Folder, Part, new_folder, show
+from netboard.studies.running import Tell
 
 SECONDS, QUICK_SECONDS = 60.0, 8.0
 """Netboard, the echo and the timer are each measured for so long, unless told otherwise [s]."""

@@ -306,7 +306,7 @@ class LightLogger:
                     counts["batches"] += 1
                     counts["records"] += len(records)
                     self._keep(records)
-                    sockets.send(self._socket, encode(LogAck(first + len(records), PLENTY)))
+                    sockets.send(self._socket, encode(LogAck(first + len(records), PLENTY, "", 0)))
                 case Ping(sent_ns=ping_ns):
                     sockets.send(self._socket, encode(Pong(ping_ns, now, now_ns())))
                 case Welcome() if not self._welcomed:

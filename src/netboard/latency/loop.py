@@ -14,11 +14,12 @@ import numpy as np
 from netboard.clock import now_ns
 from netboard.config import SIDES, Config
 from netboard.latency.played import Played, Punctuality, played, punctuality
-from netboard.latency.rig import Rig, Tell, own_configs, write_configs
+from netboard.latency.rig import Rig, own_configs, write_configs
 from netboard.latency.spreads import Times
 from netboard.latency.usage import Costs, add_costs, read_usage
 from netboard.latency.workers import Worker, Workers
 from netboard.recording.reader import Recording
+from netboard.studies.running import Tell
 from netboard.tick import TICK_NS
 
 BASELINES = "netboard.latency.baselines"

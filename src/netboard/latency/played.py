@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from netboard.config import SIDES
 from netboard.experiment.machine import Phase, is_active
 from netboard.latency.spreads import Times
-from netboard.recording.summary import LATE_NS
-from netboard.tick import TICK_NS
+from netboard.tick import LATE_NS, TICK_NS
 
 UP, WAIT, REST = "stylus read to its arrival at the server", "its wait for the tick", "tick, way back and rendering"
 """The parts of a loop."""

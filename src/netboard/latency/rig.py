@@ -41,8 +41,6 @@ LOOK_SECONDS = 1.0
 ACTIVE = frozenset(name for phase, name in PHASE_NAMES.items() if is_active(phase))
 """Phases in which there are forces."""
 
-Tell = Callable[[str, float], object]
-
 
 @dataclass(frozen=True)
 class Stretch:
@@ -172,7 +170,7 @@ class Rig:
             operators = [Operator(config.network, context) for config in self._configs]
             for operator in operators:
                 self._until(operator, lambda status: True)
-                operator.command("shutdown")
+                operator.command("end")
             names = [name for name in self._pids if name.startswith(("server", "logger"))]
             for name in names:
                 if trouble := self._launcher.wait(name, END_SECONDS):

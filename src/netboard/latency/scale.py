@@ -11,12 +11,12 @@ from dataclasses import replace
 import numpy as np
 
 from netboard.config import Config
-from netboard.latency.rig import Tell
 from netboard.latency.serving import Company, Crowd, Served
 from netboard.latency.spreads import HEADS, in_milliseconds
 from netboard.latency.usage import LOOP, TRANSPORT, total
 from netboard.recording.summary import spread
 from netboard.studies.results import Part, Value, Verdict
+from netboard.studies.running import Tell
 
 MOST_LATE, LEAST_ACTIVE = 0.02, 0.99
 """A server holds its dyads while no more of its ticks begin half a tick late, and so many of them are in trials [1]."""

@@ -3,17 +3,18 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from time import perf_counter
+from typing import Literal
 
 import numpy as np
 
 from netboard.config import Config
 from netboard.experiment.machine import Phase
-from netboard.latency.rig import Tell
 from netboard.latency.scale import core_share, on_cores
 from netboard.latency.serving import Company, Crowd, Served
 from netboard.latency.usage import LOOP, TRANSPORT
 from netboard.stage import make_stage
 from netboard.studies.results import Part, Value, Verdict
+from netboard.studies.running import Tell
 from netboard.tick import TICK, TICK_NS, TICK_SECONDS
 
 
@@ -45,7 +46,7 @@ class Case:
         """
         return replace(
             config,
-            block=replace(config.block, haptics=self.haptics),
+            block=replace(config.block, force="full" if self.haptics else "none"),
             network=replace(config.network, require_logger=self.logger),
         )
 
@@ -156,10 +157,14 @@ def tick_part(config: Config) -> Part:
     """
     bare = replace(config, physics=replace(config.physics, balls=0))
     lone = replace(bare, physics=replace(bare.physics, coupling="left"))
+    part, unfelt = _with_force(config, "environment_only"), _with_force(config, "none")
     costs = {
         "the ball rolls": stage_cost(config, Phase.RUNNING),
+        "the ball rolls, forces of the environment only": stage_cost(part, Phase.RUNNING),
+        "the ball rolls, no forces": stage_cost(unfelt, Phase.RUNNING),
         "the ball is fixed": stage_cost(config, Phase.LEVELLING),
         "no ball": stage_cost(bare, Phase.LEVELLING),
+        "no ball, no forces: a board alone": stage_cost(_with_force(bare, "none"), Phase.LEVELLING),
         "no ball, one hand": stage_cost(lone, Phase.LEVELLING),
     }
     whole = costs["the ball rolls"]
@@ -169,6 +174,11 @@ def tick_part(config: Config) -> Part:
         ("", "a tick [ns]", "of the whole [1]"),
         [(name, cost * 1e9, cost / whole) for name, cost in costs.items()],
     )
+
+
+def _with_force(config: Config, force: Literal["environment_only", "none"]) -> Config:
+    """Return the same with other forces."""
+    return replace(config, block=replace(config.block, force=force))
 
 
 def stage_cost(config: Config, phase: Phase) -> float:

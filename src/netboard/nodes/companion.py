@@ -1,29 +1,38 @@
-"""The simulated person at a station: sees what the station's display is sent, feels what the own device renders, acts.
+"""Who lives with a device in the agent's process: a simulated person, or what stands there for a real one.
 
-In a dyadic block each station has its own brain, which moves the hand on that side's device. In a bimanual block one
-brain sits at the left station and moves both hands: what the right one shall do travels over the nerve, a channel from
-the left agent to the right one.
+A simulated person sees what the station's display is sent, feels what the own device renders, and acts. In a dyadic
+block each station has its own brain, which moves the hand on that side's device. In a bimanual block one brain lives in
+the left agent, looks at what the block's station is shown, and moves both hands: what the right one shall do travels
+over the nerve, a channel from the left agent to the right one. With each block these people begin anew. A real person
+who plays with the mouse sits at the display, which tells the agent of its side where the pointer is, and is told what
+the hand would feel.
 """
 
 from collections.abc import Iterable
+from dataclasses import replace
+from math import isfinite
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 
 from netboard import keys, sockets
-from netboard.config import SIDES, Config, Side
+from netboard.config import SIDES, Config, Side, parse
+from netboard.devices.base import Device
 from netboard.errors import WireError
 from netboard.participants.brain import Brain
 from netboard.participants.senses import Glimpse
 from netboard.participants.submovement import Submovement
 from netboard.wire.codec import decode, encode
-from netboard.wire.messages import Move, View
+from netboard.wire.messages import Felt, Move, Pointer, View
 
 HOST: Side = "left"
 """Where the brain of a bimanual participant sits."""
 
 SHORTEST_MOVE = 1e-3
 """No movement over the nerve is shorter than this [s]."""
+
+FELT_NS = 8_000_000
+"""A player is told what the hand would feel this often, as often as views come [ns]."""
 
 
 @runtime_checkable
@@ -41,6 +50,20 @@ class Held(Protocol):
 
     def live(self, now_ns: int) -> None:
         """Let the hand's mechanics run up to now."""
+
+
+@runtime_checkable
+class Pointed(Protocol):
+    """A device whose stylus goes where somebody points."""
+
+    side: Side
+
+    @property
+    def felt(self) -> float:
+        """Vertical force on the hand now [N]."""
+
+    def point(self, z: float | None, now_ns: int) -> None:
+        """Hear where the player points; None before the player has pointed anywhere."""
 
 
 class Eye:
@@ -64,6 +87,10 @@ class Eye:
                 now_ns * 1e-9, view.phase, view.z, view.theta, view.p, view.target, view.left, view.right
             )
 
+    def close(self) -> None:
+        """Look no more."""
+        self._socket.close()
+
 
 class Person:
     """A brain with one or two hands; the hand on the own device is moved directly, the other one over the nerve.
@@ -76,23 +103,29 @@ class Person:
         The device in the own hand.
     context : zmq.Context
         Where the sockets are made.
+    nerve : zmq.Socket or None
+        Where the other hand is told what to do, if it is this person's too.
     """
 
-    def __init__(self, config: Config, device: Held, context: sockets.Context) -> None:
+    def __init__(
+        self, config: Config, device: Held, context: sockets.Context, nerve: "sockets.Socket | None" = None
+    ) -> None:
         where = keys.reach(config.network, f"agent.{device.side}")
         bimanual = config.block.configuration == "bimanual"
+        station = config.block.station if bimanual else device.side
         sides: tuple[Side, ...] = ("left", "right") if bimanual else (device.side,)
         rng = np.random.default_rng((config.block.seed, len(SIDES) + SIDES.index(device.side)))
         self._brain = Brain(config.participant, config.physics, config.task, sides, rng)
-        self._eye = Eye(sockets.view_subscriber(context, where.reach(sockets.VIEW[device.side])))
+        self._eye = Eye(sockets.view_subscriber(context, where.reach(sockets.VIEW[station])))
         self._device = device
-        self._nerve = sockets.nerve_sender(context, where.reach(sockets.NERVE)) if bimanual else None
+        self._reads = config.block.force == "full"  # only the whole force tells where the partner is
+        self._nerve = nerve
 
     def step(self, now_ns: int, haptics: bool) -> None:
         """Look, feel, decide, move."""
         self._device.live(now_ns)
         self._eye.look(now_ns)
-        felt = self._device.felt if haptics and self._nerve is None else None
+        felt = self._device.felt if haptics and self._reads and self._nerve is None else None
         moves = self._brain.step(now_ns * 1e-9, self._eye.glimpse, felt)
         for move in moves:
             if move.side == self._device.side:
@@ -100,6 +133,10 @@ class Person:
             elif self._nerve is not None:
                 delay = move.start - now_ns * 1e-9
                 sockets.send(self._nerve, encode(Move(move.side, delay, move.duration, move.displacement)))
+
+    def close(self) -> None:
+        """Be no more."""
+        self._eye.close()
 
 
 class Limb:
@@ -121,14 +158,105 @@ class Limb:
                 start = now_ns * 1e-9 + move.delay
                 self._device.command((Submovement(self._device.side, start, move.duration, move.displacement),))
 
+    def close(self) -> None:
+        """Be no more."""
+        self._nerve.close()
+
+
+class Player:
+    """A person at the display of this side, who points at where the stylus shall go.
+
+    Parameters
+    ----------
+    config : Config
+        Where the display is to be met.
+    device : Pointed
+        The stylus.
+    context : zmq.Context
+        Where the sockets are made.
+    """
+
+    def __init__(self, config: Config, device: Pointed, context: sockets.Context) -> None:
+        where = sockets.addresses(config.network)
+        self._device = device
+        self._pointer = sockets.pointer_receiver(context, where.pointer(device.side))
+        self._felt = sockets.felt_publisher(context, where.felt(device.side))
+        self._told_ns = 0
+
+    def begin(self, text: str) -> None:
+        """Play on: who is there does not change with the block."""
+
+    def step(self, now_ns: int, haptics: bool) -> None:
+        """Hear where the player points, and tell what is felt."""
+        frame = sockets.receive(self._pointer)
+        if frame is not None:
+            self._take(frame, now_ns)
+        if now_ns - self._told_ns >= FELT_NS:
+            self._told_ns = now_ns
+            self._felt.send(encode(Felt(self._device.side, self._device.felt)))
+
+    def _take(self, frame: bytes, now_ns: int) -> None:
+        try:
+            pointer = decode(frame)
+        except WireError:
+            return
+        if isinstance(pointer, Pointer) and pointer.side == self._device.side and isfinite(pointer.z or 0.0):
+            self._device.point(pointer.z, now_ns)
+
 
 def _possible(move: Move) -> bool:
     """Whether a hand can move like that."""
     return abs(move.displacement) <= 1.0 and SHORTEST_MOVE <= move.duration <= 60.0 and abs(move.delay) <= 60.0
 
 
-def companion_of(config: Config, device: Held, context: sockets.Context) -> Person | Limb:
-    """Make who holds a virtual device in this block."""
-    if config.block.configuration == "bimanual" and device.side != HOST:
-        return Limb(config, device, context)
-    return Person(config, device, context)
+class Life:
+    """Whoever is simulated at a device, made anew for each block.
+
+    Parameters
+    ----------
+    config : Config
+        Rig, person, and the block that it begins with.
+    device : Held
+        The device in the hand.
+    context : zmq.Context
+        Where the sockets are made.
+    """
+
+    def __init__(self, config: Config, device: Held, context: sockets.Context) -> None:
+        self._config, self._device, self._context = config, device, context
+        self._nerve: sockets.Socket | None = None
+        self._who = self._made()
+
+    def begin(self, text: str) -> None:
+        """Live for another block, of this configuration; for the same one nothing changes."""
+        told = parse(text, "the server's configuration")
+        config = replace(self._config, block=told.block, physics=told.physics, task=told.task)
+        if config != self._config:
+            self._config = config
+            self._who.close()
+            self._who = self._made()
+
+    def step(self, now_ns: int, haptics: bool) -> None:
+        """Live for a millisecond."""
+        self._who.step(now_ns, haptics)
+
+    def _made(self) -> Person | Limb:
+        if self._config.block.configuration != "bimanual":
+            return Person(self._config, self._device, self._context)
+        if self._device.side != HOST:
+            return Limb(self._config, self._device, self._context)
+        return Person(self._config, self._device, self._context, self._own_nerve())
+
+    def _own_nerve(self) -> sockets.Socket:
+        """Where the other hand is told what to do; bound once, for an address is not free again at once."""
+        if self._nerve is None:
+            where = keys.reach(self._config.network, f"agent.{self._device.side}")
+            self._nerve = sockets.nerve_sender(self._context, where.reach(sockets.NERVE))
+        return self._nerve
+
+
+def companion_of(config: Config, device: Device, context: sockets.Context) -> Life | Player | None:
+    """Make who lives with a device; nobody with one that a real hand holds."""
+    if isinstance(device, Pointed):
+        return Player(config, device, context)
+    return Life(config, device, context) if isinstance(device, Held) else None

@@ -1,10 +1,11 @@
 """The server's end of the control channel: displays that report their frames, and operators.
 
-It only collects what they say; the server decides. A display's word goes no further than its own frames: it cannot
-command. A station may have several displays, of which the one that came last tells what was shown.
+It only collects what they say, and answers what they ask; the server decides. A display's word goes no further than its
+own frames: it cannot command. A station may have several displays, of which the one that came last tells what was
+shown.
 """
 
-from collections.abc import Callable
+from typing import NamedTuple, Protocol
 
 from netboard import sockets
 from netboard.errors import WireError
@@ -19,10 +20,15 @@ from netboard.wire.messages import (
     Goodbye,
     Hello,
     Message,
+    Outcomes,
+    OutcomesRequest,
     Pong,
     Refusal,
+    Reply,
     Status,
     StatusRequest,
+    Trace,
+    TraceRequest,
     Welcome,
 )
 from netboard.wire.session import admit
@@ -35,7 +41,38 @@ MOST_PEERS = 32
 """Peers remembered: the oldest makes room for one more [1]."""
 
 SILENT_NS = 3_000_000_000
-"""A display that has said nothing for so long is not there; it is welcome back without another hello [ns]."""
+"""A peer that has said nothing for so long is not there; it is welcome back without another hello [ns]."""
+
+
+class Answers(Protocol):
+    """Who knows what operators ask for."""
+
+    def status(self) -> Status:
+        """How the session is."""
+
+    def outcomes(self, first: int) -> Outcomes:
+        """What has become of the attempts from this one on."""
+
+    def trace(self, after: int) -> Trace:
+        """What has happened after this tick."""
+
+
+class Wish(NamedTuple):
+    """A command, and who gave it.
+
+    Attributes
+    ----------
+    who : bytes
+        By which the sender is answered.
+    name : str
+        By which people know the sender.
+    command : Command
+        What is wished.
+    """
+
+    who: bytes
+    name: str
+    command: Command
 
 
 class ControlPort:
@@ -47,17 +84,17 @@ class ControlPort:
         Server end of the control channel.
     welcome : Welcome
         What a peer is told first.
-    status : callable
-        Makes the answer to a `StatusRequest`.
+    answers : Answers
+        Who is asked for what operators want to know.
     """
 
-    def __init__(self, router: sockets.Router, welcome: Welcome, status: Callable[[], Status]) -> None:
-        self.wishes: list[str] = []
+    def __init__(self, router: sockets.Router, welcome: Welcome, answers: Answers) -> None:
+        self.wishes: list[Wish] = []
         self.news: list[tuple[str, dict[str, str]]] = []
         self.frames: list[FrameRecord] = []
         self._router = router
         self._welcome = encode(welcome)
-        self._status = status
+        self._answers = answers
         self._peers: dict[bytes, Peer] = {}
         self._silent: set[bytes] = set()
         self._refusals = Refusals(router, self.news)
@@ -85,7 +122,7 @@ class ControlPort:
             if ping is None:
                 continue
             self._router.send(name, encode(ping))
-            if name not in self._silent and peer.hello.role == "display" and peer.age_ns(now_ns) > SILENT_NS:
+            if name not in self._silent and peer.age_ns(now_ns) > SILENT_NS:
                 self._silent.add(name)
                 self._tell("silent", peer.hello)
 
@@ -97,10 +134,27 @@ class ControlPort:
         """The newest raw probe of each peer with the estimate so far, numbered from `seq`."""
         return clock_records([(what(peer.hello), peer.probe, peer.clock) for peer in self._peers.values()], seq)
 
+    def renew(self, welcome: Welcome) -> None:
+        """Another block: tell everybody what counts now."""
+        self._welcome = encode(welcome)
+        for name in self._peers:
+            self._router.send(name, self._welcome)
+
+    def reply(self, wish: Wish, accepted: bool, reason: str) -> None:
+        """Tell whoever gave a command what becomes of it."""
+        self._router.send(wish.who, encode(Reply(wish.command.number, accepted, reason)))
+
+    def is_there(self, who: bytes) -> bool:
+        """Whether a peer can still be heard."""
+        return who in self._peers and who not in self._silent
+
     def goodbye(self, reason: str) -> None:
-        """Tell everybody that the session is over, and close."""
+        """Tell everybody that the session is over."""
         for name in self._peers:
             self._router.send(name, encode(Goodbye(reason)))
+
+    def close(self) -> None:
+        """Close, some time after the goodbye: what a peer has not read by then is lost."""
         self._router.close_after_goodbye()
 
     def _take(self, name: bytes, frame: bytes, now_ns: int) -> None:
@@ -133,13 +187,23 @@ class ControlPort:
             case Frames(station=station) if role == "display" and station == peer.hello.side:
                 if self._reporting[station] == name:
                     self._note(message)
-            case StatusRequest() if role == "console":
-                return self._status()
-            case Command(name=wish) if role == "console":
-                self.wishes.append(wish)
-                return self._status()
+            case Command() if role == "console":
+                self.wishes.append(Wish(name, peer.hello.name, message))
+            case _ if role == "console" and (answer := self._ask(message)) is not None:
+                return answer
             case _:
                 return Refusal(f"a {role} may not send {type(message).__name__}")
+        return None
+
+    def _ask(self, message: Message) -> Message | None:
+        """Let whoever knows answer an operator; None if it is no question."""
+        match message:
+            case StatusRequest():
+                return self._answers.status()
+            case OutcomesRequest(first=first):
+                return self._answers.outcomes(first)
+            case TraceRequest(after=after):
+                return self._answers.trace(after)
         return None
 
     def _greet(self, name: bytes, hello: Hello, now_ns: int) -> Message | bytes:

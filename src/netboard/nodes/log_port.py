@@ -7,6 +7,7 @@ now, or a disk has not read yet, is sent later.
 """
 
 from collections.abc import Callable, Iterator
+from math import nan
 
 from netboard import sockets
 from netboard.clock import now_ns
@@ -62,6 +63,7 @@ class _Logger:
         self.cursor: int | None = None
         self.told_end = False
         self.lost = self.lost_before = 0
+        self.writes = ("", 0, 0, 0)  # file; when it last told of it [ns]; bytes written and free
 
 
 class LogPort:
@@ -106,7 +108,7 @@ class LogPort:
         self.free_bytes = 0
         self.news: list[tuple[str, dict[str, str]]] = []
         self._router = router
-        self._welcome = encode(welcome)
+        self._welcomes = [(0, welcome)]
         self._spill = spill
         self._clock = clock
         self._loggers: dict[bytes, _Logger] = {}
@@ -143,6 +145,34 @@ class LogPort:
     def links(self, now_ns: int) -> list[Link]:
         """Tell how the loggers are connected."""
         return [(*logger.peer.link(now_ns)[:-1], logger.lost) for logger in self._loggers.values()]
+
+    def recordings(self, now_ns: int) -> tuple[tuple[str, float, int, int], ...]:
+        """Tell what each logger writes, as `Status.recordings` has it."""
+        writing = [logger.writes for logger in self._loggers.values()]
+        return tuple(
+            (file, (now_ns - told_ns) * 1e-9 if told_ns else nan, size, free) for file, told_ns, size, free in writing
+        )
+
+    def renew(self, welcome: Welcome) -> None:
+        """Another block begins with the next record: its configuration is told to whoever comes from now on.
+
+        A logger is told that of the first record that none has on disk: there it will begin.
+        """
+        self._welcomes.append((self.ring.next, welcome))
+        for name, logger in self._loggers.items():
+            if logger.cursor is None or logger.cursor >= self.ring.next:
+                self._router.send(name, encode(self._welcome))
+
+    @property
+    def _welcome(self) -> Welcome:
+        """What a logger is told first."""
+        while len(self._welcomes) > 1 and self._welcomes[1][0] <= self.ring.acknowledged:
+            del self._welcomes[0]
+        return self._welcome_of(self.ring.acknowledged)
+
+    def _welcome_of(self, record: int) -> Welcome:
+        """The configuration of the block that a record belongs to."""
+        return next(welcome for first, welcome in reversed(self._welcomes) if first <= record)
 
     def clock_records(self, seq: int) -> list[ClockRecord]:
         """The newest raw probe of each logger with the estimate so far, numbered from `seq`."""
@@ -234,7 +264,8 @@ class LogPort:
                 logger.cursor = self.ring.start(first)
                 logger.told_end = False
                 self._farewell = ""
-            case LogAck(durable=durable, free_bytes=free_bytes):
+            case LogAck(durable=durable, free_bytes=free_bytes, file=file, file_bytes=file_bytes):
+                logger.writes = file, now_ns, file_bytes, free_bytes
                 self._acknowledge(durable, free_bytes)
             case Pong():
                 logger.peer.answered(message, now_ns)
@@ -253,7 +284,7 @@ class LogPort:
         logger = self._loggers.get(name)
         if logger is None and len(self._loggers) >= MOST_LOGGERS:
             raise WireError("too many loggers")
-        if not self._router.send(name, self._welcome):
+        if not self._router.send(name, encode(self._welcome)):
             return
         if logger is None or logger.peer.hello != hello:
             self._loggers[name] = logger = _Logger(Peer(hello, now_ns))
@@ -317,6 +348,7 @@ class LogPort:
             if ring.next - self._kept <= ring.capacity - self._margin or self._refusal:
                 break
             if not spill.next:
+                spill.introduce(self._welcome_of(self._kept))
                 self.news.append(("log_spilling", {"file": str(spill.path)}))
             spill.put(ring.batch(self._kept, BATCH_RECORDS, BATCH_BYTES))
         if spill.trouble != self._spill_trouble:

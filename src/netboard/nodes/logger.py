@@ -1,8 +1,9 @@
 """The logger: takes every record of a session from the server and brings it to disk.
 
 Records are numbered. What is doubled is dropped, what is missing is asked for again, and what the server no longer has
-is noted as lost; so a recording has no silent hole. Only what is safely on disk is acknowledged: a logger that starts
-anew goes on with the first record that is not, in the next part. A disk that runs out of space or goes away ends it:
+is noted as lost; so a recording has no silent hole. Each block has a file of its own, which is made when its first
+record comes. Only what is safely on disk is acknowledged: a logger that starts anew goes on with the first record that
+is not, in the next part. A disk that runs out of space or goes away ends it:
 what was written is saved, and the server is told why.
 """
 
@@ -10,6 +11,7 @@ import logging
 import shutil
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Protocol
@@ -19,13 +21,15 @@ from netboard.clock import now_ns
 from netboard.config import Config, Recording, parse
 from netboard.errors import NetboardError, WireError
 from netboard.process import NAME, Seldom
-from netboard.recording.channels import record_of
+from netboard.recording.channels import Record, record_of
 from netboard.recording.disk import Space, require_space
 from netboard.recording.provenance import next_recording, provenance
 from netboard.recording.writer import RecordingWriter
 from netboard.wire.codec import decode, encode
 from netboard.wire.messages import (
+    BLOCK_BEGAN,
     PROTOCOL_VERSION,
+    EventRecord,
     Goodbye,
     Hello,
     LogAck,
@@ -120,6 +124,11 @@ def place(batch: LogBatch, expected: int | None) -> tuple[int, int] | None:
     return None
 
 
+def _begun(record: Record) -> str:
+    """Configuration of the block that begins with a record, empty if none does."""
+    return record.details.get("config", "") if isinstance(record, EventRecord) and record.name == BLOCK_BEGAN else ""
+
+
 class Logger:
     """Everything the logger is made of.
 
@@ -158,6 +167,7 @@ class Logger:
         self._clock = clock
         self._wall_clock = wall_clock
         self._writer: RecordingWriter | None = None
+        self._welcome: Welcome | None = None
         self._session = ""
         self._ended = ""
         self._welcomed = False
@@ -260,41 +270,47 @@ class Logger:
             return
         if self._ended and self._once:
             return
-        if self._writer is not None and welcome.session != self._session:
+        if self._welcome is not None and welcome.session != self._session:
             # Not yet welcomed: the numbers of the old session must not be acknowledged in the new one.
             self._close("the server began another session")
             if self._once:
                 return
         self._welcomed = True
         if self._writer is None:
-            self._open(welcome)
+            self._welcome, self._session = welcome, welcome.session
+            self._folder()
         else:
             self._acknowledge(self._writer)
         self._ask()
 
-    def _open(self, welcome: Welcome) -> None:
-        config = parse(welcome.config, "the server's configuration")
+    def _folder(self) -> Path:
+        """Make the folder of the recordings, and see that there is space."""
         directory = Path(self._settings.directory)
         try:
             directory.mkdir(parents=True, exist_ok=True)
             require_space(directory, shutil.disk_usage(directory).free)
         except OSError as error:
             raise NetboardError(f"{directory}: cannot be made: {error.strerror}") from error
+        return directory
+
+    def _open(self, welcome: Welcome) -> RecordingWriter:
+        """Begin a file."""
+        config = parse(welcome.config, "the server's configuration")
+        directory = self._folder()
         utc_ns, monotonic_ns = self._wall_clock(), self._clock()
         path, part = next_recording(directory, config, welcome.session, utc_ns)
         metadata = provenance(welcome, config, part, utc_ns, monotonic_ns)
         self._log_time_minus_clock = utc_ns - monotonic_ns
-        self._writer = RecordingWriter(path, metadata, welcome.config, self._settings, utc_ns)
-        self._session, self._end_doubted = welcome.session, False
+        self._writer = writer = RecordingWriter(path, metadata, welcome.config, self._settings, utc_ns)
+        self._end_doubted = False
         log.info("recording to %s", path)
-        self._look_at_space(self._writer.space(utc_ns))
+        self._look_at_space(writer.space(utc_ns))
+        return writer
 
     def _ask(self) -> None:
         """Ask for the next record we want, and all that follow."""
-        if self._writer is None:
-            return
         self._asked_ns = self._clock()
-        first = self._writer.next_record
+        first = None if self._writer is None else self._writer.next_record
         self._say(LogRequest(-1 if first is None else first))
 
     def _ask_again(self) -> None:
@@ -304,7 +320,10 @@ class Logger:
 
     def _take(self, batch: LogBatch) -> None:
         if self._writer is None:
-            return
+            if self._welcome is None or not self._welcomed:
+                return
+            self._open(self._welcome)
+        assert self._writer is not None
         placed = place(batch, self._writer.next_record)
         if placed is None:
             self._ask_again()
@@ -324,14 +343,26 @@ class Logger:
         except WireError as error:
             log.error("record %d cannot be read: %s", number, error)
             writer.note_unreadable(frame, number, str(error), now)
-        else:
-            writer.write(record, number, now)
+            return
+        if writer.next_record is not None and (config := _begun(record)):
+            writer = self._begin_another(writer, config)
+        writer.write(record, number, self._log_time())
+
+    def _begin_another(self, writer: RecordingWriter, config: str) -> RecordingWriter:
+        """Finish the file of a block, and begin that of the next one."""
+        assert self._welcome is not None
+        self._finish(writer, "complete")
+        self._welcome = replace(self._welcome, config=config)
+        return self._open(self._welcome)
 
     def _end(self, last: int) -> None:
-        """Finish the recording if it is whole; otherwise ask for the rest."""
-        if self._writer is None:
+        """Finish the recording if it is whole; otherwise ask for the rest.
+
+        While a welcome is awaited nothing could be acknowledged: the server says the end again after it.
+        """
+        if self._welcome is None or not self._welcomed:
             return
-        following = self._writer.next_record
+        following = None if self._writer is None else self._writer.next_record
         # After a request for what no logger has yet, an end without any record says that there is nothing left; it is
         # believed the second time.
         nothing_left = last < 0 or (following is None and self._end_doubted)
@@ -343,12 +374,17 @@ class Logger:
         self._ask()
 
     def _close(self, ended: str) -> None:
-        """Finish the recording, if there is one, and tell the server that it is on disk."""
-        writer = self._writer
-        if writer is None:
+        """Be done with the session: finish the recording, if there is one, and tell the server that it is on disk."""
+        if self._welcome is None:
             return
+        if self._writer is not None:
+            self._finish(self._writer, ended)
+        self._welcome, self._ended = None, self._session
+
+    def _finish(self, writer: RecordingWriter, ended: str) -> None:
+        """Give a recording its final name."""
         writer.finish(self._log_time(), ended)
-        self._writer, self._ended = None, self._session
+        self._writer = None
         self.finished.append(writer.path)
         log.info("finished %s%s", writer.path, "" if ended == "complete" else f" ({ended})")
         self._acknowledge(writer)
@@ -367,7 +403,7 @@ class Logger:
     def _acknowledge(self, writer: RecordingWriter) -> None:
         space = writer.space(self._log_time())
         if writer.durable is not None and self._welcomed:
-            self._say(LogAck(writer.durable, space.free))
+            self._say(LogAck(writer.durable, space.free, writer.path.name, writer.size))
         self._look_at_space(space)
 
     def _look_at_space(self, space: Space) -> None:

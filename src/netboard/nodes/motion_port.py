@@ -5,7 +5,7 @@ says hello for a side takes the seat (a restarted agent takes over from itself; 
 first one is alive). Nothing here waits.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from operator import attrgetter
 from typing import Any
 
@@ -118,12 +118,22 @@ class MotionPort:
         Age at which a sample no longer counts [ns].
     bound_ns : int
         A device may be armed only while its agent's clock is known to this bound [ns].
+    ends : ndarray of float64, shape (2, 3), or None
+        What agents that compute their own forces are told (`netboard.nodes.seats.ends_of`); else None.
+
+    Attributes
+    ----------
+    gains : ndarray of float64, shape (2,)
+        What each hand feels is scaled by these [1].
     """
 
-    def __init__(self, router: sockets.Router, welcome: Welcome, timeout_ns: int, bound_ns: int) -> None:
+    def __init__(
+        self, router: sockets.Router, welcome: Welcome, timeout_ns: int, bound_ns: int, ends: Any = None
+    ) -> None:
         self._words = np.zeros((len(SIDES), seats.WORDS), np.int64)
         self.seats: dict[Side, Seat] = {side: Seat(side, self._words[place]) for place, side in enumerate(SIDES)}
         self.news: list[tuple[str, dict[str, str]]] = []
+        self.may_arm = True
         self.fast = fastpath.FastPath(router.socket, router.keyed)
         self._router = router
         self._frame = np.zeros(sockets.LARGEST_REQUEST, np.uint8)
@@ -135,6 +145,10 @@ class MotionPort:
         self._refusals = Refusals(router, self.news)
         self._force = np.zeros(fixed.FORCE.size, np.uint8)
         self._force_words = np.zeros(len(fixed.FORCE.markers), np.int64)
+        self._ends = ends
+        self.gains = np.ones(len(SIDES))
+        self._point = np.zeros(fixed.POINT.size, np.uint8)
+        self._point_words = np.zeros(len(fixed.POINT.markers), np.int64)
 
     @property
     def empty(self) -> bool:
@@ -183,26 +197,47 @@ class MotionPort:
         """Begin the row of a tick with both seats' samples; see `netboard.nodes.seats.fill`."""
         return seats.fill(row, self._words, number, due_ns, late_ns, self._timeout_ns)
 
-    def force(self, row: Any) -> None:
-        """Send each agent its force of a tick."""
-        fast, words = self.fast, self._force_words
-        if seats.send_forces(fast.record, self._force, row, self._words, *fixed.FORCE[:2], words) == fastpath.FAILED:
-            fast.fail("motion")
+    def force(self, row: Any, told: Any) -> None:
+        """Send each agent its force of a tick, or what it computes that from.
 
-    def beat(self, tick: int, now_ns: int) -> None:
-        """Where nothing is felt, send each agent a beat now and then."""
-        if tick % BEAT_TICKS:
+        Parameters
+        ----------
+        row : ndarray of int64
+            The words of the tick's row.
+        told : ndarray of int64
+            The words of the row whose forces are told: the same, or an earlier one (`netboard.stage.Stage.told`).
+        """
+        fast, seated, gains = self.fast.record, self._words, self.gains
+        if self._ends is None:
+            form, words = fixed.FORCE[:2], self._force_words
+            sent = seats.send_forces(fast, self._force, row, told, seated, gains, *form, words)
+        else:
+            form, words = fixed.POINT[:2], self._point_words
+            sent = seats.send_points(fast, self._point, row, seated, gains, self._ends, *form, words)
+        if sent == fastpath.FAILED:
+            self.fast.fail("motion")
+
+    @property
+    def loops_ns(self) -> list[int]:
+        """The newest delay of the loop of each hand, 0 for none yet [ns]."""
+        return [int(words[seats.LOOP]) for words in self._words]
+
+    def beat(self, tick: int, now_ns: int, at_once: bool = False) -> None:
+        """Where nothing is felt, send each agent a beat now and then, or one that must not wait."""
+        if tick % BEAT_TICKS and not at_once:
             return
         for place, seat in enumerate(self.seats.values()):
             if seat.hello is not None:
                 seq, lead_ns = int(self._words[place, seats.SEQ]), int(self._words[place, seats.LEAD])
-                arm = seat.clock.bound_ns <= self._bound_ns
+                arm = self.may_arm and seat.clock.bound_ns <= self._bound_ns
                 self._router.send(seat.agent, encode(Beat(tick, now_ns, seq, lead_ns, arm)))
 
-    def lacks(self, now_ns: int) -> list[str]:
-        """What a block needs of the agents and has not."""
+    def lacks(self, now_ns: int, needed: Collection[Side]) -> list[str]:
+        """What a block needs of the agents of some sides and has not."""
         lacking = []
         for place, (side, seat) in enumerate(self.seats.items()):
+            if side not in needed:
+                continue
             if not self._words[place, seats.TAKEN] or seat.silent_ns(now_ns) >= self._timeout_ns:
                 lacking.append(f"the {side} agent")
             elif seat.clock.bound_ns > self._bound_ns:
@@ -226,6 +261,21 @@ class MotionPort:
     def links(self, now_ns: int) -> list[Link]:
         """Tell how the agents are connected."""
         return [link for seat in self.seats.values() if (link := seat.link(now_ns)) is not None]
+
+    def renew(self, welcome: Welcome, ends: Any) -> None:
+        """Another block: tell both agents what counts now.
+
+        Parameters
+        ----------
+        welcome : Welcome
+            With the configuration of the block.
+        ends : ndarray of float64, shape (2, 3), or None
+            As for the port itself.
+        """
+        self._welcome, self._ends = encode(welcome), ends
+        for seat in self.seats.values():
+            if seat.hello is not None:
+                self._router.send(seat.agent, self._welcome)
 
     def goodbye(self, reason: str) -> None:
         """Tell both agents that the session is over, and close."""

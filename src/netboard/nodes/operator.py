@@ -1,6 +1,11 @@
-"""The operator's end of the control channel: ask how the server is, tell it what to do."""
+"""The operator's end of the control channel: ask how the server is, tell it what to do.
+
+Whoever has a loop of its own (a window) calls `poll` often and `command` when something is wished; whoever has none
+(a shell command) calls `ask` and `do`, which wait.
+"""
 
 import logging
+from collections import deque
 from importlib.metadata import version
 
 from netboard import keys, sockets
@@ -14,16 +19,28 @@ from netboard.wire.messages import (
     Command,
     Goodbye,
     Hello,
+    Message,
+    Outcomes,
+    OutcomesRequest,
     Ping,
     Pong,
     Refusal,
+    Reply,
     Status,
     StatusRequest,
+    Trace,
+    TraceRequest,
     Welcome,
 )
 
 HELLO_NS = 500_000_000
 """Hello is said again after so long without an answer [ns]."""
+
+ANSWER_SECONDS = 3.0
+"""The server has so long to answer a command [s]."""
+
+MOST_POINTS = 4000
+"""Points of the trace that are kept: 20 s [1]."""
 
 SILENT_NS = 3_000_000_000
 """A server that was there and has not even asked for the time for so long is called anew [ns]."""
@@ -40,11 +57,24 @@ class Operator:
         Where the server is.
     context : zmq.Context
         Where the socket is made.
+
+    Attributes
+    ----------
+    status : Status or None
+        The newest status; None before the first.
+    attempts : list of tuple
+        What has become of all attempts of the session so far, as in `Outcomes`.
+    points : deque of tuple
+        The newest of the trace, as in `Trace`.
     """
 
     def __init__(self, network: Network, context: sockets.Context) -> None:
         where = keys.reach(network, "console")
         self.status: Status | None = None
+        self.attempts: list[tuple[int, int, int, str, float, str, int]] = []
+        self.points: deque[tuple[int, float, float, float, float, float, float, float]] = deque(maxlen=MOST_POINTS)
+        self._replies: dict[int, Reply] = {}
+        self._number = 0
         self._socket = sockets.control_client(context, where.reach(sockets.CONTROL), f"console@{NAME}")
         self._hello = encode(Hello("console", "", PROTOCOL_VERSION, NAME, version("netboard"), {}))
         self._said_hello_ns = -HELLO_NS
@@ -59,24 +89,72 @@ class Operator:
         NetboardError
             If the server refuses.
         """
-        self._take()
-        if self._welcomed and now_ns() - self._heard_ns > SILENT_NS:
-            log.info("the server has been silent for %g s: connecting anew", SILENT_NS * 1e-9)
-            self._welcomed = False
-            sockets.renew(self._socket)
-        if self._welcomed:
-            sockets.send(self._socket, encode(StatusRequest()))
-        elif now_ns() - self._said_hello_ns > HELLO_NS:
-            self._said_hello_ns = now_ns()
-            sockets.send_or_renew(self._socket, self._hello)
+        self.poll(trace=False)
         answered = None
         while answered is None and sockets.wait_readable(self._socket, seconds):
             answered = self._take()
         return answered
 
-    def command(self, name: str) -> None:
-        """Tell the server what to do; it answers with its status."""
-        sockets.send(self._socket, encode(Command(name)))
+    def poll(self, *, trace: bool = True) -> Status | None:
+        """Take what has come, and ask for what is new: the status, outcomes, and the trace if wanted; never waits.
+
+        Returns
+        -------
+        Status or None
+            The newest one, if one has come.
+
+        Raises
+        ------
+        NetboardError
+            If the server refuses.
+        """
+        newest = self._take()
+        if self._welcomed and now_ns() - self._heard_ns > SILENT_NS:
+            log.info("the server has been silent for %g s: connecting anew", SILENT_NS * 1e-9)
+            self._welcomed = False
+            sockets.renew(self._socket)
+        if self._welcomed:
+            self._say(StatusRequest())
+            if self.status is not None and len(self.attempts) < self.status.outcomes:
+                self._say(OutcomesRequest(len(self.attempts)))
+            if trace:
+                self._say(TraceRequest(self.points[-1][0] if self.points else -1))
+        elif now_ns() - self._said_hello_ns > HELLO_NS:
+            self._said_hello_ns = now_ns()
+            sockets.send_or_renew(self._socket, self._hello)
+        return newest
+
+    @property
+    def silent_seconds(self) -> float:
+        """Time since the server was heard; infinite before the first time [s]."""
+        return (now_ns() - self._heard_ns) * 1e-9 if self._heard_ns else float("inf")
+
+    def command(self, name: str, argument: str = "") -> int:
+        """Tell the server what to do; the number by which `reply` knows the answer."""
+        self._number += 1
+        self._say(Command(name, argument, self._number))
+        return self._number
+
+    def reply(self, number: int) -> Reply | None:
+        """Take the answer to a command, once; None while there is none."""
+        return self._replies.pop(number, None)
+
+    def do(self, name: str, argument: str = "", seconds: float = ANSWER_SECONDS) -> Reply:
+        """Tell the server what to do, and wait for its answer at most so long [s].
+
+        Raises
+        ------
+        NetboardError
+                If it does not answer.
+        """
+        number = self.command(name, argument)
+        until_ns = now_ns() + int(seconds * 1e9)
+        while (left_ns := until_ns - now_ns()) > 0:
+            if sockets.wait_readable(self._socket, left_ns * 1e-9):
+                self._take()
+            if (reply := self.reply(number)) is not None:
+                return reply
+        raise NetboardError(f"{name}: the server has not answered within {seconds:g} s")
 
     def attend(self, seconds: float) -> None:
         """Let time pass, answering what the server asks [s]."""
@@ -89,6 +167,9 @@ class Operator:
         """Say goodbye and close."""
         sockets.send(self._socket, encode(Goodbye("done")))
         sockets.close_after_goodbye(self._socket)
+
+    def _say(self, message: Message) -> None:
+        sockets.send(self._socket, encode(message))
 
     def _take(self) -> Status | None:
         newest = None
@@ -103,9 +184,24 @@ class Operator:
                     self._welcomed = True
                 case Ping(sent_ns=ping_ns):
                     received_ns = now_ns()
-                    sockets.send(self._socket, encode(Pong(ping_ns, received_ns, now_ns())))
+                    self._say(Pong(ping_ns, received_ns, now_ns()))
                 case Status():
-                    newest = self.status = message
+                    newest = self._hear(message)
+                case Reply(number=number):
+                    self._replies[number] = message
+                case Outcomes(first=first, attempts=attempts) if first == len(self.attempts):
+                    self.attempts.extend(attempts)
+                case Trace(points=points):
+                    last = self.points[-1][0] if self.points else -1
+                    self.points.extend(point for point in points if point[0] > last)
                 case Refusal(reason=reason):
                     raise NetboardError(f"the server refuses: {reason}")
         return newest
+
+    def _hear(self, status: Status) -> Status:
+        """Keep a status; with another session, forget what has become of the one before."""
+        if self.status is not None and status.session != self.status.session:
+            self.attempts.clear()
+            self.points.clear()
+        self.status = status
+        return status

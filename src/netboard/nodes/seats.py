@@ -13,7 +13,8 @@ import numpy as np
 
 from netboard import fastpath
 from netboard.compiled import kernel
-from netboard.config import SIDES
+from netboard.config import SIDES, Physics
+from netboard.physics.trig import sincos
 from netboard.tick import TICK, TICK_NS
 from netboard.wire import fixed
 from netboard.wire.messages import Safeguard, Stylus
@@ -33,6 +34,7 @@ OWN = (
     "stale",  # samples not taken: repeated or overtaken
     "offset_ns",  # agent's clock minus the server's [ns]
     "clock_known",  # 1: there is such an estimate
+    "tripped",  # safeguards of the last tick that are told as events
 )
 """What the server notes beside a sample."""
 
@@ -48,9 +50,23 @@ SEQ, FORCE_TICK, FORCE_SENT, FORCE_RECEIVED, SENT = (
     _AT[name] for name in ("seq", "force_tick", "force_sent_ns", "force_received_ns", "sent_ns")
 )
 ARRIVED, STAMP, LEAD, GATHERED, FRESH, PUNCTUAL = (_AT[name] for name in OWN[:6])
-TAKEN, MISSING, STALE, OFFSET, CLOCK_KNOWN = (_AT[name] for name in OWN[6:])
+TAKEN, MISSING, STALE, OFFSET, CLOCK_KNOWN, _TRIPPED = (_AT[name] for name in OWN[6:])
 STAMPED, _Z, _VZ, SAFEGUARDS = (_AT[name] for name in ("stamp_ns", "z", "vz", "safeguards"))
+LOOP = _AT["loop_ns"]
 ARMED_BIT = int(Safeguard.ARMED)
+_STOPPED_BIT = int(Safeguard.STOPPED)
+TRIPS = (
+    Safeguard.STALE
+    | Safeguard.TOO_FAST
+    | Safeguard.NOT_FINITE
+    | Safeguard.DEVICE_LOST
+    | Safeguard.WORN
+    | Safeguard.STOPPED
+    | Safeguard.NOT_READY
+)
+"""Safeguards that are told as events when they begin."""
+
+_TRIP_BITS = int(TRIPS)
 
 _ROW = {name: place for place, name in enumerate(TICK.names or ())}
 _COPIED = {
@@ -74,6 +90,7 @@ _LIVE = np.array([_ROW[f"{side}_live"] for side in SIDES])
 _ROW_SEQ = np.array([_ROW[f"{side}_seq"] for side in SIDES])
 _ROW_FORCE = np.array([_ROW[f"{side}_force"] for side in SIDES])
 _TICK, _TIME, _LATE = _ROW["tick"], _ROW["time_ns"], _ROW["late_ns"]
+_HEIGHT, _CLIMB, _TILT, _TURN = (_ROW[name] for name in ("z", "vz", "theta", "omega"))
 
 MOST_FRAMES = 64
 """Frames taken in one go: whoever sends more must not hold up a tick [1]."""
@@ -87,7 +104,7 @@ MORE, OTHER, FAILED = 4, 8, 16
 FRAMES = 32
 """So much `drain` returns for each frame it has taken."""
 
-LIVE, ARMED = 1, 4
+LIVE, ARMED, STOPPED, TRIPPED = 1, 4, 16, 64
 """Bits that `fill` returns for the left side; the right side's are twice as large."""
 
 
@@ -225,7 +242,7 @@ def drain(
 
 @kernel
 def fill(row: Any, seats: Any, number: int, due_ns: int, late_ns: int, timeout_ns: int) -> int:
-    """Begin the row of a tick with the newest samples; which sides are live, and which devices are armed.
+    """Begin the row of a tick with the newest samples; which sides are live, armed, stopped, and tripped just now.
 
     Parameters
     ----------
@@ -243,7 +260,7 @@ def fill(row: Any, seats: Any, number: int, due_ns: int, late_ns: int, timeout_n
     Returns
     -------
     int
-        The sum of `LIVE` and `ARMED` for the left side, and twice that for the right one.
+        The sum of `LIVE`, `ARMED`, `STOPPED` and `TRIPPED` for the left side, and twice that for the right one.
     """
     for k in range(len(row)):
         row[k] = 0
@@ -261,12 +278,78 @@ def fill(row: Any, seats: Any, number: int, due_ns: int, late_ns: int, timeout_n
             found |= LIVE << place
         if seat[SAFEGUARDS] & ARMED_BIT:
             found |= ARMED << place
+        if seat[GATHERED] & _STOPPED_BIT:
+            found |= STOPPED << place
+        trips = seat[GATHERED] & _TRIP_BITS
+        if trips & ~seat[_TRIPPED]:
+            found |= TRIPPED << place
+        if seat[FRESH]:
+            seat[_TRIPPED] = trips
         seat[PUNCTUAL], seat[FRESH], seat[GATHERED] = seat[FRESH], 0, 0
     return found
 
 
 @kernel
-def send_forces(fast: Any, frame: Any, row: Any, seats: Any, head: Any, markers: Any, words: Any) -> int:
+def tell_force(words: Any, row: Any, told: Any, seats: Any, gains: Any, place: int, now_ns: int) -> None:
+    """Fill in the `Force` of one side for one tick.
+
+    Parameters
+    ----------
+    words : ndarray of int64, shape (5,)
+        Room for its numbers.
+    row : ndarray of int64
+        The words of the tick's row.
+    told : ndarray of int64
+        The words of the row whose force is told: the same, or an earlier one (`netboard.stage.Stage.told`).
+    seats : ndarray of int64, shape (2, WORDS)
+        The seats.
+    gains : ndarray of float64, shape (2,)
+        What each hand feels is scaled by these [1].
+    place : int
+        Which side [1].
+    now_ns : int
+        When it is sent [ns].
+    """
+    words[0], words[1], words[2] = row[_TICK], now_ns, seats[place, SEQ]
+    words.view(np.float64)[3] = told.view(np.float64)[_ROW_FORCE[place]] * gains[place]
+    words[4] = seats[place, LEAD]
+
+
+@kernel
+def tell_point(words: Any, row: Any, seats: Any, gains: Any, place: int, ends: Any, now_ns: int) -> None:
+    """Fill in the `Point` of one side for one tick: that of the state which the tick has found.
+
+    Parameters
+    ----------
+    words : ndarray of int64, shape (9,)
+        Room for its numbers.
+    row : ndarray of int64
+        The words of the tick's row.
+    seats : ndarray of int64, shape (2, WORDS)
+        The seats.
+    gains : ndarray of float64, shape (2,)
+        What each hand feels is scaled by these [1].
+    place : int
+        Which side [1].
+    ends : ndarray of float64, shape (2, 3)
+        For each side: board's centre to control point, + = right; stiffness and damping of the coupling [SI].
+    now_ns : int
+        When it is sent [ns].
+    """
+    values, numbers = row.view(np.float64), words.view(np.float64)
+    s, c = sincos(values[_TILT])
+    words[0], words[1], words[2] = row[_TICK], now_ns, seats[place, SEQ]
+    words[3] = row[_TIME] + seats[place, OFFSET] if seats[place, CLOCK_KNOWN] else 0
+    numbers[4] = values[_HEIGHT] + ends[place, 0] * s
+    numbers[5] = values[_CLIMB] + ends[place, 0] * values[_TURN] * c
+    numbers[6], numbers[7] = ends[place, 1] * gains[place], ends[place, 2] * gains[place]
+    words[8] = seats[place, LEAD]
+
+
+@kernel
+def send_forces(
+    fast: Any, frame: Any, row: Any, told: Any, seats: Any, gains: Any, head: Any, markers: Any, words: Any
+) -> int:
     """Send each side that is there its `Force` of one tick; at every other tick the other side first.
 
     Parameters
@@ -277,8 +360,12 @@ def send_forces(fast: Any, frame: Any, row: Any, seats: Any, head: Any, markers:
         Room for the frame, and no more.
     row : ndarray of int64
         The words of the tick's row.
+    told : ndarray of int64
+        The words of the row whose forces are told: the same, or an earlier one (`netboard.stage.Stage.told`).
     seats : ndarray of int64, shape (2, WORDS)
         The seats.
+    gains : ndarray of float64, shape (2,)
+        What each hand feels is scaled by these [1].
     head, markers : ndarray of uint8
         The form of a `Force`.
     words : ndarray of int64, shape (5,)
@@ -294,12 +381,74 @@ def send_forces(fast: Any, frame: Any, row: Any, seats: Any, head: Any, markers:
         place = first ^ turn
         if fast[0]["known"][place] == 0:
             continue
-        words[0], words[1], words[2] = row[_TICK], fastpath.now_ns(fast), seats[place, SEQ]
-        words[3], words[4] = row[_ROW_FORCE[place]], seats[place, LEAD]
+        tell_force(words, row, told, seats, gains, place, fastpath.now_ns(fast))
         fixed.write(frame, head, markers, words)
         if fastpath.send_to(fast, place, frame) == fastpath.FAILED:
             return fastpath.FAILED
     return fastpath.SENT
+
+
+@kernel
+def send_points(
+    fast: Any, frame: Any, row: Any, seats: Any, gains: Any, ends: Any, head: Any, markers: Any, words: Any
+) -> int:
+    """Send each side that is live its `Point` of one tick, as `send_forces` does the forces.
+
+    A side without a sample that counts is told nothing: its agent lets the force fade.
+
+    Parameters
+    ----------
+    fast : ndarray of netboard.fastpath.FAST_PATH, shape (1,)
+        The router's fast path.
+    frame : ndarray of uint8
+        Room for the frame, and no more.
+    row : ndarray of int64
+        The words of the tick's row.
+    seats : ndarray of int64, shape (2, WORDS)
+        The seats.
+    gains : ndarray of float64, shape (2,)
+        What each hand feels is scaled by these [1].
+    ends : ndarray of float64, shape (2, 3)
+        For each side: board's centre to control point, + = right; stiffness and damping of the coupling [SI].
+    head, markers : ndarray of uint8
+        The form of a `Point`.
+    words : ndarray of int64, shape (9,)
+        Room for its numbers.
+
+    Returns
+    -------
+    int
+        `netboard.fastpath.FAILED` if the socket is of no use any more; what a peer does not take is no failure.
+    """
+    first = row[_TICK] & 1
+    for turn in range(2):
+        place = first ^ turn
+        if fast[0]["known"][place] == 0 or row[_LIVE[place]] == 0:
+            continue
+        tell_point(words, row, seats, gains, place, ends, fastpath.now_ns(fast))
+        fixed.write(frame, head, markers, words)
+        if fastpath.send_to(fast, place, frame) == fastpath.FAILED:
+            return fastpath.FAILED
+    return fastpath.SENT
+
+
+def ends_of(physics: Physics) -> Any:
+    """Return what `send_points` needs of the scene: the couplings' control points, stiffness and damping.
+
+    Parameters
+    ----------
+    physics : Physics
+        The configuration's table.
+
+    Returns
+    -------
+    ndarray of float64, shape (2, 3)
+        A row for each side.
+    """
+    ends = np.zeros((2, 3))
+    for end, side, arm in zip(ends, SIDES, (-physics.l, physics.l), strict=True):
+        end[:] = (arm, physics.k_h, physics.c_h) if physics.coupling in (side, "both") else (arm, 0.0, 0.0)
+    return ends
 
 
 def warm() -> None:
@@ -312,4 +461,7 @@ def warm() -> None:
     take(seats[0], sample, TICK_NS, TICK_NS)
     awaited(seats)
     fill(row, seats, 0, TICK_NS, 0, TICK_NS)
-    send_forces(fast, frame, row, seats, *fixed.FORCE[:2], np.zeros(len(fixed.FORCE.markers), np.int64))
+    gains = np.ones(2)
+    send_forces(fast, frame, row, row, seats, gains, *fixed.FORCE[:2], np.zeros(len(fixed.FORCE.markers), np.int64))
+    point, words = np.zeros(fixed.POINT.size, np.uint8), np.zeros(len(fixed.POINT.markers), np.int64)
+    send_points(fast, point, row, seats, gains, np.zeros((2, 3)), *fixed.POINT[:2], words)

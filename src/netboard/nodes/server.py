@@ -9,8 +9,9 @@ from collections.abc import Callable, Sequence
 
 from netboard import doors, sockets
 from netboard.clock import now_ns
-from netboard.config import Config
 from netboard.nodes import seats
+from netboard.nodes.ledger import Ledger
+from netboard.nodes.programme import Programme
 from netboard.nodes.session import Session
 from netboard.process import steady_loop
 from netboard.tick import TICK_NS
@@ -26,7 +27,7 @@ class Server:
 
     Parameters
     ----------
-    configs : sequence of Config
+    sessions : sequence of (Programme, Ledger)
         One for each dyad, on ports of their own.
     context : zmq.Context
         Where the sockets are made.
@@ -38,7 +39,7 @@ class Server:
 
     def __init__(
         self,
-        configs: Sequence[Config],
+        sessions: Sequence[tuple[Programme, Ledger]],
         context: sockets.Context,
         doors: Sequence[doors.Door | None],
         *,
@@ -46,7 +47,8 @@ class Server:
     ) -> None:
         seats.warm()
         self.sessions = [
-            Session(config, context, door, autostart=autostart) for config, door in zip(configs, doors, strict=True)
+            Session(programme, ledger, context, door, autostart=autostart)
+            for (programme, ledger), door in zip(sessions, doors, strict=True)
         ]
 
     @property

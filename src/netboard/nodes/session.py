@@ -1,4 +1,4 @@
-"""A session: the stage of one dyad, its watch, and the ports to its peers.
+"""A session: the blocks of one dyad, one after the other, their watch, and the ports to its peers.
 
 A tick has a deadline, 1 ms after the one before. It is done as soon as both sides' new samples are in, at most half a
 millisecond before its deadline, and else at its deadline; a side that was late the last time is not waited for. Its
@@ -7,35 +7,50 @@ tick for the logger, show it to the stations, answer whoever asks.
 
 While nobody is on the motion channel and no trial is on there is nothing to be quick for: the ticks that have become
 due are then done together, a few dozen times a second, and whoever comes wakes the session at once.
+
+Before its form is complete a session is not open: nothing of it is recorded, and no block can begin.
 """
 
 import logging
 import uuid
 from dataclasses import asdict
-from math import ceil
 from typing import Any
 
 import numpy as np
 
 from netboard import doors, sockets
 from netboard.clock import now_ns
-from netboard.config import SIDES, Config, Side, resolve
-from netboard.curtain import PHASE_NAMES, make_curtain, view_of
+from netboard.config import SIDES
+from netboard.curtain import PHASE_NAMES
+from netboard.errors import NetboardError
 from netboard.experiment.machine import Cause, Phase
-from netboard.nodes import seats
-from netboard.nodes.control_port import ControlPort
+from netboard.nodes import alarm, seats
+from netboard.nodes.alarm import Alarm
+from netboard.nodes.answers import SessionAnswers
+from netboard.nodes.control_port import ControlPort, Wish
+from netboard.nodes.desk import Decision, Desk, Situation, form_of, note_of
+from netboard.nodes.ledger import Ledger
 from netboard.nodes.log_port import LogPort
 from netboard.nodes.motion_port import MotionPort
+from netboard.nodes.programme import Programme
+from netboard.nodes.view_port import ViewPort
 from netboard.nodes.watch import Watch
 from netboard.recording.spill import Spill, spill_path
-from netboard.stage import make_stage
 from netboard.tick import STATE, TICK, TICK_NS
 from netboard.wire.codec import encode
-from netboard.wire.messages import PROTOCOL_VERSION, EventRecord, Status, TickRecord, Welcome
+from netboard.wire.messages import (
+    BLOCK_BEGAN,
+    PROTOCOL_VERSION,
+    EventRecord,
+    TickRecord,
+    Welcome,
+)
 
 log = logging.getLogger(__name__)
 
-RING_ROWS = 64
+RING_ROWS = 1024
+"""Rows of ticks that are kept: more than the longest delay of a force, and a second of what operators see [1]."""
+
 EARLIEST_NS = TICK_NS // 2
 """A tick is done at most so long before its deadline [ns]."""
 
@@ -52,21 +67,20 @@ HOUSE_TICKS = 10
 CLOCKS_NS = 1_000_000_000
 """Clock probes are recorded so often [ns]."""
 
-SAME_VIEW_TICKS = 50
-"""A view that has not changed is sent again after so many ticks: a display knows that the link is alive [1]."""
+PAGE_TICKS = 1500
+"""So many ticks after the last trial of a block the next block begins: its participants shall see that it is over."""
+
+FAREWELL_NS = 200_000_000
+"""Peers on the control channel get this long to read what they were told last: closing would take it from them [ns]."""
 
 FINISH_NS = 10_000_000_000
 """The loggers get this long to bring the last records to disk [ns]."""
 
-SHUTDOWN = "shutdown"
-
 _AT = {name: place for place, name in enumerate(TICK.names or ())}
 _COMMAND, _EVENT, _PHASE = _AT["command"], _AT["event"], _AT["phase"]
-_SHOWN = ("phase", "z", "theta", "p", "target", "trial", "attempt", "failures", "completion")
-_SEEN = np.array([_AT[name] for name in (*_SHOWN, "left_used_z", "right_used_z")])
-"""What views are made of: while these words of a row are the same, so are the views."""
 _FIRST_ACTIVE, _LAST_ACTIVE = int(Phase.LEVELLING), int(Phase.FAILED)
 _ALL_FINE = 3 * (seats.LIVE | seats.ARMED)
+_STOPPED, _TRIPPED = 3 * seats.STOPPED, 3 * seats.TRIPPED
 _RECORD_HEAD = encode(TickRecord(bytes(TICK.itemsize)))[: -TICK.itemsize]
 
 
@@ -75,14 +89,16 @@ class Session:
 
     Parameters
     ----------
-    config : Config
-        Rig and experiment.
+    programme : Programme
+        The blocks.
+    ledger : Ledger
+        What has become of the attempts so far, in an earlier run of the session.
     context : zmq.Context
         Where the sockets are made.
     door : doors.Door or None
         Where peers show their keys; None where no keys are asked for.
     autostart : bool
-        Start the block as soon as everything is there.
+        Start each block as soon as everything is there.
 
     Attributes
     ----------
@@ -92,53 +108,63 @@ class Session:
         Where something may come that it wants to know at once: motion, control.
     """
 
-    def __init__(self, config: Config, context: sockets.Context, door: doors.Door | None, *, autostart: bool) -> None:
+    def __init__(
+        self,
+        programme: Programme,
+        ledger: Ledger,
+        context: sockets.Context,
+        door: doors.Door | None,
+        *,
+        autostart: bool,
+    ) -> None:
         self.session = uuid.uuid4().hex
         self.wake_ns = 0
         self._due_ns = 0
         self._door = door
-        self._config = config
-        self._stage = make_stage(config)
-        self._stage.warm()
-        self._state = self._stage.initial()
-        self._phase_word = self._state.view(np.int64)[(STATE.names or ()).index("phase") :]
-        self._curtain = make_curtain(config)
-        self._watch = Watch(autostart)
-        self._rows = np.zeros(RING_ROWS, TICK)
-        self._words = self._rows.view(np.int64).reshape(RING_ROWS, -1)
-        self._number = 0
-        self._late_ticks = 0
+        self._programme, self.ledger = programme, ledger
+        self.block = programme.block
+        self.desk = Desk(opened=False, armed=autostart or not programme.planned)
+        self.watch = Watch(autostart)
+        self.rows = np.zeros(RING_ROWS, TICK)
+        self._words = self.rows.view(np.int64).reshape(RING_ROWS, -1)
+        self.number = 0
+        self.late_ticks = 0
         self._events = 0
         self._probes = 0
         self._clocks_ns = 0
-        self._completions: list[float] = []
-        self._missing: tuple[str, ...] = ()
+        self._rest_until_ns = 0
+        self._page_at = -1
+        self._unopened: list[tuple[str, dict[str, str]]] = []
+        self.missing: tuple[str, ...] = ()
         self._asked_to_end = False
-        self._ending_until_ns = 0
-        self._log_closing = False
+        self._ended_ns = self._ending_until_ns = 0
+        self._log_closing = self._stopping = False
         self._started = False
         self._gap = ""
-        self._seen: dict[Side, tuple[int, bytes]] = dict.fromkeys(SIDES, (-SAME_VIEW_TICKS, b""))
-        self._open(context, config)
+        self.questionnaires = ""
+        self._alarm = Alarm()
+        self._open_ports(context)
 
-    def _open(self, context: sockets.Context, config: Config) -> None:
+    def _open_ports(self, context: sockets.Context) -> None:
         """Bind the channels."""
-        network = config.network
+        network = self.block.config.network
         where = sockets.addresses(network, self._door)
-        welcome = Welcome(self.session, PROTOCOL_VERSION, now_ns(), resolve(config))
+        welcome = self._welcome()
         self._timeout_ns = int(network.sample_timeout_ms * 1e6)
         bound_ns = int(network.clock_bound_ms * 1e6)
         motion = sockets.motion_server(context, where.listen(sockets.MOTION))
         control = sockets.control_server(context, where.listen(sockets.CONTROL))
+        self.motion = MotionPort(motion, welcome, self._timeout_ns, bound_ns)
+        self.control = ControlPort(control, welcome, SessionAnswers(self))
+        spill = Spill(spill_path(self.block.config, self.session), welcome, int(network.log_spill_mb * 1e6))
         ring = int(network.log_ring_s * 1000 * 1.5)
-        self._motion = MotionPort(motion, welcome, self._timeout_ns, bound_ns)
-        self._control = ControlPort(control, welcome, self.status)
-        spill = Spill(spill_path(config, self.session), welcome, int(network.log_spill_mb * 1e6))
-        self._log = LogPort(sockets.log_server(context, where.listen(sockets.LOG)), welcome, ring, spill)
-        self._views = {side: sockets.view_publisher(context, where.listen(sockets.VIEW[side])) for side in SIDES}
-        self._view_ticks = ceil(1000 / network.view_rate_hz)
-        self._turn: dict[Side, int] = {"left": 0, "right": self._view_ticks // 2}
+        self.log = LogPort(sockets.log_server(context, where.listen(sockets.LOG)), welcome, ring, spill)
+        self._views = ViewPort(network, context, self._door)
         self.inlets = (motion.socket, control.socket)
+        self._sound([])
+
+    def _welcome(self) -> Welcome:
+        return Welcome(self.session, PROTOCOL_VERSION, now_ns(), self.block.text)
 
     # --- what the server asks ----------------------------------------------------------------------------------
 
@@ -155,38 +181,16 @@ class Session:
     @property
     def over(self) -> bool:
         """Whether everything has been done, and the loggers have it or have had their time."""
-        return self._log_closing and self._log.closed
+        return self._log_closing and self.log.closed and now_ns() - self._ended_ns > FAREWELL_NS
 
     @property
     def everything_recorded(self) -> bool:
         """Whether every record that matters is known to be on disk."""
-        return self._log.done or not self._records_expected
+        return self.log.done or not self._records_expected
 
     @property
     def _records_expected(self) -> bool:
-        return self._config.network.require_logger and self._started
-
-    def status(self) -> Status:
-        """How the session is, for operators."""
-        state = self._state[0]
-        now = now_ns()
-        agents = tuple(f"agent.{side}" for side in SIDES if self._motion.seats[side].hello is not None)
-        loggers = ("logger",) * self._log.loggers
-        return Status(
-            session=self.session,
-            tick=self._number,
-            phase=PHASE_NAMES[int(state["phase"])],
-            trial=int(state["trial"]),
-            trials=self._curtain.trials,
-            successes=int(state["successes"]),
-            failures=int(state["failures"]),
-            completions=tuple(self._completions),
-            late_ticks=self._late_ticks,
-            waiting_for=self._missing,
-            peers=(*agents, *loggers, *self._control.peers),
-            notice=self._watch.notice or self._log.notice,
-            links=(*self._motion.links(now), *self._log.links(now), *self._control.links(now)),
-        )
+        return self.block.config.network.require_logger and self._started
 
     # --- what the server does ----------------------------------------------------------------------------------
 
@@ -199,10 +203,71 @@ class Session:
             Its deadline [ns].
         machine : dict of str
             What the process was given by its machine, to be recorded.
+
+        Raises
+        ------
+        NetboardError
+            If the session is complete as it is, and has been held already.
         """
         self._due_ns = self.wake_ns = due_ns
-        stepping = {name: str(value) for name, value in asdict(self._stage.choice).items()}
-        self._note("session_started", {"session": self.session, **stepping, **machine})
+        self._note("session_started", {"session": self.session, **machine})
+        if self.ledger.opened or not self._programme.planned or self.block.config.session.ready:
+            self._open()
+        else:
+            self._enter()
+
+    def _open(self) -> None:
+        """From now on everything is recorded."""
+        self.block = self._programme.block
+        self.ledger.open(self.block.config, self.session)
+        self.desk.opened = True
+        held, self._unopened = self._unopened, []
+        self._begin_block()
+        for name, details in held:
+            self._record_event(name, details)
+
+    def _enter(self) -> None:
+        """Let the block of the programme be the one that is on."""
+        block = self.block = self._programme.block
+        self.state = block.stage.initial(**self.ledger.place(block.config.block.number))
+        self._phase_word = self.state.view(np.int64)[(STATE.names or ()).index("phase") :]
+        for side in SIDES:  # what is told late must not come from another block
+            self.rows[f"{side}_force"] = 0.0
+        block.delays.gains[:] = 1.0
+        self.motion.gains = block.delays.gains
+        for side, seat in self.motion.seats.items():
+            if seat.hello is not None:
+                block.delays.know(side, seat.hello.details)
+        welcome = self._welcome()
+        self.motion.renew(welcome, block.ends)
+        self.control.renew(welcome)
+        self.log.renew(welcome)
+        self._views.renew()
+        self._rest_until_ns = now_ns() + int(block.config.block.rest * 1e9)
+
+    def _begin_block(self) -> None:
+        """Begin the block of the programme: all records from now on are its."""
+        self._page_at = -1
+        self._enter()
+        config = self.block.config
+        self.ledger.begin(config, self.number)
+        stepping = {name: str(value) for name, value in asdict(self.block.stage.choice).items()}
+        label = {"number": str(config.block.number), "blocks": str(config.block.blocks), "label": config.block.label}
+        self._note(BLOCK_BEGAN, {**label, **stepping, "config": self.block.text})
+
+    def _turn_page(self) -> None:
+        """Go on to the next block, or end the session if that was wished or there is none."""
+        self._page_at = -1
+        if self.desk.end_after:
+            self._asked_to_end = True
+        elif not self._programme.last:
+            self._programme.next()
+            self._begin_block()
+
+    def rest(self, now: int) -> float | None:
+        """What is left of the rest before the block [s]."""
+        left = (self._rest_until_ns - now) * 1e-9
+        return left if left > 0 and self.phase == Phase.IDLE else None
 
     def stop(self) -> None:
         """Ask the session to end."""
@@ -220,16 +285,16 @@ class Session:
         """
         if self.ending:
             return self._go_on_ending()
-        idle = self._motion.empty and not self._active
-        self._motion.drain(now_ns, self._due_ns, motion)
+        idle = self.motion.empty and not self._active
+        self.motion.drain(now_ns, self._due_ns, motion)
         now = now_ns()
         self._mind_the_gap(now - self._due_ns, CATCH_UP_TICKS + (IDLE_TICKS if idle else 0))
         if idle:
             self._idle_ticks(now)
-        elif now >= self._due_ns or (now >= self._due_ns - EARLIEST_NS and self._motion.complete):
+        elif now >= self._due_ns or (now >= self._due_ns - EARLIEST_NS and self.motion.complete):
             self.tick(self._due_ns, now - self._due_ns)
-        more = self._control.drain(now_ns()) if control else False
-        more |= self._motion.drain(now_ns, self._due_ns)
+        more = self.control.drain(now_ns()) if control else False
+        more |= self.motion.drain(now_ns, self._due_ns)
         if self._asked_to_end:
             self._end()
             return False
@@ -238,9 +303,9 @@ class Session:
 
     def _sleep(self) -> None:
         """Decide when to go on."""
-        if self._motion.empty and not self._active:
+        if self.motion.empty and not self._active:
             self.wake_ns = self._due_ns + (IDLE_TICKS - 1) * TICK_NS
-        elif self._motion.complete:
+        elif self.motion.complete:
             self.wake_ns = self._due_ns - EARLIEST_NS
         else:
             self.wake_ns = self._due_ns
@@ -259,48 +324,71 @@ class Session:
         late_ns : int
             How much later it began; negative before the deadline [ns].
         """
-        number = self._number
-        index = number % RING_ROWS
-        words = self._words[index]
-        found = self._motion.fill(words, number, due_ns, late_ns)
+        number = self.number
+        if 0 <= self._page_at <= number:
+            self._turn_page()
+        block = self.block
+        words = self._words[number % RING_ROWS]
+        found = self.motion.fill(words, number, due_ns, late_ns)
+        if block.robots or block.unrelated is not None:
+            found |= self._stand_in(words, number, due_ns)
         active = self._active
-        if not active or found != _ALL_FINE or self._control.wishes or self._gap or self._log.trouble:
+        trouble = self._gap or self.log.trouble or block.delays.trouble
+        if not active or found != _ALL_FINE or self.control.wishes or trouble or self._asks or self._stopping:
             words[_COMMAND] = self._command(found)
-        self._stage.advance(self._state, self._rows, number)
-        if active and self._config.block.haptics:
-            self._motion.force(words)
+        block.stage.advance(self.state, self.rows, number)
+        if active and block.config.block.haptics and not self._alarm.halted:
+            self.motion.force(words, block.stage.told(self._words, number))
         else:
-            self._motion.beat(number, now_ns())
-        self._late_ticks += late_ns > LATE_NS
+            self.motion.beat(number, now_ns(), at_once=active and bool(self._alarm.halted))
+        for robot in block.robots:
+            robot.take(words)
+        self.late_ticks += late_ns > LATE_NS
         self._count(1)
         if number % HOUSE_TICKS == 0:
             self._keep_house()
         else:
-            self._log.listen(now_ns())
+            self.log.listen(now_ns())
+
+    def _stand_in(self, words: Any, number: int, due_ns: int) -> int:
+        """Put what does not come from an agent into a row; the bits of the sides that it stands for."""
+        block, found = self.block, 0
+        for robot in block.robots:
+            robot.fill(words, number, due_ns)
+            found |= (seats.LIVE | seats.ARMED) << SIDES.index(robot.side)
+        if block.unrelated is not None:
+            row = self.rows[number % RING_ROWS]
+            row["left_other"], row["right_other"] = block.unrelated.at(self.state[0])
+        return found
 
     def _idle_ticks(self, now: int) -> None:
         """Do all ticks that are due, in one go."""
-        due_ns, first = self._due_ns, self._number
+        due_ns, first = self._due_ns, self.number
         count = min((now - due_ns) // TICK_NS + 1, RING_ROWS)
         if count < 1:
             return
         for number in range(first, first + count):
-            self._motion.fill(self._words[number % RING_ROWS], number, due_ns + (number - first) * TICK_NS, 0)
+            self.motion.fill(self._words[number % RING_ROWS], number, due_ns + (number - first) * TICK_NS, 0)
+        if 0 <= self._page_at < first + count:
+            self._turn_page()
         self._words[first % RING_ROWS, _COMMAND] = self._command(0)
-        self._stage.advance(self._state, self._rows, first, count)
+        self.block.stage.advance(self.state, self.rows, first, count)
         self._count(count)
         self._keep_house()
 
     def _count(self, count: int) -> None:
         """Keep the ticks that have been done, and tell what they have brought."""
-        for number in range(self._number, self._number + count):
+        for number in range(self.number, self.number + count):
             words = self._words[number % RING_ROWS]
-            self._log.append(_RECORD_HEAD + words.tobytes())
+            if self.desk.opened:
+                self.log.append(_RECORD_HEAD + words.tobytes())
             if words[_EVENT]:
-                self._happened(self._rows[number % RING_ROWS])
-        self._number += count
+                self._happened(number)
+        self.number += count
         self._due_ns += count * TICK_NS
-        self._show((self._number - 1) % RING_ROWS)
+        newest = (self.number - 1) % RING_ROWS
+        rest = self.rest(now_ns()) if self._rest_until_ns else None
+        self._views.show(self.block.curtain, self.rows[newest], self._words[newest], self.ledger.best, rest)
 
     def _mind_the_gap(self, behind_ns: int, most_ticks: int) -> None:
         """If the loop was held up for so long that its time must be moved, note it: a trial is spoiled by it."""
@@ -311,23 +399,92 @@ class Session:
         self._gap = f"the server stood still for {moved_ns / TICK_NS:.0f} ms"
         self._note("stood_still", {"milliseconds": f"{moved_ns / TICK_NS:.0f}"})
 
-    def _command(self, found: int) -> Cause:
-        """The command of a tick: of the operator, or of the watch over the peers."""
-        return self._watch.command(self._number, self.phase, self._wish(), self._missing, self._trouble(found))
+    @property
+    def _asks(self) -> bool:
+        """Whether something was asked for that may be due."""
+        return self.desk.pause_after or bool(self.ledger.wanted)
 
-    def _wish(self) -> str:
-        """Return the next wish of an operator that the watch has to look at, if there is one."""
-        wishes = self._control.wishes
-        if not wishes:
-            return ""
-        wish = wishes.pop(0)
-        if wish == SHUTDOWN:
-            self._asked_to_end = True
-            return ""
-        return wish
+    def _command(self, found: int) -> Cause:
+        """The command of a tick: of the watch over the peers, of an operator, or what was asked for earlier."""
+        if found & (_STOPPED | _TRIPPED):
+            row = self.rows[self.number % RING_ROWS]
+            bits = {side: int(row[f"{side}_safeguards"]) for side in SIDES}
+            self._sound(self._alarm.look(found, bits, now_ns()))
+        if self._stopping:
+            return Cause.STOP
+        missing = self.missing if self.desk.opened else (*self.missing, "the session's form")
+        kept = self.watch.command(self.number, self.phase, missing, self._trouble(found))
+        first = kept or self.ledger.take_wanted(self.phase) or self.desk.due(self.phase)
+        if first or not self.control.wishes:
+            return first  # a wish that has come at the same time waits for the next tick
+        return self._obey(self.control.wishes.pop(0))
+
+    def _obey(self, wish: Wish) -> Cause:
+        """Decide on a command, answer it, record it, and do it; what the trial machine is to be told."""
+        command, who = wish.command, wish.who
+        if self.desk.commander and not self.control.is_there(self.desk.commander):
+            self.desk.leave()
+        situation = Situation(self.phase, self._lacks(), self._programme.last, self._programme.planned)
+        decision = self.desk.decide(command.name, who, wish.name, situation)
+        if decision.accepted:
+            decision = self._do(command.name, command.argument, decision)
+        self.control.reply(wish, decision.accepted, decision.reason)
+        outcome = {"accepted": str(decision.accepted).lower(), "reason": decision.reason}
+        told = {"name": command.name, "argument": command.argument, "by": wish.name, **outcome}
+        self._note("command", {name: value for name, value in told.items() if value})
+        if decision.accepted and decision.cause:
+            self.watch.obeyed()
+        elif not decision.accepted:
+            self.watch.refused(decision.reason)
+        return decision.cause
+
+    def _do(self, name: str, argument: str, decision: Decision) -> Decision:
+        """Carry out what is not the trial machine's; say if it cannot be done."""
+        try:
+            match name:
+                case "end":
+                    self._asked_to_end = True
+                case alarm.STOP:
+                    self._sound(self._alarm.halt("emergency stop by an operator"))
+                case alarm.RELEASE:
+                    self.watch.await_operator()
+                    self._sound(self._alarm.release())
+                case "arm" | "disarm":
+                    self._sound([])
+                case "open":
+                    self._programme.open(form_of(argument, self.block.config.session))
+                    self._open()
+                case "repeat" | "veto":
+                    trial = self.ledger.ask(name, argument, int(self.state[0]["trial"]))
+                    how = "is repeated" if name == "repeat" else "is not repeated"
+                    return Decision(True, f"trial {trial} {how} at the end of the block", decision.cause)
+                case "note":
+                    self.ledger.note(*note_of(argument, self.number))
+                case "next":
+                    return self._give_up(decision)
+        except NetboardError as error:
+            return Decision(False, str(error))
+        return decision
+
+    def _give_up(self, decision: Decision) -> Decision:
+        """Let the next block begin with the next tick."""
+        self._page_at = self.number + 1
+        self.desk.end_after = False
+        self.ledger.give_up()
+        return decision if self.phase == Phase.FINISHED else Decision(True, cause=Cause.STOP)
+
+    def _sound(self, events: list[alarm.Event]) -> None:
+        """Record what has become of an emergency, and let the devices know with the next beat."""
+        self.motion.may_arm = self.desk.armed and not self._alarm.halted
+        for name, details in events:
+            self._note(name, details)
 
     def _trouble(self, found: int) -> str:
         """Why a running trial cannot go on, or nothing."""
+        if self._alarm.halted:
+            return self._alarm.halted
+        if not self.desk.armed:
+            return "the operator has disarmed the devices"
         if self._gap:
             gap, self._gap = self._gap, ""
             return gap
@@ -335,23 +492,28 @@ class Session:
             if not found & (seats.LIVE << place):
                 return f"no sample from the {side} agent"
             if not found & (seats.ARMED << place):
-                return f"the {side} device is not armed"
-        return self._log.trouble if self._config.network.require_logger else ""
+                return f"the {side} device is not armed{self._alarm.why(side, now_ns())}"
+        if self.block.delays.trouble:
+            return self.block.delays.trouble
+        return self.log.trouble if self.block.config.network.require_logger else ""
 
     def _lacks(self) -> tuple[str, ...]:
         """What a block needs and is not there."""
-        lacking = self._motion.lacks(now_ns())
-        if self._config.network.require_logger and not self._log.loggers:
+        block = self.block
+        lacking = [*self.motion.lacks(now_ns(), block.people), *block.delays.lacking]
+        if block.config.network.require_logger and not self.log.loggers:
             lacking.append("the logger")
+        if self._alarm.halted:
+            lacking.append(alarm.LACKING)
+        if self.watch.autostart and self.rest(now_ns()) is not None:
+            lacking.append("the rest to be over")
         return tuple(lacking)
 
-    def _happened(self, row: Any) -> None:
+    def _happened(self, number: int) -> None:
         """Note what the stage has decided."""
-        cause = Cause(int(row["event"]))
-        state = self._state[0]
+        row = self.rows[number % RING_ROWS]
+        cause, state = Cause(int(row["event"])), self.state[0]
         self._started = self._started or cause == Cause.START
-        if cause == Cause.HELD:
-            self._completions.append(float(state["completion"]))
         details = {
             "from": PHASE_NAMES[int(row["phase"])],
             "to": PHASE_NAMES[int(state["phase"])],
@@ -361,36 +523,29 @@ class Session:
         }
         if cause == Cause.HELD:
             details["completion"] = repr(float(state["completion"]))
-        if self._watch.notice:
-            details["notice"] = self._watch.notice
+        if self.watch.notice:
+            details["notice"] = self.watch.notice
         self._note(cause.name.lower(), details)
-
-    def _show(self, index: int) -> None:
-        """Send a station what it may see, if it is its turn, somebody looks, and there is anything new."""
-        for side, turn in self._turn.items():
-            if self._number > turn:
-                self._turn[side] = max(turn, self._number - self._view_ticks) + self._view_ticks
-                self._show_to(side, index)
-
-    def _show_to(self, side: Side, index: int) -> None:
-        publisher = self._views[side]
-        if not publisher.wanted():
-            return
-        sent_tick, sent = self._seen[side]
-        seen = self._words[index, _SEEN].tobytes()
-        if seen == sent and self._number - sent_tick < SAME_VIEW_TICKS:
-            return
-        self._seen[side] = self._number, seen
-        best = min(self._completions, default=None)
-        publisher.send(encode(view_of(self._curtain, self._rows[index], side, best, now_ns())))
+        for name, judged in self.ledger.happened(cause, row, state, self.rows, number):
+            self._note(name, judged)
+        if cause == Cause.LAST:
+            self._page_at = number + PAGE_TICKS
+        if cause == Cause.START:
+            self.questionnaires = ""
+        elif int(state["phase"]) == Phase.FINISHED and (asked := self.block.config.block.questionnaires):
+            self.questionnaires = asked
+            self._note("questionnaire", {"text": asked})
 
     def _keep_house(self) -> None:
         """Do what need not be done at once: records to the loggers, clocks, who is missing."""
         now = now_ns()
-        self._motion.expire(now)
-        self._missing = self._lacks()
-        self._control.pump(now)
-        self._control.drain(now)
+        self.motion.expire(now)
+        felt = self._active and self.block.config.block.haptics
+        self.block.delays.look(self.motion.loops_ns, felt=felt)
+        self.ledger.look(self.rows, self.number)
+        self.missing = self._lacks()
+        self.control.pump(now)
+        self.control.drain(now)
         if now >= self._clocks_ns:
             self._clocks_ns = now + CLOCKS_NS
             self._note_clocks()
@@ -398,60 +553,82 @@ class Session:
 
     def _keep_records(self, now: int) -> None:
         """Bring records to the loggers, and to the records whatever the ports have to tell."""
-        for frame in self._control.frames:
-            self._log.append(encode(frame))
-        self._control.frames.clear()
-        for port in (self._motion, self._control, self._log):
+        for frame in self.control.frames:
+            self._record(encode(frame))
+            self.ledger.painted(frame)
+        self.control.frames.clear()
+        for port in (self.motion, self.control, self.log, self.block.delays):
             for name, details in port.news:
                 self._note(name, details)
+                if name == "agent_joined":
+                    self.block.delays.know("left" if details["side"] == "left" else "right", details)
             port.news.clear()
         for details in self._door.attend() if self._door is not None else ():
             self._note("refused", details)
-        self._log.pump(now)
+        self.log.pump(now)
 
     def _note_clocks(self) -> None:
         """Record the newest clock probe of every peer."""
-        for port in (self._motion, self._control, self._log):
+        for port in (self.motion, self.control, self.log):
             for probe in port.clock_records(self._probes):
-                self._log.append(encode(probe))
+                self._record(encode(probe))
                 self._probes += 1
 
+    def _record(self, frame: bytes) -> None:
+        """Bring a record to the loggers, if the session is open."""
+        if self.desk.opened:
+            self.log.append(frame)
+
     def _note(self, name: str, details: dict[str, str]) -> None:
-        """Record an event and tell the operator."""
-        self._log.append(encode(EventRecord(self._events, self._number, now_ns(), name, details)))
-        self._events += 1
-        said = " ".join(f"{key}={value}" for key, value in details.items())
+        """Record an event and tell the operator; what happens before the session is open is recorded when it is."""
+        if self.desk.opened:
+            self._record_event(name, details)
+        else:
+            self._unopened.append((name, details))
+        said = " ".join(f"{key}={value}" for key, value in details.items() if key != "config")
         log.info("%s %s", name, "".join(letter if letter.isprintable() else "?" for letter in said))
+
+    def _record_event(self, name: str, details: dict[str, str]) -> None:
+        self._record(encode(EventRecord(self._events, self.number, now_ns(), name, details)))
+        self._events += 1
 
     # --- the end -----------------------------------------------------------------------------------------------
 
     def _end(self) -> None:
         """Stop the block, and let the loggers bring everything to disk."""
         if self.phase != Phase.FINISHED:
-            self._control.wishes[:] = ["stop"]
+            self._stopping = True
             self.tick(self._due_ns, max(0, now_ns() - self._due_ns))
-        self._motion.goodbye("the session is over")
-        self._control.goodbye("the session is over")
-        self._note("session_ended", {"late_ticks": str(self._late_ticks)})
+        self.motion.goodbye("the session is over")
+        self.control.goodbye("the session is over")
+        self._note("session_ended", {"late_ticks": str(self.late_ticks)})
         self._keep_records(now_ns())
-        self._log.end()
-        self._ending_until_ns = now_ns() + FINISH_NS
+        self.log.end()
+        self._ended_ns = now_ns()
+        self._ending_until_ns = self._ended_ns + FINISH_NS
 
     def _go_on_ending(self) -> bool:
         """Feed the loggers."""
         now = now_ns()
         if not self._log_closing:
             self._keep_records(now)
-            awaited = self._records_expected or self._log.loggers
-            if self._log.done or not awaited or now > self._ending_until_ns:
+            awaited = self._records_expected or self.log.loggers
+            if self.log.done or not awaited or now > self._ending_until_ns:
                 self._log_closing = True
-                self._log.close()
+                self.log.close()
         self.wake_ns = now + TICK_NS
         return False
 
     def close(self) -> None:
-        """Close what is still open, and say what is not known to be on disk."""
-        for publisher in self._views.values():
-            publisher.close()
-        if self._log.shortfall:
-            log.error("%s", self._log.shortfall)
+        """Close what is still open, and say what is not known to be on disk.
+
+        Raises
+        ------
+        NetboardError
+            If the journal is not on disk: only now, for the records come first.
+        """
+        self._views.close()
+        self.control.close()
+        if self.log.shortfall:
+            log.error("%s", self.log.shortfall)
+        self.ledger.close()

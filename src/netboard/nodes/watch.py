@@ -1,27 +1,15 @@
-"""The watch over a block: which command, if any, the stage gets at a tick.
+"""The watch over a block: which command, if any, the stage gets at a tick without an operator's wish.
 
-Operators wish, peers come and go, the log falls behind: all of it ends here as one `Cause` a tick and a line for
-people.
+Peers come and go, the log falls behind: all of it ends here as one `Cause` a tick and a line for people.
 Pure: it is told everything and does nothing.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from netboard.experiment.machine import TABLE, Cause, Phase
 
 READY_TICKS = 500
 """Everything must have been ready for so many ticks before a block starts or goes on by itself [1]."""
-
-WISHES = {
-    "start": Cause.START,
-    "pause": Cause.PAUSE,
-    "resume": Cause.RESUME,
-    "abort": Cause.ABORT,
-    "stop": Cause.STOP,
-}
-"""Operator's commands that the trial machine knows."""
-
-_NEED_PEERS = (Cause.START, Cause.RESUME)
 
 
 @dataclass
@@ -40,12 +28,12 @@ class Watch:
     notice: str = ""
     _ready_since: int | None = None
     _faulted: bool = False
-    _refused: str = field(default="", repr=False)
+    _refused: bool = False
 
-    def command(self, tick: int, phase: Phase, wish: str, missing: tuple[str, ...], trouble: str) -> Cause:
+    def command(self, tick: int, phase: Phase, missing: tuple[str, ...], trouble: str) -> Cause:
         """Command for this tick.
 
-        While a trial goes on, nothing is wished and nothing is wrong, it need not be asked.
+        While a trial goes on and nothing is wrong, it need not be asked.
 
         Parameters
         ----------
@@ -53,8 +41,6 @@ class Watch:
             Number of the tick [1].
         phase : Phase
             Where the trial is.
-        wish : str
-            An operator's command, or empty.
         missing : tuple of str
             What a block needs and is not there.
         trouble : str
@@ -69,28 +55,28 @@ class Watch:
             self._ready_since = None
         elif self._ready_since is None:
             self._ready_since = tick
-        if trouble and wish != "stop" and Cause.FAULT in TABLE[phase]:
+        if trouble and Cause.FAULT in TABLE[phase]:
             self._faulted = True
             self.notice = f"paused: {trouble}"
             return Cause.FAULT
-        if wish:
-            return self._wished(phase, WISHES[wish], missing)
         if self.autostart and self._ready_since is not None and tick - self._ready_since >= READY_TICKS:
             return self._by_itself(phase)
         if phase == Phase.IDLE and missing and not self._refused:
             self.notice = "waiting for " + ", ".join(missing)
         return Cause.NONE
 
-    def _wished(self, phase: Phase, cause: Cause, missing: tuple[str, ...]) -> Cause:
-        if cause not in TABLE[phase]:
-            self.notice = self._refused = f"cannot {cause.name.lower()} while {phase.name.lower()}"
-            return Cause.NONE
-        if cause in _NEED_PEERS and missing:
-            self.notice = self._refused = f"cannot {cause.name.lower()} without " + ", ".join(missing)
-            return Cause.NONE
+    def obeyed(self) -> None:
+        """An operator's wish is carried out: what was to be said before counts no more."""
+        self._faulted = self._refused = False
+        self.notice = ""
+
+    def refused(self, reason: str) -> None:
+        """An operator's wish is not carried out."""
+        self.notice, self._refused = reason, True
+
+    def await_operator(self) -> None:
+        """Go on only when an operator wishes it, whatever the reason of the pause was."""
         self._faulted = False
-        self.notice = self._refused = ""
-        return cause
 
     def _by_itself(self, phase: Phase) -> Cause:
         if phase == Phase.IDLE:

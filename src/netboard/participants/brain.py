@@ -11,6 +11,7 @@ Rule 2: time is an argument and randomness comes from the generator handed in, s
 """
 
 from dataclasses import dataclass
+from math import radians
 
 import numpy as np
 
@@ -121,8 +122,25 @@ class Brain:
         tuple of Submovement
             What to do, empty most of the time.
         """
-        if now - self._thought < THINK_EVERY:
-            return ()
+        return () if now - self._thought < THINK_EVERY else self.think(now, glimpse, felt)
+
+    def think(self, now: float, glimpse: Glimpse | None, felt: float | None) -> tuple[Submovement, ...]:
+        """Do the same now: for whoever keeps the time between two decisions, `THINK_EVERY`, by itself.
+
+        Parameters
+        ----------
+        now : float
+            The time, later than that of the decision before [s].
+        glimpse : Glimpse or None
+            The newest glimpse of the own display, None before the first.
+        felt : float or None
+            Vertical force on the own hand, + = up; None where no force is rendered, and with two hands [N].
+
+        Returns
+        -------
+        tuple of Submovement
+            What to do, empty most of the time.
+        """
         dt = min(now - self._thought, 1.0)
         self._thought = now
         self._senses.take(now, glimpse, felt)
@@ -161,7 +179,7 @@ class Brain:
         """Tilt error that triggers the next submovement; log-normal [rad]."""
         p = self._person
         spread = float(np.sqrt(np.log1p(p.threshold_cv**2)))
-        return float(np.radians(p.threshold_deg)) * float(np.exp(spread * self._rng.standard_normal()))
+        return radians(p.threshold_deg) * float(np.exp(spread * self._rng.standard_normal()))
 
     def _play(self, now: float, seen: Percept) -> tuple[Submovement, ...]:
         """Steer the ball."""
@@ -178,8 +196,8 @@ class Brain:
         if g == 0.0:
             return 0.0
         ball, speed = self._foresee(seen, expected)
-        most = float(np.radians(p.max_tilt_deg))
-        return float(np.clip((p.kp * (ball - seen.glimpse.target) + p.kd * speed) / g, -most, most))
+        most = radians(p.max_tilt_deg)
+        return min(max((p.kp * (ball - seen.glimpse.target) + p.kd * speed) / g, -most), most)
 
     def _foresee(self, seen: Percept, expected: float) -> tuple[float, float]:
         """Position and velocity of the ball `lookahead` visual delays after it was seen, if nothing new is done."""
@@ -272,7 +290,7 @@ class Brain:
         task = self._task
         error = -self._expected_tilt(now, seen)
         height = self._height(seen)
-        tilted = abs(error) > LEVEL_MARGIN * float(np.radians(task.level_angle_deg))
+        tilted = abs(error) > LEVEL_MARGIN * radians(task.level_angle_deg)
         off = abs(height) > LEVEL_MARGIN * task.level_height
         if not tilted and not off:
             return ()

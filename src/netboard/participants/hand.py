@@ -2,7 +2,8 @@
 
 The arm is a mass on a spring-damper to an equilibrium point. The equilibrium point is the sum of the submovements
 asked for, low-passed by two muscle lags. The device adds its mass, its viscous damping and its Coulomb friction, and
-its motors push. Tremor is coloured force noise, handed in as white numbers so that the kernel stays deterministic.
+its motors push; where its cables give, `netboard.participants.cable` is between motors and arm. Tremor is coloured
+force noise, handed in as white numbers so that the kernel stays deterministic.
 
 Rule 1: time is what was asked for: `Hand.advance` covers whole steps and knows no clock.
 Rule 2: friction is solved implicitly, so a hand that friction can hold is at rest exactly, not creeping.
@@ -17,6 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.config import Participant, VirtualDevice
+from netboard.participants.cable import TIP, pack_cables, stretch
+from netboard.participants.device_models import resolved
 from netboard.participants.submovement import Submovement, minimum_jerk
 
 STEP_NS = 250_000
@@ -83,6 +86,29 @@ HAND = np.dtype(
 """The state of a hand."""
 
 
+def hold(participant: Participant, device: VirtualDevice, rng: np.random.Generator, held: bool = True) -> "Hand":
+    """Put a hand on a device.
+
+    Parameters
+    ----------
+    participant : Participant
+        The simulated person.
+    device : VirtualDevice
+        The device held.
+    rng : numpy.random.Generator
+        Source of the tremor, and of where the stylus is held.
+    held : bool
+        False for a stylus that nobody holds: the device alone.
+
+    Returns
+    -------
+    Hand
+        The hand, with cables between it and the motors if the device's are not rigid.
+    """
+    arm, own = pack_arm(participant, device, held), resolved(device)
+    return Hand(arm, rng, pack_cables(own, arm, STEP) if own.cable_stiffness > 0.0 else None)
+
+
 def pack_arm(participant: Participant, device: VirtualDevice, held: bool = True) -> NDArray[Any]:
     """Constants of a hand, for the kernel.
 
@@ -100,18 +126,18 @@ def pack_arm(participant: Participant, device: VirtualDevice, held: bool = True)
     ndarray of ARM, shape (1,)
         The packed record, SI units.
     """
-    arm = np.zeros(1, ARM)
-    arm["mass"] = device.mass
-    arm["damping"] = device.damping
-    arm["friction"] = device.friction
-    arm["stop"] = device.workspace
+    arm, own = np.zeros(1, ARM), resolved(device)
+    arm["mass"] = own.mass
+    arm["damping"] = own.damping
+    arm["friction"] = own.friction
+    arm["stop"] = own.workspace
     arm["lag"] = np.exp(-STEP / participant.muscle_lag)
     arm["calm"] = np.exp(-STEP / TREMOR_TIME)
     if held:
         arm["mass"] += participant.arm_mass
         arm["damping"] += participant.arm_damping
         arm["stiffness"] = participant.arm_stiffness
-        arm["skill"] = FRICTION_SKILL * device.friction
+        arm["skill"] = FRICTION_SKILL * own.friction
         arm["tremor"] = participant.force_noise * np.sqrt(1.0 - arm["calm"] ** 2)
     return arm
 
@@ -149,6 +175,41 @@ def _aim(s: Any, plan: NDArray[np.float64], when: float) -> float:
 
 
 @numba.njit(cache=True)
+def tense(s: Any, arm: Any, plan: NDArray[np.float64], when: float, white: NDArray[np.float64]) -> tuple[float, float]:
+    """Move the equilibrium point and the tremor by one step.
+
+    Parameters
+    ----------
+    s : record of HAND
+        The state, changed in place.
+    arm : record of ARM
+        The constants.
+    plan : ndarray, shape (CAPACITY, 3)
+        Start, duration and displacement of each submovement, changed in place [s, s, m].
+    when : float
+        Time at the end of the step, on the clock of the submovements [s].
+    white : ndarray, shape (3,)
+        Standard normal numbers that drive the tremor [1].
+
+    Returns
+    -------
+    effort : float
+        Force with which the arm makes up for friction, along z [N].
+    nearer : float
+        Where the arm holds the stylus now, along x [m].
+    """
+    asked = _aim(s, plan, when)
+    s["muscle"] = asked + (s["muscle"] - asked) * arm["lag"]
+    before = s["equilibrium"]
+    s["equilibrium"] = s["muscle"] + (before - s["muscle"]) * arm["lag"]
+    effort = arm["skill"] * max(-1.0, min(1.0, (s["equilibrium"] - before) / (STEP * PURPOSE)))
+    s["tremor_x"] = s["tremor_x"] * arm["calm"] + white[0] * arm["tremor"]
+    s["tremor_y"] = s["tremor_y"] * arm["calm"] + white[1] * arm["tremor"]
+    s["tremor_z"] = s["tremor_z"] * arm["calm"] + white[2] * arm["tremor"]
+    return effort, s["rest_x"] + s["equilibrium"] * s["equilibrium"] / (2.0 * FOREARM)
+
+
+@numba.njit(cache=True)
 def swing(
     state: Any,
     constants: Any,
@@ -179,19 +240,56 @@ def swing(
     s, arm = state[0], constants[0]
     stiffness = arm["stiffness"]
     for k in range(white.shape[0]):
-        asked = _aim(s, plan, origin + (k + 1) * STEP)
-        s["muscle"] = asked + (s["muscle"] - asked) * arm["lag"]
-        before = s["equilibrium"]
-        s["equilibrium"] = s["muscle"] + (before - s["muscle"]) * arm["lag"]
-        effort = arm["skill"] * max(-1.0, min(1.0, (s["equilibrium"] - before) / (STEP * PURPOSE)))
-        s["tremor_x"] = s["tremor_x"] * arm["calm"] + white[k, 0] * arm["tremor"]
-        s["tremor_y"] = s["tremor_y"] * arm["calm"] + white[k, 1] * arm["tremor"]
-        s["tremor_z"] = s["tremor_z"] * arm["calm"] + white[k, 2] * arm["tremor"]
-        nearer = s["rest_x"] + s["equilibrium"] * s["equilibrium"] / (2.0 * FOREARM)
+        effort, nearer = tense(s, arm, plan, origin + (k + 1) * STEP, white[k])
         s["x"], s["vx"] = _push(s["x"], s["vx"], stiffness * (nearer - s["x"]) + s["tremor_x"] + fx, arm)
         s["y"], s["vy"] = _push(s["y"], s["vy"], stiffness * (s["rest_y"] - s["y"]) + s["tremor_y"] + fy, arm)
         pull = stiffness * (s["equilibrium"] - s["z"]) + effort
         s["z"], s["vz"] = _push(s["z"], s["vz"], pull + s["tremor_z"] + fz, arm)
+
+
+@numba.njit(cache=True)
+def swing_on_cables(
+    state: Any,
+    tip: Any,
+    constants: Any,
+    cables: Any,
+    plan: NDArray[np.float64],
+    origin: float,
+    fx: float,
+    fy: float,
+    fz: float,
+    white: NDArray[np.float64],
+) -> None:
+    """Do what `swing` does, with cables that give: the state is then that of the motors' side.
+
+    Parameters
+    ----------
+    state : ndarray of HAND, shape (1,)
+        The state, changed in place.
+    tip : ndarray of TIP, shape (1,)
+        State of the stylus' side, changed in place.
+    constants : ndarray of ARM, shape (1,)
+        The constants.
+    cables : ndarray of CABLES, shape (1,)
+        Those of the cables.
+    plan : ndarray, shape (CAPACITY, 3)
+        Start, duration and displacement of each submovement, changed in place [s, s, m].
+    origin : float
+        Time of the state handed in, on the clock of the submovements [s].
+    fx, fy, fz : float
+        Force of the motors [N].
+    white : ndarray, shape (steps, 3)
+        Standard normal numbers that drive the tremor [1].
+    """
+    s, t, arm, own = state[0], tip[0], constants[0], cables[0]
+    for k in range(white.shape[0]):
+        effort, nearer = tense(s, arm, plan, origin + (k + 1) * STEP, white[k])
+        s["x"], s["vx"], t["x"], t["vx"] = stretch(s["x"], s["vx"], t["x"], t["vx"], fx, s["tremor_x"], nearer, own)
+        s["y"], s["vy"], t["y"], t["vy"] = stretch(
+            s["y"], s["vy"], t["y"], t["vy"], fy, s["tremor_y"], s["rest_y"], own
+        )
+        load = effort + s["tremor_z"]
+        s["z"], s["vz"], t["z"], t["vz"] = stretch(s["z"], s["vz"], t["z"], t["vz"], fz, load, s["equilibrium"], own)
 
 
 class Hand:
@@ -203,19 +301,33 @@ class Hand:
         Constants, from `pack_arm`.
     rng : numpy.random.Generator
         Source of the tremor, and of where the stylus is held.
+    cables : ndarray of CABLES, shape (1,), or None
+        Constants of cables that give, from `netboard.participants.cable.pack_cables`; None for rigid ones.
+
+    Attributes
+    ----------
+    state : ndarray of HAND, shape (1,)
+        The state; with cables, of the motors' side.
+    end : ndarray of TIP, shape (1,)
+        With cables: state of the stylus' side.
+    course : ndarray, shape (CAPACITY, 3)
+        Start, duration and displacement of the submovements that are not over [s, s, m].
     """
 
-    def __init__(self, arm: NDArray[Any], rng: np.random.Generator) -> None:
+    def __init__(self, arm: NDArray[Any], rng: np.random.Generator, cables: NDArray[Any] | None = None) -> None:
         self.state = np.zeros(1, HAND)
+        self.end = np.zeros(1, TIP)
+        self.cables = cables
         self._record = self.state[0]
-        self._arm = arm
-        self._plan = np.zeros((CAPACITY, 3))
+        self.arm = arm
+        self.course = np.zeros((CAPACITY, 3))
         self._rng = rng
         self._white = np.zeros((0, 3))
         self._drawn = 0
         if arm["stiffness"][0] > 0.0:
             for axis in ("x", "y"):
                 self._record[axis] = self._record[f"rest_{axis}"] = GRASP * rng.standard_normal()
+                self.end[axis] = self._record[axis]
 
     def plan(self, moves: Iterable[Submovement]) -> None:
         """Add submovements to those under way.
@@ -234,8 +346,18 @@ class Hand:
             count = int(self._record["moves"])
             if count >= CAPACITY:
                 raise ValueError(f"a hand can have at most {CAPACITY} submovements under way")
-            self._plan[count] = move.start, move.duration, move.displacement
+            self.course[count] = move.start, move.duration, move.displacement
             self._record["moves"] = count + 1
+
+    def put(self, z: float) -> None:
+        """Be at a height, at rest.
+
+        Parameters
+        ----------
+        z : float
+            The height [m].
+        """
+        self._record["z"], self._record["vz"] = z, 0.0
 
     def advance(self, steps: int, origin: float, force: tuple[float, float, float]) -> None:
         """Let time pass under a constant force.
@@ -249,11 +371,25 @@ class Hand:
         force : tuple of float
             Force of the motors on the stylus, x, y, z [N].
         """
-        white = self._noise(steps)
-        swing(self.state, self._arm, self._plan, origin, force[0], force[1], force[2], white)
+        white = self.noise(steps)
+        if self.cables is None:
+            swing(self.state, self.arm, self.course, origin, force[0], force[1], force[2], white)
+        else:
+            swing_on_cables(self.state, self.end, self.arm, self.cables, self.course, origin, *force, white)
 
-    def _noise(self, steps: int) -> NDArray[np.float64]:
-        """Take the next normal numbers from those drawn ahead: drawing a few at a time takes longer than the steps."""
+    def noise(self, steps: int) -> NDArray[np.float64]:
+        """Take the next normal numbers from those drawn ahead: drawing a few at a time takes longer than the steps.
+
+        Parameters
+        ----------
+        steps : int
+            For how many steps [1].
+
+        Returns
+        -------
+        ndarray of float64, shape (steps, 3)
+            Standard normal numbers that drive the tremor [1].
+        """
         start = self._drawn
         if start + steps > len(self._white):
             fresh = self._rng.standard_normal((max(AHEAD, steps), 3))
@@ -262,13 +398,21 @@ class Hand:
         return self._white[start : self._drawn]
 
     @property
+    def tip(self) -> tuple[float, float, float]:
+        """Position x, y, z of the stylus itself, which encoders behind cables do not see [m]."""
+        if self.cables is None:
+            return self.position
+        t = self.end[0]
+        return float(t["x"]), float(t["y"]), float(t["z"])
+
+    @property
     def position(self) -> tuple[float, float, float]:
-        """Position x, y, z [m]."""
+        """Position x, y, z at the encoders [m]."""
         s = self._record
         return float(s["x"]), float(s["y"]), float(s["z"])
 
     @property
     def velocity(self) -> tuple[float, float, float]:
-        """Velocity x, y, z [m/s]."""
+        """Velocity x, y, z at the encoders [m/s]."""
         s = self._record
         return float(s["vx"]), float(s["vy"]), float(s["vz"])

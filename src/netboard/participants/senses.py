@@ -7,6 +7,7 @@ Rule 3: the ball's velocity is not shown; it is estimated from what was seen of 
 
 from collections import deque
 from dataclasses import dataclass
+from math import exp, sqrt
 
 import numpy as np
 
@@ -111,8 +112,8 @@ class Wander:
         float
             The new value [unit of the deviation].
         """
-        keep = float(np.exp(-dt / self._time))
-        kick = self._deviation * float(np.sqrt(1.0 - keep * keep))
+        keep = exp(-dt / self._time)
+        kick = self._deviation * sqrt(1.0 - keep * keep)
         self.value = keep * self.value + kick * float(self._rng.standard_normal())
         return self.value
 
@@ -175,10 +176,10 @@ class Senses:
             What was shown one visual delay ago; None if nothing was.
         """
         dp, dv, dtheta = self._p.step(dt), self._v.step(dt), self._theta.step(dt)
-        reached = [g for g in self._seen if g.time <= now - self._person.visual_delay]
+        reached = self._reached(now - self._person.visual_delay)
         if not reached:
             return None
-        g = reached[-1]
+        g = reached[0]
         if g.p is None:
             return Percept(g, g.theta + dtheta, 0.0, 0.0)
         if g.phase not in BALL_FREE:
@@ -198,16 +199,28 @@ class Senses:
         float or None
             Force on the hand, + = up [N].
         """
-        reached = [felt for time, felt in self._felt if time <= when]
-        return reached[-1] if reached else None
+        for time, felt in reversed(self._felt):
+            if time <= when:
+                return felt
+        return None
+
+    def _reached(self, until: float) -> list[Glimpse]:
+        """Return what was shown by a time and at most `VELOCITY_SPAN` before the newest of that, newest first."""
+        reached: list[Glimpse] = []
+        for g in reversed(self._seen):
+            if g.time <= until:
+                if reached and reached[0].time - g.time > VELOCITY_SPAN:
+                    break
+                reached.append(g)
+        return reached
 
 
 def _velocity(seen: list[Glimpse]) -> float:
-    """Velocity of the free ball from its last positions [m/s]; 0 as long as there is only one."""
-    last = seen[-1]
+    """Velocity of the free ball from its last positions, newest first [m/s]; 0 as long as there is only one."""
+    last = seen[0]
     first = last
-    for g in reversed(seen):
-        if g.phase not in BALL_FREE or last.time - g.time > VELOCITY_SPAN:
+    for g in seen:
+        if g.phase not in BALL_FREE:
             break
         first = g
     if first.p is None or last.p is None or last.time <= first.time:

@@ -1,8 +1,8 @@
 """The account of a session: every tick is in one of its parts, or listed as lost with its cause.
 
-A part numbers the records it holds without a hole, and notes the ones that it could not get; the parts together must
-leave out no number. What they do leave out, and any tick that is missing without a note, is unexplained: there must be
-none. A pause of the trial must have its cause, too.
+Each block of a session has one part or several. A part numbers the records it holds without a hole, and notes the ones
+that it could not get; the parts together must leave out no number. What they do leave out, and any tick that is missing
+without a note, is unexplained: there must be none. A pause of the trial must have its cause, too.
 """
 
 import re
@@ -19,13 +19,13 @@ from netboard.errors import RecordingError
 from netboard.experiment.machine import Cause
 from netboard.recording.reader import Recording
 from netboard.recording.summary import find_gaps
-from netboard.wire.messages import EventRecord
+from netboard.wire.messages import BLOCK_BEGAN, EventRecord
 
 OF_THE_SERVER = ("/tick", "/event", "/clock", "/frame")
 """Topics whose messages are records of the log channel."""
 
 _PAUSES = (Cause.PAUSE, Cause.FAULT)
-_NAME = re.compile(r"(.+?)(?:_\d{8}T\d{6}Z)?_([A-Za-z0-9]{1,8})(?:_part\d+)?(?:\.recovered)?")
+_NAME = re.compile(r"(.+?)(?:_\d{8}T\d{6}Z)?_([A-Za-z0-9]{1,8})(?:_block\d+)?(?:_part\d+)?(?:\.recovered)?")
 
 
 class Stretch(NamedTuple):
@@ -69,7 +69,7 @@ class Part(NamedTuple):
     first_record, next_record : int
         Number of its first record on the log channel, and the one after its last [1].
     ended : str
-        ``complete``, or why it ends before the session; empty for a file that was recovered because it never ended.
+        ``complete``, or why it ends before its block; empty for a file that was recovered because it never ended.
     damage : str
         What could not be recovered.
     """
@@ -120,7 +120,8 @@ class Account:
     @property
     def complete(self) -> bool:
         """Whether the recording goes on to the end of the session."""
-        return any(part.ended == "complete" for part in self.parts)
+        last = max(part.next_record for part in self.parts)
+        return any(part.next_record == last and part.ended == "complete" for part in self.parts)
 
     @property
     def sound(self) -> bool:
@@ -182,7 +183,7 @@ def account_of(paths: Sequence[Path]) -> Account:
     losses = [[*_losses(found, causes)] for found in read]
     ticks = np.concatenate([found.ticks for found in read])
     ticks = ticks[np.unique(ticks["tick"], return_index=True)[1]]
-    present, missing = _present(ticks["tick"])
+    present, missing = _present(ticks["tick"], _opened(events))
     lost, unexplained = _sort_out(missing, [loss.ticks for part in losses for loss in part] + _damaged_ticks(read))
     missing_records = _missing_records([found.part for found in read], losses)
     damaged = _damaged_records([found.part for found in read])
@@ -219,13 +220,19 @@ def _read(path: Path) -> _Read:
         return _Read(recording.metadata["session"], part, ticks, recording.events(), remarks)
 
 
-def _present(ticks: NDArray[np.int64]) -> tuple[tuple[Stretch, ...], list[Stretch]]:
+def _opened(events: dict[int, EventRecord]) -> int:
+    """Tick with which the session was opened: of those before, nothing is recorded."""
+    first = events.get(0)
+    return first.tick if first is not None and first.name == BLOCK_BEGAN else 0
+
+
+def _present(ticks: NDArray[np.int64], opened: int) -> tuple[tuple[Stretch, ...], list[Stretch]]:
     """Stretches of ticks that are there, and those missing between them and before the first."""
     if not ticks.size:
         return (), []
-    gaps = find_gaps(np.concatenate([[-1], ticks]))
+    gaps = find_gaps(np.concatenate([[opened - 1], ticks]))
     missing = [Stretch(gap.first, gap.first + gap.count - 1) for gap in gaps]
-    there = _sort_out([Stretch(0, int(ticks[-1]))], missing)[1]
+    there = _sort_out([Stretch(opened, int(ticks[-1]))], missing)[1]
     return there, missing
 
 

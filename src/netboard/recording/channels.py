@@ -24,7 +24,7 @@ from netboard.tick import TICK
 from netboard.wire.codec import decode
 from netboard.wire.messages import ClockRecord, EventRecord, FrameRecord, Safeguard, TickRecord
 
-FORMAT_VERSION = "1"
+FORMAT_VERSION = "2"
 """Grows when a reader of the version before would misread a file."""
 
 Record = TickRecord | EventRecord | ClockRecord | FrameRecord
@@ -120,12 +120,14 @@ _TICK_TEXTS: dict[str, tuple[str, str]] = {
     "phase": (f"phase of the trial: {_numbered(Phase)}", "1"),
     "target": ("side of the target: -1 left, +1 right", "1"),
     "trial": ("number of the trial in the block, from 1", "1"),
-    "attempt": ("number of the attempt at this trial, from 1", "1"),
+    "attempt": ("number of the attempt at this trial, from 1; 0 if it was skipped to in a pause", "1"),
     "successes": ("successful trials in the block", "1"),
     "failures": ("failed attempts in the block", "1"),
     "counted": ("ticks level (levelling) or inside the target (holding)", "1"),
     "run_ticks": ("ticks since the release", "1"),
     "mark_ticks": ("run_ticks when the ball came into the target", "1"),
+    "extra": ("trials that operators have added to the block", "1"),
+    "block_ticks": ("ticks that the block has taken, without pauses", "1"),
     "event": (f"what changed the phase at this tick: {_numbered(Cause)}", "1"),
     "late_ns": ("how late the tick began; negative: before its deadline, all samples being there", "ns"),
 }
@@ -136,6 +138,7 @@ _SIDE_TEXTS: dict[str, tuple[str, str]] = {
     "stamp_ns": ("when that sample was read, server time", "ns"),
     "sent_z": ("height of the {} stylus as sent", "m"),
     "sent_vz": ("rate of sent_z", "m/s"),
+    "other": ("force on a {} hand in another session, which is felt where unrelated forces are; else 0", "N"),
     "z": ("height of the {} stylus as last used, part of the state", "m"),
     "seen_ns": ("when the newest {} sample was read, 0 before the first, part of the state", "ns"),
     "seen_vz": ("rate of the {} stylus in it, part of the state", "m/s"),
@@ -144,13 +147,13 @@ _SIDE_TEXTS: dict[str, tuple[str, str]] = {
     "used_vz": ("rate used with it", "m/s"),
     "used_az": ("acceleration used with it, kept through the tick", "m/s2"),
     "coupling": ("force of the {} coupling on the board, + = up", "N"),
-    "force": ("force sent to the {} hand, + = up; 0 without haptics or a live stylus", "N"),
+    "force": ("force to be felt by the {} hand, + = up; told [block] force_delay_ms later; 0 where nothing is", "N"),
     "x": ("{} stylus, out of the screen, as sent", "m"),
     "y": ("{} stylus, to the right, as sent", "m"),
     "rendered": ("vertical force the {} agent last handed to its device, + = up", "N"),
     "safeguards": (f"what the {{}} agent's safety chain did: {_SAFEGUARDS}", "1"),
     "buttons": ("bit mask of the pressed buttons of the {} stylus", "1"),
-    "loop_ns": ("{} stylus read to rendering of the force computed from it, 0 for none yet", "ns"),
+    "loop_ns": ("{} stylus read to rendering of the answer to it, 0 for none yet", "ns"),
     "lead_ns": ("how long before the deadline of a tick the {} sample arrived", "ns"),
 }
 

@@ -105,6 +105,23 @@ def require_space(folder: Path, free: int) -> None:
         raise RecordingError(f"{folder}: only {space}, and a recording stops at {LEAST_BYTES / 1e6:.0f} MB")
 
 
+def sync_directory(directory: Path) -> None:
+    """Make a new name in a directory survive a power cut, where the system offers it.
+
+    Raises
+    ------
+    OSError
+        If the disk refuses.
+    """
+    if not hasattr(os, "O_DIRECTORY"):
+        return
+    handle = os.open(directory, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
 def allocate(handle: int, start: int, count: int) -> bool:
     """Keep space for a file behind its end, so that nobody else can take it; False where systems do not offer that.
 

@@ -18,7 +18,7 @@ from mcap.writer import CompressionType, Writer
 
 from netboard.errors import RecordingError
 from netboard.recording.channels import CHANNELS, Stamped
-from netboard.recording.disk import allocate
+from netboard.recording.disk import allocate, sync_directory
 
 PROFILE = "netboard"
 """Profile in the MCAP header of a recording."""
@@ -49,17 +49,6 @@ def _disk(path: Path) -> Iterator[None]:
         raise RecordingError(f"{path}: cannot be written: {error.strerror or error}") from error
 
 
-def _sync_directory(directory: Path) -> None:
-    """Make a new name in a directory survive a power cut, where the system offers it."""
-    if not hasattr(os, "O_DIRECTORY"):
-        return
-    handle = os.open(directory, os.O_RDONLY | os.O_DIRECTORY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
-
-
 def _publish(part: Path, path: Path) -> None:
     """Give a finished file its name, never over an existing one."""
     try:
@@ -73,7 +62,7 @@ def _publish(part: Path, path: Path) -> None:
         part.rename(path)
     else:
         part.unlink()
-    _sync_directory(path.parent)
+    sync_directory(path.parent)
 
 
 class PartFile:
@@ -120,7 +109,7 @@ class PartFile:
                 for channel in CHANNELS:
                     schema_id = self._mcap.register_schema(channel.schema_name, "jsonschema", channel.schema())
                     self._mcap.register_channel(channel.topic, "msgpack", schema_id)
-                _sync_directory(path.parent)
+                sync_directory(path.parent)
         except RecordingError:
             self.discard()
             raise
@@ -267,7 +256,7 @@ class PartFile:
             shutil.copyfileobj(old, new)
             new.flush()
             os.dup2(new.fileno(), self._file.fileno())
-        _sync_directory(self.part.parent)
+        sync_directory(self.part.parent)
 
     def _reserve(self) -> None:
         """Keep room behind the end, before it is needed."""

@@ -55,7 +55,7 @@ def provenance(welcome: Welcome, config: Config, part: int, utc_ns: int, monoton
     config : Config
         The configuration in it, parsed.
     part : int
-        Number of the file within its session, from 1 [1].
+        Number of the file within its block, from 1 [1].
     utc_ns : int
         Wall-clock time of opening the file, which is the log time then [ns].
     monotonic_ns : int
@@ -68,6 +68,9 @@ def provenance(welcome: Welcome, config: Config, part: int, utc_ns: int, monoton
         "name": config.session.name,
         "dyad": config.session.dyad,
         "pilot": str(config.session.pilot).lower(),
+        "study": config.session.study,
+        "block": str(config.block.number),
+        "blocks": str(config.block.blocks),
         "config_sha256": config_sha256(welcome.config.encode()),
         "opened_utc": datetime.fromtimestamp(utc_ns // 1_000_000_000, UTC).isoformat(),
         "opened_log_ns": str(utc_ns),
@@ -125,12 +128,15 @@ def next_recording(directory: Path, config: Config, session: str, utc_ns: int) -
     Path
         A name that no file has, finished or not.
     int
-        Number of the file within its session, from 1 [1].
+        Number of the file within its block, from 1 [1].
     """
     stem, short = f"{config.session.name}_{config.session.dyad}", _short(session)
-    pattern = re.compile(rf"{re.escape(stem)}_\d{{8}}T\d{{6}}Z_{short}(?:_part(\d+))?(?:\.recovered)?\.mcap(?:\.part)?")
+    block = f"_block{config.block.number:02d}" if config.block.blocks > 1 else ""
+    pattern = re.compile(
+        rf"{re.escape(stem)}_\d{{8}}T\d{{6}}Z_{short}{block}(?:_part(\d+))?(?:\.recovered)?\.mcap(?:\.part)?"
+    )
     found = (pattern.fullmatch(file.name) for file in directory.iterdir())
     part = 1 + max((int(match[1] or 1) for match in found if match), default=0)
     stamp = datetime.fromtimestamp(utc_ns // 1_000_000_000, UTC).strftime("%Y%m%dT%H%M%SZ")
     suffix = f"_part{part}" if part > 1 else ""
-    return directory / f"{stem}_{stamp}_{short}{suffix}.mcap", part
+    return directory / f"{stem}_{stamp}_{short}{block}{suffix}.mcap", part

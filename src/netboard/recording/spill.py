@@ -87,11 +87,10 @@ class Spill:
     def __init__(self, path: Path, welcome: Welcome, most_bytes: int) -> None:
         self.path = path
         self.trouble = ""
-        opened = EventRecord(0, -1, welcome.server_ns, OPENED, {"utc_ns": str(time.time_ns())})
-        self._introduction = MAGIC + _block_of(encode(welcome)) + _block_of(encode(opened))
+        self._opened = EventRecord(0, -1, welcome.server_ns, OPENED, {"utc_ns": str(time.time_ns())})
         self._most_bytes = most_bytes
         self._blocks: list[_Block] = []
-        self._end = len(self._introduction)
+        self.introduce(welcome)
         self._file: FileIO | None = None
         # Between the threads: blocks to write, with None where the file is to be deleted; blocks to read; blocks read.
         self._unwritten: deque[_Block | None] = deque()
@@ -100,6 +99,12 @@ class Spill:
         self._loaded: deque[_Block] = deque()
         self._rest: Iterable[LogBatch] = ()
         self._thread: Thread | None = None
+
+    def introduce(self, welcome: Welcome) -> None:
+        """Let the file begin with this, unless something is in it already."""
+        if not self._blocks:
+            self._introduction = MAGIC + _block_of(encode(welcome)) + _block_of(encode(self._opened))
+            self._end = len(self._introduction)
 
     @property
     def next(self) -> int:

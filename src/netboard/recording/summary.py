@@ -13,11 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.experiment.machine import BALL_FREE, Cause
-from netboard.tick import TICK_SECONDS
+from netboard.tick import LATE_NS, TICK_SECONDS
 from netboard.wire.messages import ClockRecord, EventRecord, FrameRecord, Safeguard
-
-LATE_NS = 500_000
-"""A tick that began later than this is late: half a tick [ns]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +111,8 @@ class Attempt:
     completion: float
 
 
-_OUTCOMES = {Cause.HELD: "success", Cause.FELL: "fell", Cause.TIMED_OUT: "timed_out"}
+_OUTCOMES = {Cause.HELD: "success", Cause.FELL: "fell", Cause.TIMED_OUT: "timed_out", Cause.LAST: "skip"}
+"""Other attempts end with a command, and are called by it. While the ball rolls, the block's end is a skip."""
 
 
 def find_attempts(ticks: NDArray[Any]) -> tuple[Attempt, ...]:

@@ -97,6 +97,11 @@ class RecordingWriter:
         """Name until `finish`."""
         return self._file.part
 
+    @property
+    def size(self) -> int:
+        """Bytes in the file so far [1]."""
+        return self._file.size
+
     def space(self, now_ns: int) -> Space:
         """Tell how much space there is where the recording is written.
 

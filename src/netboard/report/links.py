@@ -17,7 +17,7 @@ def status_tables(status: Status) -> RenderableType:
     status : Status
         What the server has answered.
     """
-    return Group(*_lines(status), _links(status))
+    return Group(*_lines(status), _links(status), *_loops(status))
 
 
 def _lines(status: Status) -> list[Text]:
@@ -53,6 +53,14 @@ def _links(status: Status) -> Table:
             str(lost),
         )
     return table
+
+
+def _loops(status: Status) -> list[Text]:
+    """From stylus to force: the delay of late, and how much of it is stable."""
+    return [
+        Text(f"{what}: stylus to force {_milliseconds(late)} of late; left alone, stable to {_milliseconds(most)}")
+        for what, late, most in status.loops
+    ]
 
 
 def _milliseconds(seconds: float) -> str:

@@ -5,7 +5,7 @@ A verdict is a claim and whether the numbers beside it bear it out; it is comput
 
 import csv
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from math import isfinite
 from pathlib import Path
@@ -96,14 +96,14 @@ class Folder:
             raise ConfigError(f"{path}: is there already; --force writes into it") from error
         self.path = path
 
-    def write(self, parts: Sequence[Part], about: dict[str, Any]) -> None:
+    def write(self, parts: Sequence[Part], about: Mapping[str, Any]) -> None:
         """Write a table for each part, and everything in one JSON file.
 
         Parameters
         ----------
         parts : sequence of Part
             What was found.
-        about : dict
+        about : mapping of str
             What was asked for, for the head of the JSON file.
         """
         for part in parts:

@@ -28,6 +28,7 @@ from netboard.wire.messages import (
     ClockRecord,
     Command,
     EventRecord,
+    Felt,
     Force,
     FrameRecord,
     Frames,
@@ -39,13 +40,20 @@ from netboard.wire.messages import (
     LogRequest,
     Message,
     Move,
+    Outcomes,
+    OutcomesRequest,
     Ping,
+    Point,
+    Pointer,
     Pong,
     Refusal,
+    Reply,
     Status,
     StatusRequest,
     Stylus,
     TickRecord,
+    Trace,
+    TraceRequest,
     View,
     Welcome,
 )
@@ -82,26 +90,54 @@ KINDS: dict[int, Kind] = {
     10: Kind(Stylus, 256),
     11: Kind(Force, 64),
     12: Kind(Beat, 64),
+    13: Kind(Point, 128),
     20: Kind(View, 4096),
     21: Kind(Frames, 65_536, 2048),
     30: Kind(LogRequest, 64),
     31: Kind(LogBatch, 1_048_576, 4096),
-    32: Kind(LogAck, 64),
+    32: Kind(LogAck, 1024),
     33: Kind(LogEnd, 64),
     34: Kind(TickRecord, 4096),
     35: Kind(EventRecord, 65_536),
     36: Kind(ClockRecord, 256),
     37: Kind(FrameRecord, 256),
-    50: Kind(Command, 64),
+    50: Kind(Command, 65_536),
     51: Kind(StatusRequest, 16),
     52: Kind(Status, 262_144, 10_240),
+    53: Kind(Reply, 4096),
+    54: Kind(OutcomesRequest, 64),
+    55: Kind(Outcomes, 65_536, 512),
+    56: Kind(TraceRequest, 64),
+    57: Kind(Trace, 65_536, 512),
     60: Kind(Move, 128),
+    61: Kind(Pointer, 64),
+    62: Kind(Felt, 64),
 }
 """The numbers on the wire. Append only; 127 is the highest."""
 
 ROLES = ("agent", "display", "logger", "console")
 SIDES = ("left", "right")
-COMMANDS = ("start", "pause", "resume", "abort", "stop", "shutdown")
+COMMANDS = (
+    "start",  # the block
+    "pause",  # at once
+    "resume",
+    "abort",  # give up this attempt, and try again
+    "stop",  # the block, at once
+    "emergency_stop",  # no device has a force any more
+    "emergency_release",  # they may be armed again
+    "take",  # be the commander
+    "open",  # the session: its form, as JSON
+    "arm",  # devices may have forces
+    "disarm",
+    "pause_after_trial",
+    "repeat",  # one more trial at the end of the block, for the last one or the one named
+    "veto",  # take that back
+    "skip",  # count this trial as done without a success
+    "stop_after_block",  # the session
+    "next",  # give up what is left of this block, and go on with the next one
+    "end",  # the session, and with it the server; it can be resumed
+    "note",  # for the recording
+)
 
 CHOICES: dict[tuple[type[Message], str], tuple[str, ...]] = {
     (Hello, "role"): ROLES,
@@ -111,6 +147,8 @@ CHOICES: dict[tuple[type[Message], str], tuple[str, ...]] = {
     (FrameRecord, "station"): SIDES,
     (Command, "name"): COMMANDS,
     (Move, "side"): SIDES,
+    (Pointer, "side"): SIDES,
+    (Felt, "side"): SIDES,
 }
 """Fields that allow only some strings."""
 

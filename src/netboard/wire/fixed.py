@@ -1,8 +1,9 @@
 """The frames of the 1 kHz exchange in their fixed form, read and written by compiled code.
 
 A message of numbers only has a frame of fixed length if every number takes its widest form: nine bytes, a marker and
-the 64 bits of an integer or a float. Netboard writes `Stylus` and `Force` like that and reads such frames without
-making an object of each number; `netboard.wire.codec` reads them as it reads any other form of the same message.
+the 64 bits of an integer or a float. Netboard writes `Stylus`, `Force` and `Point` like that and reads such frames
+without making an object of each number; `netboard.wire.codec` reads them as it reads any other form of the same
+message.
 
 In memory such a message is a row of words of 64 bits, one for each field, whatever its type: `fields_of` gives the
 record that names them.
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 
 from netboard.compiled import kernel
 from netboard.wire.codec import KINDS
-from netboard.wire.messages import Force, Message, Stylus
+from netboard.wire.messages import Force, Message, Point, Stylus
 
 WIDE = 9
 """Bytes of a number in its widest form [1]."""
@@ -80,7 +81,7 @@ def packer_of(message: type[Message]) -> struct.Struct:
     return struct.Struct("<" + "".join("d" if kind == "<f8" else "q" for _, kind in fields_of(message)))
 
 
-STYLUS, FORCE = form_of(Stylus), form_of(Force)
+STYLUS, FORCE, POINT = form_of(Stylus), form_of(Force), form_of(Point)
 
 
 @kernel

@@ -8,7 +8,11 @@ unless a field says "server time"; all other quantities are SI. PROTOCOL.md says
 from dataclasses import dataclass
 from enum import IntFlag
 
-PROTOCOL_VERSION = 2
+PROTOCOL_VERSION = 4
+
+BLOCK_BEGAN = "block_began"
+"""Name of the event with which a block begins; its detail ``config`` is the block's configuration. All records from it
+on belong to that block: a logger begins another file with it."""
 
 
 class Safeguard(IntFlag):
@@ -32,6 +36,12 @@ class Safeguard(IntFlag):
         A force or a reading was not a finite number: no force.
     DEVICE_LOST
         The device does not answer.
+    WORN
+        The motors have given so much for so long that less is allowed for a while.
+    STOPPED
+        An emergency stop at the device: no force.
+    NOT_READY
+        The device is not calibrated, not in a hand or outside of its workspace: no force.
     """
 
     ARMED = 1
@@ -42,6 +52,9 @@ class Safeguard(IntFlag):
     TOO_FAST = 32
     NOT_FINITE = 64
     DEVICE_LOST = 128
+    WORN = 256
+    STOPPED = 512
+    NOT_READY = 1024
 
 
 # --- meeting -----------------------------------------------------------------------------------------------------
@@ -77,7 +90,7 @@ class Hello:
 
 @dataclass(frozen=True, slots=True)
 class Welcome:
-    """The server's answer to an accepted `Hello`.
+    """The server's answer to an accepted `Hello`; it comes again, to everybody, when a block begins.
 
     Attributes
     ----------
@@ -88,7 +101,7 @@ class Welcome:
     server_ns : int
         Server time when this was sent [ns].
     config : str
-        The resolved configuration, as TOML.
+        The resolved configuration of the block, as TOML.
     """
 
     session: str
@@ -187,7 +200,7 @@ class Stylus:
     sent_ns : int
         When this message was sent: t2 of a clock probe [ns].
     loop_ns : int
-        Stylus read to the rendering of the first force computed from it, for the newest such pair; 0 for none yet [ns].
+        Stylus read to the rendering of the first answer to it, for the newest such pair; 0 for none yet [ns].
     """
 
     seq: int
@@ -234,8 +247,45 @@ class Force:
 
 
 @dataclass(frozen=True, slots=True)
+class Point:
+    """The board's control point of one side at one tick, in place of `Force` where agents compute their own.
+
+    Attributes
+    ----------
+    tick : int
+        Tick that it was found at [1].
+    sent_ns : int
+        Server time when this was sent [ns].
+    stylus_seq : int
+        Newest stylus sample received, -1 for none yet [1].
+    stamp_ns : int
+        The time it belongs to, on the agent's clock; 0 while the server does not know that [ns].
+    z : float
+        Height of the point [m].
+    vz : float
+        Its rate [m/s].
+    k : float
+        Stiffness of the coupling between stylus and point [N/m].
+    c : float
+        Its damping [N s/m].
+    lead_ns : int
+        How long before the deadline of a tick that sample arrived [ns].
+    """
+
+    tick: int
+    sent_ns: int
+    stylus_seq: int
+    stamp_ns: int
+    z: float
+    vz: float
+    k: float
+    c: float
+    lead_ns: int
+
+
+@dataclass(frozen=True, slots=True)
 class Beat:
-    """In place of `Force` where no force is rendered: the server is alive and the hand is to feel nothing vertical.
+    """In place of either where no force is rendered: the server is alive and the hand is to feel nothing vertical.
 
     Attributes
     ----------
@@ -274,7 +324,8 @@ class View:
     sent_ns : int
         Server time when it was sent [ns].
     phase : str
-        Name of the trial's phase (`netboard.experiment.machine.Phase`, lower case).
+        Name of the trial's phase (`netboard.experiment.machine.Phase`, lower case), or ``away`` at a station whose
+        participant has nothing to do in this block.
     z : float
         Height of the board's centre [m].
     theta : float
@@ -296,7 +347,15 @@ class View:
     best : float or None
         Best completion time of the block so far [s].
     notice : str
-        A line for the participant, or empty.
+        A line for the participant, a word that the display knows a line for (``again``), or empty.
+    seq : int
+        Number of the view at its station, from 0: what is missing was never shown [1].
+    share : float
+        How much of the time is over for which the board must be level, or the ball in the target; 0 to 1 [1].
+    block, blocks : int
+        Number of the block in its plan, from 1, and how many there are [1].
+    rest : float or None
+        What is left of the rest before the block; None without one [s].
     """
 
     station: str
@@ -315,6 +374,11 @@ class View:
     completion: float | None
     best: float | None
     notice: str
+    seq: int
+    share: float
+    block: int
+    blocks: int
+    rest: float | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -328,7 +392,8 @@ class Frames:
     shown : tuple of (int, int, int)
         For each frame: tick of the view, when it was received and when it was painted [1, ns, ns].
     dropped : int
-        Views since the start that were replaced by a newer one before they were painted, or painted late [1].
+        Refreshes since the start in which a view that had been sent did not come, or a picture that was due was not
+        painted [1].
     """
 
     station: str
@@ -381,10 +446,16 @@ class LogAck:
         Number of the first record that is not yet on disk [1].
     free_bytes : int
         Free space where the recording is written, in bytes [1].
+    file : str
+        Name of the file that is being written.
+    file_bytes : int
+        How large it is, in bytes [1].
     """
 
     durable: int
     free_bytes: int
+    file: str
+    file_bytes: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -486,7 +557,7 @@ class FrameRecord:
     received_ns, painted_ns : int
         When the view was received and painted, the display's clock [ns].
     dropped : int
-        Dropped views so far [1].
+        Dropped refreshes so far [1].
     """
 
     seq: int
@@ -502,15 +573,40 @@ class FrameRecord:
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """An operator's wish.
+    """An operator's wish. Whoever commands first is the commander; others may watch, and stop everything.
 
     Attributes
     ----------
     name : str
-        ``start``, ``pause``, ``resume``, ``abort``, ``stop`` (the block) or ``shutdown`` (the server).
+        One of ``netboard.wire.codec.COMMANDS``.
+    argument : str
+        What some of them need: a note's text, a form, a reason; else empty.
+    number : int
+        By which the answer is known [1].
     """
 
     name: str
+    argument: str
+    number: int
+
+
+@dataclass(frozen=True, slots=True)
+class Reply:
+    """The server's answer to a `Command`.
+
+    Attributes
+    ----------
+    number : int
+        The command's [1].
+    accepted : bool
+        Whether it is, or will be, carried out.
+    reason : str
+        Why not; or what will be done, and when. One sentence for people.
+    """
+
+    number: int
+    accepted: bool
+    reason: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -548,6 +644,38 @@ class Status:
         For each peer that is there: what it is (``agent.left``), host and process, version; time since it was heard
         [s], shortest round trip of late [s], bound of its clock's error [s], its drift [1e-6] (NaN: not known),
         messages a second [Hz], messages lost [1].
+    loops : tuple of (str, float, float)
+        For each agent that is there: what it is, the delay of its loop of late, from reading the stylus to rendering
+        what the server made of that (NaN: not known), and the largest that its device alone is stable with [s, s].
+    name, dyad, study : str
+        How the session is labelled.
+    pilot, consent : bool
+        Whether it is a pilot run; whether both participants have consented.
+    opened : bool
+        Whether the session's form is complete, so that a block may begin and everything is recorded.
+    armed : bool
+        Whether the operator lets devices have forces.
+    commander : str
+        Console whose commands count; empty: the next one's.
+    block, blocks : int
+        Number of the block in its plan, from 1, and how many there are [1].
+    label : str
+        What people call the block.
+    condition : str
+        Its configuration and force condition, in words.
+    rest : float
+        What is left of the rest before the block [s].
+    pending : str
+        What will be done after this trial or block, or empty.
+    outcomes : int
+        How many attempts have been judged in this session: what `OutcomesRequest` can ask for [1].
+    recordings : tuple of (str, float, int, int)
+        For each logger that is there: its file, time since it brought records to disk [s]; bytes written and bytes
+        free [1].
+    stations : tuple of (str, float, int, float, int, int)
+        For each side: its name, age of the newest sample (NaN: none) [s], `Safeguard` bits of the last tenth of a
+        second, vertical force rendered [N], and how many ticks of this attempt had no fresh sample, and a force at its
+        limit [1].
     """
 
     session: str
@@ -563,6 +691,82 @@ class Status:
     peers: tuple[str, ...]
     notice: str
     links: tuple[tuple[str, str, str, float, float, float, float, float, int], ...]
+    loops: tuple[tuple[str, float, float], ...]
+    name: str
+    dyad: str
+    study: str
+    pilot: bool
+    consent: bool
+    opened: bool
+    armed: bool
+    commander: str
+    block: int
+    blocks: int
+    label: str
+    condition: str
+    rest: float
+    pending: str
+    outcomes: int
+    recordings: tuple[tuple[str, float, int, int], ...]
+    stations: tuple[tuple[str, float, int, float, int, int], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class OutcomesRequest:
+    """Ask what has become of the attempts of this session.
+
+    Attributes
+    ----------
+    first : int
+        Number of the first one wanted, from 0 [1].
+    """
+
+    first: int
+
+
+@dataclass(frozen=True, slots=True)
+class Outcomes:
+    """What has become of some attempts, in order.
+
+    Attributes
+    ----------
+    first : int
+        Number of the first one [1].
+    attempts : tuple of (int, int, int, str, float, str, int)
+        For each: block, trial, attempt [1]; ``success``, ``fell``, ``timed_out``, ``aborted``, ``paused``, ``skipped``,
+        or ``incomplete`` where the server ended in it; its completion time (NaN: none) [s]; why it is doubtful, words
+        divided by commas, or empty; and the trial that it repeats, 0 for none [1].
+    """
+
+    first: int
+    attempts: tuple[tuple[int, int, int, str, float, str, int], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class TraceRequest:
+    """Ask for what has happened of late, to draw it.
+
+    Attributes
+    ----------
+    after : int
+        Ticks after this one are wanted, as far as the server remembers: a second or so [1].
+    """
+
+    after: int
+
+
+@dataclass(frozen=True, slots=True)
+class Trace:
+    """Every fifth tick of late.
+
+    Attributes
+    ----------
+    points : tuple of (int, float, float, float, float, float, float, float)
+        For each: tick [1]; height of the left and the right stylus and of the board's centre [m]; tilt [rad]; ball
+        position, NaN without one [m]; vertical force on the left and the right hand, as rendered [N].
+    """
+
+    points: tuple[tuple[int, float, float, float, float, float, float, float], ...]
 
 
 # --- nerve: the brain of a simulated bimanual participant -> the agent with the other hand ------------------------
@@ -590,6 +794,41 @@ class Move:
     displacement: float
 
 
+# --- pointer and felt: a played display <-> the agent of its own side, on the station's machine ------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Pointer:
+    """Where the player points in the display's window: there the hand of this side goes.
+
+    Attributes
+    ----------
+    side : str
+        The hand that is played.
+    z : float or None
+        Height of the pointer in the scene's frame; None before the player has pointed anywhere [m].
+    """
+
+    side: str
+    z: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Felt:
+    """What a played hand would feel.
+
+    Attributes
+    ----------
+    side : str
+        The hand that is played.
+    force : float
+        Vertical force on the hand, after all limits, + = up [N].
+    """
+
+    side: str
+    force: float
+
+
 Message = (
     Hello
     | Welcome
@@ -599,6 +838,7 @@ Message = (
     | Pong
     | Stylus
     | Force
+    | Point
     | Beat
     | View
     | Frames
@@ -611,7 +851,14 @@ Message = (
     | ClockRecord
     | FrameRecord
     | Command
+    | Reply
     | StatusRequest
     | Status
+    | OutcomesRequest
+    | Outcomes
+    | TraceRequest
+    | Trace
     | Move
+    | Pointer
+    | Felt
 )

@@ -45,7 +45,7 @@ let seq = 0n;
 let session = newSession("");
 let seen = { samples: 0, forces: 0, beats: 0, lead_ns: null };
 
-/** What is counted anew in every session; the samples' own numbers go on. */
+/** What is counted anew in every session, not with every block; the samples' own numbers go on. */
 function newSession(id) {
   const answer = { force_tick: -1n, force_sent_ns: 0n, force_received_ns: 0n };
   return { id, answer, rendered_seq: -1n, loop_ns: 0n };
@@ -81,7 +81,7 @@ function steerBy(lead) {
 }
 
 function rendered(message, received) {
-  if (message.is === "Beat" && message.arm) safety.arm(received);
+  if (message.is === "Beat") message.arm ? safety.arm(received) : safety.disarm();
   safety.hear(message.is === "Force" ? message.force : 0, received);
   const from = message.stylus_seq;
   if (message.is === "Beat" || from <= session.rendered_seq || seq - from > REMEMBERED) return;
@@ -122,7 +122,7 @@ async function listen() {
 }
 
 function report() {
-  say({ armed: safety.armed, ...seen, loop_ns: session.loop_ns, z: hand.z, lost: link.lost });
+  say({ armed: safety.armed, ...seen, loop_ns: session.loop_ns, z: hand.z, lost: link.lost, welcomes: link.welcomes });
   seen = { ...seen, samples: 0, forces: 0, beats: 0 };
 }
 

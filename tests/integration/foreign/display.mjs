@@ -24,7 +24,8 @@ let picture = "";
 let heardNs = now();
 let limitMs = 500;
 let lengthM = 1;
-const counts = { views: 0, frames: 0, dropped: 0, pings: 0, partner_seen: 0 };
+let following = null;
+const counts = { views: 0, missed: 0, frames: 0, dropped: 0, pings: 0, partner_seen: 0 };
 
 /** The board, the ball and the target, from one end of the line to the other. */
 function draw(view) {
@@ -32,7 +33,8 @@ function draw(view) {
   const column = (p) => Math.max(0, Math.min(40, Math.round(20 + (40 * p) / lengthM)));
   line[column(view.target)] = "U";
   if (view.p !== null) line[column(view.p)] = "o";
-  return `${line.join("")} ${view.phase} ${view.trial}/${view.trials} ${((view.theta * 180) / Math.PI).toFixed(1)} deg`;
+  const tilt = `${((view.theta * 180) / Math.PI).toFixed(1)} deg`;
+  return `${line.join("")} ${view.phase} ${view.trial}/${view.trials} of block ${view.block}/${view.blocks} ${tilt}`;
 }
 
 function paint() {
@@ -53,6 +55,8 @@ async function watch() {
     if (view === null) continue;
     heardNs = now();
     counts.views += 1;
+    if (following !== null && view.seq > following) counts.missed += Number(view.seq - following);
+    following = view.seq + 1n;
     if (view[OTHER[station]] !== null) counts.partner_seen += 1;
     if (waiting !== null) counts.dropped += 1;
     waiting = { view, received: heardNs };
@@ -78,7 +82,7 @@ function reportFrames() {
   link.send(encode("Frames", { station, shown: shown.splice(0), dropped: BigInt(counts.dropped) }));
 }
 
-const tell = () => say({ picture, ...counts, lost: link.lost });
+const tell = () => say({ picture, ...counts, lost: link.lost, welcomes: link.welcomes });
 
 process.on("SIGTERM", async () => {
   reportFrames();

@@ -1,5 +1,5 @@
 // A peer's end of a channel with a way back (PROTOCOL.md, sections 1, 4 and 6): says Hello until it is welcome, and again
-// after a silence, a Goodbye or a Refusal.
+// after a silence, a Goodbye or a Refusal. A Welcome that comes again in the same session is another block.
 
 import { hostname } from "node:os";
 import { Dealer } from "zeromq";
@@ -31,6 +31,7 @@ export class Link {
   #timer;
   lost = 0;
   welcome = null;
+  welcomes = 0;
 
   constructor(address, role, side) {
     const name = `${hostname()}:${process.pid}`;
@@ -80,6 +81,7 @@ export class Link {
   #welcomed(message) {
     if (message.session !== this.welcome?.session) say({ Welcome: message.session });
     this.welcome = message;
+    this.welcomes += 1;
   }
 
   #unwelcome(message) {

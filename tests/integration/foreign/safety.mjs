@@ -35,6 +35,10 @@ export class Safety {
     this.#armedNs ??= now;
   }
 
+  disarm() {
+    this.#armedNs = null;
+  }
+
   /** Hand the device what it may get now. Called with every force and at every reading. */
   render(now) {
     const silent = this.#heardNs === null ? Infinity : Number(now - this.#heardNs) / 1e6;

@@ -5,7 +5,7 @@
 
 import { decode as unpack, encode as pack } from "@msgpack/msgpack";
 
-export const PROTOCOL_VERSION = 2n;
+export const PROTOCOL_VERSION = 4n;
 
 const TABLES = `
   1 Hello role:str side:str protocol:int name:str version:str details:map
@@ -18,23 +18,35 @@ const TABLES = `
            rendered:float force_tick:int force_sent_ns:int force_received_ns:int sent_ns:int loop_ns:int
  11 Force tick:int sent_ns:int stylus_seq:int force:float lead_ns:int
  12 Beat tick:int sent_ns:int stylus_seq:int lead_ns:int arm:bool
+ 13 Point tick:int sent_ns:int stylus_seq:int stamp_ns:int z:float vz:float k:float c:float lead_ns:int
  20 View station:str tick:int sent_ns:int phase:str z:float theta:float p:float? target:float left:float? right:float?
-         trial:int trials:int failures:int completion:float? best:float? notice:str
+         trial:int trials:int failures:int completion:float? best:float? notice:str seq:int share:float block:int
+         blocks:int rest:float?
  21 Frames station:str shown:(int,int,int)* dropped:int
  30 LogRequest first:int
  31 LogBatch first:int lost:int records:bin*
- 32 LogAck durable:int free_bytes:int
+ 32 LogAck durable:int free_bytes:int file:str file_bytes:int
  33 LogEnd last:int
  34 TickRecord row:bin
  35 EventRecord seq:int tick:int time_ns:int name:str details:map
  36 ClockRecord seq:int peer:str t0_ns:int t1_ns:int t2_ns:int t3_ns:int offset_ns:int bound_ns:int drift_ppm:float
  37 FrameRecord seq:int station:str tick:int received_ns:int painted_ns:int dropped:int
- 50 Command name:str
+ 50 Command name:str argument:str number:int
  51 StatusRequest
  52 Status session:str tick:int phase:str trial:int trials:int successes:int failures:int completions:float*
            late_ticks:int waiting_for:str* peers:str* notice:str
-           links:(str,str,str,float,float,float,float,float,int)*
+           links:(str,str,str,float,float,float,float,float,int)* loops:(str,float,float)*
+           name:str dyad:str study:str pilot:bool consent:bool opened:bool armed:bool commander:str block:int blocks:int
+           label:str condition:str rest:float pending:str outcomes:int recordings:(str,float,int,int)*
+           stations:(str,float,int,float,int,int)*
+ 53 Reply number:int accepted:bool reason:str
+ 54 OutcomesRequest first:int
+ 55 Outcomes first:int attempts:(int,int,int,str,float,str,int)*
+ 56 TraceRequest after:int
+ 57 Trace points:(int,float,float,float,float,float,float,float)*
  60 Move side:str delay:float duration:float displacement:float
+ 61 Pointer side:str z:float?
+ 62 Felt side:str force:float
 `;
 
 const MESSAGES = TABLES.trim().split(/\n(?= *\d)/).map((entry) => {

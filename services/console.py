@@ -1,0 +1,37 @@
+"""The operator's window as a process."""
+
+import os
+from pathlib import Path
+
+from netboard.config import Config
+from netboard.process import Stopping, make_way, speak
+
+
+def main(config: Config, *, screenshot: Path | None = None, after: float | None = None, offscreen: bool = False) -> int:
+    """Show the operator's window until it is closed or the process is told to stop.
+
+    Parameters
+    ----------
+    config : Config
+        Where the server is, and what is too much.
+    screenshot : Path or None
+        Where a picture goes.
+    after : float or None
+        When it is taken, after the server's first word [s]; None takes it then and stops.
+    offscreen : bool
+        Draw without a screen.
+
+    Returns
+    -------
+    int
+        Exit code.
+    """
+    speak("console")
+    make_way(config.realtime)
+    if offscreen:
+        os.environ["QT_QPA_PLATFORM"] = "offscreen"
+    from netboard.console import desk
+
+    with Stopping() as stopping:
+        desk.run(config, stopping, screenshot, after)
+    return 0

@@ -1,0 +1,168 @@
+"""An operator's command from a shell, and the emergency stop."""
+
+import json
+import sys
+import time
+from select import select
+
+from rich.console import Console
+
+from netboard import sockets
+from netboard.config import Config
+from netboard.errors import NetboardError
+from netboard.nodes import alarm
+from netboard.nodes.operator import ANSWER_SECONDS, Operator
+from netboard.process import Stopping
+from netboard.services.status import asked, plain
+from netboard.wire.messages import Reply, Status
+
+LOOK_SECONDS = 0.05
+"""A keyboard and the server are looked at so often [s]."""
+
+
+def command(
+    config: Config, name: str, argument: str, *, take: bool, until: str | None, seconds: float | None, as_json: bool
+) -> int:
+    """Tell the server what to do, and say what becomes of it.
+
+    Parameters
+    ----------
+    config : Config
+        Where the server is.
+    name, argument : str
+        The command, and what it needs to know.
+    take : bool
+        Become the commander first, whoever commands now.
+    until : str or None
+        Wait then until the trial is in this phase.
+    seconds : float or None
+        At most so long; None for ever [s].
+    as_json : bool
+        Answer and status as one line of JSON.
+
+    Returns
+    -------
+    int
+        Exit code: 1 if the server refuses, or the phase does not come.
+
+    Raises
+    ------
+    NetboardError
+        If the server does not answer.
+    """
+    with sockets.open_context() as context:
+        operator = Operator(config.network, context)
+        try:
+            status = asked(operator, config)
+            reply = operator.do("take") if take else None
+            if reply is None or reply.accepted:
+                reply = end(operator) if name == "end" else operator.do(name, argument)
+            if name != "end":
+                status = asked(operator, config)
+            if reply.accepted and until is not None:
+                status = wait(operator, config, until, seconds)
+        finally:
+            operator.leave()
+    if as_json:
+        print(json.dumps({"accepted": reply.accepted, "reason": reply.reason, "status": plain(status)}))  # noqa: T201
+    elif not reply.accepted:
+        raise NetboardError(reply.reason)
+    else:
+        words = reply.reason or ("the server ends" if name == "end" else f"the trial is {status.phase}")
+        print(f"{name}: {words}")  # noqa: T201
+    return 0 if reply.accepted and until in (None, status.phase) else 1
+
+
+def end(operator: Operator) -> Reply:
+    """End the session. The server's answer may be lost with the link; that nobody answers any more is one too."""
+    try:
+        return operator.do("end")
+    except NetboardError:
+        if operator.ask(ANSWER_SECONDS) is not None:
+            raise
+        return Reply(0, True, "no server answers any more")
+
+
+def wait(operator: Operator, config: Config, until: str, seconds: float | None) -> Status:
+    """Wait for a phase of the trial, or for the end of the time."""
+    began = time.monotonic()
+    with Stopping() as stopping:
+        while True:
+            status = asked(operator, config)
+            over = seconds is not None and time.monotonic() - began > seconds
+            if status.phase == until or over or stopping():
+                return status
+            operator.attend(LOOK_SECONDS)
+
+
+def emergency(config: Config, *, release: bool, guard: bool) -> int:
+    """Take all forces away, at once or when a key is pressed; or allow them again.
+
+    Parameters
+    ----------
+    config : Config
+        Where the server is.
+    release : bool
+        Devices may be armed again.
+    guard : bool
+        Stand by, and stop with any key.
+
+    Returns
+    -------
+    int
+        Exit code.
+
+    Raises
+    ------
+    NetboardError
+        If the server does not answer, or has not done it in time.
+    """
+    console = Console(highlight=False)
+    with sockets.open_context() as context:
+        operator = Operator(config.network, context)
+        try:
+            if guard and not key_pressed(operator, config, console):
+                return 0
+            told(operator, config, alarm.RELEASE if release else alarm.STOP)
+        finally:
+            operator.leave()
+    if release:
+        console.print("The emergency stop is released. When everybody is ready: netboard control resume")
+    else:
+        console.print("[bold red]EMERGENCY STOP[/]: no device has a force. To end it: netboard stop --release")
+    return 0
+
+
+def told(operator: Operator, config: Config, name: str) -> None:
+    """Give a command that must be carried out."""
+    asked(operator, config)
+    try:
+        reply = operator.do(name)
+    except NetboardError as error:
+        if name == alarm.STOP:
+            raise NetboardError(f"{error}: TAKE THE STYLUSES OUT OF THE HANDS") from None
+        raise
+    if not reply.accepted:
+        raise NetboardError(reply.reason)
+
+
+def key_pressed(operator: Operator, config: Config, console: Console) -> bool:
+    """Stand by until a key is pressed; False if asked to end."""
+    if not sys.stdin.isatty():
+        raise NetboardError("--guard needs a terminal: it waits for a key")
+    import termios
+    import tty
+
+    before = termios.tcgetattr(sys.stdin)
+    console.print("Standing by: [bold]any key[/] takes all forces away at once. Ctrl-C ends standing by.")
+    try:
+        tty.setcbreak(sys.stdin)
+        with Stopping() as stopping:
+            while not stopping():
+                if select([sys.stdin], [], [], LOOK_SECONDS)[0]:
+                    sys.stdin.read(1)
+                    return True
+                asked(operator, config)
+    finally:
+        termios.tcsetattr(sys.stdin, termios.TCSADRAIN, before)
+    return False

@@ -1,0 +1,130 @@
+"""The devices of a rig, one at a time and without a server: ``netboard devices``.
+
+What moves a device says so first, and waits for a sentence or ``--yes``.
+"""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from netboard.config import Side
+from netboard.services import configuration
+from netboard.services.configuration import ConfigFile, Overrides
+
+app = typer.Typer(
+    help="List, test, identify, watch and calibrate haptic devices, without a server.",
+    no_args_is_help=True,
+)
+
+Whose = Annotated[Side, typer.Option(help="The hand this device is for.")]
+Json = Annotated[bool, typer.Option("--json", help="One line of JSON.")]
+Yes = Annotated[bool, typer.Option("--yes", help="Ask nothing: who is at the device has agreed.")]
+Replace = Annotated[bool, typer.Option("--replace", help="Keep no copy (.bak) of the profile before.")]
+
+
+@app.command("list", epilog="Examples:\n\n  netboard devices list\n\n  netboard devices list --json")
+def list_(config: ConfigFile = None, overrides: Overrides = None, json: Json = False) -> None:
+    """Tell which devices are plugged in, by serial number, whether they may be opened, and which backends there are."""
+    settings = configuration.load(config, overrides or ())
+    from netboard.services import rig as service
+
+    raise typer.Exit(service.show_list(settings, as_json=json))
+
+
+@app.command(
+    "test",
+    epilog="Examples:\n\n  netboard devices test --side left -c rig.toml\n\n"
+    "  netboard devices test --side left -c rig.toml --force 0.3",
+)
+def examine(
+    side: Whose,
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    seconds: Annotated[float, typer.Option(min=2.0, max=600.0, help="For how long it is read (s).")] = 10.0,
+    force: Annotated[
+        float, typer.Option(min=0.0, max=1.0, metavar="N", help="Push so hard, to see how late it moves; 0: no force.")
+    ] = 0.0,
+    yes: Yes = False,
+    json: Json = False,
+) -> None:
+    """Measure a device's rate, jitter, resolution, noise, range and buttons; with --force, how late it answers.
+
+    Move the stylus about while it reads, press each button, and lay the stylus down for a second.
+    """
+    settings = configuration.load(config, overrides or ())
+    from netboard.services import rig as service
+
+    raise typer.Exit(service.examine(settings, side, seconds=seconds, force=force, yes=yes, as_json=json))
+
+
+@app.command(
+    epilog="Examples:\n\n  netboard devices identify --side left -c rig.toml\n\n"
+    "  netboard devices identify --side left -c rig.toml --held"
+)
+def identify(
+    side: Whose,
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    held: Annotated[
+        bool, typer.Option("--held", help="A hand holds the stylus: show what both are like, and write no profile.")
+    ] = False,
+    yes: Yes = False,
+    replace: Replace = False,
+    json: Json = False,
+) -> None:
+    """Find a device's mass, damping and friction by moving it gently, and write them to its profile."""
+    settings = configuration.load(config, overrides or ())
+    from netboard.services import rig as service
+
+    raise typer.Exit(service.identify(settings, side, held=held, yes=yes, replace_it=replace, as_json=json))
+
+
+@app.command(
+    epilog="Examples:\n\n  netboard devices monitor --side left -c rig.toml\n\n"
+    "  netboard devices monitor --side left --text"
+)
+def monitor(
+    side: Whose,
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    text: Annotated[bool, typer.Option("--text", help="In the terminal, without a window.")] = False,
+    seconds: Annotated[float | None, typer.Option(min=0.1, help="Stop after so long (s).")] = None,
+    screenshot: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Save the window as a PNG file when it ends.")
+    ] = None,
+) -> None:
+    """Show position, velocity and buttons of a device live, as the scene has them, with no force."""
+    settings = configuration.load(config, overrides or ())
+    from netboard.services import rig as service
+
+    raise typer.Exit(service.monitor(settings, side, text=text, screenshot=screenshot, seconds=seconds))
+
+
+@app.command(
+    epilog="Examples:\n\n  netboard devices calibrate --side left -c rig.toml\n\n"
+    "  netboard devices calibrate --side left --zero-only\n\n"
+    "  netboard devices calibrate --side left --set placement.zero_z=0.02"
+)
+def calibrate(
+    side: Whose,
+    config: ConfigFile = None,
+    overrides: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="TABLE.KEY=VALUE",
+            help="Set a value of the profile (placement.zero_z=0.02) in place of measuring it, or override one setting "
+            "of the configuration; may be given again.",
+        ),
+    ] = None,
+    zero_only: Annotated[bool, typer.Option("--zero-only", help="Only the neutral height.")] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="Wait five seconds before each place; ask nothing.")] = False,
+    replace: Replace = False,
+) -> None:
+    """Find the neutral height, the workspace and the scale of a device, and write them to its profile."""
+    from netboard.services import rig as service
+
+    given, others = service.placement_values(overrides or ())
+    settings = configuration.load(config, others)
+    raise typer.Exit(service.calibrate(settings, side, zero_only=zero_only, yes=yes, given=given, replace_it=replace))

@@ -1,0 +1,75 @@
+"""Plans of studies: ``netboard plan``. Nothing here needs a server, a device or a network."""
+
+from typing import Annotated
+
+import typer
+
+from netboard.services import configuration
+from netboard.services.configuration import ConfigFile, Overrides
+
+app = typer.Typer(
+    help="Show and check the plan of a study: which blocks, in which order, for which dyad.", no_args_is_help=True
+)
+
+STUDY_HELP = "A built-in study's name or a file; NAME:ORDER takes another of its orders."
+Seed = Annotated[int, typer.Option(min=0, max=2**31 - 1, help="Seed of everything that is drawn.")]
+
+
+@app.command(
+    epilog="Examples:\n\n  netboard plan show --study paper --dyad 3\n\n"
+    "  netboard plan show --study paper --dyads 8\n\n  netboard plan show --study paper:interleaved --json"
+)
+def show(
+    study: Annotated[str, typer.Option(metavar="STUDY", help=STUDY_HELP)] = "paper",
+    dyad: Annotated[int | None, typer.Option(min=1, help="Show the blocks of this dyad.")] = None,
+    dyads: Annotated[int | None, typer.Option(min=1, max=1000, help="Count the plans of so many dyads.")] = None,
+    seed: Seed = 1,
+    json: Annotated[bool, typer.Option("--json", help="One line of JSON.")] = False,
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+) -> None:
+    """Show the blocks of a dyad, and what is even over one or several."""
+    settings = configuration.load(config, overrides or ())
+    from netboard.services import studies as service
+
+    raise typer.Exit(service.show(settings, service.load(study), seed, dyad, dyads, as_json=json))
+
+
+@app.command(
+    epilog="Examples:\n\n  netboard plan check study.toml\n\n  netboard plan check study.toml --dyads 12 -c rig.toml"
+)
+def check(
+    study: Annotated[str, typer.Argument(metavar="STUDY", help=STUDY_HELP)],
+    dyads: Annotated[int, typer.Option(min=1, max=1000, help="For so many dyads.")] = 8,
+    seed: Seed = 1,
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+) -> None:
+    """Say whether a study is in order; exit with 2 and say why if its counts do not meet."""
+    settings = configuration.load(config, overrides or ())
+    from netboard.services import studies as service
+
+    raise typer.Exit(service.check(settings, service.load(study), study, seed, dyads))
+
+
+@app.command("list", epilog="Examples:\n\n  netboard plan list")
+def list_() -> None:
+    """List the built-in studies."""
+    from netboard.services import studies as service
+
+    raise typer.Exit(service.show_list())
+
+
+@app.command(epilog="Examples:\n\n  netboard plan template > study.toml\n\n  netboard plan template paper > study.toml")
+def template(
+    study: Annotated[
+        str, typer.Argument(metavar="NAME", help="A built-in study; else one that says what each key is.")
+    ] = "",
+) -> None:
+    """Print a commented study file to start from."""
+    from netboard.design import library
+    from netboard.errors import ConfigError
+
+    if study and study not in library.NAMES:
+        raise ConfigError(f"{study}: no built-in study; there are {', '.join(library.NAMES)}")
+    typer.echo(library.text_of(study or library.TEMPLATE), nl=False)

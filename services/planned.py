@@ -1,0 +1,215 @@
+"""A session by a plan: its blocks and its journal, from the beginning or from where it was left."""
+
+import hashlib
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from netboard.config import Config, Session, digest
+from netboard.design import plan as plans
+from netboard.design.balance import require_balance
+from netboard.design.plan import Plan, PlanSession, config_of, plan_of, seated
+from netboard.design.study import Study, resolve_study
+from netboard.errors import ConfigError
+from netboard.experiment.entries import FORMAT, Entry, Header, Opened
+from netboard.experiment.progress import progress_of, resume_words
+from netboard.experiment.same_session import changes, require_same_plan
+from netboard.nodes.ledger import Ledger
+from netboard.nodes.programme import Programme
+from netboard.recording.journal import Journal, journal_path
+from netboard.services import studies
+from netboard.services.rehearsal import shortened
+
+console = Console(highlight=False)
+
+AGREED = ("y", "yes", "j", "ja", "o", "oui", "s", "si")
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """Which session of which study.
+
+    Attributes
+    ----------
+    study : str
+        Name of a built-in study, or a file.
+    dyad : int
+        Number of the dyad, from 1 [1].
+    session : int
+        Number of the session, from 1 [1].
+    seed : int
+        Seed of the plan [1].
+    blocks, trials : int or None
+        Of a pilot run: only the first blocks, and at most so many trials in each [1].
+    """
+
+    study: str
+    dyad: int
+    session: int = 1
+    seed: int = 1
+    blocks: int | None = None
+    trials: int | None = None
+
+    @property
+    def options(self) -> list[str]:
+        """What asks ``netboard server`` for it, each block starting by itself."""
+        numbers = {"dyad": self.dyad, "session": self.session, "seed": self.seed}
+        short = {"blocks": self.blocks, "trials": self.trials}
+        given = {**numbers, **{name: number for name, number in short.items() if number is not None}}
+        return [
+            "--study",
+            self.study,
+            "--autostart",
+            *(word for name, n in given.items() for word in (f"--{name}", str(n))),
+        ]
+
+
+class Planned:
+    """One session of a plan on a rig.
+
+    Parameters
+    ----------
+    config : Config
+        The rig's configuration.
+    wanted : Wanted
+        Which session.
+
+    Raises
+    ------
+    ConfigError
+        If there is no such study or session, or its blocks do not go with the rig.
+    """
+
+    def __init__(self, config: Config, wanted: Wanted) -> None:
+        self.study: Study = studies.load(wanted.study)
+        self.wanted = wanted
+        hands = (config.session.hand_a, config.session.hand_b)
+        self.plan: Plan = plan_of(self.study, wanted.seed, wanted.dyad, hands)
+        require_balance(self.study, self.plan)
+        if not 1 <= wanted.session <= len(self.plan.sessions):
+            raise ConfigError(
+                f"--session: found {wanted.session}, expected 1 to {len(self.plan.sessions)}, as the study "
+                f"{self.study.name} has"
+            )
+        self.session: PlanSession = self.plan.sessions[wanted.session - 1]
+        self.config = named(seated(config, self.plan), wanted)
+        self.path = self._path(self.config)
+
+    def _path(self, config: Config) -> Path:
+        """Where the journal of a session is."""
+        return journal_path(Path(config.recording.directory), config)
+
+    def blocks(self, session: Session) -> list[Config]:
+        """The configuration of each block, for a session with this form."""
+        if not session.pilot and (self.wanted.blocks or self.wanted.trials):
+            raise ConfigError(
+                "--blocks, --trials: expected a pilot run ([session] pilot), for that is not the whole plan"
+            )
+        config = replace(self.config, session=session)
+        whole = [config_of(config, self.session, block.number) for block in self.session.blocks]
+        return list(shortened(whole, self.wanted.blocks, self.wanted.trials))
+
+    def header(self, session: Session) -> Header:
+        """What the journal of the session begins with."""
+        return Header(
+            format=FORMAT,
+            study=self.study.name,
+            study_digest=hashlib.sha256(resolve_study(self.study).encode()).hexdigest(),
+            plan_digest=self._digest(),
+            seed=self.wanted.seed,
+            dyad=session.dyad,
+            name=session.name,
+            session=self.wanted.session,
+            participants=(session.participant_a, session.participant_b),
+            pilot=session.pilot,
+            consent=session.consent,
+            netboard=version("netboard"),
+            config_digest=digest(replace(self.config, session=session)),
+        )
+
+    def _digest(self) -> str:
+        """Fingerprint of what is done of the plan."""
+        whole, wanted = plans.digest(self.plan), self.wanted
+        if wanted.blocks is None and wanted.trials is None:
+            return whole
+        return hashlib.sha256(f"{whole} {wanted.blocks} {wanted.trials}".encode()).hexdigest()
+
+    def begun(self) -> tuple[Programme, Ledger]:
+        """Begin the session.
+
+        Raises
+        ------
+        RecordingError
+            If it is complete as it is, and was begun before.
+        """
+        ledger = Ledger(lambda config: Journal.create(self._path(config), self.header(config.session)))
+        return Programme(self.blocks(self.config.session), self.blocks), ledger
+
+    def resumed(self, ask: Callable[[str], bool]) -> tuple[Programme, Ledger]:
+        """Go on with a session where it was left.
+
+        Parameters
+        ----------
+        ask : callable
+            Shows the operator what will be done, and tells whether that is right.
+
+        Raises
+        ------
+        RecordingError
+            If there is no such session, its journal is damaged, or the plan is another one.
+        ConfigError
+            If nothing is left to be done, or the operator does not agree.
+        """
+        journal, header, entries, torn = Journal.reopen(self.path)
+        try:
+            session = form_in(entries, self.config.session, header)
+            now = self.header(session)
+            require_same_plan(header, now, str(self.path))
+            progress = progress_of(header, entries, [config.block for config in self.blocks(session)], str(self.path))
+            if progress.complete:
+                raise ConfigError(f"{self.path}: {resume_words(progress)}")
+            said = [f"{self.path}: {resume_words(progress)}", *changes(header, now)]
+            if torn:
+                said.append("the last line of the journal was torn, and is left out")
+            if not ask("\n".join(said)):
+                raise ConfigError("not resumed")
+        except BaseException:
+            journal.close()
+            raise
+        blocks = self.blocks(session)
+        return Programme(blocks, self.blocks, progress.block - 1), Ledger(journal=journal, progress=progress)
+
+
+def agreed(yes: bool) -> Callable[[str], bool]:
+    """Make what shows an operator what will be done, and asks whether that is right, unless that was said before."""
+
+    def ask(words: str) -> bool:
+        console.print(words, soft_wrap=True)
+        if yes:
+            return True
+        if not sys.stdin.isatty():
+            raise ConfigError("--resume: nobody is here to agree to that: say --yes, or run it in a terminal")
+        return input("Go on there? [y/N] ").strip().casefold() in AGREED
+
+    return ask
+
+
+def named(config: Config, wanted: Wanted) -> Config:
+    """Name dyad and session after their numbers, where the configuration leaves that open."""
+    usual, session = Session(), config.session
+    name = f"S{wanted.session:02d}" if session.name == usual.name else session.name
+    dyad = f"D{wanted.dyad:02d}" if session.dyad == usual.dyad else session.dyad
+    return replace(config, session=replace(session, name=name, dyad=dyad))
+
+
+def form_in(entries: tuple[Entry, ...], known: Session, header: Header) -> Session:
+    """The form of a session, as its journal has it."""
+    opened = next((entry for entry in entries if isinstance(entry, Opened)), None)
+    told = {} if opened is None else opened.form
+    words: dict[str, Any] = {field.name: told[field.name] for field in fields(Session) if field.name in told}
+    return replace(known, **(words | {"pilot": header.pilot, "consent": header.consent}))

@@ -1,0 +1,251 @@
+"""Rehearses blocks: simulated people, the live stage, as fast as the machine allows, and a table of what came of it."""
+
+import hashlib
+import json
+import multiprocessing
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from statistics import fmean
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from netboard.config import Config, Participant, digest
+from netboard.errors import NetboardError
+from netboard.rehearsal.block import Rehearsal
+from netboard.rehearsal.keeping import Keeper
+from netboard.rehearsal.people import LETTERS, person_of
+from netboard.tick import TICK_SECONDS
+
+console = Console(highlight=False)
+
+
+@dataclass(frozen=True)
+class Job:
+    """One block to be rehearsed: its configuration, who takes part, where its recording goes, at which pace."""
+
+    config: Config
+    people: dict[str, Participant]
+    session: str
+    folder: Path | None
+    fast: bool
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """What came of a block, as it is shown and written as JSON."""
+
+    session: str
+    block: int
+    label: str
+    configuration: str
+    force: str
+    successes: int
+    failures: int
+    mean_completion: float | None
+    ticks: int
+    seconds: float
+    given_up: bool
+    recording: str
+
+    @property
+    def factor(self) -> float:
+        """How many times faster than the people it was."""
+        return self.ticks * TICK_SECONDS / self.seconds
+
+
+def main(
+    blocks: Sequence[Config],
+    seed: int,
+    dyad: int,
+    *,
+    folder: Path | None,
+    fast: bool = True,
+    workers: int = 1,
+    as_json: bool = False,
+) -> int:
+    """Rehearse blocks, one after the other or several at once.
+
+    Parameters
+    ----------
+    blocks : sequence of Config
+        The blocks of the dyad.
+    seed : int
+        Seed of the study: who the people are.
+    dyad : int
+        Number of the dyad.
+    folder : Path or None
+        Where recordings go; None for none.
+    fast : bool
+        False: at the pace of the clock.
+    workers : int
+        How many processes.
+    as_json : bool
+        One line of JSON in place of the table.
+
+    Returns
+    -------
+    int
+        Exit code: 1 if a block was given up.
+    """
+    if folder is not None:
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise NetboardError(f"{folder}: cannot be made: {error.strerror}") from error
+    jobs = jobs_of(blocks, seed, dyad, folder, fast)
+    with console.status("getting the kernels ready (compiled once, then kept)"):
+        for job in jobs:
+            next(Rehearsal(job.config, job.people).pieces(1))
+    began = time.perf_counter()
+    sheets = together(jobs, workers) if workers > 1 else in_turn(jobs)
+    took = time.perf_counter() - began
+    if as_json:
+        console.file.write(json.dumps(as_data(sheets, took)) + "\n")
+    else:
+        console.print(table_of(sheets))
+        console.print(in_total(sheets, took))
+    return 1 if any(sheet.given_up for sheet in sheets) else 0
+
+
+def jobs_of(blocks: Sequence[Config], seed: int, dyad: int, folder: Path | None, fast: bool) -> list[Job]:
+    """Say what is to be done; sessions of the dyad have ids that depend on their blocks and the seed alone."""
+    ids = {
+        name: hashlib.sha256(" ".join([str(seed), *(digest(b) for b in blocks if b.session.name == name)]).encode())
+        for name in dict.fromkeys(block.session.name for block in blocks)
+    }
+    return [
+        Job(
+            replace(config, session=replace(config.session, pilot=True)),
+            {letter: person_of(config.participant, seed, dyad, letter) for letter in LETTERS},
+            ids[config.session.name].hexdigest()[:32],
+            folder,
+            fast,
+        )
+        for config in blocks
+    ]
+
+
+def rehearse(job: Job, tell: Callable[[int], None] = lambda successes: None) -> Sheet:
+    """Rehearse one block; `tell` hears now and then how many trials have succeeded."""
+    began = time.perf_counter()
+    rehearsal = Rehearsal(job.config, job.people)
+    keeper = None if job.folder is None else Keeper(job.folder, job.config, job.session, time.time_ns())
+    ticks = 0
+    for rows in rehearsal.pieces():
+        if keeper is not None:
+            keeper.take(rows)
+        ticks += len(rows)
+        tell(rehearsal.successes)
+        if not job.fast:
+            time.sleep(max(0.0, began + ticks * TICK_SECONDS - time.perf_counter()))
+    if keeper is not None:
+        keeper.finish()
+    summary, block = rehearsal.summary(), job.config.block
+    return Sheet(
+        session=job.config.session.name,
+        block=block.number,
+        label=block.label or f"{block.configuration}, {block.force}",
+        configuration=block.configuration,
+        force=block.force,
+        successes=len(summary.completions),
+        failures=summary.failures,
+        mean_completion=fmean(summary.completions) if summary.completions else None,
+        ticks=summary.ticks,
+        seconds=time.perf_counter() - began,
+        given_up=summary.given_up,
+        recording="" if keeper is None else str(keeper.path),
+    )
+
+
+def in_turn(jobs: Sequence[Job]) -> list[Sheet]:
+    """Rehearse in this process, with a bar for the block and one for all."""
+    sheets = []
+    with bars() as progress:
+        whole = progress.add_task("all trials", total=sum(job.config.block.trials for job in jobs))
+        done = 0
+        for job in jobs:
+            block = job.config.block
+            task = progress.add_task(f"{job.config.session.name} block {block.number}", total=block.trials)
+
+            def tell(successes: int, task: object = task, before: int = done) -> None:
+                progress.update(task, completed=successes)  # type: ignore[arg-type]
+                progress.update(whole, completed=before + successes)
+
+            sheets.append(rehearse(job, tell))
+            done += sheets[-1].successes
+            progress.remove_task(task)
+    return sheets
+
+
+def together(jobs: Sequence[Job], workers: int) -> list[Sheet]:
+    """Rehearse several at once, each in a process of its own."""
+    with bars() as progress, ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
+        whole = progress.add_task("all trials", total=sum(job.config.block.trials for job in jobs))
+        asked = [pool.submit(rehearse, job) for job in jobs]
+        for answer in as_completed(asked):
+            progress.advance(whole, answer.result().successes)
+        return [answer.result() for answer in asked]
+
+
+def bars() -> Progress:
+    """Bars that are there while something is done, on a terminal."""
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    return Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
+
+
+def table_of(sheets: Sequence[Sheet]) -> Table:
+    """Show the blocks, a row for each."""
+    table = Table(title="Rehearsal", title_justify="left")
+    for heading in ("block", "condition"):
+        table.add_column(heading, no_wrap=True)
+    for heading in ("trials", "failed", "mean time", "ticks", "speed"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    for sheet in sheets:
+        mean = "-" if sheet.mean_completion is None else f"{sheet.mean_completion:.2f} s"
+        table.add_row(
+            f"{sheet.session} {sheet.block}",
+            sheet.label + (" [red]given up[/red]" if sheet.given_up else ""),
+            str(sheet.successes),
+            str(sheet.failures),
+            mean,
+            str(sheet.ticks),
+            f"{sheet.factor:.0f} x",
+        )
+    return table
+
+
+def in_total(sheets: Sequence[Sheet], took: float) -> str:
+    """Say in a line what it was, and how long it took."""
+    ticks, hours = sum(s.ticks for s in sheets), sum(s.ticks for s in sheets) * TICK_SECONDS / 3600
+    successes, failures = sum(s.successes for s in sheets), sum(s.failures for s in sheets)
+    return (
+        f"{len(sheets)} blocks, {successes} successful trials, {failures} failed attempts, {hours:.2f} h of the "
+        f"people's time\n{ticks} ticks in {took:.1f} s: {ticks / took:.0f} ticks/s, "
+        f"{ticks * TICK_SECONDS / took:.0f} x real time"
+    )
+
+
+def as_data(sheets: Sequence[Sheet], took: float) -> dict[str, object]:
+    """Say the same for programs."""
+    ticks = sum(sheet.ticks for sheet in sheets)
+    return {
+        "blocks": [{**asdict(sheet), "real_time_factor": sheet.factor} for sheet in sheets],
+        "ticks": ticks,
+        "seconds": took,
+        "ticks_per_second": ticks / took,
+        "real_time_factor": ticks * TICK_SECONDS / took,
+    }
+
+
+def shortened(blocks: Sequence[Config], most: int | None, trials: int | None) -> Iterator[Config]:
+    """Keep the first blocks only, with fewer trials each."""
+    kept = blocks[:most]
+    for config in kept:
+        count = config.block.trials if trials is None else min(trials, config.block.trials)
+        catch = tuple(trial for trial in config.block.catch if trial <= count)
+        yield replace(config, block=replace(config.block, blocks=len(kept), trials=count, catch=catch))

@@ -1,0 +1,270 @@
+"""What ``netboard devices`` does: one device of the rig, without a server."""
+
+import json
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.live import Live
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+from netboard import clock
+from netboard.config import Config, Side
+from netboard.devices import profile, registry
+from netboard.devices.base import Device
+from netboard.devices.profile import Identity, Mechanics, Placement, Profile
+from netboard.errors import ConfigError, NetboardError
+from netboard.process import Priority, Stopping, cpus_for, prepare, steady_loop
+from netboard.rig import calibration, checkup, excitation, listing, words
+from netboard.rig.identification import Identified
+from netboard.rig.loop import Beats, Driver, RealTime, watch
+
+console = Console(highlight=False)
+
+CONSENT = "the motors may push"
+"""What an operator types before a device is moved."""
+
+WARM_UP = 0.1
+"""Readings that are not counted [s]."""
+
+HOLD = 1.0
+"""How long a stylus is held still to take its position [s]."""
+
+SETTLE = 5.0
+"""Time to go to the next place, where nobody is asked [s]."""
+
+TEXT_SECONDS = 0.1
+MONITOR_SECONDS = 0.005
+
+Ask = Callable[[str], str]
+
+
+def show_list(config: Config, *, as_json: bool, root: Path = listing.ROOT) -> int:
+    """Show devices and backends; 1 if a device is there that may not be opened."""
+    found = listing.listing(config, root)
+    if as_json:
+        _print_json(words.plain_listing(found))
+    else:
+        console.print(words.listing_tables(found))
+    return 1 if any(each.shut for each in found.devices) else 0
+
+
+def examine(
+    config: Config, side: Side, *, seconds: float, force: float, yes: bool, as_json: bool, beats: Beats | None = None
+) -> int:
+    """Examine a device, without a force unless one is given; 1 if anything is red."""
+    if force:
+        ask_consent(f"{checkup.PULSES} short pushes of {force:g} N, up and down", yes, input)
+    with opened(config, side, beats is None) as device, _bar(as_json) as progress:
+        info, ticks = device.info, beats or RealTime()
+        watch(device, ticks, WARM_UP)
+        findings = list(checkup.examine(watch(device, ticks, seconds, progress("reading")), info))
+        if force:
+            limits = replace(config.safety, max_force=force, arm_gate=min(force, config.safety.arm_gate))
+            driver = Driver(device, ticks, limits)
+            track = driver.drive(checkup.PUSHING, lambda t, _: checkup.push_force(force, t), progress("pushing"))
+            known = device.profile.mechanics if device.profile else None
+            findings.append(checkup.judge_pushes(checkup.pushes(track, info, known)))
+    if as_json:
+        _print_json({"model": info.model, "serial": info.serial, "findings": [asdict(each) for each in findings]})
+    else:
+        console.print(words.findings_table(f"{info.model} {info.serial} ({side})", findings))
+    return 1 if any(each.colour == "red" for each in findings) else 0
+
+
+def identify(
+    config: Config,
+    side: Side,
+    *,
+    held: bool,
+    yes: bool,
+    replace_it: bool,
+    as_json: bool,
+    chirp: excitation.Chirp | None = None,
+    beats: Beats | None = None,
+) -> int:
+    """Find what a device is like to move, and write that to its profile unless a hand held it."""
+    chirp = chirp or excitation.Chirp()
+    what = "held loosely" if held else "held by nobody, in the middle of its workspace"
+    ask_consent(
+        f"the stylus, {what}, up and down for {chirp.seconds:g} s with at most {chirp.max_force:g} N", yes, input
+    )
+    with opened(config, side, beats is None) as device, _bar(as_json) as progress:
+        info, known, ticks = device.info, device.profile, beats or RealTime()
+        watch(device, ticks, WARM_UP)
+        track = excitation.run(device, ticks, chirp, config.safety, progress("moving"))
+    found = excitation.identified(track, held)
+    if as_json:
+        _print_json(words.plain_identified(info, found))
+    else:
+        whose = "hand and device" if held else "device"
+        console.print(words.identified_table(f"{info.model} {info.serial} ({side}): the {whose}", found))
+    if not held:
+        known = known or Profile(Identity(info.model, info.serial))
+        _save(config, replace(known, mechanics=mechanics_of(found, chirp)), replace_it, as_json)
+    return 0
+
+
+def mechanics_of(found: Identified, chirp: excitation.Chirp) -> Mechanics:
+    """What goes to a profile."""
+    how = f"{now_in_words()}, by a chirp of {chirp.seconds:g} s; misfit {found.misfit * 1e6:.0f} um"
+    return Mechanics(*found.mass, *found.damping, *found.friction, identified=how)
+
+
+def calibrate(
+    config: Config,
+    side: Side,
+    *,
+    zero_only: bool,
+    yes: bool,
+    given: Mapping[str, str],
+    replace_it: bool,
+    beats: Beats | None = None,
+    ask: Ask = input,
+) -> int:
+    """Find zero, workspace and scale of a device with an operator's help, and write them to its profile."""
+    with opened(config, side, beats is None and not given) as device:
+        info, ticks = device.info, beats or RealTime()
+        known = device.profile or Profile(Identity(info.model, info.serial))
+        if given:
+            place = calibration.with_values(known.placement, given, f"{now_in_words()}, values given by hand")
+        else:
+            watch(device, ticks, WARM_UP)
+            place = _asked_for(device, ticks, known.placement, config, None if yes else ask, zero_only=zero_only)
+    console.print(words.placement_table(f"{info.model} {info.serial} ({side})", place))
+    if place.scale != 1.0:
+        console.print(f"the virtual spring feels {place.scale:.2f} times as stiff at the device as in the scene")
+    _save(config, replace(known, placement=place), replace_it, quiet=False)
+    return 0
+
+
+def _asked_for(
+    device: Device, ticks: Beats, before: Placement, config: Config, ask: Ask | None, *, zero_only: bool
+) -> Placement:
+    """Ask for the neutral height, then for two corners."""
+
+    def held(where: str) -> calibration.Point:
+        if ask is None:
+            console.print(f"hold the stylus {where}: {SETTLE:g} s from now")
+            watch(device, ticks, SETTLE)
+        else:
+            ask(f"hold the stylus {where}, then press Enter: ")
+        return calibration.held_at(watch(device, ticks, HOLD))
+
+    zero = held("at the neutral height, in the middle")
+    box = None
+    if not zero_only:
+        low = held("at the far left corner of the usable space, down, away from you")
+        box = calibration.box_between(low, held("at the near right corner, up, towards you"))
+    return calibration.placed(before, zero, box, config.task.stylus_range, f"{now_in_words()}, by hand")
+
+
+def monitor(config: Config, side: Side, *, text: bool, screenshot: Path | None, seconds: float | None) -> int:
+    """Show a device live until stopped, closed, or the time is over."""
+    with Stopping() as stopping, registry.make(side, config) as device:
+        title = f"{device.info.model} {device.info.serial} ({side})"
+        until = None if seconds is None else clock.now_ns() + round(seconds * 1e9)
+
+        def over() -> bool:
+            return stopping() or (until is not None and clock.now_ns() >= until)
+
+        if not text:
+            from netboard.display import monitor as window
+
+            window.run(lambda: device.read(clock.now_ns()), title, over, screenshot)
+            return 0
+        table = words.reading_table(title, device.read(clock.now_ns()))
+        with Live(table, console=console, auto_refresh=False) as live:
+            shown = time.monotonic()
+            while not over():
+                reading = device.read(clock.now_ns())
+                if time.monotonic() - shown >= TEXT_SECONDS:
+                    shown = time.monotonic()
+                    live.update(words.reading_table(title, reading), refresh=True)
+                time.sleep(MONITOR_SECONDS)
+    return 0
+
+
+@contextmanager
+def opened(config: Config, side: Side, real_time: bool) -> Iterator[Device]:
+    """Open a side's device in its own frame, with no force, in a process that is fit for a steady loop."""
+    if real_time:
+        prepare(config.realtime, Priority.AGENT, cpus_for(side, config.realtime))
+    device = registry.make(side, config)
+    device.open(placed=False)
+    with device:
+        if real_time:
+            steady_loop()
+        yield device
+
+
+def ask_consent(what: str, yes: bool, ask: Ask) -> None:
+    """Let nobody be pushed who has not agreed.
+
+    Raises
+    ------
+    NetboardError
+        If the sentence is not typed.
+    """
+    if yes:
+        return
+    if not sys.stdin.isatty():
+        raise NetboardError(f"this moves a device ({what}): agree with --yes, or run it in a terminal")
+    console.print(f"The motors will move {what}. Keep faces away from the stylus.")
+    if ask(f'Type "{CONSENT}" to go on: ').strip().strip('"').casefold() != CONSENT:
+        raise NetboardError("nothing was moved: that was not the sentence")
+
+
+def placement_values(overrides: Sequence[str]) -> tuple[dict[str, str], list[str]]:
+    """Divide settings into those of a profile's placement and those of the configuration.
+
+    Raises
+    ------
+    ConfigError
+        If one of the former has no value.
+    """
+    mine = [word for word in overrides if word.startswith("placement.")]
+    given = {}
+    for word in mine:
+        key, equals, value = (part.strip() for part in word.removeprefix("placement.").partition("="))
+        if not equals or not value:
+            raise ConfigError(f"--set {word}: write placement.key=value, such as placement.zero_z=0.02")
+        given[key] = value
+    return given, [word for word in overrides if word not in mine]
+
+
+def now_in_words() -> str:
+    """Date and time, for people."""
+    return time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime())
+
+
+def _save(config: Config, known: Profile, replace_it: bool, quiet: bool) -> None:
+    """Write a profile, and say where."""
+    folder = Path(config.agents.profiles)
+    before = profile.file_of(folder, known.device.serial).exists() and not replace_it
+    path = profile.save(folder, known, replace=replace_it)
+    if not quiet:
+        console.print(f"{path}: written" + (f"; the one before is {path.name}.bak" if before else ""))
+
+
+def _print_json(values: Mapping[str, Any]) -> None:
+    """Print one line of JSON."""
+    print(json.dumps(values, default=str))  # noqa: T201
+
+
+@contextmanager
+def _bar(quiet: bool) -> Iterator[Callable[[str], Callable[[float], None]]]:
+    """A bar that makes what reports progress of a named part."""
+    columns = (TextColumn("{task.description:12}"), BarColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=console, transient=True, disable=quiet) as progress:
+
+        def part(name: str) -> Callable[[float], None]:
+            task = progress.add_task(name, total=1.0)
+            return lambda done: progress.update(task, completed=done)
+
+        yield part

@@ -1,0 +1,225 @@
+"""Finding a study by name or file, and showing the plans that are made of it."""
+
+import json
+from collections.abc import Iterator
+from dataclasses import asdict, replace
+from pathlib import Path
+
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from netboard.config import Config
+from netboard.design import library
+from netboard.design.balance import Balance, balance_of
+from netboard.design.balance import Table as Counts
+from netboard.design.plan import Plan, PlanBlock, config_of, digest, plan_of, seated, to_json
+from netboard.design.study import Study, parse_study, resolve_study
+from netboard.errors import ConfigError
+
+OK = 0
+
+MOST = 6
+"""Problems that are said, of many."""
+
+
+def load(word: str) -> Study:
+    """Read a study.
+
+    Parameters
+    ----------
+    word : str
+        A built-in study's name or a file; ``:ORDER`` after it takes another of its orders, ``:ONE,OTHER`` several that
+        dyads take in turn.
+
+    Returns
+    -------
+    Study
+        The study.
+
+    Raises
+    ------
+    ConfigError
+        If there is none, or what is in it is wrong.
+    """
+    name, colon, orders = (word, "", "") if Path(word).is_file() else word.partition(":")
+    study = parse_study(_text_of(name), name)
+    if not colon:
+        return study
+    return parse_study(resolve_study(replace(study, order=tuple(orders.split(",")))), word)
+
+
+def _text_of(name: str) -> str:
+    """Read the text of a built-in study or of a file."""
+    if name in library.NAMES:
+        return library.text_of(name)
+    try:
+        return Path(name).read_text(encoding="utf-8")
+    except FileNotFoundError:
+        known = ", ".join(library.NAMES)
+        raise ConfigError(f"{name}: no such study or file; the built-in studies are {known}") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{name}: cannot be read: {error}") from error
+
+
+def show(config: Config, study: Study, seed: int, dyad: int | None, dyads: int | None, *, as_json: bool) -> int:
+    """Show the plan of one dyad, or of several with what is even over them.
+
+    Parameters
+    ----------
+    config : Config
+        The rig, which knows the participants' hands and what the study leaves open.
+    study : Study
+        The study.
+    seed : int
+        The seed.
+    dyad : int or None
+        The dyad whose blocks are shown; None: the first, or none of them if `dyads` are counted.
+    dyads : int or None
+        How many are counted; None: that one.
+    as_json : bool
+        One line of JSON.
+
+    Returns
+    -------
+    int
+        Exit code.
+    """
+    console = Console()
+    hands = config.session.hand_a, config.session.hand_b
+    shown = plan_of(study, seed, dyad or 1, hands)
+    plans = [plan_of(study, seed, number) for number in range(1, dyads + 1)] if dyads else [shown]
+    balance = balance_of(study, plans)
+    problems = [*balance.problems, *_misfits(config, [*plans, shown])]
+    if as_json:
+        whole = {
+            **json.loads(to_json(shown)),
+            "digest": digest(shown),
+            "balance": asdict(balance),
+            "problems": problems,
+        }
+        console.file.write(json.dumps(whole) + "\n")
+    else:
+        if dyad or not dyads:
+            _print_plan(console, study, shown)
+        _print_balance(console, balance)
+    return _verdict(problems)
+
+
+def check(config: Config, study: Study, word: str, seed: int, dyads: int) -> int:
+    """Say whether the counts of a study meet.
+
+    Parameters
+    ----------
+    config : Config
+        The rig, with which every block must make a valid configuration.
+    study : Study
+        The study.
+    word : str
+        What people call it.
+    seed : int
+        The seed.
+    dyads : int
+        How many dyads are counted.
+
+    Returns
+    -------
+    int
+        Exit code.
+    """
+    plans = [plan_of(study, seed, number) for number in range(1, dyads + 1)]
+    balance = balance_of(study, plans)
+    problems = [*balance.problems, *_misfits(config, plans)]
+    console = Console(soft_wrap=True, highlight=False)
+    if problems:
+        _print_table(console, balance.tables[0])
+    else:
+        blocks, sessions = plans[0].blocks, len(plans[0].sessions)
+        trials = sum(block.count for block in blocks)
+        size = f"{sessions} session{'s' * (sessions > 1)}, {len(blocks)} blocks, {trials} trials"
+        console.print(f"{word}: in order ({size}; counts meet for dyads 1 to {dyads})")
+        for uneven in balance.uneven:
+            console.print(f"  not even over {dyads} dyads: {uneven}")
+    return _verdict(problems)
+
+
+def show_list() -> int:
+    """List the built-in studies.
+
+    Returns
+    -------
+    int
+        Exit code.
+    """
+    table = Table("study", "what it is", "orders", box=None)
+    for name in library.NAMES:
+        study = load(name)
+        table.add_row(name, study.text, ", ".join(study.orders))
+    Console().print(table)
+    return OK
+
+
+def _misfits(config: Config, plans: list[Plan]) -> list[str]:
+    """Find blocks that contradict the rig's configuration; what is the same in several is said once."""
+    found: dict[str, str] = {}
+    for plan in plans:
+        entered = seated(config, plan)
+        for session in plan.sessions:
+            for block in session.blocks:
+                try:
+                    config_of(entered, session, block.number)
+                except ConfigError as error:
+                    for line in str(error).splitlines():
+                        found.setdefault(line.partition("): ")[2], f"dyad {plan.dyad}, {line}")
+    return list(found.values())
+
+
+def _verdict(problems: list[str]) -> int:
+    """Refuse a study with problems."""
+    if problems:
+        more = [f"and {len(problems) - MOST} more like these"] if len(problems) > MOST else []
+        raise ConfigError("\n".join(["the study is refused", *problems[:MOST], *more]))
+    return OK
+
+
+def _print_plan(console: Console, study: Study, plan: Plan) -> None:
+    """Print the blocks of a dyad."""
+    console.print(f"[bold]{study.name}[/bold]: {study.text}", highlight=False)
+    console.print(f"dyad {plan.dyad}, seed {plan.seed}, order {plan.order}, A sits {plan.seat_a}, {digest(plan)[:12]}")
+    names = ("block", "kind", "by", *study.factors, "trials", "first target", "catch", "rest", "asked")
+    for session in plan.sessions:
+        rows = [tuple(_cells(study, block)) for block in session.blocks]
+        used = [place for place, name in enumerate(names) if name in study.factors or any(row[place] for row in rows)]
+        title = f"Session {session.number}"
+        columns = tuple(names[place] for place in used)
+        _print_table(console, Counts(title, columns, tuple(tuple(row[place] for place in used) for row in rows)))
+
+
+def _cells(study: Study, block: PlanBlock) -> Iterator[str]:
+    """Write a block as a row."""
+    levels = dict(block.conditions)
+    alone = "" if block.other_hand == "own" else f" ({block.other_hand})"
+    yield from (str(block.number), block.kind, block.performer + alone)
+    yield from (levels.get(factor, "") for factor in study.factors)
+    yield f"{block.duration:g} s" if block.duration else str(block.count)
+    yield block.first_target
+    yield " ".join(map(str, block.catch))
+    yield f"{block.rest:g} s" if block.rest else ""
+    yield ", ".join(name for name, _ in block.questionnaires)
+
+
+def _print_balance(console: Console, balance: Balance) -> None:
+    """Print what was counted."""
+    for part in balance.tables:
+        _print_table(console, part)
+
+
+def _print_table(console: Console, part: Counts) -> None:
+    """Print a table under its title."""
+    table = Table(box=box.SIMPLE_HEAD)
+    for column in part.columns:
+        table.add_column(column, no_wrap=True)
+    for row in part.rows:
+        table.add_row(*row)
+    console.print(f"[bold]{part.title}[/bold]", highlight=False)
+    console.print(table)

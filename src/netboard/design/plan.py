@@ -1,0 +1,401 @@
+"""The plan of one dyad: sessions, blocks and trials, as a pure function of study, seed and number of the dyad.
+
+Equal arguments make an equal plan, with an equal `digest`, wherever and whenever it is made; so a session that was
+interrupted goes on with the same plan. Everything else of the program sees of a plan only the `Config` of one block,
+which `config_of` makes of the rig's.
+"""
+
+import hashlib
+import json
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, replace
+from typing import Any, Literal
+
+from netboard.config import Block, Config, Side, contradictions
+from netboard.design.conditions import Conditions, Performer, Sequence
+from netboard.design.order import steps_of
+from netboard.design.parts import SESSION
+from netboard.design.study import Study
+from netboard.errors import ConfigError
+
+Hand = Literal["right", "left"]
+
+OTHER_SIDE: dict[Side, Side] = {"left": "right", "right": "left"}
+
+
+@dataclass(frozen=True, slots=True)
+class PlanTrial:
+    """One trial.
+
+    Attributes
+    ----------
+    number : int
+        Its number in the block, from 1 [1].
+    target : {"left", "right"}
+        Side of its target.
+    catch : bool
+        True if nothing is felt in it.
+    """
+
+    number: int
+    target: Side
+    catch: bool
+
+
+@dataclass(frozen=True, slots=True)
+class PlanBlock:
+    """One block.
+
+    Attributes
+    ----------
+    number : int
+        Its number in the session, from 1 [1].
+    kind : str
+        Its kind.
+    performer : {"A", "B", "dyad"}
+        Who performs it.
+    other_hand : {"own", "still", "robot"}
+        Who moves the other hand of one participant alone.
+    conditions : tuple of (str, str)
+        Factor and level, slowest factor first.
+    count : int
+        Successful trials [1].
+    duration : float
+        No trial begins after so long; 0: only the trials count [s].
+    first_target : {"left", "right"}
+        Side of the first target.
+    catch : tuple of int
+        Numbers of the catch trials [1].
+    rest : float
+        Rest before the block [s].
+    questionnaires : tuple of (str, str)
+        Name and text of what is asked after the block.
+    instructions : tuple of dict
+        What is read before the block, part by part, by language.
+    changes : dict
+        What differs from the rig's configuration, by table and key.
+    seed : int
+        Seed of everything random while the block runs [1].
+    """
+
+    number: int
+    kind: str
+    performer: Performer
+    other_hand: Literal["own", "still", "robot"]
+    conditions: tuple[tuple[str, str], ...]
+    count: int
+    duration: float
+    first_target: Side
+    catch: tuple[int, ...]
+    rest: float
+    questionnaires: tuple[tuple[str, str], ...]
+    instructions: tuple[dict[str, str], ...]
+    changes: dict[str, dict[str, Any]]
+    seed: int
+
+    @property
+    def configuration(self) -> Literal["dyadic", "bimanual"]:
+        """Whether two people have one hand each, or one has both."""
+        return "bimanual" if self.performer != "dyad" and self.other_hand == "own" else "dyadic"
+
+    @property
+    def label(self) -> str:
+        """What operators and the data call the block."""
+        who = self.kind if self.performer == "dyad" else f"{self.kind} {self.performer}"
+        return ", ".join((who, *(f"{factor} {level}" for factor, level in self.conditions)))
+
+    @property
+    def trials(self) -> tuple[PlanTrial, ...]:
+        """Its trials; targets change side after each."""
+        sides = (self.first_target, OTHER_SIDE[self.first_target])
+        caught = set(self.catch)
+        return tuple(PlanTrial(n, sides[(n - 1) % 2], n in caught) for n in range(1, self.count + 1))
+
+
+@dataclass(frozen=True, slots=True)
+class PlanSession:
+    """One session: what is done in one go.
+
+    Attributes
+    ----------
+    number : int
+        Its number, from 1 [1].
+    blocks : tuple of PlanBlock
+        Its blocks.
+    """
+
+    number: int
+    blocks: tuple[PlanBlock, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """The plan of one dyad.
+
+    Attributes
+    ----------
+    study : str
+        Name of the study.
+    seed : int
+        The seed [1].
+    dyad : int
+        Number of the dyad [1].
+    order : str
+        Name of its order of blocks.
+    hands : tuple of {"right", "left"}
+        Dominant hands of participants A and B.
+    seat_a : {"left", "right"}
+        Where participant A should sit; B sits at the other side.
+    sessions : tuple of PlanSession
+        Its sessions.
+    """
+
+    study: str
+    seed: int
+    dyad: int
+    order: str
+    hands: tuple[Hand, Hand]
+    seat_a: Side
+    sessions: tuple[PlanSession, ...]
+
+    @property
+    def blocks(self) -> tuple[PlanBlock, ...]:
+        """The blocks of all sessions."""
+        return tuple(block for session in self.sessions for block in session.blocks)
+
+
+# --- making ------------------------------------------------------------------------------------------------------
+
+
+def plan_of(study: Study, seed: int, dyad: int, hands: tuple[Hand, Hand] = ("right", "right")) -> Plan:
+    """Make the plan of a dyad.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+    seed : int
+        Seed of everything that is drawn, 0 or more [1].
+    dyad : int
+        Number of the dyad, from 1 [1].
+    hands : tuple of {"right", "left"}
+        Dominant hands of participants A and B; where they differ they decide who sits where (reading C5).
+
+    Returns
+    -------
+    Plan
+        Its plan. `netboard.design.balance` tells whether its counts meet.
+
+    Raises
+    ------
+    ValueError
+        If the seed is negative or the dyad's number is below 1.
+    ConfigError
+        If the catch trials do not fit into a block.
+    """
+    if seed < 0 or dyad < 1:
+        raise ValueError(f"seed {seed}, dyad {dyad}: expected a seed from 0 and a dyad from 1")
+    spread, done = Conditions(study, seed, dyad), Counter[Sequence]()
+    sessions = tuple(
+        PlanSession(number, tuple(_blocks(study, spread, steps, done)))
+        for number, steps in enumerate(_performed(study, spread.order), start=1)
+    )
+    seat_a: Side = spread.seat if hands[0] == hands[1] else hands[0]
+    return Plan(study.name, seed, dyad, spread.order, hands, seat_a, tuple(_with_targets(spread, sessions)))
+
+
+def to_json(plan: Plan) -> str:
+    """Write a plan as JSON, always the same text for equal plans.
+
+    Parameters
+    ----------
+    plan : Plan
+        The plan.
+
+    Returns
+    -------
+    str
+        One line, keys in alphabetical order.
+    """
+    return json.dumps(asdict(plan), sort_keys=True, separators=(",", ":"))
+
+
+def digest(plan: Plan) -> str:
+    """Fingerprint of a plan: equal plans have equal fingerprints.
+
+    Parameters
+    ----------
+    plan : Plan
+        The plan.
+
+    Returns
+    -------
+    str
+        SHA-256 of its JSON, in hexadecimal.
+    """
+    return hashlib.sha256(to_json(plan).encode()).hexdigest()
+
+
+@dataclass(frozen=True, slots=True)
+class _Step:
+    """Who performs what next, and whether a long rest comes before."""
+
+    sequence: Sequence
+    rested: bool
+    last: bool
+
+
+def _performed(study: Study, order: str) -> Iterator[list[_Step]]:
+    """Give each session of an order, with who performs which block."""
+    for session in steps_of(study.orders[order]):
+        steps = [
+            _Step((step.kind, performer), step.rested and first == 0, last=False)
+            for step in session
+            for first, performer in enumerate(study.kinds[step.kind].people())
+        ]
+        yield [*steps[:-1], replace(steps[-1], last=True)]
+
+
+def _blocks(study: Study, spread: Conditions, steps: list[_Step], done: Counter[Sequence]) -> Iterator[PlanBlock]:
+    """Make the blocks of a session; their first targets come later."""
+    for number, step in enumerate(steps, start=1):
+        conditions = spread.at(step.sequence, done[step.sequence])
+        yield _block(study, spread, step, number, conditions, done.total())
+        done[step.sequence] += 1
+
+
+def _block(
+    study: Study, spread: Conditions, step: _Step, number: int, conditions: tuple[tuple[str, str], ...], place: int
+) -> PlanBlock:
+    """Make one block."""
+    name, performer = step.sequence
+    kind = study.kinds[name]
+    levels = [study.factors[factor].levels[level] for factor, level in conditions]
+    changes = _merged([part.changed() for part in (study, kind, *levels)])
+    block = replace(Block(), **changes.get("block", {}))
+    base = {**study.instructions, **kind.instructions}
+    asked = {name, SESSION} if step.last else {name}
+    return PlanBlock(
+        number=number,
+        kind=name,
+        performer=performer,
+        other_hand=kind.other_hand,
+        conditions=conditions,
+        count=block.trials,
+        duration=block.duration,
+        first_target="left",
+        catch=spread.catch(name, block.trials, place) if block.haptics else (),
+        rest=0.0 if number == 1 else study.long_rest if step.rested else block.rest,
+        questionnaires=tuple((q, it.text) for q, it in study.questionnaires.items() if asked & {*it.after}),
+        instructions=tuple(part for part in (base, *(level.instructions for level in levels)) if part),
+        changes=changes,
+        seed=spread.seed_at(place),
+    )
+
+
+def _merged(parts: list[dict[str, dict[str, Any]]]) -> dict[str, dict[str, Any]]:
+    """Put changes over each other, the last on top."""
+    whole: dict[str, dict[str, Any]] = {}
+    for part in parts:
+        for table, keys in part.items():
+            whole[table] = {**whole.get(table, {}), **keys}
+    return whole
+
+
+def _with_targets(spread: Conditions, sessions: tuple[PlanSession, ...]) -> Iterator[PlanSession]:
+    """Give each block its first target: as many left as right over those of a sequence and condition (C7)."""
+    blocks = [block for session in sessions for block in session.blocks]
+    alike = Counter(((block.kind, block.performer), block.conditions) for block in blocks)
+    drawn = {cell: iter(spread.first_targets(*cell, number)) for cell, number in alike.items()}
+    for session in sessions:
+        given = []
+        for block in session.blocks:
+            side = next(drawn[(block.kind, block.performer), block.conditions])
+            wanted = block.changes.get("block", {}).get("first_target", "random")
+            given.append(replace(block, first_target=side if wanted == "random" else wanted))
+        yield replace(session, blocks=tuple(given))
+
+
+# --- one block's configuration -----------------------------------------------------------------------------------
+
+
+def seated(config: Config, plan: Plan) -> Config:
+    """Enter a plan in the rig's configuration: name of the study, and the seats that the plan proposes.
+
+    Parameters
+    ----------
+    config : Config
+        The rig's configuration.
+    plan : Plan
+        The plan.
+
+    Returns
+    -------
+    Config
+        The configuration with both in ``[session]``; whoever decides otherwise about seats changes ``seat_a`` after it.
+    """
+    return replace(config, session=replace(config.session, study=plan.study, seat_a=plan.seat_a))
+
+
+def config_of(config: Config, session: PlanSession, number: int) -> Config:
+    """Make the configuration of one block.
+
+    Parameters
+    ----------
+    config : Config
+        The rig's, which says who sits where (``session.seat_a``) and what the study leaves open; its ``[block]`` does
+        not count.
+    session : PlanSession
+        The session.
+    number : int
+        Number of the block in it, from 1 [1].
+
+    Returns
+    -------
+    Config
+        The configuration, which `netboard.config.resolve` writes and `netboard.config.parse` reads back.
+
+    Raises
+    ------
+    ConfigError
+        If what the study sets contradicts what the rig's configuration has.
+    """
+    plan = session.blocks[number - 1]
+    tables = {
+        table: replace(getattr(config, table), **keys) for table, keys in plan.changes.items() if table != "block"
+    }
+    config = replace(config, **tables)
+    config = replace(config, block=_block_of(config, session, plan))
+    problems = "\n".join(f"block {number} ({plan.label}): {problem}" for problem in contradictions(config))
+    if problems:
+        raise ConfigError(problems)
+    return config
+
+
+def _block_of(config: Config, session: PlanSession, plan: PlanBlock) -> Block:
+    """Make the table ``[block]``."""
+    block = replace(Block(), **plan.changes.get("block", {}))
+    if plan.performer != "dyad":
+        seat = config.session.seat_a if plan.performer == "A" else OTHER_SIDE[config.session.seat_a]
+        block = replace(block, performer=plan.performer, station=seat)
+        if plan.other_hand != "own":
+            block = replace(block, right=plan.other_hand) if seat == "left" else replace(block, left=plan.other_hand)
+    return replace(
+        block,
+        number=plan.number,
+        blocks=len(session.blocks),
+        label=plan.label,
+        configuration=plan.configuration,
+        catch=plan.catch,
+        first_target=plan.first_target,
+        rest=plan.rest,
+        questionnaires="; ".join(f"{name}: {text}" for name, text in plan.questionnaires),
+        instructions="\n\n".join(_in_language(part, config.display.language) for part in plan.instructions),
+        seed=plan.seed,
+    )
+
+
+def _in_language(texts: dict[str, str], language: str) -> str:
+    """Take a text in the display's language, or in English, or in the first there is."""
+    return texts.get(language) or texts.get("en") or next(iter(texts.values()))

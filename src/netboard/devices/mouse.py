@@ -1,0 +1,175 @@
+"""Backend ``mouse``: the pointer in the display's window, or a finger on its screen, moves the stylus.
+
+There is no motor, so the force is put into the stylus' way: a simulated hand holds it with a spring between pointer and
+stylus, and the stylus yields to the force by force over stiffness. Whoever plays sees that on the screen, and lifts
+against the weight of board and ball. Hand and stylus together are a critically damped mass on that spring:
+
+    z'' = w^2 (aim + F / k - z) - 2 w z',    w = 1 / smoothing,    mass k / w^2
+
+which also makes a smooth path of the steps in which a pointer comes, 60 to 125 times a second. It is solved exactly
+from reading to reading. The point it is drawn to moves no faster than the limit and not out of reach, and as the answer
+to an impulse is never negative, nor does the stylus: its speed and its place are averages of those of that point.
+
+Where the player points, an agent's companion tells it: devices know no network.
+
+Options (``agents.<side>.options``): see `Options`.
+"""
+
+from dataclasses import dataclass
+from math import exp, hypot, isfinite
+from typing import Annotated, Literal, final
+
+from netboard.config import Config, Side
+from netboard.devices.base import Box, Device, DeviceInfo, Reading
+from netboard.settings import NO_EXTRAS, about
+
+SILENT_NS = 1_000_000_000
+"""A window that has said nothing for so long is not there [ns]."""
+
+MAX_FORCE = 3.3
+"""The simulated motor gives what a Touch gives for a short time, and for ever [N]."""
+
+ROUNDING = 1e-9
+"""Room for the rounding of a stylus at the end of its reach [m]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """Options of the mouse."""
+
+    __pydantic_config__ = NO_EXTRAS
+    input: Annotated[
+        Literal["pointer", "keys"],
+        about("what moves the stylus: pointer (mouse, finger, or keys) or keys alone"),
+    ] = "pointer"
+    stiffness: Annotated[
+        float, about("stiffness of the simulated hand between pointer and stylus", "N/m", ge=100, le=2000)
+    ] = 200.0
+    smoothing: Annotated[
+        float, about("time constant with which the stylus follows the pointer", "s", ge=0.01, le=0.2)
+    ] = 0.015
+    max_speed: Annotated[float, about("largest speed of the stylus", "m/s", gt=0, le=1)] = 0.8
+    reach: Annotated[float, about("largest height of the stylus, up and down", "m", gt=0, le=0.5)] = 0.075
+
+
+def follow(z: float, vz: float, before: float, after: float, dt: float, rate: float) -> tuple[float, float]:
+    """Height and speed of a critically damped mass whose rest point moves evenly for a while: the exact solution.
+
+    Parameters
+    ----------
+    z, vz : float
+        Its height and speed at the beginning [m], [m/s].
+    before, after : float
+        Where the rest point is at the beginning and at the end [m].
+    dt : float
+        How long that takes, more than 0 [s].
+    rate : float
+        Natural frequency [rad/s].
+    """
+    slope = (after - before) / dt
+    lag = 2.0 * slope / rate  # behind a rest point that has moved evenly for ever
+    off = z - before + lag
+    turn = vz - slope + rate * off
+    decay = exp(-rate * dt)
+    left = off + turn * dt
+    return after - lag + left * decay, slope + (turn - rate * left) * decay
+
+
+@final
+class MouseStylus(Device):
+    """A stylus in the hand of whoever moves a pointer.
+
+    Parameters
+    ----------
+    side : {"left", "right"}
+        Whose stylus it is.
+    config : Config
+        The whole configuration; of it the options of this side's agent.
+
+    Raises
+    ------
+    ConfigError
+        If an option is unknown, of the wrong type or out of range.
+    """
+
+    def __init__(self, side: Side, config: Config) -> None:
+        super().__init__(side, config)
+        self._options = self.read_options(Options)
+        self._written = (0.0, 0.0, 0.0)
+        self._let_go()
+
+    @property
+    def felt(self) -> float:
+        """Vertical force that the hand yields to now [N]."""
+        return self._written[2]
+
+    def point(self, z: float | None, now_ns: int) -> None:
+        """Hear from the window where the player points.
+
+        Parameters
+        ----------
+        z : float or None
+            Height of the pointer in the scene's frame; None before the player has pointed anywhere [m].
+        now_ns : int
+            The time, on the clock that `read` is given [ns].
+
+        Raises
+        ------
+        ValueError
+            If the height is not finite.
+        """
+        if z is not None:
+            if not isfinite(z):
+                raise ValueError(f"not a height: {z}")
+            self._pointer = self._in_reach(z + self.agent.zero)
+        self._in_hand = z is not None
+        self._heard_ns = now_ns
+
+    def _let_go(self) -> None:
+        """Forget the player: the stylus is at rest in the middle."""
+        self._pointer = self._aim = self._z = self._vz = 0.0
+        self._in_hand = False
+        self._heard_ns = 0
+        self._time_ns: int | None = None
+
+    def _open(self) -> DeviceInfo:
+        options = self._options
+        reach = options.reach + ROUNDING
+        return DeviceInfo(
+            model="mouse pointer",
+            serial=f"mouse-{self.side}",
+            max_force=MAX_FORCE,
+            continuous_force=MAX_FORCE,
+            resolution=0.0,
+            workspace=Box(-reach, -reach, -reach, reach, reach, reach),
+            details={"stiffness": f"{options.stiffness!r} N/m", "smoothing": f"{options.smoothing!r} s"},
+        )
+
+    def _read(self, now_ns: int) -> Reading:
+        if self._time_ns is None:
+            self._time_ns = now_ns
+        if now_ns > self._time_ns:
+            self._live((now_ns - self._time_ns) * 1e-9)
+            self._time_ns = now_ns
+        ready = self._in_hand and now_ns - self._heard_ns <= SILENT_NS
+        return Reading(now_ns, 0.0, 0.0, self._z, 0.0, 0.0, self._vz, 0, ready)
+
+    def _live(self, dt: float) -> None:
+        """Let the stylus follow for a while [s]."""
+        options = self._options
+        most = options.max_speed * dt
+        wanted = self._in_reach(self._pointer + self._written[2] / options.stiffness)
+        aim = min(max(wanted, self._aim - most), self._aim + most)
+        self._z, self._vz = follow(self._z, self._vz, self._aim, aim, dt, 1.0 / options.smoothing)
+        self._aim = aim
+
+    def _in_reach(self, z: float) -> float:
+        return min(max(z, -self._options.reach), self._options.reach)
+
+    def _write(self, fx: float, fy: float, fz: float) -> None:
+        size = hypot(fx, fy, fz)
+        share = 1.0 if size <= MAX_FORCE else MAX_FORCE / size
+        self._written = (fx * share, fy * share, fz * share)
+
+    def _close(self) -> None:
+        self._let_go()

@@ -1,0 +1,245 @@
+"""Backend ``spacemouse``: a 3Dconnexion SpaceMouse as a stylus that cannot be felt, for trying things out.
+
+Its cap is held by springs and moves by a millimetre or two, so it is not where the stylus is. With ``mode = "rate"`` it
+steers: the stylus moves the faster the further the cap is pushed, and stands still when it is let go. With ``mode =
+"position"`` the stylus is displaced by as much, and comes back. A share of the travel in the middle counts as none, so
+that a cap at rest moves nothing.
+
+Reports are read through hidapi, all that have come, at each reading. Their axes are x right, y towards the person and z
+down, and so are put into the scene's frame: out of the screen is y, right is x, up is z turned round. Rotations are not
+used. The protocol is that of PySpaceMouse's table of devices; see docs/how-to/spacemouse.md.
+"""
+
+import contextlib
+from dataclasses import dataclass
+from math import copysign, exp
+from typing import Annotated, Any, Literal, final
+
+from pydantic import StrictBool
+
+from netboard.config import Config, Side
+from netboard.devices.base import Box, Device, DeviceInfo, Found, Reading
+from netboard.devices.known import SPACEMOUSE
+from netboard.errors import DeviceLost, DeviceNotFound
+from netboard.settings import NO_EXTRAS, about
+
+FULL_SCALE = 350
+"""What an axis reports at the end of its travel, about [1]."""
+
+MOTION, BUTTONS, LAMP = 1, 3, 4
+"""Reports: translation (of some models with rotation), buttons; and to the device, its lamp."""
+
+MOTION_SIZE = 7
+"""A translation has so many bytes, with its number [B]."""
+
+BUTTON_BYTES = 4
+"""No model has more buttons than these hold [B]."""
+
+LARGEST_REPORT = 64
+"""Room for a report [B]."""
+
+MOST_REPORTS = 64
+"""Reports that are taken at one reading; a cap sends one or two in eight milliseconds [1]."""
+
+MULTI_AXIS = (0x01, 0x08)
+"""HID usage of the interface that reports the cap, where hidapi knows usages at all."""
+
+CATCH_UP_NS = 50_000_000
+"""After a longer pause between two readings the stylus moves for only so much of it [ns]."""
+
+LET_GO_NS = 500_000_000
+"""A push that has not been reported again for so long has ended: a cap that is pushed keeps reporting [ns]."""
+
+LAG = 0.02
+"""Time constant with which the stylus follows in position mode: reports come in steps [s]."""
+
+AT_REST = (0.0, 0.0, 0.0)
+Vector = tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """Options of the SpaceMouse."""
+
+    __pydantic_config__ = NO_EXTRAS
+    serial: Annotated[str, about("serial number of the device; empty: any")] = ""
+    path: Annotated[str, about("path of the device as hidapi names it, for two of one kind; empty: any")] = ""
+    mode: Annotated[Literal["rate", "position"], about("a push moves the stylus on, or displaces it")] = "rate"
+    speed: Annotated[float, about("speed at full travel, in rate mode", "m/s", gt=0, le=1)] = 0.15
+    reach: Annotated[float, about("displacement at full travel, in position mode", "m", gt=0, le=0.5)] = 0.05
+    dead_zone: Annotated[float, about("share of the travel that counts as none", "1", ge=0, lt=1)] = 0.08
+    expo: Annotated[float, about("0: as the push; 1: as its cube, finer in the middle", "1", ge=0, le=1)] = 0.4
+    workspace: Annotated[float, about("the stylus stays within +- this", "m", gt=0, le=0.5)] = 0.075
+    lamp: Annotated[StrictBool, about("true: its lamp is lit while it is in use")] = True
+
+
+@final
+class SpaceMouse(Device):
+    """A SpaceMouse.
+
+    Parameters
+    ----------
+    side : {"left", "right"}
+        Whose device it is.
+    config : Config
+        The whole configuration.
+
+    Raises
+    ------
+    ConfigError
+        If an option is unknown, of the wrong type or out of range.
+    """
+
+    def __init__(self, side: Side, config: Config) -> None:
+        super().__init__(side, config)
+        self._options = self.read_options(Options)
+        self._hid: Any = None
+        self._rest()
+
+    @classmethod
+    def present(cls, config: Config) -> tuple[Found, ...]:
+        """See that the library is there; what is plugged in, the USB tells as well as it does."""
+        _hidapi()
+        return ()
+
+    def _rest(self) -> None:
+        """Put the stylus into the middle, with the cap let go."""
+        self._push = self._place = AT_REST
+        self._buttons = 0
+        self._time_ns: int | None = None
+        self._pushed_ns = 0
+
+    def _open(self) -> DeviceInfo:
+        hid = _hidapi()
+        found = self._find(hid.enumerate())
+        name = SPACEMOUSE[found["vendor_id"], found["product_id"]]
+        device = hid.device()
+        try:
+            device.open_path(found["path"])
+        except OSError as error:
+            raise DeviceNotFound(
+                f"the {name} at {_path_of(found)} cannot be opened ({error}): another program has it, or permission is "
+                "missing; install deploy/udev/70-netboard.rules, see docs/how-to/spacemouse.md"
+            ) from error
+        device.set_nonblocking(1)
+        self._hid = device
+        self._rest()
+        self._light(on=True)
+        return self._info_of(name, found)
+
+    def _info_of(self, name: str, found: dict[str, Any]) -> DeviceInfo:
+        reach = self._options.workspace
+        return DeviceInfo(
+            model=f"3Dconnexion {name}",
+            serial=found["serial_number"] or _path_of(found),
+            max_force=0.0,
+            continuous_force=0.0,
+            resolution=0.0,
+            workspace=Box(-reach, -reach, -reach, reach, reach, reach),
+            details={"path": _path_of(found), "mode": self._options.mode, "axes": "scene x, y, z = HID y, x, -z"},
+        )
+
+    def _find(self, there: list[dict[str, Any]]) -> dict[str, Any]:
+        """Choose a device; a device with several interfaces is in the list several times."""
+        mice = [one for one in there if (one["vendor_id"], one["product_id"]) in SPACEMOUSE]
+        caps = [one for one in mice if (one["usage_page"], one["usage"]) == MULTI_AXIS]
+        mice = caps or [one for one in mice if one["usage_page"] == 0]
+        wanted = self._options
+        for one in mice:
+            if wanted.serial in ("", one["serial_number"]) and wanted.path in ("", _path_of(one)):
+                return one
+        names = "; ".join(map(_described, mice))
+        if names:
+            which = " and ".join(f"{key} {word!r}" for key in ("serial", "path") if (word := getattr(wanted, key)))
+            raise DeviceNotFound(f"there is no SpaceMouse with {which}; there are: {names}")
+        raise DeviceNotFound("no SpaceMouse is plugged in, or none may be seen: see docs/how-to/spacemouse.md")
+
+    def _read(self, now_ns: int) -> Reading:
+        for _ in range(MOST_REPORTS):
+            try:
+                report = self._hid.read(LARGEST_REPORT)
+            except OSError as error:
+                raise DeviceLost(f"the SpaceMouse is gone ({error}): was its plug pulled out?") from error
+            if not report:
+                break
+            self._take(bytes(report), now_ns)
+        if now_ns - self._pushed_ns > LET_GO_NS:
+            self._push = AT_REST
+        vx, vy, vz = self._moved(now_ns)
+        return Reading(now_ns, *self._place, vx, vy, vz, self._buttons, True)
+
+    def _take(self, report: bytes, now_ns: int) -> None:
+        """Take what the device reports; what it reports besides is of no use here."""
+        if report[0] == MOTION and len(report) >= MOTION_SIZE:
+            right, towards, down = (int.from_bytes(report[k : k + 2], "little", signed=True) for k in (1, 3, 5))
+            self._push = (self._share(towards), self._share(right), self._share(-down))
+            self._pushed_ns = now_ns
+        elif report[0] == BUTTONS:
+            self._buttons = int.from_bytes(report[1 : 1 + BUTTON_BYTES], "little")
+
+    def _share(self, count: int) -> float:
+        """How far an axis is pushed, -1 to 1, beyond the dead zone and bent by expo."""
+        dead, expo = self._options.dead_zone, self._options.expo
+        push = min(abs(count) / FULL_SCALE, 1.0)
+        beyond = max(push - dead, 0.0) / (1.0 - dead)
+        return copysign((1.0 - expo) * beyond + expo * beyond**3, count)
+
+    def _moved(self, now_ns: int) -> Vector:
+        """Move the stylus up to now; its velocity."""
+        dt = 0.0 if self._time_ns is None else min(max(now_ns - self._time_ns, 0), CATCH_UP_NS) * 1e-9
+        self._time_ns = now_ns
+        step = self._steer if self._options.mode == "rate" else self._follow
+        (x, vx), (y, vy), (z, vz) = (step(at, push, dt) for at, push in zip(self._place, self._push, strict=True))
+        self._place = (x, y, z)
+        return vx, vy, vz
+
+    def _steer(self, at: float, push: float, dt: float) -> tuple[float, float]:
+        """Move one axis at the speed of the push, to the wall of the workspace; where it is then, and its speed."""
+        wall = self._options.workspace
+        speed = push * self._options.speed
+        there = min(max(at + speed * dt, -wall), wall)
+        return there, 0.0 if abs(there) == wall and there * speed > 0.0 else speed
+
+    def _follow(self, at: float, push: float, dt: float) -> tuple[float, float]:
+        """Move one axis towards the displacement of the push; where it is then, and its speed."""
+        wall = self._options.workspace
+        goal = min(max(push * self._options.reach, -wall), wall)
+        there = goal + (at - goal) * exp(-dt / LAG)
+        return there, (goal - there) / LAG
+
+    def _write(self, fx: float, fy: float, fz: float) -> None:
+        """There are no motors."""
+
+    def _close(self) -> None:
+        with contextlib.suppress(OSError):  # one that is gone has no lamp
+            self._light(on=False)
+        self._hid.close()
+
+    def _light(self, on: bool) -> None:
+        """Switch the lamp; a model without one does not mind."""
+        if self._options.lamp:
+            self._hid.write([LAMP, int(on)])
+
+
+def _hidapi() -> Any:
+    """Import hidapi."""
+    try:
+        import hid  # noqa: PLC0415
+    except ImportError as error:
+        raise DeviceNotFound(f"hidapi is not installed ({error}): pip install 'netboard[devices]'") from error
+    if not hasattr(hid, "device"):
+        raise DeviceNotFound(
+            "the package hid is installed, which is another one: pip uninstall hid; pip install hidapi"
+        )
+    return hid
+
+
+def _described(found: dict[str, Any]) -> str:
+    """Say which device this is, for whoever has to choose one."""
+    name = SPACEMOUSE[found["vendor_id"], found["product_id"]]
+    return f"{name}, serial {found['serial_number']!r}, path {_path_of(found)!r}"
+
+
+def _path_of(found: dict[str, Any]) -> str:
+    """Path of a device as text."""
+    return bytes(found["path"]).decode(errors="replace")

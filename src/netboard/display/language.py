@@ -1,0 +1,35 @@
+"""Where the words of a display come from: a language of the package, or a file of the user's."""
+
+from importlib import resources
+from pathlib import Path
+
+from netboard.display.words import Words, parse_words
+from netboard.errors import ConfigError
+
+LANGUAGES = ("en", "de", "fr", "es", "it")
+"""The languages of the package."""
+
+
+def load_words(language: str) -> Words:
+    """Find the words of a language.
+
+    Parameters
+    ----------
+    language : str
+        One of `LANGUAGES`, or the path of a file of words.
+
+    Raises
+    ------
+    ConfigError
+        If there is no such language or file, or a word in it is wrong.
+    """
+    if language in LANGUAGES:
+        text = (resources.files("netboard.display") / "languages" / f"{language}.toml").read_text(encoding="utf-8")
+        return parse_words(text, f"{language}.toml")
+    try:
+        text = Path(language).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(
+            f"[display] language: found {language!r}, expected {', '.join(LANGUAGES)} or a file of words ({error})"
+        ) from None
+    return parse_words(text, language)

@@ -1,0 +1,103 @@
+"""A display that is played: where its player points goes to the agent of the same side, what is felt comes back.
+
+Both go over sockets of this machine and this user alone; the server and the other station have no part in them, so the
+curtain holds: a player sees the own stylus and the own force.
+"""
+
+from PySide6.QtCore import QObject, QTimer
+
+from netboard import settings, sockets
+from netboard.clock import now_ns
+from netboard.config import SIDES, Config, Side, played_sides
+from netboard.devices.mouse import Options
+from netboard.display.grip import grip_of
+from netboard.display.grip_items import GripItems
+from netboard.display.language import load_words
+from netboard.display.pointing import Pointing
+from netboard.display.scene import Grip
+from netboard.display.window import BoardWindow
+from netboard.errors import WireError
+from netboard.wire.codec import decode, encode
+from netboard.wire.messages import Felt, Pointer, View
+
+ALIVE_MS = 50
+"""The agent is told where the pointer is at least this often: that is how it knows that the window is there [ms]."""
+
+FELT_TIMEOUT_NS = 500_000_000
+"""A force that is older is not shown [ns]."""
+
+
+class Playing(QObject):
+    """One side's player.
+
+    Parameters
+    ----------
+    station : str
+        ``left`` or ``right``.
+    config : Config
+        The local configuration; of it the options of this side's device.
+    context : zmq.Context
+        Where the sockets are made.
+    window : BoardWindow
+        Where the player points and looks.
+
+    Raises
+    ------
+    ConfigError
+        If the device's options are wrong.
+    """
+
+    def __init__(self, station: Side, config: Config, context: sockets.Context, window: BoardWindow) -> None:
+        super().__init__(window)
+        agent = config.agents.left if station == "left" else config.agents.right
+        options = settings.check(Options, dict(agent.options), ("agents", station, "options"))
+        where = sockets.addresses(config.network)
+        self._station = station
+        self._words = load_words(config.display.language)
+        self._keys = options.input == "keys"
+        self._force: float | None = None
+        self._felt_ns = 0
+        self._pointer = sockets.pointer_sender(context, where.pointer(station))
+        self._felt = sockets.felt_subscriber(context, where.felt(station))
+        self._pointing = Pointing(window, options.reach, keys=self._keys)
+        self._pointing.moved.connect(self._tell)
+        self._alive = QTimer(self, interval=ALIVE_MS)
+        self._alive.timeout.connect(self._tell)
+        self._alive.start()
+        window.board.overlay = GripItems(window.board)
+        if played_sides(config) == SIDES:
+            window.take_half(station)
+        if self._keys:
+            window.activateWindow()
+
+    def grip(self, view: View | None, config: Config) -> Grip:
+        """What the player sees of the own hand with this view."""
+        self._feel()
+        return grip_of(view, config, self._words, self._station, self._pointing.height, self._force, keys=self._keys)
+
+    def close(self) -> None:
+        """Close the sockets; a second time does nothing."""
+        if self._pointer.closed:
+            return
+        self._alive.stop()
+        self._pointing.close()
+        self._pointer.close()
+        self._felt.close()
+
+    def _tell(self) -> None:
+        """Say where the pointer is, if anybody listens."""
+        sockets.send(self._pointer, encode(Pointer(self._station, self._pointing.height)))
+
+    def _feel(self) -> None:
+        """Take the newest force; one that has become old is none."""
+        now = now_ns()
+        frame = sockets.receive(self._felt)
+        if frame is not None:
+            try:
+                message = decode(frame)
+            except WireError:
+                return
+            if isinstance(message, Felt) and message.side == self._station:
+                self._force, self._felt_ns = message.force, now
+        if now - self._felt_ns > FELT_TIMEOUT_NS:
+            self._force = None

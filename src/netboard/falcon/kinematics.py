@@ -1,0 +1,253 @@
+"""Geometry of the Novint Falcon: from its three encoders to the grip's position, and from a force to three torques.
+
+The Falcon is a delta robot: three arms swing about axes fixed to the base, and each carries a parallelogram that holds
+the grip. Seen along its own axis an arm is a two-link chain whose second link gets shorter the further the grip is out
+of the arm's plane. The names of the lengths are those of Stamper's thesis (University of Maryland, 1997, PhD 97-4), to
+which the Falcon adds the offsets f and s; their values, and those of the encoders, are those of libnifalcon.
+
+Everything here is in the Falcon's own frame: x right, y up, z towards the person who holds the grip [m].
+
+The inverse has a closed form. The forward problem has none, because of the offsets d and e, and is solved by Newton's
+method from the position before; nothing converges to a point that the arms could only reach with their elbows
+turned inside out.
+"""
+
+from math import acos, atan2, cos, hypot, isfinite, nan, pi, radians, sin, sqrt
+
+import numba
+
+Vector = tuple[float, float, float]
+
+# The lengths of the mechanism [m].
+A = 0.060  # arm, from its axis to the elbow
+B = 0.1025  # long side of the parallelogram
+C = 0.01443  # from the grip's centre to its joints, along the arm
+D = E = 0.01125  # from either end of the parallelogram to its joint
+F = -0.025  # from the grip's centre to its joints, across the arm
+R = 0.0400  # from the centre of the base to an arm's axis, along the arm
+S = -0.02309  # the same, across the arm
+
+TILT = pi / 12
+"""The arms stand at 90, -30 and -150 degrees, all turned by so much [rad]."""
+
+_COS = (cos(pi / 2 + TILT), cos(-pi / 6 + TILT), cos(-5 * pi / 6 + TILT))
+_SIN = (sin(pi / 2 + TILT), sin(-pi / 6 + TILT), sin(-5 * pi / 6 + TILT))
+
+COUNTS = 320 * 4
+"""Encoder counts in a turn of a motor: 320 slots, of which each gives four edges [1]."""
+
+GEAR = 0.01425 / 0.110
+"""Turns of an arm for a turn of its motor: diameter of the shaft over that of the arm's drum, round which a cable
+runs [1]."""
+
+ANGLE_PER_COUNT = 2 * pi / COUNTS * GEAR
+"""An arm turns by so much for one encoder count: 0.0364 degrees [rad]."""
+
+ANGLE_AT_ZERO = radians(35.0)
+"""Angle of an arm whose homed encoder reads zero [rad]."""
+
+CENTRE: Vector = (0.0, 0.0, 0.115)
+"""Middle of the largest cube in which the mechanism is far from singular [m]."""
+
+REACH = 0.04
+"""Half the side of that cube: within it no direction takes more than 6.4 times the torque of another [m]."""
+
+LARGEST_ANGLE = radians(120.0)
+"""No arm swings further than this, either way, so what the encoders say then is nonsense [rad]."""
+
+TOLERANCE = 1e-13
+"""A Newton step shorter than this ends the search; a count moves the grip by 4e-5 m [m]."""
+
+MOST_STEPS = 30
+"""Newton steps after which a position counts as not found; from the position before, three are usual [1]."""
+
+LONGEST_STEP = 0.02
+"""A Newton step is no longer than this [m]."""
+
+
+def angles_of(encoders: tuple[int, int, int]) -> Vector:
+    """Angles of the three arms, from their homed encoders.
+
+    Parameters
+    ----------
+    encoders : tuple of int
+        What the encoders read [1].
+
+    Returns
+    -------
+    tuple of float
+        Angles: 0 points away from the axis of the base, 90 degrees towards the person [rad].
+    """
+    first, second, third = encoders
+    return (
+        ANGLE_AT_ZERO + ANGLE_PER_COUNT * first,
+        ANGLE_AT_ZERO + ANGLE_PER_COUNT * second,
+        ANGLE_AT_ZERO + ANGLE_PER_COUNT * third,
+    )
+
+
+def encoders_at(angles: Vector) -> tuple[int, int, int]:
+    """Read three homed encoders whose arms are at these angles [1]; the inverse of `angles_of`, to a whole count."""
+    first, second, third = (round((angle - ANGLE_AT_ZERO) / ANGLE_PER_COUNT) for angle in angles)
+    return first, second, third
+
+
+@numba.njit(cache=True)
+def inverse(place: Vector) -> Vector:
+    """Angles at which the arms must be for the grip to be somewhere.
+
+    Parameters
+    ----------
+    place : tuple of float
+        Position of the grip [m].
+
+    Returns
+    -------
+    tuple of float
+        Angles of the three arms; not a number where an arm does not reach [rad].
+    """
+    return _swing(0, place), _swing(1, place), _swing(2, place)
+
+
+@numba.njit(cache=True)
+def _swing(leg: int, place: Vector) -> float:
+    """Angle of one arm: of its two-link chain's two solutions, the one with the elbow outside."""
+    x, y, z = place
+    along = _COS[leg] * x + _SIN[leg] * y - R + C
+    across = _COS[leg] * y - _SIN[leg] * x - S + F
+    rest = B * B - across * across
+    if rest <= 0.0:
+        return nan
+    link = D + E + sqrt(rest)
+    far = hypot(along, z)
+    if far == 0.0:
+        return nan
+    share = (far * far + A * A - link * link) / (2 * A * far)
+    if abs(share) > 1.0:
+        return nan
+    return atan2(z, along) - acos(share)
+
+
+@numba.njit(cache=True)
+def _closure(leg: int, angle: float, place: Vector) -> tuple[float, float, float, float, float]:
+    """How far one chain is from being closed, and how that changes with x, y, z and with the arm's angle.
+
+    The elbow and the grip's joint are the second link's length apart; what is returned is half the difference of the
+    squares [m2], its gradient [m] and its derivative by the angle [m2/rad].
+    """
+    x, y, z = place
+    across = _COS[leg] * y - _SIN[leg] * x - S + F
+    rest = B * B - across * across
+    if rest <= 0.0:
+        return nan, nan, nan, nan, nan
+    root = sqrt(rest)
+    link = D + E + root
+    p = _COS[leg] * x + _SIN[leg] * y - R + C - A * cos(angle)
+    q = z - A * sin(angle)
+    slant = link * across / root
+    gap = 0.5 * (p * p + q * q - link * link)
+    gx, gy = p * _COS[leg] - slant * _SIN[leg], p * _SIN[leg] + slant * _COS[leg]
+    return gap, gx, gy, q, A * (p * sin(angle) - q * cos(angle))
+
+
+@numba.njit(cache=True)
+def _cross(a: Vector, b: Vector) -> Vector:
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@numba.njit(cache=True)
+def forward(angles: Vector, guess: Vector) -> Vector:
+    """Position of the grip for three angles of the arms, by Newton's method.
+
+    Parameters
+    ----------
+    angles : tuple of float
+        Angles of the arms [rad].
+    guess : tuple of float
+        Where the search begins: the position before, or `CENTRE` [m].
+
+    Returns
+    -------
+    tuple of float
+        Position; not a number if none was found from there [m].
+    """
+    lost = (nan, nan, nan)
+    if max(abs(angles[0]), abs(angles[1]), abs(angles[2])) > LARGEST_ANGLE:
+        return lost
+    x, y, z = guess
+    for _ in range(MOST_STEPS):
+        g1, ax, ay, az, t1 = _closure(0, angles[0], (x, y, z))
+        g2, bx, by, bz, t2 = _closure(1, angles[1], (x, y, z))
+        g3, cx, cy, cz, t3 = _closure(2, angles[2], (x, y, z))
+        u, v, w = (
+            _cross((bx, by, bz), (cx, cy, cz)),
+            _cross((cx, cy, cz), (ax, ay, az)),
+            _cross((ax, ay, az), (bx, by, bz)),
+        )
+        volume = ax * u[0] + ay * u[1] + az * u[2]
+        if not isfinite(volume) or volume == 0.0:
+            return lost
+        dx = -(g1 * u[0] + g2 * v[0] + g3 * w[0]) / volume
+        dy = -(g1 * u[1] + g2 * v[1] + g3 * w[1]) / volume
+        dz = -(g1 * u[2] + g2 * v[2] + g3 * w[2]) / volume
+        size = sqrt(dx * dx + dy * dy + dz * dz)
+        share = 1.0 if size <= LONGEST_STEP else LONGEST_STEP / size
+        x, y, z = x + share * dx, y + share * dy, z + share * dz
+        if size < TOLERANCE:
+            outside = t1 < 0.0 and t2 < 0.0 and t3 < 0.0
+            return (x, y, z) if outside and z > 0.0 else lost
+    return lost
+
+
+@numba.njit(cache=True)
+def jacobian(angles: Vector, place: Vector) -> tuple[Vector, Vector, Vector]:
+    """How the grip moves when one arm turns, for each arm: the columns of the Jacobian.
+
+    Each chain stays closed, so gradient times motion plus derivative times turn is zero for each arm; solved by cross
+    products. It is as large as one likes near a singular pose.
+
+    Parameters
+    ----------
+    angles : tuple of float
+        Angles of the arms [rad].
+    place : tuple of float
+        Position that belongs to them [m].
+
+    Returns
+    -------
+    tuple of tuple of float
+        For each arm the derivative of the position by its angle [m/rad].
+    """
+    _, ax, ay, az, t1 = _closure(0, angles[0], place)
+    _, bx, by, bz, t2 = _closure(1, angles[1], place)
+    _, cx, cy, cz, t3 = _closure(2, angles[2], place)
+    u, v, w = _cross((bx, by, bz), (cx, cy, cz)), _cross((cx, cy, cz), (ax, ay, az)), _cross((ax, ay, az), (bx, by, bz))
+    volume = ax * u[0] + ay * u[1] + az * u[2]
+    p, q, r = -t1 / volume, -t2 / volume, -t3 / volume
+    return (p * u[0], p * u[1], p * u[2]), (q * v[0], q * v[1], q * v[2]), (r * w[0], r * w[1], r * w[2])
+
+
+@numba.njit(cache=True)
+def torques(angles: Vector, place: Vector, force: Vector) -> Vector:
+    """Torques about the arms' axes that together are a force at the grip: the transposed Jacobian times the force.
+
+    Parameters
+    ----------
+    angles : tuple of float
+        Angles of the arms [rad].
+    place : tuple of float
+        Position that belongs to them [m].
+    force : tuple of float
+        Force of the grip on the hand [N].
+
+    Returns
+    -------
+    tuple of float
+        Torque of each arm, positive where its angle grows [N m].
+    """
+    a, b, c = jacobian(angles, place)
+    return (
+        a[0] * force[0] + a[1] * force[1] + a[2] * force[2],
+        b[0] * force[0] + b[1] * force[1] + b[2] * force[2],
+        c[0] * force[0] + c[1] * force[1] + c[2] * force[2],
+    )

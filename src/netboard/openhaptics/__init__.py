@@ -1,0 +1,1 @@
+"""Touch, Phantom and their kin, through the library of their maker (HDAPI)."""

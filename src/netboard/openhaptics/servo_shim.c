@@ -1,0 +1,200 @@
+/* The servo callback in C, so that no Python runs in the servo thread, and a watch over any servo callback.
+
+   It knows the vendor's library by the addresses of the functions it is given; it needs none of the vendor's files. What
+   it does in a tick is what PythonServo of servo.py does: read, take the force, write it, take errors, publish.
+
+   Samples go from the servo thread to Python, forces from Python to the servo thread, each through a ring of slots with
+   one writer: the newest slot is read, and read again if the writer has come round meanwhile. So neither side ever
+   waits for the other, whatever the scheduler does with their threads. */
+
+#include <stdatomic.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+#include <time.h>
+
+enum { SLOTS = 16, WORDS = 9, FAULTS = 64, MOST_ERRORS = 64, TRIES = 8 };
+enum { CALLBACK_DONE = 0, CALLBACK_CONTINUE = 1 };
+enum {
+    CURRENT_BUTTONS = 0x2000,
+    CURRENT_INKWELL_SWITCH = 0x2002,
+    CURRENT_POSITION = 0x2050,
+    CURRENT_VELOCITY = 0x2051,
+    CURRENT_FORCE = 0x2700
+};
+
+struct error_info {
+    uint32_t code;
+    int32_t internal;
+    uint32_t handle;
+};
+
+struct library { /* of addresses; Calls in shim.py */
+    void (*begin_frame)(uint32_t);
+    void (*end_frame)(uint32_t);
+    void (*get_doubles)(uint32_t, double *);
+    void (*get_integers)(uint32_t, int32_t *);
+    void (*get_booleans)(uint32_t, uint8_t *);
+    void (*set_doubles)(uint32_t, const double *);
+    struct error_info (*get_error)(void);
+};
+
+struct sample { /* Shot in shim.py */
+    int64_t tick;
+    int64_t stamp_ns;
+    double position[3];
+    double velocity[3];
+    int32_t buttons;
+    int16_t docked;
+    int16_t cut;
+};
+
+struct force {
+    double f[3];
+    int64_t stamp_ns;
+};
+
+struct ring {
+    _Atomic uint64_t newest; /* number of the newest content, from 1; 0 for none */
+    _Atomic uint64_t words[SLOTS][WORDS];
+};
+
+struct servo {
+    struct library hd;
+    uint32_t handle;
+    int64_t timeout_ns;
+    int64_t ticks;
+    int cut;
+    struct force force; /* as last taken */
+    struct ring samples, forces;
+    _Atomic uint64_t faults_made;
+    uint64_t faults_taken;
+    struct error_info faults[FAULTS];
+};
+
+_Static_assert(sizeof(struct sample) == 8 * WORDS, "a sample fills a slot");
+_Static_assert(sizeof(struct force) <= 8 * WORDS, "a force fits into a slot");
+
+static int64_t now_ns(void) {
+    struct timespec now;
+    clock_gettime(CLOCK_MONOTONIC, &now); /* the clock of Python's time.monotonic_ns */
+    return (int64_t)now.tv_sec * 1000000000 + now.tv_nsec;
+}
+
+static void put(struct ring *ring, const void *content, size_t words) {
+    uint64_t number = atomic_load_explicit(&ring->newest, memory_order_relaxed) + 1, copy[WORDS];
+    _Atomic uint64_t *slot = ring->words[number % SLOTS];
+    memcpy(copy, content, 8 * words);
+    atomic_thread_fence(memory_order_release); /* who sees a word of this content also sees the number before it */
+    for (size_t i = 0; i < words; i++) atomic_store_explicit(&slot[i], copy[i], memory_order_relaxed);
+    atomic_store_explicit(&ring->newest, number, memory_order_release);
+}
+
+static int take(struct ring *ring, void *content, size_t words) {
+    for (int i = 0; i < TRIES; i++) {
+        uint64_t number = atomic_load_explicit(&ring->newest, memory_order_acquire), copy[WORDS];
+        _Atomic uint64_t *slot = ring->words[number % SLOTS];
+        if (number == 0) return 0;
+        for (size_t j = 0; j < words; j++) copy[j] = atomic_load_explicit(&slot[j], memory_order_relaxed);
+        atomic_thread_fence(memory_order_acquire);
+        if (atomic_load_explicit(&ring->newest, memory_order_relaxed) - number < SLOTS - 1) {
+            memcpy(content, copy, 8 * words);
+            return 1;
+        }
+    }
+    return 0;
+}
+
+static void drain(struct servo *servo) {
+    for (int i = 0; i < MOST_ERRORS; i++) {
+        struct error_info fault = servo->hd.get_error();
+        if (fault.code == 0) return;
+        uint64_t made = atomic_load_explicit(&servo->faults_made, memory_order_relaxed);
+        servo->faults[made % FAULTS] = fault;
+        atomic_store_explicit(&servo->faults_made, made + 1, memory_order_release);
+    }
+}
+
+/* The force to write now: the newest one, but nothing once it was too old, until a zero has been put. */
+static void choose(struct servo *servo, int64_t at_ns, double out[3]) {
+    struct force *force = &servo->force;
+    take(&servo->forces, force, sizeof *force / 8);
+    if (force->f[0] == 0 && force->f[1] == 0 && force->f[2] == 0)
+        servo->cut = 0;
+    else if (at_ns - force->stamp_ns > servo->timeout_ns)
+        servo->cut = 1;
+    for (int i = 0; i < 3; i++) out[i] = servo->cut ? 0 : force->f[i];
+}
+
+/* --- called by Python ------------------------------------------------------------------------------------------ */
+
+size_t servo_size(void) { return sizeof(struct servo); }
+
+void servo_prepare(struct servo *servo, const struct library *hd, uint32_t handle, int64_t timeout_ns) {
+    memset(servo, 0, sizeof *servo);
+    servo->hd = *hd;
+    servo->handle = handle;
+    servo->timeout_ns = timeout_ns;
+}
+
+void servo_put(struct servo *servo, double x, double y, double z, int64_t stamp_ns) {
+    struct force force = {{x, y, z}, stamp_ns};
+    put(&servo->forces, &force, sizeof force / 8);
+}
+
+int servo_take(struct servo *servo, struct sample *out) { return take(&servo->samples, out, WORDS); }
+
+int servo_next_fault(struct servo *servo, struct error_info *out) {
+    uint64_t made = atomic_load_explicit(&servo->faults_made, memory_order_acquire);
+    if (made == servo->faults_taken) return 0;
+    if (made - servo->faults_taken > FAULTS) servo->faults_taken = made - FAULTS;
+    *out = servo->faults[servo->faults_taken++ % FAULTS];
+    return 1;
+}
+
+/* --- called by the servo thread -------------------------------------------------------------------------------- */
+
+uint32_t servo_tick(void *data) {
+    struct servo *servo = data;
+    struct sample now = {0};
+    double force[3];
+    uint8_t docked = 0;
+    servo->hd.begin_frame(servo->handle);
+    now.stamp_ns = now_ns();
+    servo->hd.get_doubles(CURRENT_POSITION, now.position);
+    servo->hd.get_doubles(CURRENT_VELOCITY, now.velocity);
+    servo->hd.get_integers(CURRENT_BUTTONS, &now.buttons);
+    servo->hd.get_booleans(CURRENT_INKWELL_SWITCH, &docked);
+    choose(servo, now.stamp_ns, force);
+    servo->hd.set_doubles(CURRENT_FORCE, force);
+    servo->hd.end_frame(servo->handle);
+    drain(servo);
+    now.tick = ++servo->ticks;
+    now.docked = docked != 0;
+    now.cut = (int16_t)servo->cut;
+    put(&servo->samples, &now, WORDS);
+    return CALLBACK_CONTINUE;
+}
+
+/* --- a watch over a servo callback, for measurements ----------------------------------------------------------- */
+
+struct watch { /* Watch in shim.py */
+    uint32_t (*callback)(void *); /* what is watched; none for a bare tick */
+    void *data;
+    int64_t *times; /* room for pairs: begin and end of each tick */
+    uint64_t room;
+    _Atomic uint64_t count;
+};
+
+uint32_t watch_tick(void *data) {
+    struct watch *watch = data;
+    int64_t began = now_ns();
+    uint32_t after = watch->callback ? watch->callback(watch->data) : CALLBACK_CONTINUE;
+    uint64_t count = atomic_load_explicit(&watch->count, memory_order_relaxed);
+    if (count < watch->room) {
+        watch->times[2 * count] = began;
+        watch->times[2 * count + 1] = now_ns();
+        atomic_store_explicit(&watch->count, count + 1, memory_order_release);
+    }
+    return after;
+}

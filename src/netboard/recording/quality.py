@@ -1,0 +1,51 @@
+"""The quality of the attempts in a recording, judged as the server has judged them: by the rules of its configuration.
+
+The ticks are shown to the referee in portions and each portion's frames after it, as they come to a server.
+"""
+
+from operator import attrgetter
+
+from netboard.config import parse
+from netboard.experiment.quality import Referee, Verdict
+from netboard.recording.reader import Recording
+from netboard.wire.messages import Safeguard
+
+_PORTION = 100
+"""Ticks shown at once: fewer than those after which every frame is known to a server [1]."""
+
+
+def judged(recording: Recording) -> tuple[Verdict, ...]:
+    """Judge every attempt that has ended in a recording.
+
+    Parameters
+    ----------
+    recording : Recording
+        The recording, open.
+
+    Returns
+    -------
+    tuple of Verdict
+        In order.
+
+    Raises
+    ------
+    RecordingError
+        If its configuration was lost when it was damaged.
+    ConfigError
+        If that is not one of this version.
+    """
+    config = parse(recording.config_text, f"{recording.path} (its configuration)")
+    referee = Referee(config, Safeguard.CLAMPED)
+    rows = recording.ticks()
+    frames = sorted(recording.frames(), key=attrgetter("tick"))
+    verdicts: list[Verdict] = []
+    told = 0
+    for first in range(0, rows.size, _PORTION):
+        count = min(_PORTION, rows.size - first)
+        verdicts += referee.watch(rows, first, count)
+        newest = rows["tick"][first + count - 1]
+        while told < len(frames) and frames[told].tick <= newest:
+            frame = frames[told]
+            referee.paint(frame.station, frame.tick, frame.painted_ns)
+            told += 1
+    return tuple(verdicts)

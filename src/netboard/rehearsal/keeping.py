@@ -1,0 +1,131 @@
+"""Keeps a rehearsed block as a recording: the same channels, events and metadata as those of a live one.
+
+What a live session writes because of its network is missing: clock probes, frames of displays, peers that come. The
+event ``session_started`` says ``rehearsed``, and so does the metadata record, so that nobody takes it for people.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.config import Config, resolve
+from netboard.curtain import PHASE_NAMES
+from netboard.experiment.machine import TABLE, Cause, Phase
+from netboard.recording.provenance import provenance
+from netboard.recording.writer import RecordingWriter
+from netboard.rehearsal.block import START_NS
+from netboard.tick import TICK_NS, TICK_SECONDS
+from netboard.wire.messages import PROTOCOL_VERSION, EventRecord, TickRecord, Welcome
+
+
+class Keeper:
+    """The recording of one block.
+
+    Parameters
+    ----------
+    folder : Path
+        Where it is written.
+    config : Config
+        Rig and experiment of the block.
+    session : str
+        Id of the session.
+    utc_ns : int
+        Wall-clock time that the first tick is given [ns].
+
+    Attributes
+    ----------
+    path : Path
+        The recording.
+
+    Raises
+    ------
+    RecordingError
+        If it exists or cannot be made.
+    """
+
+    def __init__(self, folder: Path, config: Config, session: str, utc_ns: int) -> None:
+        text = resolve(config)
+        self.path = folder / name_of(config, session)
+        welcome = Welcome(session, PROTOCOL_VERSION, START_NS, text)
+        metadata = provenance(welcome, config, config.block.number, utc_ns, START_NS) | {"rehearsed": "true"}
+        self._log_time_minus_server = utc_ns - START_NS
+        self._writer = RecordingWriter(self.path, metadata, text, config.recording, utc_ns)
+        self._events = self._records = 0
+        self._time_ns = START_NS
+        self._note(0, START_NS, "session_started", {"session": session, "rehearsed": "true"})
+
+    def take(self, rows: NDArray[Any]) -> None:
+        """Write the next ticks, and what happened in them.
+
+        Parameters
+        ----------
+        rows : ndarray of TICK, shape (n,)
+            The ticks.
+        """
+        happened = set(np.flatnonzero(rows["event"]).tolist())
+        for place, row in enumerate(rows):
+            self._time_ns = START_NS + int(row["tick"]) * TICK_NS
+            self._write(TickRecord(row.tobytes()))
+            if place in happened:
+                self._note(int(row["tick"]), self._time_ns, *event_of(row))
+
+    def finish(self) -> None:
+        """Give the recording its name."""
+        self._note(-1, self._time_ns, "session_ended", {"late_ticks": "0"})
+        self._writer.finish(self._time_ns + self._log_time_minus_server)
+
+    def abandon(self) -> None:
+        """Leave what was written as it is."""
+        self._writer.abandon()
+
+    def _note(self, tick: int, time_ns: int, name: str, details: dict[str, str]) -> None:
+        self._write(EventRecord(self._events, tick, time_ns, name, details))
+        self._events += 1
+
+    def _write(self, record: TickRecord | EventRecord) -> None:
+        self._writer.write(record, self._records, self._time_ns + self._log_time_minus_server)
+        self._records += 1
+
+
+def name_of(config: Config, session: str) -> str:
+    """Name of a block's recording.
+
+    Parameters
+    ----------
+    config : Config
+        Rig and experiment of the block.
+    session : str
+        Id of the session.
+    """
+    who = config.session
+    return f"{who.name}_{who.dyad}_block{config.block.number:02d}_{session[:8]}.mcap"
+
+
+def event_of(row: Any) -> tuple[str, dict[str, str]]:
+    """Say what the stage has decided in a tick, as a live session does.
+
+    Parameters
+    ----------
+    row : netboard.tick.TICK record
+        A tick with an event.
+
+    Returns
+    -------
+    name : str
+        What happened.
+    details : dict of str
+        In which trial, and with what outcome.
+    """
+    phase, cause = Phase(int(row["phase"])), Cause(int(row["event"]))
+    details = {
+        "from": PHASE_NAMES[phase],
+        "to": PHASE_NAMES[TABLE[phase][cause][0]],
+        "trial": str(row["trial"]),
+        "attempt": str(row["attempt"]),
+        "target": "left" if row["target"] < 0 else "right",
+    }
+    if cause == Cause.HELD:
+        details["completion"] = repr(float(row["mark_ticks"]) * TICK_SECONDS)
+    return cause.name.lower(), details

@@ -1,0 +1,69 @@
+"""How a study is run: the machine is told, parts come one after the other, each is shown and written as it is there.
+
+What is written after each part is whole, so a study that is interrupted has left what it found.
+"""
+
+import shutil
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+from netboard.studies.machine import describe
+from netboard.studies.results import Folder, Part, Verdict, show
+
+Tell = Callable[[str, float], object]
+"""Hears what is being done, and which share of it is."""
+
+WIDTH = 160
+"""Tables are this wide at the least [characters]."""
+
+
+def run(
+    folder: Folder,
+    settings: Mapping[str, Any],
+    study: Callable[[Tell], Iterable[Part]],
+    json: Path | None = None,
+) -> list[Verdict]:
+    """Run a study, and say how it ended.
+
+    Parameters
+    ----------
+    folder : Folder
+        Where its results go.
+    settings : mapping of str
+        What goes into them beside the parts: ``study``, its name, and how it was run.
+    study : callable
+        Makes the parts, one after the other.
+    json : Path or None
+        File that gets the results too.
+
+    Returns
+    -------
+    list of Verdict
+        All verdicts; one that fails is a result, not an error.
+    """
+    console = Console(highlight=False, markup=False)
+    console.width = max(console.width, WIDTH)
+    for line in describe().lines():
+        console.print(line)
+    parts: list[Part] = []
+    columns = TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn()
+    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task("getting ready", total=1.0)
+
+        def tell(text: str, share: float) -> None:
+            progress.update(task, description=text, completed=share)
+
+        for part in study(tell):
+            parts.append(part)
+            if part.on_screen:
+                show(console, part)
+            folder.write(parts, settings)
+    if json is not None:
+        shutil.copyfile(folder.path / "results.json", json)
+    verdicts = [verdict for part in parts for verdict in part.verdicts]
+    console.print(f"{sum(one.holds for one in verdicts)} of {len(verdicts)} verdicts hold; all is in {folder.path}")
+    return verdicts

@@ -1,0 +1,240 @@
+"""The vendor's ABI, typed in a second time from its reference: sizes, functions, constants; what is said without it."""
+
+import ctypes
+import locale
+import sys
+from ctypes import c_char_p, c_double, c_int32, c_long, c_ubyte, c_uint32, c_ulong, c_void_p, sizeof
+from pathlib import Path
+
+import pytest
+
+from libhd import Fake, fake_library
+from netboard.errors import DeviceNotFound
+from netboard.openhaptics import api as hdapi
+
+TYPES = {
+    "HHD": c_uint32,
+    "HDenum": c_uint32,
+    "HDerror": c_uint32,
+    "HDstring": c_char_p,
+    "HDboolean": c_ubyte,
+    "HDdouble": c_double,
+    "HDulong": c_ulong,
+    "HDSchedulerHandle": c_ulong,
+    "HDushort": ctypes.c_ushort,
+    "HDWaitCode": c_uint32,
+    "HDCallback": hdapi.CALLBACK,
+    "HDErrorInfo": hdapi.ErrorInfo,
+    "HDboolean*": ctypes.POINTER(c_ubyte),
+    "HDint*": ctypes.POINTER(c_int32),
+    "HDfloat*": ctypes.POINTER(ctypes.c_float),
+    "HDdouble*": ctypes.POINTER(c_double),
+    "HDlong*": ctypes.POINTER(c_long),
+    "void*": c_void_p,
+    "void": None,
+}
+
+FUNCTIONS = """
+hdInitDevice HHD HDstring
+hdDisableDevice void HHD
+hdMakeCurrentDevice void HHD
+hdGetCurrentDevice HHD
+hdBeginFrame void HHD
+hdEndFrame void HHD
+hdGetError HDErrorInfo
+hdGetErrorString HDstring HDerror
+hdEnable void HDenum
+hdDisable void HDenum
+hdIsEnabled HDboolean HDenum
+hdGetBooleanv void HDenum HDboolean*
+hdGetIntegerv void HDenum HDint*
+hdGetFloatv void HDenum HDfloat*
+hdGetDoublev void HDenum HDdouble*
+hdGetLongv void HDenum HDlong*
+hdSetBooleanv void HDenum HDboolean*
+hdSetIntegerv void HDenum HDint*
+hdSetFloatv void HDenum HDfloat*
+hdSetDoublev void HDenum HDdouble*
+hdSetLongv void HDenum HDlong*
+hdGetString HDstring HDenum
+hdCheckCalibration HDenum
+hdCheckCalibrationStyle HDenum
+hdUpdateCalibration void HDenum
+hdUpdateCalibrationMessage void HDenum
+hdScaleGimbalAngles void HDdouble HDdouble HDdouble HDdouble*
+hdDeploymentLicense HDboolean HDstring HDstring HDstring
+hdStartScheduler void
+hdStopScheduler void
+hdSetSchedulerRate void HDulong
+hdScheduleSynchronous void HDCallback void* HDushort
+hdScheduleAsynchronous HDSchedulerHandle HDCallback void* HDushort
+hdUnschedule void HDSchedulerHandle
+hdWaitForCompletion HDboolean HDSchedulerHandle HDWaitCode
+hdGetSchedulerTimeStamp HDdouble
+"""
+
+CONSTANTS = {
+    hdapi.Error: """
+        SUCCESS 0000  INVALID_ENUM 0100  INVALID_VALUE 0101  INVALID_OPERATION 0102  INVALID_INPUT_TYPE 0103
+        BAD_HANDLE 0104  WARM_MOTORS 0200  EXCEEDED_MAX_FORCE 0201  EXCEEDED_MAX_FORCE_IMPULSE 0202
+        EXCEEDED_MAX_VELOCITY 0203  FORCE_ERROR 0204  DEVICE_FAULT 0300  DEVICE_ALREADY_INITIATED 0301
+        COMM_ERROR 0302  COMM_CONFIG_ERROR 0303  TIMER_ERROR 0304  ILLEGAL_BEGIN 0400  ILLEGAL_END 0401
+        FRAME_ERROR 0402  INVALID_PRIORITY 0500  SCHEDULER_FULL 0501  INVALID_LICENSE 0600
+    """,
+    hdapi.Parameter: """
+        CURRENT_BUTTONS 2000  CURRENT_SAFETY_SWITCH 2001  CURRENT_INKWELL_SWITCH 2002  CURRENT_ENCODER_VALUES 2010
+        CURRENT_PINCH_VALUE 2011  LAST_PINCH_VALUE 2012  CURRENT_POSITION 2050  CURRENT_VELOCITY 2051
+        CURRENT_TRANSFORM 2052  CURRENT_ANGULAR_VELOCITY 2053  CURRENT_JACOBIAN 2054  CURRENT_JOINT_ANGLES 2100
+        CURRENT_GIMBAL_ANGLES 2150  LAST_BUTTONS 2200  LAST_SAFETY_SWITCH 2201  LAST_INKWELL_SWITCH 2202
+        LAST_ENCODER_VALUES 2210  LAST_POSITION 2250  LAST_VELOCITY 2251  LAST_TRANSFORM 2252
+        LAST_ANGULAR_VELOCITY 2253  LAST_JACOBIAN 2254  LAST_JOINT_ANGLES 2300  LAST_GIMBAL_ANGLES 2350
+        VERSION 2500  DEVICE_MODEL_TYPE 2501  DEVICE_DRIVER_VERSION 2502  DEVICE_VENDOR 2503
+        DEVICE_SERIAL_NUMBER 2504  DEVICE_FIRMWARE_VERSION 2505  MAX_WORKSPACE_DIMENSIONS 2550
+        USABLE_WORKSPACE_DIMENSIONS 2551  TABLETOP_OFFSET 2552  INPUT_DOF 2553  OUTPUT_DOF 2554
+        CALIBRATION_STYLE 2555  UPDATE_RATE 2600  INSTANTANEOUS_UPDATE_RATE 2601  NOMINAL_MAX_STIFFNESS 2602
+        NOMINAL_MAX_FORCE 2603  NOMINAL_MAX_CONTINUOUS_FORCE 2604  MOTOR_TEMPERATURE 2605
+        SOFTWARE_VELOCITY_LIMIT 2606  SOFTWARE_FORCE_IMPULSE_LIMIT 2607  FORCE_RAMPING_RATE 2608
+        NOMINAL_MAX_DAMPING 2609  NOMINAL_MAX_TORQUE_STIFFNESS 2620  NOMINAL_MAX_TORQUE_DAMPING 2621
+        NOMINAL_MAX_TORQUE 2622  NOMINAL_MAX_CONTINUOUS_TORQUE 2623  CURRENT_FORCE 2700  CURRENT_TORQUE 2701
+        JOINT_ANGLE_REFERENCES 2702  CURRENT_JOINT_TORQUE 2703  CURRENT_GIMBAL_TORQUE 2704
+        CURRENT_MOTOR_DAC_VALUES 2750  LAST_FORCE 2800  LAST_TORQUE 2801  LAST_JOINT_TORQUE 2802
+        LAST_GIMBAL_TORQUE 2803  LAST_MOTOR_DAC_VALUES 2850  USER_STATUS_LIGHT 2900
+    """,
+    hdapi.Capability: """
+        FORCE_OUTPUT 4000  MAX_FORCE_CLAMPING 4001  FORCE_RAMPING 4002  SOFTWARE_FORCE_LIMIT 4003
+        ONE_FRAME_LIMIT 4004  SOFTWARE_VELOCITY_LIMIT 2606  SOFTWARE_FORCE_IMPULSE_LIMIT 2607
+        USER_STATUS_LIGHT 2900
+    """,
+    hdapi.Calibration: "CALIBRATION_OK 5000  CALIBRATION_NEEDS_UPDATE 5001  CALIBRATION_NEEDS_MANUAL_INPUT 5002",
+    hdapi.Style: "CALIBRATION_ENCODER_RESET 1  CALIBRATION_AUTO 2  CALIBRATION_INKWELL 4",
+    hdapi.Button: "DEVICE_BUTTON_1 1  DEVICE_BUTTON_2 2  DEVICE_BUTTON_3 4  DEVICE_BUTTON_4 8",
+    hdapi.Light: """
+        LED_STATUS_FAST_GRNYEL 0  LED_STATUS_SLOW_YEL 1  LED_STATUS_SLOW_GRN 2  LED_STATUS_FAST_GRN 3
+        LED_STATUS_SOLID_GRNYEL 4  LED_STATUS_SOLID_YEL 5  LED_STATUS_SOLID_GRN 6  LED_STATUS_FAST_YEL 7
+    """,
+    hdapi.After: "CALLBACK_DONE 0  CALLBACK_CONTINUE 1",
+    hdapi.Wait: "WAIT_CHECK_STATUS 0  WAIT_INFINITE 1",
+}
+"""Names without HD_, and values in hexadecimal."""
+
+
+@pytest.fixture
+def library() -> hdapi.Library:
+    return hdapi.load(str(fake_library()))
+
+
+def test_an_error_has_twelve_bytes() -> None:
+    assert sizeof(hdapi.ErrorInfo) == 12
+    offsets = {name: getattr(hdapi.ErrorInfo, name).offset for name, _ in hdapi.ErrorInfo._fields_}
+    assert offsets == {"code": 0, "internal": 4, "handle": 8}
+    assert hdapi.ErrorInfo(code=0, internal=-28, handle=0).internal == -28
+
+
+def test_a_scheduler_handle_is_an_unsigned_long() -> None:
+    wide = sizeof(c_void_p) if sys.platform != "win32" else 4
+    assert sizeof(hdapi.PROTOTYPES["hdScheduleAsynchronous"][0]) == wide
+    assert sizeof(hdapi.PROTOTYPES["hdUnschedule"][1]) == wide
+
+
+def test_a_callback_takes_an_address_and_returns_a_code() -> None:
+    called = hdapi.CALLBACK(lambda data: hdapi.After.CALLBACK_CONTINUE if data == 5 else hdapi.After.CALLBACK_DONE)
+    assert (called(5), called(6)) == (1, 0)
+
+
+def test_every_function_has_its_types(library: hdapi.Library) -> None:
+    table = {name: tuple(TYPES[word] for word in words) for name, *words in map(str.split, FUNCTIONS.split("\n")[1:-1])}
+    assert table == hdapi.PROTOTYPES
+    for functions in (library.calls, library.ticks):
+        for name, (returns, *takes) in table.items():
+            if name in hdapi.OPTIONAL and not hasattr(functions, name):
+                continue
+            function = getattr(functions, name)
+            assert function.restype is returns, name
+            assert list(function.argtypes) == takes, name
+
+
+@pytest.mark.parametrize("kind", CONSTANTS, ids=lambda kind: kind.__name__)
+def test_every_constant_has_its_value(kind: type) -> None:
+    words = CONSTANTS[kind].split()
+    assert {member.name: int(member) for member in kind} == {
+        name: int(value, 16) for name, value in zip(words[::2], words[1::2], strict=True)
+    }
+
+
+def test_single_constants() -> None:
+    assert hdapi.INVALID_HANDLE == 2**32 - 1
+    assert (hdapi.MAX_PRIORITY, hdapi.DEFAULT_PRIORITY, hdapi.MIN_PRIORITY) == (65535, 32767, 0)
+    assert hdapi.USER_STATUS_LIGHT_MASK == 7
+
+
+def test_errors_come_off_the_stack_to_the_last_one(library: hdapi.Library) -> None:
+    fake = Fake()
+    fake.reset()
+    for code, internal in ((0x0302, -28), (0x0200, 0), (0x0777, 3)):
+        fake.error(code, internal, 9)
+    unknown, warm, comm = library.drain()
+    assert str(comm) == "HD_COMM_ERROR (0x0302, internal -28, handle 9): told by the fake library"
+    assert str(warm) == "HD_WARM_MOTORS (0x0200, internal 0, handle 9): the motors are warm"
+    assert str(unknown).startswith("an unknown error (0x0777, internal 3, handle 9)")
+    assert library.drain() == []
+
+
+def test_a_stack_without_an_end_is_left_alone(library: hdapi.Library) -> None:
+    fake = Fake()
+    fake.reset()
+    fake.calls.fake_pin_errors(1)
+    assert len(library.drain()) == hdapi.MOST_ERRORS
+    fake.reset()
+
+
+def test_numbers_have_a_point_in_every_language(library: hdapi.Library) -> None:
+    kept = locale.setlocale(locale.LC_NUMERIC)
+    for comma in ("de_DE.UTF-8", "fr_FR.UTF-8", "de_DE", "German_Germany"):
+        try:
+            locale.setlocale(locale.LC_NUMERIC, comma)
+        except locale.Error:
+            continue
+        break
+    else:
+        pytest.skip("no language with a decimal comma is installed here")
+    try:
+        assert Fake().calls.fake_decimal_point() == b","
+        hdapi.load(library.path)
+        assert Fake().calls.fake_decimal_point() == b"."
+    finally:
+        locale.setlocale(locale.LC_NUMERIC, kept)
+
+
+def test_it_is_looked_for_by_name_and_where_the_vendor_s_variable_points(monkeypatch: pytest.MonkeyPatch) -> None:
+    name = "HD.dll" if sys.platform == "win32" else "libHD.so"
+    monkeypatch.delenv("OH_SDK_BASE", raising=False)
+    assert hdapi.places() == [name]
+    monkeypatch.setenv("OH_SDK_BASE", "somewhere")
+    assert hdapi.places() == [name, str(Path("somewhere", "lib", name))]
+
+
+def test_without_the_library_it_says_where_it_looked_and_what_to_do(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    missing = [str(tmp_path / "one"), str(tmp_path / "other")]
+    monkeypatch.setattr(hdapi, "places", lambda: missing)
+    with pytest.raises(DeviceNotFound) as found:
+        hdapi.load()
+    said = str(found.value)
+    assert all(f"{place} (" in said for place in missing)
+    assert "install 3D Systems' Touch driver and OpenHaptics" in said
+    assert "docs/how-to/touch.md" in said
+
+
+def test_a_library_that_is_another_one_is_not_taken(tmp_path: Path) -> None:
+    with pytest.raises(DeviceNotFound, match="nothing-there"):
+        hdapi.load(str(tmp_path / "nothing-there"))
+    with pytest.raises(DeviceNotFound, match="hdInitDevice"):
+        hdapi.load(_any_library())
+
+
+def _any_library() -> str:
+    """Return a library that is none of the vendor's."""
+    import _ctypes
+
+    return str(_ctypes.__file__)

@@ -1,0 +1,246 @@
+"""The mouse as a device: the contract, the closed form of its path, and a hand that yields."""
+
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import pairwise
+from math import exp, inf, nan
+
+import numpy as np
+import pytest
+from contract import MS, DeviceContract
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from netboard.config import Config, parse
+from netboard.devices.base import Device, Reading
+from netboard.devices.mouse import MAX_FORCE, SILENT_NS, MouseStylus, Options, follow
+from netboard.errors import ConfigError
+
+RATE = 1.0 / Options().smoothing
+heights = st.floats(-0.2, 0.2)
+pauses = st.floats(1e-4, 0.2)
+
+
+def configured(**options: float | str) -> Config:
+    words = [f"agents.left.options.{name}={value}" for name, value in options.items()]
+    return parse("", overrides=["agents.left.device=mouse", *words])
+
+
+def opened(config: Config | None = None) -> MouseStylus:
+    device = MouseStylus("left", config or configured())
+    device.open()
+    device.read(0)
+    return device
+
+
+def readings(device: MouseStylus, count: int, first: int = 1) -> list[Reading]:
+    return [device.read(k * MS) for k in range(first, first + count)]
+
+
+class TestMouseStylus(DeviceContract):
+    def make(self, config: Config) -> Device:
+        return MouseStylus("left", config)
+
+    def motor_force(self, device: Device) -> tuple[float, float, float]:
+        assert isinstance(device, MouseStylus)
+        return device._written
+
+
+class TestMouseStylusThatIsMoved(DeviceContract):
+    """The same while a player points out of reach, and then nowhere."""
+
+    def make(self, config: Config) -> Device:
+        return MouseStylus("left", config)
+
+    def motor_force(self, device: Device) -> tuple[float, float, float]:
+        assert isinstance(device, MouseStylus)
+        return device._written
+
+    @pytest.fixture
+    def device(self) -> Iterator[Device]:
+        device = MouseStylus("left", Config())
+        device.point(1.0, 1000 * MS)
+        yield device
+        device.close()
+
+
+# --- the path ----------------------------------------------------------------------------------------------------
+
+
+def test_from_rest_it_follows_a_step_as_the_closed_form_says() -> None:
+    z = vz = 0.0
+    for k in range(1, 200):
+        z, vz = follow(z, vz, 0.02, 0.02, 1e-3, RATE)
+        t = k * 1e-3
+        assert z == pytest.approx(0.02 * (1.0 - (1.0 + RATE * t) * exp(-RATE * t)), abs=1e-15)
+        assert vz == pytest.approx(0.02 * RATE**2 * t * exp(-RATE * t), abs=1e-12)
+
+
+def test_behind_a_point_that_moves_evenly_it_stays_by_two_time_constants() -> None:
+    z = vz = 0.0
+    for k in range(1000):
+        z, vz = follow(z, vz, 1e-4 * k, 1e-4 * (k + 1), 1e-3, RATE)
+    assert vz == pytest.approx(0.1, rel=1e-12)
+    assert 0.1 - z == pytest.approx(0.1 * 2.0 * Options().smoothing, rel=1e-9)
+
+
+@settings(deadline=None)
+@given(st.lists(st.tuples(heights, pauses), min_size=1, max_size=8), st.integers(2, 7))
+def test_how_often_it_is_asked_does_not_change_the_path(corners: list[tuple[float, float]], parts: int) -> None:
+    whole = split = (0.0, 0.0)
+    before = 0.0
+    for after, dt in corners:
+        whole = follow(*whole, before, after, dt, RATE)
+        for k in range(parts):
+            here, there = (before + (after - before) * (k + i) / parts for i in (0, 1))
+            split = follow(*split, here, there, dt / parts, RATE)
+        before = after
+    assert split == pytest.approx(whole, rel=1e-9, abs=1e-11)
+
+
+def test_it_solves_its_equation_of_motion() -> None:
+    """z'' = w^2 (aim - z) - 2 w z', by differences of the closed form."""
+    dt, times = 1e-5, np.arange(1, 4000) * 1e-5
+    path = np.array([follow(0.01, -0.3, 0.0, 0.5 * t, t, RATE) for t in times])
+    z, vz = path.T
+    acceleration = (vz[2:] - vz[:-2]) / (2 * dt)
+    wanted = RATE**2 * (0.5 * times - z) - 2.0 * RATE * vz
+    assert np.abs((z[2:] - z[:-2]) / (2 * dt) - vz[1:-1]).max() < 1e-5
+    assert np.abs(acceleration - wanted[1:-1]).max() < 1e-3 * np.abs(wanted).max()
+
+
+@settings(deadline=None)
+@given(st.lists(st.tuples(st.floats(-2, 2), st.floats(-9, 9), st.integers(1, 60)), min_size=1, max_size=12))
+def test_it_is_never_too_fast_nor_out_of_reach(turns: list[tuple[float, float, int]]) -> None:
+    device, now = opened(), 0
+    most, reach = Options().max_speed, Options().reach
+    for z, force, milliseconds in turns:
+        device.point(z, now * MS)
+        device.write(0.0, 0.0, force)
+        for _ in range(3):
+            now += milliseconds
+            reading = device.read(now * MS)
+            assert abs(reading.vz) <= most * (1 + 1e-9)
+            assert abs(reading.z) <= reach + 1e-9
+            assert reading.ready
+
+
+def test_the_velocity_is_that_of_the_path() -> None:
+    device = opened()
+    path = []
+    for k in range(1, 400):
+        if k % 16 == 1:
+            device.point(0.03 * np.sin(k * 0.01), k * MS)
+        path.append(device.read(k * MS))
+    z, vz = np.array([(reading.z, reading.vz) for reading in path]).T
+    assert np.abs((z[2:] - z[:-2]) / 2e-3 - vz[1:-1]).max() < 0.03 * np.abs(vz).max()
+    assert np.abs(np.diff(vz)).max() < 0.15 * np.abs(vz).max()
+
+
+def test_it_moves_up_and_down_alone() -> None:
+    device = opened()
+    device.point(0.03, 0)
+    device.write(1.0, 1.0, 0.0)
+    assert {(r.x, r.y, r.vx, r.vy) for r in readings(device, 100)} == {(0.0, 0.0, 0.0, 0.0)}
+
+
+# --- the hand ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("stiffness", [150.0, 200.0, 300.0])
+def test_it_yields_to_a_force_like_a_hand_of_its_stiffness(stiffness: float) -> None:
+    device = opened(configured(stiffness=stiffness))
+    device.point(0.02, 0)
+    device.write(0.0, 0.0, -0.3)
+    assert readings(device, 400)[-1].z == pytest.approx(0.02 - 0.3 / stiffness, abs=1e-9)
+    assert device.felt == -0.3
+
+
+@pytest.mark.parametrize("delay", [1, 2, 5, 20])
+def test_it_rests_against_a_spring_that_answers_late(delay: int) -> None:
+    """The paper's coupling to a board that does not move, over a network: 200 N/m on either side share the way."""
+    device = opened()
+    late = deque([(0.0, 0.0)] * delay, maxlen=delay)
+    heights = []
+    for k in range(1, 2000):
+        if k % 500 == 1:
+            device.point(0.02, k * MS)
+        reading = device.read(k * MS)
+        z, vz = late[0]
+        late.append((reading.z, reading.vz))
+        device.write(0.0, 0.0, -200.0 * z - 2.0 * vz)
+        heights.append(reading.z)
+    assert np.allclose(heights[-200:], 0.01, atol=1e-8)
+
+
+def test_the_motor_saturates() -> None:
+    device = opened()
+    device.write(0.0, 0.0, -50.0)
+    assert device.felt == pytest.approx(-MAX_FORCE, rel=1e-15)
+
+
+# --- the window --------------------------------------------------------------------------------------------------
+
+
+def test_it_is_in_hand_while_the_window_says_where_the_player_points() -> None:
+    device = opened()
+    assert not device.read(MS).ready
+    device.point(None, 2 * MS)
+    assert not device.read(3 * MS).ready
+    device.point(0.01, 4 * MS)
+    assert device.read(5 * MS).ready
+    assert device.read(4 * MS + SILENT_NS).ready
+    assert not device.read(5 * MS + SILENT_NS).ready
+
+
+def test_it_stays_where_it_is_when_nothing_is_heard_any_more() -> None:
+    device = opened()
+    device.point(0.03, 0)
+    settled = readings(device, 900)[-1]
+    later = device.read(5 * SILENT_NS)
+    assert later.z == pytest.approx(settled.z, abs=1e-9)
+    assert later.vz == pytest.approx(0.0, abs=1e-9)
+    device.point(None, 5 * SILENT_NS)
+    assert device.read(6 * SILENT_NS).z == pytest.approx(0.03, abs=1e-9)
+
+
+def test_a_height_is_one_of_the_scene_wherever_the_zero_is() -> None:
+    config = configured(reach=0.1)
+    config = replace(config, agents=replace(config.agents, left=replace(config.agents.left, zero=0.02)))
+    device = opened(config)
+    device.point(0.03, 0)
+    assert readings(device, 500)[-1].z == pytest.approx(0.03, abs=1e-9)
+
+
+def test_opened_again_it_knows_nothing_of_the_player_before() -> None:
+    device = opened()
+    device.point(0.03, 0)
+    readings(device, 100)
+    device.close()
+    device.open()
+    reading = device.read(200 * MS)
+    assert (reading.z, reading.vz, reading.ready) == (0.0, 0.0, False)
+
+
+def test_time_does_not_run_backwards() -> None:
+    device = opened()
+    device.point(0.03, 0)
+    path = readings(device, 50)
+    assert device.read(20 * MS).z == path[-1].z
+    assert all(here.z < there.z for here, there in pairwise(path))
+
+
+@pytest.mark.parametrize("bad", [nan, inf, -inf])
+def test_it_points_at_no_height_that_is_none(bad: float) -> None:
+    with pytest.raises(ValueError, match="not a height"):
+        opened().point(bad, 0)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [({"stifness": 200}, "did you mean stiffness"), ({"input": "voice"}, "pointer.*keys"), ({"reach": 2}, "<= 0.5")],
+)
+def test_wrong_options_are_named(options: dict[str, float | str], message: str) -> None:
+    with pytest.raises(ConfigError, match=rf"agents\.left\.options.*{message}"):
+        MouseStylus("left", configured(**options))

@@ -1,0 +1,239 @@
+"""The recorded stylus: the contract, files and what is wrong with them, and that it moves as it did."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from contract import MS, DeviceContract
+
+from netboard.config import Config, Recording
+from netboard.devices.base import Device, Reading
+from netboard.devices.playback import Playback
+from netboard.devices.track import Track, read_csv, read_track
+from netboard.devices.virtual import VirtualTouch
+from netboard.errors import ConfigError, DeviceNotFound, RecordingError
+from netboard.participants.submovement import Submovement
+from netboard.recording.provenance import provenance
+from netboard.recording.writer import RecordingWriter
+from netboard.tick import TICK
+from netboard.wire.messages import TickRecord, Welcome
+
+S = 1000 * MS
+TURN = 2.0 * np.pi
+STEP = 0.055e-3
+
+
+def sine(path: Path, rates: bool, every: float = 0.01) -> Path:
+    """One second of a sine of 2 cm along z, of 1 cm along y, a button pressed from 0.5 s on."""
+    t = np.arange(0.0, 1.0 + every / 2, every)
+    columns = {"time": t + 5.0, "z": 0.02 * np.sin(TURN * t), "y": 0.01 * np.cos(TURN * t), "x": 0.0 * t}
+    if rates:
+        columns["vz"], columns["vy"] = TURN * 0.02 * np.cos(TURN * t), -TURN * 0.01 * np.sin(TURN * t)
+        columns["vx"] = 0.0 * t
+    columns["buttons"] = (t >= 0.5).astype(int)
+    rows = zip(*(column.tolist() for column in columns.values()), strict=True)
+    path.write_text("\n".join([",".join(columns), *(",".join(map(repr, row)) for row in rows)]) + "\n")
+    return path
+
+
+def record(path: Path) -> tuple[Path, np.ndarray]:
+    """A recording of two virtual styluses, two trials of a second each, the left one silent for a while."""
+    config = Config()
+    rows = np.zeros(2000, TICK)
+    devices = {side: VirtualTouch(side, config) for side in ("left", "right")}
+    for side, device in devices.items():
+        device.open()
+        device.command([Submovement(side, 0.1, 0.3, 0.02), Submovement(side, 1.2, 0.4, -0.03)])
+        for k in range(len(rows)):
+            there = device.read(k * MS - 300_000 + (k % 7) * 10_000)
+            row = rows[k]
+            row[f"{side}_live"], row[f"{side}_seq"], row[f"{side}_stamp_ns"] = 1, k, 10**12 + there.stamp_ns
+            row[f"{side}_x"], row[f"{side}_y"], row[f"{side}_buttons"] = there.x, there.y, k // 1500
+            row[f"{side}_sent_z"], row[f"{side}_sent_vz"] = there.z, there.vz
+    rows["tick"], rows["time_ns"], rows["trial"] = np.arange(2000), 10**12 + np.arange(2000) * MS, 1
+    rows["trial"][1000:] = 2
+    rows["left_live"][400:420] = 0
+    for name in ("left_seq", "left_stamp_ns", "left_sent_z", "left_sent_vz"):
+        rows[name][700:704] = rows[name][699]  # a sample that was used again
+    text = '[session]\nname = "S01"\n'
+    about = provenance(Welcome("3f2a9c1e00000000", 1, 7, text), config, 1, S, 42)
+    writer = RecordingWriter(path, about, text, Recording(), S)
+    for k, row in enumerate(rows):
+        writer.write(TickRecord(row.tobytes()), k, S + k * MS)
+    writer.finish(S + len(rows) * MS)
+    return path, rows
+
+
+def playback(path: Path, **options: object) -> Playback:
+    plain = Config()
+    left = replace(plain.agents.left, options={"file": str(path), **options})
+    device = Playback("left", replace(plain, agents=replace(plain.agents, left=left)))
+    device.open()
+    return device
+
+
+def read(device: Device, times: np.ndarray, start_ns: int = 7 * S) -> list[Reading]:
+    return [device.read(start_ns + round(t * 1e9)) for t in times]
+
+
+class TestPlayback(DeviceContract):
+    @pytest.fixture(autouse=True)
+    def file(self, tmp_path: Path) -> None:
+        self.path = sine(tmp_path / "sine.csv", rates=True)
+
+    def make(self, config: Config) -> Device:
+        options = {"file": str(self.path), **config.agents.left.options}
+        left = replace(config.agents.left, options=options)
+        return Playback("left", replace(config, agents=replace(config.agents, left=left)))
+
+    def motor_force(self, device: Device) -> tuple[float, float, float]:
+        return 0.0, 0.0, 0.0
+
+
+@pytest.mark.parametrize(("rates", "place", "rate"), [(True, 1e-8, 1e-4), (False, 1.1e-5, 5e-3)])
+def test_a_sine_is_played_as_it_is(tmp_path: Path, rates: bool, place: float, rate: float) -> None:
+    """By a cubic, within ``h^4/384`` of the fourth derivative; by lines, within ``h^2/8`` of the second."""
+    t = 1e-3 * np.arange(1001)
+    readings = read(playback(sine(tmp_path / "a.csv", rates)), t)
+    found = np.array([(r.x, r.y, r.z, r.vx, r.vy, r.vz) for r in readings]).T
+    assert np.abs(found[0]).max() == 0.0
+    assert np.abs(found[1] - 0.01 * np.cos(TURN * t)).max() < place
+    assert np.abs(found[2] - 0.02 * np.sin(TURN * t)).max() < place
+    assert np.abs(found[4] + TURN * 0.01 * np.sin(TURN * t)).max() < rate
+    assert np.abs(found[5] - TURN * 0.02 * np.cos(TURN * t)).max() < rate
+    assert [r.buttons for r in readings] == [int(k >= 500) for k in range(1000)] + [1]
+    assert all(r.ready for r in readings)
+
+
+def test_it_starts_with_the_first_reading_and_rests_before_and_after(tmp_path: Path) -> None:
+    device = playback(sine(tmp_path / "a.csv", rates=True), delay=0.5)
+    before, at, late, after = read(device, np.array([0.0, 0.5 + 0.25, 1.5, 1.6]))
+    assert (before.y, before.z, before.vz, before.ready) == (0.01, 0.0, 0.0, True)
+    assert at.z == pytest.approx(0.02)
+    assert late.ready
+    assert (after.vy, after.vz, after.ready, after.buttons) == (0.0, 0.0, False, 1)
+    assert after.z == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_loop_goes_on_at_the_beginning(tmp_path: Path) -> None:
+    device = playback(sine(tmp_path / "a.csv", rates=True), loop=True)
+    first, again, third = read(device, np.array([0.0, 1.25, 2.75]))
+    assert first.z == 0.0
+    assert (again.z, again.ready) == (pytest.approx(0.02), True)
+    assert (third.z, third.ready) == (pytest.approx(-0.02), True)
+
+
+def test_it_is_opened_anew_from_the_beginning(tmp_path: Path) -> None:
+    device = playback(sine(tmp_path / "a.csv", rates=True), noise=1e-4)
+    first = read(device, np.arange(5) * 0.2)
+    device.close()
+    device.open()
+    assert [r[1:] for r in read(device, np.arange(5) * 0.2, 99 * S)] == [r[1:] for r in first]
+
+
+def test_scale_is_of_places_and_rates(tmp_path: Path) -> None:
+    path, t = sine(tmp_path / "a.csv", rates=True), 1e-3 * np.arange(0, 1000, 37)
+    once, twice = read(playback(path), t), read(playback(path, scale=-2.0), t)
+    for a, b in zip(once, twice, strict=True):
+        assert b[1:7] == pytest.approx(tuple(-2.0 * value for value in a[1:7]), abs=1e-12)
+
+
+def test_noise_is_as_strong_as_asked_for_and_the_same_for_a_seed(tmp_path: Path) -> None:
+    path, t = sine(tmp_path / "a.csv", rates=True), 1e-3 * np.arange(1000)
+    plain = read(playback(path), t)
+    noisy = [read(playback(path, noise=2e-4, seed=seed), t) for seed in (1, 1, 2)]
+    assert noisy[0] == noisy[1] != noisy[2]
+    off = np.array([[b.x - a.x, b.y - a.y, b.z - a.z] for a, b in zip(plain, noisy[0], strict=True)])
+    assert off.std(axis=0) == pytest.approx([2e-4] * 3, rel=0.1)
+    assert [r.vz for r in noisy[0]] == [r.vz for r in plain]
+
+
+def test_a_recorded_stylus_is_played_as_it_was_recorded(tmp_path: Path) -> None:
+    path, rows = record(tmp_path / "a.mcap")
+    rows = rows[rows["right_live"] == 1]
+    t = (rows["right_stamp_ns"] - rows["right_stamp_ns"][0]) * 1e-9
+    readings = read(playback(path, side="right"), t)
+    assert np.abs(np.array([r.z for r in readings]) - rows["right_sent_z"]).max() < 1e-9
+    assert np.abs(np.array([r.x for r in readings]) - rows["right_x"]).max() < 1e-6
+    assert np.abs(np.array([r.vz for r in readings]) - rows["right_sent_vz"]).max() < 1e-4
+    assert [r.buttons for r in readings] == rows["right_buttons"].tolist()
+    between = read(playback(path, side="right"), t[:-1] + 0.0005)
+    assert np.abs(np.array([r.z for r in between]) - rows["right_sent_z"][:-1]).max() < 0.5e-3 * 0.3 + 2 * STEP
+
+
+def test_samples_that_were_used_twice_or_not_at_all_are_left_out(tmp_path: Path) -> None:
+    path, rows = record(tmp_path / "a.mcap")
+    track = read_track(path, "left", 0)
+    assert len(track.times) == 2000 - 20 - 4
+    assert (np.diff(track.times) > 0).all()
+    assert track.places[0, 2] == rows["left_sent_z"][0]
+
+
+def test_one_trial_of_a_recording(tmp_path: Path) -> None:
+    path, rows = record(tmp_path / "a.mcap")
+    device = playback(path, trial=2)
+    assert device.info.details["stylus"] == "left, trial 2"
+    assert device.info.details["duration"] == "0.999 s"
+    assert device.read(0).z == pytest.approx(rows["left_sent_z"][1000])
+    with pytest.raises(ConfigError, match=r"no left stylus in trial 3; the recording has trials 1 to 2"):
+        playback(path, trial=3)
+
+
+def test_it_cannot_be_felt(tmp_path: Path) -> None:
+    info = playback(sine(tmp_path / "a.csv", rates=True)).info
+    assert (info.max_force, info.continuous_force) == (0.0, 0.0)
+
+
+def test_a_file_must_be_named_and_be_there(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"\[agents\.right\.options\] file: found none"):
+        Playback("right", Config())
+    with pytest.raises(DeviceNotFound, match=r"nowhere\.csv: there is no such file"):
+        playback(tmp_path / "nowhere.csv")
+    (tmp_path / "a.txt").write_text("time,x,y,z\n")
+    with pytest.raises(ConfigError, match=r"a\.txt: expected a recording"):
+        playback(tmp_path / "a.txt")
+    (tmp_path / "a.mcap").write_text("no recording")
+    with pytest.raises(RecordingError, match="not an MCAP file"):
+        playback(tmp_path / "a.mcap")
+
+
+WRONG = {
+    "time,x,y\n0,0,0\n1,0,0\n": r"line 1: columns: z missing; expected time,x,y,z, and vx, vy, vz, buttons if",
+    "t,x,y,z\n0,0,0,0\n": r"line 1: columns: time missing; t unknown",
+    "time,x,y,z,z\n0,0,0,0,0\n": r"line 1: columns: z there twice",
+    "": r"line 1: columns: time, x, y, z missing",
+    "time,x,y,z\n0,0,0,0\n": r"found 1 positions, expected at least 2",
+    "time,x,y,z\n0,0,0,0\n1,0,0\n": r"line 3: found 3 columns, expected 4",
+    "time,x,y,z\n0,0,0,0\n1,0,low,0\n": r'line 3, column y: found "low", expected a finite number \[m\]',
+    "time,x,y,z\n0,0,0,0\n\n1,0,,0\n": r"line 4, column y: found nothing",
+    "time,x,y,z\n0,0,0,0\n1,0,0,nan\n": r'line 3, column z: found "nan", expected a finite number \[m\]',
+    "time,x,y,z\n0,0,0,0\n0,0,0,1\n": r"line 3, column time: found 0 after 0, expected times that increase",
+    "time,x,y,z\n0,0,0,20.5\n1,0,0,0\n": r"line 2, column z: found 20.5, expected at most 1 m either way: are these mm",
+    "time,x,y,z,buttons\n0,0,0,0,1.5\n1,0,0,0,0\n": r"line 2, column buttons: found 1.5, expected a bit mask",
+}
+
+
+@pytest.mark.parametrize(("text", "message"), WRONG.items(), ids=range(len(WRONG)))
+def test_what_is_wrong_with_a_file_is_said(tmp_path: Path, text: str, message: str) -> None:
+    (tmp_path / "a.csv").write_text(text)
+    with pytest.raises(ConfigError, match=rf"a\.csv: {message}"):
+        read_csv(tmp_path / "a.csv")
+
+
+def test_a_file_that_is_no_text_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_bytes(b"time,x,y,z\n\xff\xfe\n")
+    with pytest.raises(ConfigError, match=r"a\.csv: cannot be read"):
+        read_csv(tmp_path / "a.csv")
+
+
+@pytest.mark.parametrize(
+    "motion", [lambda t: t, lambda t: t**2 - t, lambda t: 4 * t**3 - t**2 + 0.5], ids=["line", "parabola", "cubic"]
+)
+def test_between_positions_with_rates_it_is_on_their_cubic(motion: Callable[[np.ndarray], np.ndarray]) -> None:
+    times = np.array([0.0, 0.1, 0.25, 0.7])
+    rates = (motion(times + 1e-6) - motion(times - 1e-6)) / 2e-6
+    track = Track(times, np.stack([motion(times)] * 3, 1), np.stack([rates] * 3, 1), np.zeros(4, np.int64))
+    for when in np.linspace(0.0, 0.7, 50):
+        assert track.at(when)[0] == pytest.approx((motion(when),) * 3, abs=1e-8)

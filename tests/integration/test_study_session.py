@@ -1,0 +1,291 @@
+"""A session of a study on real processes: its form, its blocks, its files; and its server killed again and again."""
+
+import json
+import random
+import time
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from netboard.config import Session, parse
+from netboard.design.plan import config_of, plan_of, seated
+from netboard.design.study import paper_study
+from netboard.errors import NetboardError
+from netboard.experiment.entries import AttemptBegan, AttemptEnded, BlockBegan, read_lines
+from netboard.faults.rigs import Rig
+from netboard.nodes.operator import Operator
+from netboard.nodes.programme import Programme
+from netboard.recording.reader import Recording
+from netboard.recording.verification import verify_recording
+from netboard.wire.messages import Safeguard, Status
+
+pytestmark = [pytest.mark.integration, pytest.mark.slow, pytest.mark.timeout(600)]
+
+QUICK = (
+    "task.level_time=0.02",
+    "task.level_angle_deg=8.0",
+    "task.level_rate_deg_s=90.0",
+    "task.level_height=0.05",
+    "task.hold_time=0.02",
+    "geometry.target_distance=0.08",
+    "geometry.target_width=0.15",
+)
+"""Trials of about a second."""
+
+PILOT = ("session.pilot=true",)
+STUDY = ("--study", "paper", "--dyad", "3")
+KILLS = 50
+LONGEST_LIFE = 5.5
+"""A server is killed after so long at the most, counted from its start [s]."""
+
+
+@pytest.fixture(scope="module", autouse=True)
+def kernels() -> None:
+    """Whatever a session needs is compiled before its processes start: that may take longer than anybody waits."""
+    plan = plan_of(paper_study(), 1, 3)
+    config = seated(parse("", "rig", (*QUICK, *PILOT)), plan)
+    Programme([config_of(config, plan.sessions[0], number) for number in range(1, 19)])
+
+
+def journal(rig: Rig) -> Path:
+    (path,) = Path(rig.config.recording.directory).glob("*.journal.jsonl")
+    return path
+
+
+def entries_of(rig: Rig) -> tuple[Any, ...]:
+    return read_lines(journal(rig).read_bytes(), "journal").entries
+
+
+FORM = {"participant_a": "P07", "participant_b": "P08", "seat_a": "left"}
+
+
+def opened(rig: Rig) -> Operator:
+    """A session whose form is filled in, armed and ready to start."""
+    rig.start("logger", "logger", "--once")
+    rig.start("server", "server", *STUDY)
+    rig.start_stations()
+    rig.until(lambda s: not s.opened and len(s.peers) >= 3)
+    operator = rig.operator
+    assert operator.do("open", json.dumps(FORM | {"consent": True})).accepted
+    assert operator.do("arm").accepted
+    rig.until(lambda s: not s.waiting_for)
+    return operator
+
+
+def going(rig: Rig, what: Callable[[Status], bool]) -> Status:
+    """Wait for something that happens in trials; a machine that stands still pauses them, and the operator goes on."""
+    while True:
+        status = rig.until(lambda s: what(s) or (s.phase == "paused" and not s.waiting_for))
+        if what(status):
+            return status
+        rig.operator.do("resume")
+
+
+def test_no_block_begins_before_there_is_a_form_and_no_device_is_armed_unasked(tmp_path: Path) -> None:
+    with Rig(tmp_path, QUICK) as rig:
+        rig.start("logger", "logger", "--once")
+        rig.start("server", "server", *STUDY)
+        rig.start_stations()
+        status = rig.until(lambda s: not s.opened and len(s.peers) >= 3)
+        assert (status.study, status.dyad, status.block, status.blocks, status.armed) == ("paper", "D03", 1, 18, False)
+        operator = rig.operator
+        assert operator.do("start").reason == "the session is not open: fill in its form first (open)"
+        assert "consent" in operator.do("open", json.dumps(FORM)).reason
+        assert not list(Path(rig.config.recording.directory).glob("*.journal.jsonl"))
+        assert operator.do("open", json.dumps(FORM | {"consent": True})).accepted
+        status = rig.until(
+            lambda s: {"the left device to be armed", "the right device to be armed"} <= set(s.waiting_for)
+        )
+        assert not any(bits & Safeguard.ARMED for _, _, bits, *_ in status.stations)
+        assert operator.do("start").reason == "cannot start: the devices are not armed (arm)"
+        assert operator.do("arm").accepted
+        rig.until(lambda s: not s.waiting_for)
+        assert operator.do("start").accepted
+        rig.finish()
+        header = read_lines(journal(rig).read_bytes(), "journal").header
+    assert (header.participants, header.consent, header.pilot) == (("P07", "P08"), True, False)
+
+
+def test_a_session_is_run_block_by_block_as_its_operator_says(tmp_path: Path) -> None:
+    with Rig(tmp_path, QUICK) as rig:
+        operator = opened(rig)
+        assert operator.do("start").accepted
+        status = going(rig, lambda s: s.successes >= 1 and bool(s.recordings) and s.recordings[0][2] > 0)
+        assert "block01" in status.recordings[0][0]
+        assert operator.do("repeat", "1").reason == "trial 1 is repeated at the end of the block"
+        assert rig.until(lambda s: s.trials == 61).block == 1
+        assert operator.do("veto", "1").accepted
+        assert rig.until(lambda s: s.trials == 60).block == 1
+        assert operator.do("note", '{"text": "sneezed", "tick": 7}').accepted
+        going(rig, lambda s: s.phase in ("levelling", "running", "holding"))
+        operator.do("pause")
+        rig.until(lambda s: s.phase == "paused")
+        assert operator.do("skip").accepted
+        assert operator.do("next").accepted
+        status = rig.until(lambda s: s.block == 2 and s.phase == "idle")
+        assert status.label == "bimanual B, haptics off"
+        rig.until(lambda s: not s.waiting_for)
+        assert operator.do("start").accepted
+        going(rig, lambda s: s.successes >= 1)
+        first, second = rig.finish()
+        outcomes = Counter(entry.outcome for entry in entries_of(rig) if isinstance(entry, AttemptEnded))
+    assert outcomes["success"] >= 2
+    assert outcomes["skipped"] == 1
+    for number, path in enumerate((first, second), start=1):
+        with Recording(path) as recording:
+            config = parse(recording.config_text)
+            assert verify_recording(recording).identical
+            events = list(recording.events())
+        assert (config.block.number, config.session.participant_a, config.session.consent) == (number, "P07", True)
+        assert events[0].name == "block_began"
+        assert path.name.endswith(f"block{number:02d}.mcap")
+    with Recording(first) as recording:
+        told = [event.details for event in recording.events() if event.name == "command"]
+    assert {"repeat", "veto", "note", "pause", "skip", "next", "start"} <= {command["name"] for command in told}
+
+
+def test_a_session_that_was_held_is_not_held_again(tmp_path: Path) -> None:
+    with Rig(tmp_path, (*QUICK, *PILOT)) as rig:
+        rig.start("logger", "logger")
+        rig.start("server", "server", *STUDY)
+        rig.until(lambda s: s.opened)
+        rig.operator.command("end")
+        assert rig.wait("server") in (0, 1)
+        before = journal(rig).read_bytes()
+        rig.start("server", "server", *STUDY)
+        assert rig.wait("server") == 1
+        assert "was begun before. Go on with it: netboard server --resume" in rig.said("server")
+        assert journal(rig).read_bytes() == before
+
+
+def test_what_is_to_be_asked_after_a_block_is_said_and_recorded(tmp_path: Path) -> None:
+    asked = "workload: hand out the form"
+    with Rig(tmp_path, (*QUICK, "block.trials=1", f'block.questionnaires="{asked}"')) as rig:
+        rig.start_all()
+        assert rig.until(lambda s: s.phase == "finished").notice == f"ask now: {asked}"
+        (path,) = rig.finish()
+    with Recording(path) as recording:
+        assert [event.details for event in recording.events() if event.name == "questionnaire"] == [{"text": asked}]
+
+
+def test_a_block_is_given_up_while_nobody_holds_a_device(tmp_path: Path) -> None:
+    with Rig(tmp_path, (*QUICK, *PILOT)) as rig:
+        rig.start("logger", "logger")
+        rig.start("server", "server", *STUDY)
+        rig.until(lambda s: s.opened)
+        for block in (2, 3):
+            assert rig.operator.do("next").accepted
+            rig.until(lambda s, block=block: s.block == block and s.phase == "idle")  # type: ignore[misc]
+
+
+def live_for(rig: Rig, seconds: float) -> None:
+    """Let a server live for a moment, and kill it wherever it is then."""
+    time.sleep(seconds)
+    assert rig.running["server"].poll() is None, rig.said("server")[-2000:]
+    rig.kill("server")
+
+
+def test_a_server_killed_fifty_times_goes_on_with_the_same_plan_and_the_right_counts(tmp_path: Path) -> None:
+    chance = random.Random(20)
+    with Rig(tmp_path, (*QUICK, *PILOT, "network.require_logger=false")) as rig:
+        rig.start_stations()
+        rig.start("server", "server", *STUDY, "--autostart", "--trials", "2")
+        rig.until(lambda s: s.successes >= 1)
+        rig.kill("server")
+        for kill in range(KILLS - 1):
+            before = entries_of(rig)
+            rig.start("server", "server", *STUDY, "--autostart", "--trials", "2", "--resume", "--yes")
+            live_for(rig, chance.uniform(0.3, LONGEST_LIFE))
+            after = entries_of(rig)
+            assert after[: len(before)] == before, f"kill {kill}"
+            assert_goes_on(before, after)
+        rig.start("server", "server", *STUDY, "--autostart", "--trials", "2", "--resume", "--yes")
+        done = len({(e.block, e.trial) for e in entries_of(rig) if is_success(e)})
+        rig.until(lambda s: len({row[:2] for row in attempts(rig) if row[3] == "success"}) > done)
+        found = entries_of(rig)
+    assert_one_plan(found)
+
+
+def attempts(rig: Rig) -> list[Any]:
+    """What the server tells of all attempts, those before it was killed too."""
+    rig.operator.poll()
+    return rig.operator.attempts
+
+
+def is_success(entry: Any) -> bool:
+    return isinstance(entry, AttemptEnded) and entry.outcome == "success"
+
+
+def assert_goes_on(before: tuple[Any, ...], after: tuple[Any, ...]) -> None:
+    """What a resumed server begins with is what follows from the lines before it, counted here by hand."""
+    began = next((entry for entry in after[len(before) :] if isinstance(entry, BlockBegan)), None)
+    if began is None:
+        return  # killed before it came so far
+    done = Counter(entry.block for entry in before if is_success(entry))
+    block = next(number for number in range(1, 19) if done[number] < 2)
+    trial = done[block] + 1
+    tried = [
+        entry.attempt
+        for entry in before
+        if isinstance(entry, AttemptBegan) and entry.block == block and entry.trial == trial
+    ]
+    assert (began.block, began.trial) == (block, trial)
+    assert began.attempt == max(tried, default=0) + 1
+
+
+def assert_one_plan(entries: tuple[Any, ...]) -> None:
+    """Nothing was done twice or left out, and no number was given twice."""
+    successes = [(entry.block, entry.trial) for entry in entries if is_success(entry)]
+    assert len(set(successes)) == len(successes)
+    assert successes == sorted(successes)
+    for block in {block for block, _ in successes}:
+        trials = [trial for number, trial in successes if number == block]
+        assert trials == list(range(1, len(trials) + 1))
+        assert len(trials) == 2 or block == max(successes)[0]
+    begun = [(entry.block, entry.trial, entry.attempt) for entry in entries if isinstance(entry, AttemptBegan)]
+    assert len(set(begun)) == len(begun)
+    assert max(successes)[0] > 1, "a session in which nothing was done proves nothing"
+
+
+def test_the_blocks_of_a_killed_session_are_those_of_the_plan(tmp_path: Path) -> None:
+    with Rig(tmp_path, (*QUICK, *PILOT)) as rig:
+        rig.start("logger", "logger")
+        rig.start_stations()
+        rig.start("server", "server", *STUDY, "--autostart", "--blocks", "2", "--trials", "2")
+        rig.until(lambda s: s.successes >= 1)
+        rig.kill("server")
+        rig.start("server", "server", *STUDY, "--autostart", "--blocks", "2", "--trials", "2", "--resume", "--yes")
+        rig.until(lambda s: s.phase == "finished" and s.block == 2)
+        rig.operator.command("end")
+        assert rig.wait("server") == 0
+        assert rig.stop("logger") == 0
+        configs = {}
+        for path in rig.recordings():
+            with Recording(path) as recording:
+                assert verify_recording(recording).identical
+                configs[path.name] = parse(recording.config_text)
+    plan = plan_of(paper_study(), 1, 3)
+    base = replace(seated(rig.config, plan), session=replace(Session(), pilot=True, study="paper", dyad="D03"))
+    wanted = {number: config_of(base, plan.sessions[0], number).block for number in (1, 2)}
+    assert len(configs) == 3
+    for config in configs.values():
+        block = wanted[config.block.number]
+        assert replace(config.block, trials=60, blocks=18, station=block.station) == block
+
+
+def test_who_does_not_agree_resumes_nothing(tmp_path: Path) -> None:
+    with Rig(tmp_path, (*QUICK, *PILOT)) as rig:
+        rig.start("logger", "logger")
+        rig.start("server", "server", *STUDY)
+        rig.until(lambda s: s.opened)
+        rig.kill("server")
+        rig.start("server", "server", *STUDY, "--resume")
+        assert rig.wait("server") == 2
+        assert "say --yes, or run it in a terminal" in rig.said("server")
+        assert "goes on at block 1 of 18, trial 1 of 60 (0 done)" in rig.said("server")
+        with pytest.raises(NetboardError):
+            rig.until(lambda s: s.opened, seconds=1.0)

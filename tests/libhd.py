@@ -1,0 +1,134 @@
+"""A stand-in for the vendor's libHD, compiled from tests/devices/fake_libhd.c, and what governs it."""
+
+import atexit
+import ctypes
+import os
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Callable
+from ctypes import c_char, c_char_p, c_double, c_int, c_int32, c_long, c_uint32
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from time import monotonic, sleep
+
+import pytest
+
+from netboard.config import Config, Side
+from netboard.openhaptics.device import OpenHaptics
+
+SOURCE = Path(__file__).parent / "devices" / "fake_libhd.c"
+
+FIRST, SECOND = "40512001", "40512002"
+"""Serial numbers of the two devices there are: "Default Device" and "Right Device"."""
+
+PATIENCE_S = 10.0
+STALL_NS = 5_000_000_000
+
+PATIENT = {"force_timeout_ms": 200.0}
+"""Options of a device on a machine that has other things to do."""
+
+Opener = Callable[..., OpenHaptics]
+
+
+@cache
+def fake_library() -> Path:
+    """Compile it once for this process; skips where there is no compiler."""
+    compiler = os.environ.get("CC") or next(filter(None, map(shutil.which, ("cc", "gcc", "clang"))), None)
+    if compiler is None or os.name != "posix":
+        pytest.skip("the fake libHD is C for POSIX, and there is no C compiler here")
+    folder = tempfile.mkdtemp(prefix="netboard-fake-libhd-")
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    made = Path(folder) / "libHD.so"
+    flags = ("-O1", "-Wall", "-Wextra", "-Werror", "-std=gnu11", "-shared", "-fPIC", "-pthread")
+    subprocess.run([compiler, *flags, "-o", str(made), str(SOURCE), "-lm"], check=True)
+    return made
+
+
+class Fake:
+    """What governs the fake library."""
+
+    def __init__(self) -> None:
+        self.path = str(fake_library())
+        self.calls = ctypes.CDLL(self.path)  # without the GIL: its servo thread may need it
+        triple = c_double * 3
+        self.calls.fake_ticks.restype = c_long
+        self.calls.fake_decimal_point.restype = c_char
+        self.calls.fake_handle.restype = c_uint32
+        self.calls.fake_place.argtypes = (c_char_p, triple, triple)
+        self.calls.fake_felt.argtypes = (c_char_p, triple)
+        self.calls.fake_error.argtypes = (c_uint32, c_int32, c_uint32)
+        self.calls.fake_fail.argtypes = (c_char_p, c_uint32, c_int)
+        self.calls.fake_said.argtypes = (c_char_p, ctypes.c_size_t)
+        self._triple = triple
+        self._names: list[bytes] = []
+
+    def reset(self) -> None:
+        self.calls.fake_reset()
+
+    def wait(self, ticks: int = 3) -> None:
+        """Until the servo has ticked so often, where it runs."""
+        until, patience = self.calls.fake_ticks() + ticks, monotonic() + PATIENCE_S
+        while self.calls.fake_running() and self.calls.fake_ticks() < until and monotonic() < patience:
+            sleep(2e-4)
+
+    def felt(self, serial: str = FIRST) -> tuple[float, float, float]:
+        """Force of a device's motors, in the vendor's frame [N]."""
+        room = self._triple()
+        self.calls.fake_felt(serial.encode(), room)
+        return room[0], room[1], room[2]
+
+    def place(self, x: tuple[float, ...], v: tuple[float, ...] = (0, 0, 0), serial: str = FIRST) -> None:
+        self.calls.fake_place(serial.encode(), self._triple(*x), self._triple(*v))
+        self.wait()
+
+    def plug(self, on: bool, serial: str = FIRST) -> None:
+        self.calls.fake_plug(serial.encode(), on)
+
+    def dock(self, on: bool, serial: str = FIRST) -> None:
+        self.calls.fake_dock(serial.encode(), on)
+        self.wait()
+
+    def press(self, buttons: int, serial: str = FIRST) -> None:
+        self.calls.fake_press(serial.encode(), buttons)
+        self.wait()
+
+    def name(self, name: str, serial: str = FIRST) -> None:
+        self._names.append(name.encode())
+        self.calls.fake_name(serial.encode(), self._names[-1])
+
+    def calibration(self, state: int, style: int, serial: str = FIRST) -> None:
+        self.calls.fake_calibration(serial.encode(), state, style)
+
+    def error(self, code: int, internal: int = 0, handle: int | None = None) -> None:
+        """Put an error on the stack, for the first device unless told otherwise, and let the servo take it."""
+        self.calls.fake_error(code, internal, self.calls.fake_handle(FIRST.encode()) if handle is None else handle)
+        self.wait()
+
+    def fail(self, function: str, code: int, after: int = 0) -> None:
+        self.calls.fake_fail(function.encode(), code, after)
+
+    def is_open(self, serial: str = FIRST) -> bool:
+        return bool(self.calls.fake_open(serial.encode()))
+
+    def enabled(self, what: int, serial: str = FIRST) -> bool:
+        return bool(self.calls.fake_enabled(serial.encode(), what))
+
+    def said(self) -> list[str]:
+        """What was called since the last time."""
+        room = ctypes.create_string_buffer(1 << 16)
+        self.calls.fake_said(room, len(room))
+        return room.value.decode().splitlines()
+
+
+def configured(config: Config, side: Side = "left", **options: str | float) -> Config:
+    """A configuration in which one side has a device of OpenHaptics."""
+    agent = config.agents.left if side == "left" else config.agents.right
+    agent = replace(agent, device="openhaptics", options={**agent.options, **options})
+    return replace(config, agents=replace(config.agents, **{side: agent}))
+
+
+def made(fake: Fake, side: Side = "left", **options: str | float) -> OpenHaptics:
+    """A device over the fake, not yet open."""
+    return OpenHaptics(side, configured(Config(), side, **{"library": fake.path, **PATIENT, **options}))

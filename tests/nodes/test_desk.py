@@ -1,0 +1,140 @@
+"""The operators' desk: whose commands count, and what becomes of each."""
+
+import json
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from netboard.config import Session
+from netboard.errors import ConfigError
+from netboard.experiment.machine import TABLE, Cause, Phase
+from netboard.nodes.desk import ANYBODYS, CAUSES, UNOPENED, Desk, Situation, form_of, note_of
+from netboard.wire.codec import COMMANDS
+
+A, B = b"console@1", b"console@2"
+NOW = Situation(Phase.IDLE, (), last=False, plan=True)
+
+
+def desk() -> Desk:
+    return Desk(opened=True, armed=True)
+
+
+def test_whoever_commands_first_is_the_commander_and_others_are_refused() -> None:
+    one = desk()
+    assert one.decide("start", A, "lab:1", NOW).cause is Cause.START
+    refused = one.decide("start", B, "lab:2", NOW)
+    assert (refused.accepted, refused.cause, refused.reason) == (
+        False,
+        Cause.NONE,
+        "lab:1 commands; take over first (take)",
+    )
+    assert one.decide("take", B, "lab:2", NOW).accepted
+    assert one.decide("start", B, "lab:2", NOW).accepted
+    assert not one.decide("start", A, "lab:1", NOW).accepted
+
+
+@pytest.mark.parametrize("command", ["emergency_stop", "note"])
+def test_anybody_may_stop_everything_and_leave_a_note(command: str) -> None:
+    one = desk()
+    one.decide("take", A, "lab:1", NOW)
+    assert one.decide(command, B, "lab:2", NOW).accepted
+    assert one.commander == A
+
+
+def test_a_commander_who_has_left_makes_room() -> None:
+    one = desk()
+    one.decide("take", A, "lab:1", NOW)
+    one.leave()
+    assert one.decide("pause", B, "lab:2", replace(NOW, phase=Phase.RUNNING)).cause is Cause.PAUSE
+
+
+def test_before_the_form_is_complete_no_block_begins() -> None:
+    one = Desk(opened=False, armed=True)
+    decision = one.decide("start", A, "lab:1", NOW)
+    assert (decision.accepted, decision.reason) == (False, "the session is not open: fill in its form first (open)")
+    assert all(one.decide(name, A, "lab:1", NOW).accepted for name in UNOPENED)
+    one.opened = True
+    assert one.decide("open", A, "lab:1", NOW).reason == "the session is open already"
+
+
+def test_nothing_starts_without_the_peers_or_while_devices_are_not_armed() -> None:
+    one = desk()
+    missing = replace(NOW, missing=("the left agent", "the logger"))
+    assert one.decide("start", A, "lab:1", missing).reason == "cannot start without the left agent, the logger"
+    assert one.decide("disarm", A, "lab:1", NOW).accepted
+    assert one.decide("start", A, "lab:1", NOW).reason == "cannot start: the devices are not armed (arm)"
+    assert one.decide("arm", A, "lab:1", NOW).accepted
+    assert one.decide("start", A, "lab:1", NOW).cause is Cause.START
+
+
+def test_a_pause_after_the_trial_is_due_when_it_is_over_and_can_be_taken_back() -> None:
+    one, running = desk(), replace(NOW, phase=Phase.RUNNING)
+    assert one.decide("pause_after_trial", A, "lab:1", running).reason == "paused after this trial"
+    assert one.pending == "pause after this trial"
+    assert one.due(Phase.HOLDING) is Cause.NONE
+    assert one.due(Phase.LEVELLING) is Cause.PAUSE
+    assert one.due(Phase.LEVELLING) is Cause.NONE
+    one.decide("pause_after_trial", A, "lab:1", running)
+    assert one.decide("pause_after_trial", A, "lab:1", running).reason == "taken back"
+    assert one.due(Phase.LEVELLING) is Cause.NONE
+    levelling = replace(NOW, phase=Phase.LEVELLING)
+    assert one.decide("pause_after_trial", A, "lab:1", levelling).cause is Cause.PAUSE
+
+
+def test_blocks_are_given_up_and_sessions_ended_only_where_there_is_a_plan() -> None:
+    one = desk()
+    for command in ("next", "stop_after_block"):
+        assert not one.decide(command, A, "lab:1", replace(NOW, plan=False)).accepted
+    assert one.decide("stop_after_block", A, "lab:1", NOW).accepted
+    assert one.end_after
+    assert one.decide("next", A, "lab:1", replace(NOW, last=True)).reason.endswith("this is the last one")
+    for phase in (Phase.HOLDING, Phase.SUCCEEDED, Phase.FAILED):
+        assert one.decide("next", A, "lab:1", replace(NOW, phase=phase)).reason.endswith("pause first")
+    assert one.decide("next", A, "lab:1", replace(NOW, phase=Phase.FINISHED)).accepted
+
+
+@given(
+    commands=st.lists(
+        st.tuples(st.sampled_from(COMMANDS), st.sampled_from([A, B]), st.sampled_from(Phase)), max_size=30
+    )
+)
+def test_no_command_is_accepted_that_the_table_has_no_edge_for(commands: list[tuple[str, bytes, Phase]]) -> None:
+    one = desk()
+    for command, who, phase in commands:
+        decision = one.decide(command, who, who.decode(), replace(NOW, phase=phase))
+        assert not decision.cause or (decision.accepted and decision.cause in TABLE[phase])
+        assert decision.accepted or decision.reason
+        if command not in ANYBODYS and decision.accepted:
+            assert one.commander == who
+        if command in CAUSES and decision.accepted:
+            assert decision.cause is CAUSES[command]
+
+
+def test_a_form_is_checked_like_the_configuration() -> None:
+    told = {"participant_a": "P07", "participant_b": "P08", "seat_a": "right", "consent": True}
+    form = form_of(json.dumps(told), Session(dyad="D03"))
+    assert (form.participant_a, form.seat_a, form.dyad, form.consent) == ("P07", "right", "D03", True)
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("{}", "consent"),
+        ("[1]", "expected a JSON object"),
+        ("{", "not JSON"),
+        ('{"pilot": true, "name": "a b"}', "name"),
+        ('{"pilot": true, "participant": "P1"}', "participant: unknown key"),
+    ],
+)
+def test_a_form_that_will_not_do_is_refused_in_words(text: str, problem: str) -> None:
+    with pytest.raises(ConfigError, match=problem):
+        form_of(text, Session())
+
+
+def test_a_note_has_the_tick_at_which_its_writing_began() -> None:
+    assert note_of('{"text": "sneezed", "tick": 1234}', 9) == ("sneezed", 1234)
+    assert note_of("sneezed", 9) == ("sneezed", 9)
+    with pytest.raises(ConfigError):
+        note_of('{"text": 1}', 9)

@@ -1,0 +1,365 @@
+"""The ledger of a session, told by a real trial machine, with a journal on a real disk: what it says is what was done.
+
+Board and ball are put where they end a trial; whatever else happens, happens by commands at random.
+"""
+
+import random
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from netboard.config import Config, parse
+from netboard.errors import NetboardError
+from netboard.experiment.entries import AttemptBegan, BlockEnded, Ended, Entry, Note, Opened, Resumed, read_lines
+from netboard.experiment.machine import TABLE, Cause, Phase
+from netboard.experiment.progress import Progress, progress_of
+from netboard.nodes.ledger import Ledger
+from netboard.recording.journal import Journal
+from netboard.stage import make_stage
+from netboard.tick import TICK, TICK_NS
+from netboard.wire.messages import FrameRecord
+from session_model import HEADER, PLAN, Planned, check
+
+NUMBERS = [planned.number for planned in PLAN]
+FAR = 1.0
+"""Where a ball has fallen off the board [m]."""
+
+
+def config_of(block: Planned, *settings: str) -> Config:
+    text = f"[block]\nnumber = {block.number}\nblocks = {len(PLAN)}\ntrials = {block.trials}\n"
+    return parse(text, "test", ("session.dyad=D03", "session.consent=true", *settings))
+
+
+class Table:
+    """A block that is played: what a session does with its stage and its ledger."""
+
+    def __init__(self, ledger: Ledger, block: Planned, tick: int = 0, *settings: str) -> None:
+        self.ledger, self.tick = ledger, tick
+        self.config = config_of(block, *settings)
+        self.stage = make_stage(self.config)
+        self.state = self.stage.initial(**ledger.place(block.number))
+        self.rows = np.zeros(64, TICK)
+        self.told: list[tuple[str, dict[str, str]]] = []
+        ledger.begin(self.config, tick)
+
+    @property
+    def now(self) -> Any:
+        return self.state[0]
+
+    @property
+    def phase(self) -> Phase:
+        return Phase(int(self.now["phase"]))
+
+    def do(self, command: Cause = Cause.NONE, late_ns: int = 0) -> None:
+        """One tick."""
+        place = self.tick % len(self.rows)
+        self.rows[place] = np.zeros((), TICK)
+        row = self.rows[place]
+        row["tick"], row["time_ns"], row["late_ns"] = self.tick, self.tick * TICK_NS, late_ns
+        row["command"] = command or self.ledger.take_wanted(self.phase)
+        self.stage.advance(self.state, self.rows, self.tick)
+        cause = Cause(int(row["event"]))
+        if cause:
+            self.told += self.ledger.happened(cause, row, self.now, self.rows, self.tick)
+        self.tick += 1
+        if self.tick % 10 == 0:
+            self.ledger.look(self.rows, self.tick)
+
+    def until(self, *phases: Phase, late_ns: int = 0) -> None:
+        """Let the trial go on to a phase: the board is level, the ball in the target."""
+        while self.phase not in phases:
+            if self.phase in (Phase.LEVELLING, Phase.HOLDING):
+                self.now["counted"] = 10**6
+            if self.phase in (Phase.RUNNING, Phase.HOLDING):
+                self.now["p"] = self.now["target"] * self.config.geometry.target_distance
+            self.do(late_ns=late_ns)
+
+    def succeed(self, late_ns: int = 0) -> None:
+        self.until(Phase.RUNNING)
+        self.until(Phase.LEVELLING, Phase.FINISHED, late_ns=late_ns)
+
+    def fail(self) -> None:
+        self.until(Phase.RUNNING)
+        self.now["p"] = FAR
+        self.do()
+        self.do()
+
+    def pause(self) -> None:
+        self.do(Cause.PAUSE)
+
+    def wish(self, what: str, argument: str = "") -> None:
+        """What an operator asks for."""
+        self.ledger.ask(what, argument, int(self.now["trial"]))
+        self.do(Cause.REPEAT if what == "repeat" else Cause.VETO)
+
+
+def opened(path: Path) -> Ledger:
+    ledger = Ledger(lambda config: Journal.create(path, HEADER))
+    ledger.open(config_of(PLAN[0]), "run 1")
+    return ledger
+
+
+def entries_of(path: Path) -> list[Entry]:
+    return list(read_lines(path.read_bytes(), str(path)).entries)
+
+
+def progress_in(path: Path) -> Progress:
+    return progress_of(HEADER, entries_of(path), PLAN, str(path))
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return tmp_path / "D03_S01.journal.jsonl"
+
+
+def outcomes(ledger: Ledger) -> list[tuple[int, int, int, str]]:
+    return [row[:4] for row in ledger.outcomes(0).attempts]
+
+
+def test_what_becomes_of_every_attempt_is_written_down(path: Path) -> None:
+    ledger = opened(path)
+    table = Table(ledger, PLAN[2])
+    table.do(Cause.START)
+    table.fail()
+    table.succeed()
+    table.do(Cause.ABORT)
+    table.pause()
+    table.do(Cause.RESUME)
+    table.do(Cause.SKIP)
+    table.until(Phase.RUNNING)
+    table.do(Cause.FAULT)
+    table.do(Cause.SKIP)
+    table.do(Cause.RESUME)
+    table.succeed()
+    assert table.phase == Phase.FINISHED
+    expected = [
+        *((3, 1, 1, "fell"), (3, 1, 2, "success")),
+        *((3, 2, 1, "aborted"), (3, 2, 2, "paused"), (3, 2, 3, "skipped")),
+        *((3, 3, 1, "paused"), (3, 3, 1, "skipped")),
+        (3, 4, 1, "success"),
+    ]
+    assert outcomes(ledger) == expected
+    assert [(details["trial"], details["outcome"]) for _, details in table.told] == [
+        (str(row[1]), row[3]) for row in expected
+    ]
+    assert len(ledger.completions) == 2
+    assert ledger.best == min(ledger.completions)
+    ledger.close()
+    entries = entries_of(path)
+    assert isinstance(entries[0], Opened)
+    assert entries[0].form["dyad"] == "D03"
+    assert entries[-2:] == [BlockEnded(3, "finished"), Ended("the session was ended")]
+    begun = [(entry.trial, entry.attempt) for entry in entries if isinstance(entry, AttemptBegan)]
+    assert begun == [(1, 1), (1, 2), (2, 1), (2, 2), (2, 3), (3, 1), (4, 1)]
+
+
+@pytest.mark.parametrize("paused", [False, True])
+def test_the_last_trial_can_be_skipped(path: Path, paused: bool) -> None:
+    ledger = opened(path)
+    table = Table(ledger, PLAN[1])
+    table.do(Cause.START)
+    if paused:
+        table.pause()
+    table.do(Cause.SKIP)
+    assert table.phase == Phase.FINISHED
+    assert outcomes(ledger)[-1] == (2, 1, 1, "skipped")
+    ledger.close()
+    assert entries_of(path)[-2] == BlockEnded(2, "finished")
+
+
+def test_a_block_that_is_stopped_is_not_over_and_one_that_is_given_up_is(path: Path) -> None:
+    ledger = opened(path)
+    table = Table(ledger, PLAN[0])
+    table.do(Cause.START)
+    table.succeed()
+    table.do(Cause.STOP)
+    assert outcomes(ledger)[-1] == (1, 2, 1, "aborted")
+    ledger.give_up()
+    Table(ledger, PLAN[1], table.tick).do(Cause.START)
+    ledger.close()
+    progress = progress_in(path)
+    assert (progress.done, progress.block, progress.begun) == ((1,), 2, True)
+    ends = [entry for entry in entries_of(path) if isinstance(entry, BlockEnded)]
+    assert ends == [BlockEnded(1, "stopped"), BlockEnded(1, "given_up")]
+
+
+def test_a_doubtful_trial_comes_again_at_the_end_by_the_rule(path: Path) -> None:
+    ledger = opened(path)
+    table = Table(ledger, PLAN[0], 0, "quality.repeat=flagged", "quality.late_ticks=0", "quality.start_tilt_deg=80")
+    table.do(Cause.START)
+    table.succeed()
+    flags = [row[5] for row in ledger.attempts]
+    table.succeed(late_ns=10**6)
+    assert "late_ticks" in ledger.attempts[-1][5].split(",")
+    assert "late_ticks" not in flags[0]
+    extra = int(table.now["extra"])
+    assert extra == len([row for row in ledger.attempts if row[5]])
+    while table.phase != Phase.FINISHED:
+        table.succeed()
+    repeats = [row[6] for row in ledger.attempts if row[6]]
+    assert repeats == [row[1] for row in ledger.attempts[:3] if row[5]]
+    ledger.close()
+    progress = progress_in(path)
+    assert 1 in progress.done
+
+
+def test_an_operator_asks_for_trials_and_takes_that_back(path: Path) -> None:
+    ledger = opened(path)
+    table = Table(ledger, PLAN[0])
+    with pytest.raises(NetboardError, match="no trial is done"):
+        table.wish("repeat")
+    table.do(Cause.START)
+    table.succeed()
+    table.succeed()
+    table.wish("repeat")
+    table.wish("repeat", "1")
+    with pytest.raises(NetboardError, match="will be repeated already"):
+        table.wish("repeat", "2")
+    with pytest.raises(NetboardError, match='found "x", expected the number of a trial'):
+        table.wish("veto", "x")
+    assert table.now["extra"] == 2
+    table.wish("veto")
+    assert table.now["extra"] == 1
+    table.succeed()
+    table.succeed()
+    assert table.phase == Phase.FINISHED
+    assert ledger.attempts[-1][1:4:2] == (4, "success")
+    assert ledger.attempts[-1][6] == 2
+    ledger.close()
+
+
+def test_a_session_without_a_journal_has_a_ledger_all_the_same() -> None:
+    ledger = Ledger()
+    ledger.open(config_of(PLAN[1]), "run")
+    table = Table(ledger, PLAN[1])
+    table.do(Cause.START)
+    table.succeed()
+    ledger.note("all well", table.tick)
+    assert outcomes(ledger) == [(2, 1, 1, "success")]
+    assert (ledger.trouble, ledger.opened, ledger.place(2)) == ("", False, {})
+    assert ledger.counts("left") == ledger.counts("right") or ledger.counts("left")[0] >= 0
+    ledger.close()
+
+
+def test_a_session_that_was_begun_before_is_not_begun_again(path: Path) -> None:
+    opened(path).close()
+    with pytest.raises(NetboardError, match="this session was begun before"):
+        opened(path)
+
+
+def test_it_counts_what_a_station_had_not_and_hears_of_frames(path: Path) -> None:
+    ledger = opened(path)
+    assert ledger.counts("left") == (0, 0)
+    ledger.painted(FrameRecord(0, "left", 0, 0, 0, 0))
+    table = Table(ledger, PLAN[0])
+    table.do(Cause.START)
+    table.until(Phase.RUNNING)
+    for _ in range(20):
+        table.now["p"] = 0.0
+        table.do()
+        ledger.painted(FrameRecord(0, "left", table.tick, 0, 0, 0))
+    ledger.look(table.rows, table.tick)
+    assert ledger.counts("left") == ledger.counts("right") == (20, 0)
+    ledger.close()
+
+
+def test_outcomes_are_told_a_few_hundred_at_a_time() -> None:
+    ledger = Ledger()
+    ledger.attempts += [(1, k, 1, "success", 1.0, "", 0) for k in range(450)]
+    told = []
+    while len(told) < len(ledger.attempts):
+        page = ledger.outcomes(len(told))
+        assert page.first == len(told)
+        assert 0 < len(page.attempts) <= 200
+        told += page.attempts
+    assert told == ledger.attempts
+    assert ledger.outcomes(10**9).attempts == ()
+    assert ledger.outcomes(-5).first == 0
+
+
+# --- killed and resumed at random -----------------------------------------------------------------------------------
+
+
+def resumed(path: Path, run: int) -> Ledger:
+    journal, header, entries, torn = Journal.reopen(path)
+    assert (header, torn) == (HEADER, b"")
+    ledger = Ledger(journal=journal, progress=progress_of(HEADER, entries, PLAN, str(path)))
+    ledger.open(config_of(PLAN[0]), f"run {run}")
+    return ledger
+
+
+def wish(table: Table, chance: random.Random, what: str) -> None:
+    trial = str(chance.randint(1, 5))
+    if Cause.REPEAT in TABLE[table.phase]:
+        try:
+            table.wish(what, trial)
+        except NetboardError:
+            return
+
+
+DEEDS: tuple[Callable[[Table, random.Random], object], ...] = (
+    lambda table, chance: table.do(),
+    lambda table, chance: table.succeed(chance.choice((0, 10**6))) if table.phase == Phase.LEVELLING else table.do(),
+    lambda table, chance: table.succeed() if table.phase == Phase.LEVELLING else table.do(Cause.RESUME),
+    lambda table, chance: table.fail() if table.phase == Phase.LEVELLING else table.do(Cause.RESUME),
+    lambda table, chance: table.until(Phase.RUNNING) if table.phase == Phase.LEVELLING else table.do(Cause.START),
+    lambda table, chance: table.do(chance.choice((Cause.ABORT, Cause.SKIP, Cause.PAUSE, Cause.FAULT))),
+    lambda table, chance: wish(table, chance, "repeat"),
+    lambda table, chance: wish(table, chance, "veto"),
+    lambda table, chance: table.ledger.note("ä note", table.tick),
+)
+
+
+def require_told(path: Path, table: Table) -> None:
+    """The journal says of a block that goes on what its state says."""
+    progress, now = progress_in(path), table.now
+    said = (progress.block, progress.trial, progress.successes, progress.failures, progress.extra)
+    extra = int(now["extra"]) + table.ledger.wanted
+    assert said == (
+        table.config.block.number,
+        now["trial"],
+        now["successes"],
+        now["failures"],
+        extra,
+    )
+    assert list(progress.completions) == pytest.approx(table.ledger.completions)
+    under_way = [*table.ledger.attempts]
+    if table.phase in (Phase.LEVELLING, Phase.RUNNING, Phase.HOLDING):
+        assert progress.under_way == (said[0], now["trial"], now["attempt"])
+        under_way.append((*progress.under_way, "incomplete", float("nan"), "", 0))
+    assert repr(list(progress.outcomes)) == repr(under_way)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_wherever_a_run_ends_the_next_one_goes_on(path: Path, seed: int) -> None:
+    chance = random.Random(seed)
+    ledger, run, tick = opened(path), 1, 0
+    settings = ("quality.repeat=flagged", "quality.late_ticks=0", "quality.start_tilt_deg=80")
+    while (progress := ledger._progress) is None or not progress.complete:
+        number = progress.block if progress is not None else NUMBERS[0]
+        for planned in PLAN[number - 1 :]:
+            table = Table(ledger, planned, tick, *settings)
+            killed = chance.randint(5, 60)
+            while table.phase != Phase.FINISHED and killed:
+                chance.choice(DEEDS)(table, chance)
+                killed -= 1
+            if not killed and table.phase != Phase.FINISHED:
+                break
+            tick = table.tick
+        ledger._journal.close()  # type: ignore[union-attr]
+        if table.phase != Phase.FINISHED:
+            require_told(path, table)
+        check(entries_of(path), progress_in(path))
+        run += 1
+        ledger = resumed(path, run)
+        assert ledger.opened
+    ledger.close()
+    entries = entries_of(path)
+    assert [entry.run for entry in entries if isinstance(entry, Opened | Resumed)] == [
+        f"run {k}" for k in range(1, run + 1)
+    ]
+    check(entries, progress_in(path))
+    assert all(isinstance(entry, Note | Ended | Resumed) for entry in entries[-2:])

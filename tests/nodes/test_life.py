@@ -1,0 +1,76 @@
+"""Whoever is simulated at a device begins anew with each block, and only then."""
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
+
+import pytest
+
+from netboard import sockets
+from netboard.config import Config, Side, parse, resolve
+from netboard.nodes.companion import Life, Limb, Person
+from netboard.nodes.launcher import free_port
+from netboard.participants.submovement import Submovement
+
+
+class Held:
+    """A device that is held, and does nothing."""
+
+    def __init__(self, side: Side) -> None:
+        self.side = side
+        self.felt = 0.0
+
+    def live(self, now_ns: int) -> None:
+        """Nothing happens."""
+
+    def command(self, moves: Iterable[Submovement]) -> None:
+        """Nothing is done."""
+
+
+def block(config: Config, number: int, configuration: str) -> str:
+    return resolve(
+        replace(config, block=replace(config.block, number=number, blocks=99, configuration=configuration))  # type: ignore[arg-type]
+    )
+
+
+@pytest.fixture
+def config() -> Config:
+    return parse("", "test", (f"network.port={free_port()}",))
+
+
+@pytest.fixture
+def live(config: Config) -> Iterator[Callable[[Side], Life]]:
+    """Lets somebody live at a side; the sockets are closed with their context."""
+    with sockets.open_context() as context:
+        lives = []
+
+        def made(side: Side) -> Life:
+            lives.append(Life(config, Held(side), context))  # type: ignore[arg-type]
+            return lives[-1]
+
+        yield made
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_who_lives_at_a_device_follows_the_blocks(side: Side, config: Config, live: Callable[[Side], Life]) -> None:
+    life = live(side)
+    hand = Person if side == "left" else Limb
+    for number, configuration in enumerate(("dyadic", "bimanual", "bimanual", "dyadic", "bimanual"), start=1):
+        life.begin(block(config, number, configuration))
+        assert type(life._who) is (Person if configuration == "dyadic" else hand)
+        life.step(number * 1_000_000, haptics=True)
+
+
+def test_for_the_same_block_nobody_begins_anew(config: Config, live: Callable[[Side], Life]) -> None:
+    life = live("left")
+    life.begin(block(config, 2, "dyadic"))
+    who = life._who
+    life.begin(block(config, 2, "dyadic"))
+    assert life._who is who
+    life.begin(block(config, 3, "dyadic"))
+    assert life._who is not who
+
+
+def test_the_nerve_of_one_bimanual_block_is_that_of_the_next(config: Config, live: Callable[[Side], Life]) -> None:
+    life = live("left")
+    for number in range(1, 30):
+        life.begin(block(config, number, "bimanual" if number % 5 else "dyadic"))

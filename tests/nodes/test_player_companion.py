@@ -1,0 +1,103 @@
+"""What stands in the agent for a player at the display: pointers in, forces out, over real sockets."""
+
+import math
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import pytest
+
+from netboard import sockets
+from netboard.config import Config, Network, parse
+from netboard.devices.mouse import MouseStylus
+from netboard.nodes.companion import Player, companion_of
+from netboard.nodes.launcher import free_port
+from netboard.wire.codec import decode, encode
+from netboard.wire.messages import Felt, Goodbye, Message, Pointer
+
+pytestmark = pytest.mark.integration
+
+MS = 1_000_000
+PATIENCE = 30.0
+
+
+class Station:
+    """A stylus and its companion, and the display's ends of the two channels; time goes on by itself, 1 ms a step."""
+
+    def __init__(self, config: Config, context: sockets.Context) -> None:
+        self.device = MouseStylus("left", config)
+        self.device.open()
+        player = companion_of(config, self.device, context)
+        assert isinstance(player, Player)
+        self.player = player
+        where = sockets.addresses(config.network)
+        self.pointer = sockets.pointer_sender(context, where.pointer("left"))
+        self.felt = sockets.felt_subscriber(context, where.felt("left"))
+        self.now_ns = 0
+
+    def step(self) -> None:
+        self.now_ns += MS
+        self.player.step(self.now_ns, True)
+        self.device.read(self.now_ns)
+
+    def until(self, true: Callable[[], bool]) -> None:
+        end = time.monotonic() + PATIENCE
+        while not true():
+            assert time.monotonic() < end, "waited in vain"
+            self.step()
+            time.sleep(0.001)
+
+    def say(self, message: Message | bytes) -> None:
+        frame = message if isinstance(message, bytes) else encode(message)
+        self.until(lambda: sockets.send(self.pointer, frame))
+
+    def ready(self) -> bool:
+        return self.device.read(self.now_ns).ready
+
+
+@pytest.fixture
+def station() -> Iterator[Station]:
+    config = parse("", overrides=["agents.left.device=mouse"])
+    with sockets.open_context() as context:
+        yield Station(replace(config, network=Network(port=free_port())), context)
+
+
+def test_the_stylus_goes_where_the_player_points(station: Station) -> None:
+    station.say(Pointer("left", 0.02))
+    station.until(lambda: abs(station.device.read(station.now_ns).z - 0.02) < 1e-6)
+    assert station.ready()
+
+
+def test_a_window_without_a_pointer_is_not_ready(station: Station) -> None:
+    station.say(Pointer("left", 0.0))
+    station.until(station.ready)
+    station.say(Pointer("left", None))
+    station.until(lambda: not station.ready())
+
+
+@pytest.mark.parametrize(
+    "odd", [Pointer("right", 0.03), Pointer("left", math.nan), Pointer("left", math.inf), Goodbye("done"), b"", b"\xc1"]
+)
+def test_what_is_no_pointer_of_this_side_moves_nothing(station: Station, odd: Message | bytes) -> None:
+    station.say(Pointer("left", 0.01))
+    station.until(station.ready)
+    station.say(odd)
+    for _ in range(50):
+        station.step()
+        time.sleep(0.001)
+    assert abs(station.device.read(station.now_ns).z) <= 0.01
+    station.say(Pointer("left", 0.01))
+    station.until(lambda: abs(station.device.read(station.now_ns).z - 0.01) < 1e-6)
+
+
+def test_the_player_is_told_what_the_hand_feels(station: Station) -> None:
+    station.device.write(0.0, 0.0, -0.5)
+    heard: list[bytes] = []
+
+    def listen() -> bool:
+        frame = sockets.receive(station.felt)
+        heard.extend([] if frame is None else [frame])
+        return bool(heard)
+
+    station.until(listen)
+    assert decode(heard[0]) == Felt("left", -0.5)

@@ -1,0 +1,112 @@
+"""The blocks of a session, made ready before its first tick."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from netboard.config import Config, Session, parse
+from netboard.errors import ConfigError
+from netboard.experiment.machine import Phase
+from netboard.nodes.programme import Programme
+
+BLOCKS = (
+    ("block.force=full",),
+    ("block.force=none", "block.rest=30", "block.trials=7"),
+    ("block.left=robot", "physics.M=0.02"),
+    ("block.configuration=bimanual", "block.station=right"),
+)
+
+
+def configs(session: Session | None = None) -> list[Config]:
+    made = []
+    for number, settings in enumerate(BLOCKS, start=1):
+        config = parse("", "test", ("session.pilot=true", f"block.blocks={len(BLOCKS)}", *settings))
+        config = replace(config, block=replace(config.block, number=number))
+        made.append(replace(config, session=session or config.session))
+    return made
+
+
+class Remade:
+    """Makes the blocks anew, and remembers for whom."""
+
+    def __init__(self) -> None:
+        self.asked: list[Session] = []
+
+    def __call__(self, session: Session) -> Sequence[Config]:
+        self.asked.append(session)
+        return configs(session)
+
+
+def test_the_blocks_come_one_after_the_other() -> None:
+    programme = Programme(configs(), Remade())
+    assert programme.planned
+    seen = []
+    while True:
+        seen.append((programme.block.config.block.number, programme.last))
+        if programme.last:
+            break
+        assert programme.next() is programme.block
+    assert seen == [(1, False), (2, False), (3, False), (4, True)]
+
+
+def test_a_session_that_is_resumed_begins_in_its_middle() -> None:
+    programme = Programme(configs(), Remade(), 2)
+    assert programme.block.config.block.number == 3
+    assert programme.next().config.block.number == 4
+    assert programme.last
+
+
+def test_a_single_block_is_no_plan() -> None:
+    programme = Programme(configs()[:1])
+    assert not programme.planned
+    assert programme.last
+
+
+def test_each_block_is_ready_to_begin() -> None:
+    programme = Programme(configs(), Remade())
+    blocks = [programme.block, *(programme.next() for _ in range(3))]
+    for block in blocks:
+        assert parse(block.text, "test") == block.config
+        assert int(block.stage.initial()["phase"][0]) == Phase.IDLE
+        assert block.curtain.block == block.config.block.number
+    assert [block.people for block in blocks] == [("left", "right"), ("left", "right"), ("right",), ("left", "right")]
+    assert [[robot.side for robot in block.robots] for block in blocks] == [[], [], ["left"], []]
+    assert [block.curtain.away for block in blocks] == [(), (), ("left",), ("left",)]
+    assert [block.ends for block in blocks] == [None] * 4
+
+
+def test_agents_that_compute_their_own_forces_are_told_what_they_need() -> None:
+    programme = Programme([parse("", "test", ("physics.coupling_at=both",))])
+    assert np.shape(programme.block.ends) == (2, 3)
+
+
+def test_blocks_of_one_scene_share_the_watch_over_its_loops() -> None:
+    programme = Programme(configs(), Remade())
+    first, second, third = programme.block, programme.next(), programme.next()
+    assert first.delays is second.delays
+    assert first.delays is not third.delays
+
+
+def test_a_form_makes_all_blocks_those_of_its_session() -> None:
+    remade = Remade()
+    programme = Programme(configs(), remade, 1)
+    before = programme.block
+    form = replace(before.config.session, dyad="D17", consent=True, pilot=False)
+    programme.open(form)
+    assert remade.asked == [form]
+    assert programme.block.config.session == form
+    assert programme.block.config.block == before.config.block
+    assert 'dyad = "D17"' in programme.block.text
+    assert programme.next().config.session == form
+    assert programme.block.delays is not None
+
+
+def test_a_block_that_cannot_be_is_refused_before_the_first_tick(tmp_path: Path) -> None:
+    path = tmp_path / "other.mcap"
+    with pytest.raises(ConfigError, match=r"\[block\] unrelated: found .*other\.mcap"):
+        Programme([parse("", "test", ("block.force=unrelated", f"block.unrelated={path}"))])
+    with pytest.raises(ConfigError, match=r"\[physics\] balls: found 2"):
+        Programme([*configs(), parse("", "test", ("physics.balls=2",))])

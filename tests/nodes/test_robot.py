@@ -1,0 +1,78 @@
+"""A robot partner fills its part of a tick's row as an agent would, and plays."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from netboard.config import Config
+from netboard.experiment.machine import Cause, Phase
+from netboard.nodes.robot import Robot
+from netboard.stage import make_stage
+from netboard.tick import TICK, TICK_NS
+
+T0 = 5_000_000_000
+
+
+def config(left: str, right: str, trials: int = 2) -> Config:
+    default = Config()
+    return replace(default, block=replace(default.block, left=left, right=right, trials=trials))
+
+
+def play(settings: Config, most: int = 60_000) -> np.ndarray:
+    """Play a block as the server does, tick by tick on a ring of rows."""
+    robots = [Robot(settings, "left"), Robot(settings, "right")]
+    stage = make_stage(settings)
+    state, rows, told = stage.initial(), np.zeros(64, TICK), np.zeros(most, TICK)
+    words = rows.view(np.int64).reshape(len(rows), -1)
+    for tick in range(most):
+        row = words[tick % 64]
+        rows[tick % 64]["command"] = Cause.START if tick == 100 else Cause.NONE
+        for robot in robots:
+            robot.fill(row, tick, T0 + tick * TICK_NS)
+        stage.advance(state, rows, tick)
+        for robot in robots:
+            robot.take(row)
+        told[tick] = rows[tick % 64]
+        if state["phase"][0] == Phase.FINISHED:
+            break
+    return told[: tick + 1]
+
+
+@pytest.mark.slow
+def test_two_robots_do_the_task_together() -> None:
+    rows = play(config("robot", "robot"))
+    assert (rows["event"] == Cause.HELD).sum() == 2
+    for side in ("left", "right"):
+        assert (rows[f"{side}_live"] == 1).all()
+        assert (rows[f"{side}_seq"] == rows["tick"]).all()
+        assert (rows[f"{side}_stamp_ns"] < rows["time_ns"]).all()
+        assert np.ptp(rows[f"{side}_sent_z"]) > 0.002
+    assert not np.array_equal(rows["left_sent_z"], -rows["right_sent_z"])
+
+
+@pytest.mark.slow
+def test_a_robot_can_be_repeated_and_is_another_one_in_another_block() -> None:
+    settings = config("robot", "robot", trials=1)
+    again = play(settings)
+    assert again.tobytes() == play(settings).tobytes()
+    other = replace(settings, block=replace(settings.block, number=2, blocks=2))
+    assert again.tobytes() != play(other).tobytes()
+
+
+@pytest.mark.slow
+def test_a_hand_that_is_held_still_is_live_and_at_rest() -> None:
+    rows = play(config("still", "robot"), most=3000)
+    assert (rows["left_live"] == 1).all()
+    assert (rows["left_stamp_ns"] < rows["time_ns"]).all()
+    for name in ("left_sent_z", "left_sent_vz", "left_x", "left_y", "left_rendered"):
+        assert not rows[name].any()
+    assert rows["right_sent_z"].any()
+
+
+@pytest.mark.slow
+def test_a_robot_without_forces_feels_none() -> None:
+    settings = config("robot", "robot", trials=1)
+    rows = play(replace(settings, block=replace(settings.block, force="none")))
+    assert not rows["left_rendered"].any()
+    assert (rows["event"] == Cause.HELD).sum() == 1

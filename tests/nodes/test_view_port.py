@@ -1,0 +1,143 @@
+"""What stations are sent of the ticks: in turn, only when somebody looks, and only what is new."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from netboard import sockets
+from netboard.config import SIDES, Config, Side, parse
+from netboard.curtain import Curtain, make_curtain
+from netboard.experiment.machine import Phase
+from netboard.nodes.launcher import free_port
+from netboard.nodes.view_port import SAME_VIEW_TICKS, ViewPort
+from netboard.tick import TICK
+from netboard.wire.codec import decode
+from netboard.wire.messages import View
+
+
+class Publisher:
+    """A publisher in memory, with somebody looking or not."""
+
+    def __init__(self) -> None:
+        self.watched = True
+        self.sent: list[View] = []
+        self.closed = False
+
+    def wanted(self) -> bool:
+        return self.watched
+
+    def send(self, frame: bytes) -> bool:
+        view = decode(frame)
+        assert isinstance(view, View)
+        self.sent.append(view)
+        return True
+
+    def close(self) -> None:
+        self.closed = True
+
+
+class Rig:
+    """A port whose publishers are in memory, and a board that moves or not."""
+
+    def __init__(self, port: ViewPort, config: Config) -> None:
+        self.port = port
+        self.stations = {side: Publisher() for side in SIDES}
+        port._views = dict(self.stations)  # type: ignore[arg-type]
+        self.curtain: Curtain = make_curtain(config)
+        self.rows = np.zeros(1, TICK)
+        self.rows["phase"], self.rows["trial"], self.rows["attempt"] = Phase.RUNNING, 1, 1
+        self.rows["left_used_z"], self.rows["right_used_z"] = 0.01, 0.02
+        self.tick = 0
+
+    def run(self, ticks: int, *, moving: bool = True, best: float | None = None, rest: float | None = None) -> None:
+        for _ in range(ticks):
+            self.rows["tick"], self.rows["z"] = self.tick, self.tick * 1e-6 if moving else 0.0
+            self.port.show(self.curtain, self.rows[0], self.rows.view(np.int64), best, rest)
+            self.tick += 1
+
+    def seen(self, side: Side) -> list[int]:
+        """Ticks whose views a station was sent."""
+        return [view.tick for view in self.stations[side].sent]
+
+
+@pytest.fixture
+def config() -> Config:
+    return parse("", "test", (f"network.port={free_port()}", "network.view_rate_hz=100", "block.blocks=2"))
+
+
+@pytest.fixture
+def rig(config: Config) -> Iterator[Rig]:
+    with sockets.open_context() as context:
+        port = ViewPort(config.network, context, None)
+        bound = port._views
+        made = Rig(port, config)
+        yield made
+        for publisher in bound.values():
+            publisher.close()
+
+
+def test_stations_are_sent_views_in_turn(rig: Rig) -> None:
+    rig.run(1000)
+    for side in SIDES:
+        assert len(rig.seen(side)) == pytest.approx(100, abs=1)
+        assert set(np.diff(rig.seen(side))) == {10}
+    assert not set(rig.seen("left")) & set(rig.seen("right")), "both at once would make one tick late"
+
+
+def test_views_are_numbered_as_they_are_sent(rig: Rig) -> None:
+    rig.run(100)
+    rig.stations["left"].watched = False
+    rig.run(100)
+    rig.stations["left"].watched = True
+    rig.run(100)
+    assert [view.seq for view in rig.stations["left"].sent] == list(range(20))
+    assert [view.seq for view in rig.stations["right"].sent] == list(range(30))
+
+
+def test_where_nobody_looks_nothing_is_sent(rig: Rig) -> None:
+    rig.stations["right"].watched = False
+    rig.run(200)
+    assert rig.seen("right") == []
+    assert len(rig.seen("left")) == 20
+
+
+def test_what_has_not_changed_is_only_a_sign_of_life(rig: Rig) -> None:
+    rig.run(1000, moving=False)
+    assert set(np.diff(rig.seen("left"))) == {SAME_VIEW_TICKS}
+    rig.rows["trial"] = 2
+    rig.run(10, moving=False)
+    assert rig.stations["left"].sent[-1].trial == 2
+
+
+def test_everything_of_another_block_is_new(rig: Rig, config: Config) -> None:
+    rig.run(100, moving=False)
+    before = len(rig.seen("left"))
+    rig.port.renew()
+    rig.run(10, moving=False)
+    assert len(rig.seen("left")) == before + 1
+    assert [view.seq for view in rig.stations["left"].sent] == list(range(before + 1)), "numbers go on"
+
+
+def test_ticks_that_are_done_together_bring_one_view(rig: Rig) -> None:
+    rig.run(1)
+    for side in SIDES:
+        rig.stations[side].sent.clear()
+    rig.tick = 500
+    rig.run(1)
+    assert rig.seen("left") == rig.seen("right") == [500]
+    rig.run(30)
+    assert len(rig.seen("left")) <= 5
+
+
+def test_a_station_is_sent_what_its_participant_may_see(rig: Rig) -> None:
+    rig.run(10, best=0.75, rest=12.5)
+    left, right = rig.stations["left"].sent[0], rig.stations["right"].sent[0]
+    assert (left.station, left.left, left.right) == ("left", 0.01, None)
+    assert (right.station, right.left, right.right) == ("right", None, 0.02)
+    assert (left.best, left.rest, left.block, left.blocks) == (0.75, 12.5, 1, 2)
+
+
+def test_it_closes_both(rig: Rig) -> None:
+    rig.port.close()
+    assert all(publisher.closed for publisher in rig.stations.values())

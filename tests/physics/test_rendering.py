@@ -1,0 +1,248 @@
+"""What of the force is rendered: the printed numbers, the sum of the parts, and the board at rest itself."""
+
+import math
+from typing import Any, get_args, get_type_hints
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from trajectories import scene_of
+
+from netboard.config import Block, Config, Physics, parse
+from netboard.errors import ConfigError
+from netboard.physics.rendering import (
+    FORCES,
+    GAINS,
+    NEVER,
+    NOTHING,
+    Felt,
+    felt_of,
+    force_on_hand,
+    gains_of,
+    is_catch,
+    pack_felt,
+)
+from netboard.physics.scene import pack_scene, parts_of
+from netboard.physics.statics import equilibrium
+
+PAPER = scene_of()
+LEFT = np.array([(0.218, 25.93, 25.93, -0.981)], GAINS)[0]
+
+
+def gains(**values: Any) -> tuple[Any, Any]:
+    scene = scene_of(**values)
+    left, right = gains_of(scene.parts, scene.record)
+    return np.array([left], GAINS)[0], np.array([right], GAINS)[0]
+
+
+def felt(force: str, **values: Any) -> Felt:
+    return felt_of(Block(force=force, unrelated="a.mcap" if force == "unrelated" else "", **values))  # type: ignore[arg-type]
+
+
+def on_hand(force: str, own_z: float = 0.01, partner_z: float = 0.02, p: float = 0.1, **values: Any) -> float:
+    """Force on the left hand in the paper's scene, whose coupling pushes with 0.3 N; another's was 0.7 N."""
+    return force_on_hand(0.3, own_z, partner_z, p, values.pop("other", 0.7), LEFT, 0.5, felt(force, **values))
+
+
+def test_the_papers_scene_has_the_derived_gains() -> None:
+    left, right = gains()
+    for hand, sign in ((left, -1), (right, 1)):
+        assert hand["weight"] == pytest.approx(0.218, abs=5e-4)
+        assert hand["own"] == pytest.approx(25.93, abs=5e-3)
+        assert hand["partner"] == pytest.approx(25.93, abs=5e-3)
+        assert hand["ball"] == pytest.approx(sign * 0.981, abs=5e-4)
+
+
+def test_they_are_the_closed_forms_of_an_even_board() -> None:
+    left, right = gains()
+    a, weight = 200 / 540, 0.06 * 9.81
+    expected = (a * weight, 140 * a / 2, 140 * a / 2, 0.05 * 9.81 / 0.5)
+    assert tuple(right) == pytest.approx(expected, rel=1e-14)
+    assert tuple(left) == pytest.approx((*expected[:3], -expected[3]), rel=1e-14)
+
+
+def test_the_forces_are_those_of_the_configuration() -> None:
+    assert set(FORCES) == set(get_args(get_type_hints(Block)["force"]))
+
+
+@pytest.mark.parametrize(
+    ("force", "expected"),
+    [
+        ("full", -0.3),
+        ("partner_only", -25.93 * 0.02),
+        ("environment_only", -(0.218 + 25.93 * 0.01 - 0.0981)),
+        ("none", 0.0),
+        ("unrelated", 0.7),
+    ],
+)
+def test_each_condition_is_what_it_says(force: str, expected: float) -> None:
+    assert on_hand(force) == pytest.approx(expected, abs=1e-15)
+
+
+def test_a_scale_multiplies_whatever_it_is() -> None:
+    for force in FORCES:
+        assert on_hand(force, force_scale=0.5) == 0.5 * on_hand(force)
+
+
+def test_no_force_but_the_partners_knows_of_the_partner_and_it_of_nothing_else() -> None:
+    """The partner moves: what is rendered without the partner is the same to the bit. And the other way round."""
+    for z in (-0.07, 0.0, 0.03):
+        for force in ("environment_only", "unrelated", "none"):
+            assert on_hand(force, partner_z=z) == on_hand(force)
+        assert on_hand("partner_only", own_z=z, p=10 * z) == on_hand("partner_only")
+    assert on_hand("partner_only", partner_z=0.0) == 0.0
+
+
+@pytest.mark.parametrize("other", [math.nan, math.inf, -math.inf])
+def test_a_recorded_force_that_is_no_number_is_none(other: float) -> None:
+    assert on_hand("unrelated", other=other) == 0.0
+
+
+scenes = st.fixed_dictionaries(
+    {
+        "board": st.sampled_from(["free", "hinged", "level"]),
+        "coupling": st.sampled_from(["both", "left", "right"]),
+        "model": st.sampled_from(["paper", "lagrangian"]),
+        "balls": st.sampled_from([0, 1]),
+        "fixed_ball": st.sampled_from(["loads_board", "carried"]),
+        "free": st.booleans(),
+        "k_h": st.floats(50.0, 2000.0),
+        "k_s": st.sampled_from([0.0, 10.0, 140.0, 2000.0]),
+        "M": st.floats(0.001, 0.5),
+    }
+)
+heights = st.floats(-0.05, 0.05)
+
+
+@given(scenes, st.floats(0.2, 3.0), st.sampled_from([0.0, 0.03]), heights, heights, st.floats(-0.3, 0.3))
+def test_the_gains_are_the_slopes_of_the_board_at_rest(
+    values: dict[str, Any], uneven: float, above: float, left_z: float, right_z: float, p: float
+) -> None:
+    """Of any scene, with couplings as unlike as may be: near the level board the closed form of all tilts agrees."""
+    above = above if values["model"] == "lagrangian" and values["balls"] else 0.0
+    scene = scene_of(**values, ball_height=above)
+    record = scene.record.copy()
+    record["k_right"] *= uneven
+    parts, balls = scene.parts._replace(even=False), (p,) * values["balls"]
+
+    def rest(scale: float) -> Any:
+        return equilibrium(scale * left_z, scale * right_z, tuple(scale * at for at in balls), parts, record)
+
+    record["M"] = record["m"] = 0.0  # without weights the board is level, and small hands and loads keep it so
+    try:
+        gains_of(parts, record)
+    except ConfigError:
+        assume(False)
+    for mass, ball in ((0.0, 0.0), (values["M"], 0.0), (values["M"], 1e-4)):
+        record["M"], record["m"] = mass * 1e-3, ball
+        left, right = gains_of(parts, record)
+        at = rest(1e-4)
+        found = [
+            hand[0] + 1e-4 * (hand[1] * own + hand[2] * other + hand[3] * sum(balls))
+            for hand, own, other in ((left, left_z, right_z), (right, right_z, left_z))
+        ]
+        size = 1e-4 * 2000.0 * 0.05 + record["M"] * 9.81 + ball * 9.81
+        assert found == pytest.approx([at.left, at.right], abs=2e-4 * size)
+
+
+@given(scenes, st.floats(0.2, 3.0))
+def test_a_library_solves_the_balance_alike_and_mirror_images_agree_to_the_bit(
+    values: dict[str, Any], uneven: float
+) -> None:
+    scene = scene_of(**(values | {"board": "free", "coupling": "both", "k_s": 140.0}))
+    record, mirrored = scene.record.copy(), scene.record.copy()
+    record["k_right"] *= uneven
+    mirrored["k_left"] *= uneven
+    k, arm, s = (float(record["k_left"]), float(record["k_right"])), float(record["l"]), float(record["k_s"])
+    load = 0.05 * 9.81 * scene.parts.loaded * (1.0 if scene.parts.free else float(record["fixed_load"]))
+    matrix = [[sum(k) + s, (k[1] - k[0]) * arm], [(k[1] - k[0]) * arm, sum(k) * arm * arm]]
+    loads = [[-float(record["M"]) * 9.81 - load, k[0], k[1], 0.0], [0.0, -k[0] * arm, k[1] * arm, -load]]
+    z, theta = np.linalg.solve(matrix, loads)
+    left, right = gains_of(scene.parts, record)
+    at_left = -k[0] * (z - arm * theta) + [0, k[0], 0, 0]
+    at_right = -k[1] * (z + arm * theta) + [0, 0, k[1], 0]
+    assert left == pytest.approx(at_left[[0, 1, 2, 3]], rel=1e-9, abs=1e-12)
+    assert right == pytest.approx(at_right[[0, 2, 1, 3]], rel=1e-9, abs=1e-12)
+    other_left, other_right = gains_of(scene.parts, mirrored)
+    assert other_right == (*left[:3], -left[3])
+    assert other_left == (*right[:3], -right[3])
+
+
+@pytest.mark.parametrize(("left_z", "right_z", "p"), [(0, 0, 0.15), (0.02, -0.03, -0.1), (-0.05, -0.05, 0.3)])
+def test_the_parts_add_up_to_the_force_of_the_board_at_rest(left_z: float, right_z: float, p: float) -> None:
+    """But for the share of the ball's weight that a tilted board does not carry in the paper's equations."""
+    rest = equilibrium(left_z, right_z, (p,), PAPER.parts, PAPER.record)
+    spared = 200 / 540 * 0.05 * 9.81 * math.sin(rest.theta) ** 2
+    assert spared < 2e-3
+    for hand, own, partner, force in zip(
+        gains(), (left_z, right_z), (right_z, left_z), (rest.left, rest.right), strict=True
+    ):
+        parts = [
+            force_on_hand(0.0, own, partner, p, 0.0, hand, 1.0, felt(part))
+            for part in ("partner_only", "environment_only")
+        ]
+        assert sum(parts) == pytest.approx(-force - spared, abs=1e-14)
+
+
+def test_a_hand_that_is_not_coupled_feels_neither_part_and_gives_the_other_none() -> None:
+    left, right = gains(coupling="left")
+    assert tuple(right) == (0.0, 0.0, 0.0, 0.0)
+    assert left["partner"] == 0.0
+    # The board hangs on one hand and the spring at its centre: all of the spring is felt there, and the ball's moment.
+    assert left["weight"] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_level_board_halves_the_load_and_a_hinged_one_carries_it() -> None:
+    level, hinged = gains(board="level")[0], gains(board="hinged")[1]
+    assert tuple(level) == pytest.approx((0.218, 200 - 200 * 200 / 540, -200 * 200 / 540, 0.0), abs=1e-3)
+    assert tuple(hinged) == pytest.approx((0.0, 100.0, 100.0, 0.981), abs=1e-9)
+
+
+def test_a_carried_ball_loads_the_board_from_its_release_on() -> None:
+    packed = pack_felt(parse('[block]\nforce = "environment_only"\n[physics]\nfixed_ball = "carried"'))[0]
+    assert packed["left_fixed"]["weight"] == pytest.approx(0.01 * 9.81 * 200 / 540)
+    assert packed["left_fixed"]["ball"] == 0.0
+    assert packed["left_free"]["weight"] == pytest.approx(0.218)
+    assert packed["left_free"]["ball"] == pytest.approx(-0.981)
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"k_h": 0.0},
+        {"coupling": "none"},
+        {"coupling": "left", "k_s": 0.0},
+        {"coupling": "none", "board": "hinged"},
+        {"coupling": "none", "board": "level", "k_s": 0.0},
+    ],
+)
+def test_a_board_that_rests_nowhere_has_no_parts(values: dict[str, Any]) -> None:
+    physics = Physics(**values)
+    for force in ("partner_only", "environment_only"):
+        with pytest.raises(ConfigError, match="springs hold"):
+            pack_felt(Config(block=Block(force=force), physics=physics))  # type: ignore[arg-type]
+    pack_felt(Config(physics=physics))
+
+
+def test_a_ball_that_tips_the_board_over_leaves_no_parts() -> None:
+    physics = Physics(model="lagrangian", ball_height=0.2, k_h=0.5)
+    with pytest.raises(ConfigError, match="springs hold"):
+        gains_of(parts_of(physics, False), pack_scene(physics)[0])
+
+
+def test_nothing_is_compiled_where_nothing_is_felt() -> None:
+    assert felt("none", force_scale=0.5, catch=(3,)) == NOTHING
+    assert felt("full", force_scale=0.0) == NOTHING
+    assert felt("full") == Felt(FORCES.index("full"), False, True, True, False)
+    assert felt("partner_only", force_scale=2.0, right="still", catch=(1,)) == Felt(2, True, True, False, True)
+    assert felt("full", right="robot") == felt("full")
+    assert felt("full", left="still").left is False
+
+
+def test_catch_trials_are_those_named_and_no_others() -> None:
+    numbers = pack_felt(parse(f"[block]\ncatch = [2, 7, {NEVER - 1}]"))[0]
+    catches = felt("full", catch=(2,))
+    found = [trial for trial in range(-5, NEVER + 5) if is_catch(trial, numbers, catches)]
+    assert found == [2, 7, NEVER - 1]
+    assert not is_catch(2, numbers, felt("full"))

@@ -1,0 +1,99 @@
+"""Kills a process that keeps a journal, at random moments, again and again, and looks at what is left.
+
+Run as a program, in a process without threads of its own: it forks a server for each round, and prints what it found.
+Every round goes on with the journal that the one before left behind.
+"""
+
+import json
+import os
+import random
+import select
+import signal
+import sys
+from pathlib import Path
+from typing import Any
+
+from netboard.config import Quality
+from netboard.experiment.entries import Entry, line_of, read_lines
+from netboard.experiment.progress import progress_of
+from netboard.recording.journal import Journal
+from session_model import HEADER, Planned, a_run, check
+
+PLAN = tuple(Planned(number, 60) for number in range(1, 19))
+RULES = Quality(repeat="flagged")
+LONGEST = 0.04  # of a round [s]
+
+
+def serve(path: Path, report: int, seed: int) -> None:
+    """Go on with the session until killed, telling what is appended and how much of it is said to be on disk."""
+    chance = random.Random(seed)
+    if path.exists():
+        journal, _, entries, _ = Journal.reopen(path)
+    else:
+        journal, entries = Journal.create(path, HEADER), ()
+    for entry in a_run(chance, f"run{seed}", list(entries), RULES, PLAN):
+        os.write(report, b"+" + line_of(entry, "") + b"=%d\n" % journal.durable)
+        journal.append(entry)
+        ahead = chance.randrange(4)
+        while journal.appended - journal.durable > ahead:
+            select.select([], [], [], 0.0002)
+        os.write(report, b"=%d\n" % journal.durable)
+    journal.close()
+
+
+def read_all(reports: int) -> list[bytes]:
+    data = b""
+    while part := os.read(reports, 65536):
+        data += part
+    return data.split(b"\n")[:-1]
+
+
+def a_round(path: Path, seed: int, chance: random.Random) -> dict[str, Any]:
+    """Let a server run for a while, kill it, and look at its journal."""
+    before = read_lines(path.read_bytes(), str(path)).entries if path.exists() else ()
+    reports, report = os.pipe()
+    child = os.fork()
+    if child == 0:
+        os.close(reports)
+        serve(path, report, seed)
+        os._exit(0)
+    os.close(report)
+    select.select([reports], [], [])  # it has begun
+    select.select([], [], [], chance.uniform(0, LONGEST))
+    os.kill(child, signal.SIGKILL)
+    os.waitpid(child, 0)
+    told = read_all(reports)
+    os.close(reports)
+    appended = [_entry(line[1:]) for line in told if line.startswith(b"+")]
+    durable = max((int(line[1:]) for line in told if line.startswith(b"=")), default=0)
+    found = read_lines(path.read_bytes(), str(path))
+    entries = list(found.entries)
+    assert entries == [*before, *appended][: len(entries)], "the journal says something else than what was appended"
+    assert len(entries) >= durable, f"{durable} entries were said to be on disk, {len(entries)} are there"
+    progress = progress_of(found.header, entries, PLAN, str(path))
+    check(entries, progress, PLAN)
+    return {
+        "entries": len(entries),
+        "on their way": len(before) + len(appended) - len(entries),
+        "torn": len(found.torn),
+        "block": progress.block,
+        "trial": progress.trial,
+        "under way": progress.under_way is not None,
+    }
+
+
+def _entry(line: bytes) -> Entry:
+    header = line_of(HEADER, "")
+    return read_lines(header + line + b"\n", "report").entries[0]
+
+
+def main(path: Path, rounds: int, seed: int) -> None:
+    """Do some rounds, and print a line of JSON for each."""
+    chance = random.Random(seed)
+    for number in range(rounds):
+        sys.stdout.write(json.dumps(a_round(path, number, chance)) + "\n")
+        sys.stdout.flush()  # before the next fork, which would write it too
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3]))

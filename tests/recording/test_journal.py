@@ -1,0 +1,253 @@
+"""The journal's file: what is said to be on disk is, whatever the disk does, whoever is killed, wherever it is cut."""
+
+import errno
+import json
+import logging
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from netboard.config import Config, Session
+from netboard.errors import RecordingError
+from netboard.experiment.entries import AttemptEnded, BlockEnded, Entry, Note, Opened, read_lines
+from netboard.recording import journal as module
+from netboard.recording.journal import Journal, journal_path
+from session_model import HEADER
+
+TESTS = Path(__file__).parents[1]
+ENTRIES: list[Entry] = [Opened("r1", {"dyad": "D03"}), *(Note(f"note {k}", "r1", k) for k in range(30))]
+
+
+def said(path: Path) -> tuple[Entry, ...]:
+    return read_lines(path.read_bytes(), str(path)).entries
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return tmp_path / "recordings" / "D03_S01.journal.jsonl"
+
+
+@pytest.fixture
+def journal(path: Path) -> Iterator[Journal]:
+    made = Journal.create(path, HEADER)
+    yield made
+    made.close()
+
+
+def test_its_name() -> None:
+    config = Config(session=Session(name="S02", dyad="D07"))
+    assert journal_path(Path("recordings"), config) == Path("recordings/D07_S02.journal.jsonl")
+
+
+def test_a_new_one_has_its_header_at_once(journal: Journal, path: Path) -> None:
+    lines = read_lines(path.read_bytes(), str(path))
+    assert (lines.header, lines.entries, lines.torn) == (HEADER, (), b"")
+    assert (journal.durable, journal.appended, journal.trouble) == (0, 0, "")
+
+
+def test_entries_are_on_disk_in_order_when_it_is_closed(journal: Journal, path: Path) -> None:
+    for entry in ENTRIES:
+        journal.append(entry)
+    assert journal.appended == len(ENTRIES)
+    journal.close()
+    journal.close()
+    assert said(path) == tuple(ENTRIES)
+    assert journal.durable == len(ENTRIES)
+
+
+def test_every_line_says_when(journal: Journal, path: Path) -> None:
+    journal.append(ENTRIES[0])
+    journal.close()
+    times = [json.loads(line)["at"] for line in path.read_text(encoding="utf-8").splitlines()]
+    assert times == sorted(times)
+    assert all(time.endswith("Z") and "T" in time for time in times)
+
+
+def test_it_is_never_written_over(journal: Journal, path: Path) -> None:
+    journal.append(ENTRIES[0])
+    journal.close()
+    before = path.read_bytes()
+    with pytest.raises(RecordingError, match=r"D03_S01\.journal\.jsonl: exists already.*netboard server --resume"):
+        Journal.create(path, HEADER)
+    assert path.read_bytes() == before
+
+
+def test_a_folder_that_cannot_be_made_is_said(tmp_path: Path) -> None:
+    (tmp_path / "recordings").write_text("a file")
+    with pytest.raises(RecordingError, match="cannot be written"):
+        Journal.create(tmp_path / "recordings" / "a.journal.jsonl", HEADER)
+
+
+def test_it_goes_on(journal: Journal, path: Path) -> None:
+    journal.append(ENTRIES[0])
+    journal.close()
+    again, header, entries, torn = Journal.reopen(path)
+    assert (header, entries, torn) == (HEADER, (ENTRIES[0],), b"")
+    assert (again.durable, again.appended) == (1, 1)
+    again.append(ENTRIES[1])
+    again.close()
+    assert said(path) == tuple(ENTRIES[:2])
+    assert again.durable == 2
+
+
+def test_none_to_go_on_with(path: Path) -> None:
+    with pytest.raises(RecordingError, match="is not there: this session was not begun, so leave out --resume"):
+        Journal.reopen(path)
+
+
+def test_a_damaged_one_is_not_gone_on_with(journal: Journal, path: Path) -> None:
+    for entry in ENTRIES:
+        journal.append(entry)
+    journal.close()
+    damaged = path.read_bytes().replace(b'"note 7"', b'"note 7')
+    path.write_bytes(damaged)
+    with pytest.raises(RecordingError, match=r"journal\.jsonl, line 10: is damaged"):
+        Journal.reopen(path)
+    assert path.read_bytes() == damaged
+
+
+@given(cut=st.integers(0, 10**6), count=st.integers(0, 3))
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_cut_anywhere_it_goes_on_behind_its_last_whole_line(tmp_path: Path, cut: int, count: int) -> None:
+    path = tmp_path / "cut.journal.jsonl"
+    path.unlink(missing_ok=True)
+    journal = Journal.create(path, HEADER)
+    head = path.stat().st_size
+    for entry in ENTRIES[:6]:
+        journal.append(entry)
+    journal.close()
+    os.truncate(path, head + cut % (path.stat().st_size - head + 1))
+    kept = said(path)
+    assert list(kept) == ENTRIES[: len(kept)]
+    again, _, entries, _ = Journal.reopen(path)
+    assert entries == kept
+    for entry in ENTRIES[:count]:
+        again.append(entry)
+    again.close()
+    assert said(path) == (*kept, *ENTRIES[:count])
+
+
+def test_a_torn_line_is_reported_and_its_place_taken(
+    journal: Journal, path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    journal.append(ENTRIES[0])
+    journal.close()
+    with path.open("ab") as file:
+        file.write(b'{"entry":"note","text":"' + b"long" * 200)
+    torn = path.read_bytes()
+    with caplog.at_level(logging.WARNING):
+        again, _, _, rest = Journal.reopen(path)
+    assert rest.startswith(b'{"entry":"note"')
+    assert "its last line was torn" in caplog.text
+    assert path.read_bytes() == torn, "whoever only looks changes nothing"
+    again.append(ENTRIES[1])
+    again.close()
+    assert said(path) == tuple(ENTRIES[:2])
+
+
+def test_our_own_mistake_is_told_to_whoever_makes_it(journal: Journal, path: Path) -> None:
+    with pytest.raises(ValueError, match="Out of range"):
+        journal.append(AttemptEnded(1, 1, 1, "success", float("nan"), (), 0, False, "r1", 0, 0))
+    journal.append(BlockEnded(1, "stopped"))
+    journal.close()
+    assert said(path) == (BlockEnded(1, "stopped"),)
+
+
+def test_an_entry_counts_when_it_has_been_synced_and_not_before(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    journal = Journal.create(path, HEADER)
+    synced: list[tuple[int, int]] = []
+    sync = os.fsync
+
+    def watched(handle: int) -> None:
+        sync(handle)
+        synced.append((path.read_bytes().count(b"\n") - 1, journal.durable))
+
+    monkeypatch.setattr(os, "fsync", watched)
+    for entry in ENTRIES:
+        journal.append(entry)
+    journal.close()
+    assert synced == [(number + 1, number) for number in range(len(ENTRIES))]
+
+
+class SickDisk:
+    """Refuses some writes, and may leave part of a line behind."""
+
+    def __init__(self, refusals: int) -> None:
+        self.refusals = refusals
+        self.sound = module._write
+
+    def write(self, handle: int, place: int, line: bytes) -> None:
+        if self.refusals > 0:
+            self.refusals -= 1
+            os.lseek(handle, place, os.SEEK_SET)
+            os.write(handle, line[: len(line) // 2])
+            raise OSError(errno.ENOSPC, "No space left on device")
+        self.sound(handle, place, line)
+
+
+def test_a_disk_that_refuses_for_a_while(
+    journal: Journal, path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(module, "RETRY_SECONDS", 0.001)
+    disk = SickDisk(1)
+    monkeypatch.setattr(module, "_write", disk.write)
+    for entry in ENTRIES:
+        journal.append(entry)
+    journal.close()
+    assert said(path) == tuple(ENTRIES)
+    assert journal.trouble == ""
+    assert caplog.text.count("cannot be written: No space left on device") == 1
+
+
+def test_a_disk_that_refuses_for_good_is_not_passed_over(
+    journal: Journal, path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    journal.append(ENTRIES[0])
+    journal.close()
+    monkeypatch.setattr(module, "RETRY_SECONDS", 0.001)
+    again, *_ = Journal.reopen(path)
+    monkeypatch.setattr(module, "_write", SickDisk(10**9).write)
+    for entry in ENTRIES[1:4]:
+        again.append(entry)
+    with pytest.raises(RecordingError, match="No space left on device; 3 of 4 entries are not on disk"):
+        again.close()
+    assert again.durable == 1
+    assert "No space left on device" in again.trouble
+    assert said(path) == (ENTRIES[0],)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="an open file cannot be deleted there")
+def test_a_deleted_one_is_written_anew(journal: Journal, path: Path) -> None:
+    journal.append(ENTRIES[0])
+    journal.close()
+    again, *_ = Journal.reopen(path)
+    path.unlink()
+    path.parent.rmdir()
+    again.append(ENTRIES[1])
+    again.append(ENTRIES[2])
+    again.close()
+    assert said(path) == tuple(ENTRIES[:3])
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="needs fork")
+def test_killed_fifty_times_nothing_is_lost_that_was_on_disk(path: Path) -> None:
+    path.parent.mkdir()
+    ran = subprocess.run(
+        [sys.executable, str(Path(__file__).with_name("killed_journals.py")), str(path), "50", "1"],
+        check=False,
+        capture_output=True,
+        text=True,
+        env={**os.environ, "PYTHONPATH": str(TESTS)},
+    )
+    assert ran.returncode == 0, ran.stderr
+    rounds = [json.loads(line) for line in ran.stdout.splitlines()]
+    assert len(rounds) == 50
+    assert rounds[-1]["entries"] > 50
+    assert any(found["under way"] for found in rounds)

@@ -1,0 +1,103 @@
+"""``netboard plan``: what is shown, what is refused."""
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from netboard.design import library
+from netboard.design.plan import digest, plan_of
+from netboard.design.study import paper_study, parse_study
+from netboard.services.cli import app
+from netboard.services.studies import load
+
+runner = CliRunner()
+UNEVEN = 'orders.main = "3 duo"\n[kinds.duo]\n[factors.f]\nlevels.a = {}\nlevels.b = {}\n'
+
+
+@pytest.fixture(autouse=True)
+def _folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "200")
+    monkeypatch.setenv("NO_COLOR", "1")
+
+
+def run(words: str, code: int = 0) -> str:
+    result = runner.invoke(app, ["plan", *words.split()])
+    assert result.exit_code == code, result.output
+    return result.output
+
+
+@pytest.mark.parametrize("command", ["show", "check", "list", "template"])
+def test_every_command_has_help_with_examples(command: str) -> None:
+    assert f"netboard plan {command}" in run(f"{command} --help").partition("Examples:")[2]
+
+
+def test_the_blocks_of_a_dyad() -> None:
+    shown = run("show --study paper --dyad 3")
+    assert "dyad 3, seed 1, order paper, A sits right" in shown
+    assert [line.split()[:4] for line in shown.splitlines() if line.split()[:1] == ["9"]] == [
+        ["9", "dyadic", "dyad", "off"]
+    ]
+    assert shown.count("bimanual   ") >= 12
+
+
+def test_the_balance_of_several() -> None:
+    shown = run("show --study paper --dyads 8")
+    assert "Session 1" not in shown
+    assert shown.count(" 180 ") == 64
+    assert "Over 8 dyads" in shown
+    assert "uneven" not in shown
+
+
+def test_everything_as_json() -> None:
+    shown = json.loads(run("show --study paper --dyad 3 --dyads 4 --seed 5 --json"))
+    assert shown["digest"] == digest(plan_of(paper_study(), 5, 3))
+    assert [block["number"] for block in shown["sessions"][0]["blocks"]] == list(range(1, 19))
+    assert shown["problems"] == shown["balance"]["uneven"] == []
+
+
+@pytest.mark.parametrize("name", library.NAMES)
+def test_built_in_studies_are_in_order(name: str) -> None:
+    assert f"{name}: in order (1 session, " in run(f"check {name} --dyads 60")
+    assert name in run("list")
+
+
+def test_another_order_of_a_study() -> None:
+    assert load("paper:abba").taken() == ("abba",)
+    assert load("paper:paper,dyadic_first").taken() == ("paper", "dyadic_first")
+    assert "order abba" in run("show --study paper:abba")
+    assert 'order: found "abab", expected one of paper' in run("check paper:abab", 2)
+
+
+def test_a_study_whose_counts_do_not_meet_is_refused() -> None:
+    Path("study.toml").write_text(UNEVEN, encoding="utf-8")
+    refused = run("check study.toml", 2)
+    assert "the study is refused" in refused
+    assert "dyad 2, participant B, duo: trials are not even: a 60 in 1 blocks, b 120 in 2 blocks" in refused
+    assert "and 10 more like these" in refused
+    assert "Trials of each participant" in refused
+    run("show --study study.toml", 2)
+
+
+def test_a_study_that_contradicts_the_rig_is_refused() -> None:
+    Path("study.toml").write_text('orders.main = "9 a"\n[kinds.a]\ngeometry.target_distance = 0.34', encoding="utf-8")
+    refused = run("check study.toml", 2)
+    assert refused.count("[geometry] target_distance") == 1
+    assert "dyad 1, block 1 (a): [geometry] target_distance" in refused
+    assert "in order" in run("check study.toml --set geometry.board_length=1 --set task.fall_distance=0.45")
+
+
+def test_what_is_no_study_is_said() -> None:
+    assert "nothing: no such study or file; the built-in studies are paper, five_forces" in run("check nothing", 2)
+    Path("folder").mkdir()
+    assert "folder: cannot be read" in run("check folder", 2)
+    Path("bad.toml").write_text("a = ", encoding="utf-8")
+    assert "bad.toml: not valid TOML" in run("check bad.toml", 2)
+
+
+def test_the_template_is_a_study() -> None:
+    assert parse_study(run("template")).name == "template"
+    assert parse_study(run("template paper")) == paper_study()
+    assert "there are paper, " in run("template other", 2)

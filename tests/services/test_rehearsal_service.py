@@ -1,0 +1,66 @@
+"""Blocks are rehearsed by one function: table or JSON, with recordings or without, shortened as asked."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from netboard.config import Config
+from netboard.errors import NetboardError
+from netboard.recording.reader import Recording
+from netboard.recording.verification import verify_recording
+from netboard.services import rehearsal
+
+
+def blocks(trials: int = 1) -> list[Config]:
+    default = Config()
+    dyadic = replace(default.block, trials=trials, number=1, blocks=2)
+    bimanual = replace(dyadic, number=2, configuration="bimanual", force="none", catch=(1, 9), label="alone")
+    return [replace(default, block=block) for block in (dyadic, bimanual)]
+
+
+@pytest.mark.slow
+def test_a_table_tells_what_came_of_the_blocks(capsys: pytest.CaptureFixture[str]) -> None:
+    assert rehearsal.main(blocks(), 1, 1, folder=None) == 0
+    said = capsys.readouterr().out
+    assert "alone" in said
+    assert "2 blocks, 2 successful trials" in said
+    assert "x real time" in said
+
+
+@pytest.mark.slow
+def test_recordings_are_whole_and_json_names_them(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert rehearsal.main(blocks(), 1, 1, folder=tmp_path / "new", as_json=True) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["ticks"] == sum(block["ticks"] for block in told["blocks"])
+    assert told["real_time_factor"] > 0
+    for block in told["blocks"]:
+        with Recording(Path(block["recording"])) as recording:
+            assert verify_recording(recording).checked == block["ticks"]
+    assert len(list((tmp_path / "new").iterdir())) == 2
+    with pytest.raises(NetboardError, match="block01"):
+        rehearsal.main(blocks(), 1, 1, folder=tmp_path / "new")
+
+
+@pytest.mark.slow
+def test_who_they_are_depends_on_the_dyad() -> None:
+    one, two = (rehearsal.jobs_of(blocks(), 1, dyad, None, fast=True) for dyad in (1, 2))
+    assert one[0].people == one[1].people
+    assert one[0].people != two[0].people
+    assert rehearsal.rehearse(one[0]).ticks != rehearsal.rehearse(two[0]).ticks
+
+
+def test_a_rehearsal_is_marked_as_no_real_session() -> None:
+    jobs = rehearsal.jobs_of(blocks(), 1, 1, None, fast=True)
+    assert all(job.config.session.pilot for job in jobs)
+    assert len({job.session for job in jobs}) == 1
+    other = rehearsal.jobs_of(blocks(), 2, 1, None, fast=True)
+    assert other[0].session != jobs[0].session
+
+
+def test_a_short_form_has_fewer_blocks_and_trials() -> None:
+    short = list(rehearsal.shortened(blocks(trials=10), 2, 5))
+    assert [config.block.trials for config in short] == [5, 5]
+    assert short[1].block.catch == (1,)
+    assert len(list(rehearsal.shortened(blocks(), 1, None))) == 1
