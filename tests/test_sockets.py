@@ -448,3 +448,36 @@ def gone(connection: net.socket) -> bool:
         return False
     except ConnectionResetError:
         return True
+
+
+def test_what_is_owed_to_a_peer_that_stands_still_comes_when_it_goes_on(made: Made) -> None:
+    server = made.motion_server(ANYWHERE)
+    peer = made.motion_agent(endpoint_of(server), "agent.left")
+    until(lambda: sockets.send(peer, b"hello"))
+    name, _ = until(server.receive)
+    until(lambda: not server.send(name, bytes(60_000)))
+    server.owe(name, b"another block")
+    server.owe(name, b"the newest block")
+    assert not server.send(name, b"more")
+    heard = []
+
+    def told() -> bool:
+        server.pay()
+        heard.append(sockets.receive(peer))
+        return heard[-1] == b"the newest block"
+
+    until(told)
+    assert b"another block" not in heard
+    server.pay()
+    assert sockets.receive(peer) is None
+
+
+def test_nothing_is_owed_to_a_peer_that_has_gone(made: Made) -> None:
+    server = made.motion_server(ANYWHERE)
+    server.owe(b"agent.left", b"another block")
+    peer = made.motion_agent(endpoint_of(server), "agent.left")
+    until(lambda: sockets.send(peer, b"hello"))
+    until(server.receive)
+    server.pay()
+    server.send(b"agent.left", b"welcome")
+    assert until(lambda: sockets.receive(peer)) == b"welcome"

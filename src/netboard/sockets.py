@@ -254,6 +254,7 @@ class Router:
         self._door = endpoint.lock if isinstance(endpoint.lock, Door) else None
         self._channel = CHANNELS[endpoint.channel]
         self._names: dict[bytes, str] = {}
+        self._owed: dict[bytes, bytes] = {}
 
     def receive(self) -> tuple[bytes, bytes] | None:
         """Next (peer, frame), or None if there is none now.
@@ -299,9 +300,22 @@ class Router:
             self.socket.send(frame, NOBLOCK)
         except ZMQError as error:
             if error.errno in (zmq.EAGAIN, zmq.EHOSTUNREACH):
+                if error.errno == zmq.EHOSTUNREACH:
+                    self._owed.pop(peer, None)
                 return False
             raise
         return True
+
+    def owe(self, peer: bytes, frame: bytes) -> None:
+        """Send what a peer that is there must hear: if its queue is full now, whenever `pay` finds that it is not."""
+        self._owed[peer] = frame
+        self.pay()
+
+    def pay(self) -> None:
+        """Send whatever is still owed."""
+        for peer, frame in list(self._owed.items()):
+            if self.send(peer, frame):
+                del self._owed[peer]
 
     @property
     def keyed(self) -> bool:

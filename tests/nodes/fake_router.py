@@ -18,6 +18,7 @@ class FakeRouter:
         self.key = ""
         self.forbidden = ""
         self.closed = False
+        self.owed: dict[bytes, bytes] = {}
 
     def receive(self) -> tuple[bytes, bytes] | None:
         return self.arrived.popleft() if self.arrived else None
@@ -28,6 +29,13 @@ class FakeRouter:
             return False
         frames.append(frame)
         return True
+
+    def owe(self, peer: bytes, frame: bytes) -> None:
+        self.owed[peer] = frame
+        self.pay()
+
+    def pay(self) -> None:
+        self.owed = {peer: frame for peer, frame in self.owed.items() if not self.send(peer, frame)}
 
     def forbids(self, role: str, side: str) -> str:
         return self.forbidden

@@ -1,5 +1,7 @@
 """The control channel: operators command, displays report, nobody does what is not theirs."""
 
+from dataclasses import replace
+
 from fake_router import WELCOME, FakeRouter, hello
 
 from fakes import STATUS, Answers
@@ -126,3 +128,15 @@ def test_a_display_that_falls_silent_is_missed_and_welcome_back() -> None:
     names = [name for name, _ in rig.port.news]
     assert names == ["display_joined", "console_joined", "display_silent", "console_silent", "display_back"]
     assert [frame.tick for frame in rig.port.frames] == [1]
+
+
+def test_who_could_not_be_told_of_a_new_block_is_told_when_it_goes_on() -> None:
+    router = FakeRouter(room=1)
+    port = ControlPort(router, WELCOME, Answers())  # type: ignore[arg-type]
+    router.say(b"console", hello("console"))
+    port.drain(0)
+    another = replace(WELCOME, config="another block")
+    port.renew(another)
+    assert router.heard(b"console") == [WELCOME]
+    port.pump(0)
+    assert router.heard(b"console") == [another]

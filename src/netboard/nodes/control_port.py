@@ -116,7 +116,8 @@ class ControlPort:
         return True
 
     def pump(self, now_ns: int) -> None:
-        """Ask the peers for their time, and note who has fallen silent."""
+        """Ask the peers for their time, note who has fallen silent, and send what is owed."""
+        self._router.pay()
         for name, peer in self._peers.items():
             ping = peer.ping(now_ns)
             if ping is None:
@@ -138,7 +139,7 @@ class ControlPort:
         """Another block: tell everybody what counts now."""
         self._welcome = encode(welcome)
         for name in self._peers:
-            self._router.send(name, self._welcome)
+            self._router.owe(name, self._welcome)
 
     def reply(self, wish: Wish, accepted: bool, reason: str) -> None:
         """Tell whoever gave a command what becomes of it."""

@@ -248,7 +248,11 @@ class MotionPort:
         return lacking
 
     def expire(self, now_ns: int) -> None:
-        """Clear the seats of agents that have been silent for long: they say hello when they are back."""
+        """Clear the seats of agents that have been silent for long: they say hello when they are back.
+
+        Whoever could not be told of a new block yet, because it stood still, is told now.
+        """
+        self._router.pay()
         for seat in self.seats.values():
             if seat.hello is not None and seat.silent_ns(now_ns) > GONE_NS:
                 self._leave(seat, "fell silent")
@@ -275,7 +279,7 @@ class MotionPort:
         self._welcome, self._ends = encode(welcome), ends
         for seat in self.seats.values():
             if seat.hello is not None:
-                self._router.send(seat.agent, self._welcome)
+                self._router.owe(seat.agent, self._welcome)
 
     def goodbye(self, reason: str) -> None:
         """Tell both agents that the session is over, and close."""
