@@ -15,8 +15,9 @@ from typer.core import TyperGroup
 
 from netboard.config import MOUSE, SIDES, Config, Side
 from netboard.errors import ConfigError, NetboardError
-from netboard.services import bench, configuration, devices, keys, plan, session
+from netboard.services import bench, configuration, devices, keys, plan, recordings, session
 from netboard.services.configuration import ConfigFile, Overrides
+from netboard.services.wording import Screenshot, examples
 
 OK, FAULT, WRONG = 0, 1, 2
 
@@ -38,11 +39,6 @@ class Guarded(TyperGroup):
             raise typer.Exit(FAULT) from None
 
 
-def examples(*lines: str) -> str:
-    """Write the epilog of a help text."""
-    return "\n\n".join(("Examples:", *(f"  {line}" for line in lines)))
-
-
 app = typer.Typer(
     cls=Guarded,
     name="netboard",
@@ -62,9 +58,6 @@ app.add_typer(devices.app, name="devices")
 app.add_typer(keys.app, name="keys")
 app.add_typer(plan.app, name="plan")
 app.add_typer(session.app, name="session")
-
-RecordingFile = Annotated[Path, typer.Argument(metavar="RECORDING", help="The recording, an .mcap file.")]
-Screenshot = Annotated[Path | None, typer.Option(metavar="FILE", help="Save the first picture as a PNG file and stop.")]
 
 
 def _print_version(wanted: bool) -> None:
@@ -249,25 +242,6 @@ def logger(
     from netboard.services import logger as service
 
     raise typer.Exit(service.main(settings, once=once))
-
-
-@app.command(epilog=examples("netboard replay S01.mcap", "netboard replay S01.mcap --verify"))
-def replay(
-    recording: RecordingFile,
-    verify: Annotated[
-        bool, typer.Option("--verify", help="Compute every tick again and compare it to the bit; show nothing.")
-    ] = False,
-    headless: Annotated[bool, typer.Option("--headless", help="Play without a window.")] = False,
-    station: Annotated[Side, typer.Option(help="The seat whose view is shown.")] = "left",
-    speed: Annotated[float, typer.Option(min=0.1, max=16.0, help="Times real time.")] = 1.0,
-    screenshot: Screenshot = None,
-) -> None:
-    """Show a recording in the participants' display, or verify it."""
-    from netboard.services import replay as service
-
-    raise typer.Exit(
-        service.main(recording, check=verify, headless=headless, station=station, speed=speed, screenshot=screenshot)
-    )
 
 
 @app.command(
@@ -542,27 +516,6 @@ def control(
     )
 
 
-@app.command(epilog=examples("netboard info recordings/S01.mcap"))
-def info(recording: RecordingFile) -> None:
-    """Say what is in a recording: trials, completion times, losses, latencies."""
-    from netboard.services import info as service
-
-    raise typer.Exit(service.main(recording))
-
-
-@app.command(epilog=examples("netboard recover recordings/S01.mcap.part"))
-def recover(
-    recording: Annotated[
-        Path, typer.Argument(metavar="RECORDING", help="What a killed logger left, an .mcap.part file.")
-    ],
-    output: Annotated[Path | None, typer.Option("--output", "-o", metavar="FILE", help="The new file.")] = None,
-) -> None:
-    """Make a whole recording of an unfinished or damaged one, which is left as it is."""
-    from netboard.services import recover as service
-
-    raise typer.Exit(service.main(recording, output))
-
-
 @app.command(epilog=examples("netboard doctor -c rig.toml", "netboard doctor --quick --json report.json"))
 def doctor(
     config: ConfigFile = None,
@@ -627,6 +580,9 @@ def init(
 ) -> None:
     """Write a commented file with every setting, its default, unit and limits."""
     typer.echo(configuration.init(file))
+
+
+recordings.add_to(app)
 
 
 def main() -> None:

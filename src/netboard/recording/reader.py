@@ -32,7 +32,7 @@ from netboard.recording.provenance import (
     METADATA_RECOVERY,
     config_sha256,
 )
-from netboard.recording.summary import Gap, find_gaps
+from netboard.recording.summary import Attempt, Gap, find_attempts, find_gaps
 from netboard.tick import TICK
 from netboard.wire.messages import ClockRecord, EventRecord, FrameRecord
 
@@ -201,8 +201,15 @@ class Recording:
             raise RecordingError(f"{self.path}: its configuration was lost when it was damaged, see its metadata")
         return self._config.decode()
 
-    def ticks(self) -> NDArray[Any]:
-        """All ticks.
+    def ticks(self, first: int | None = None, stop: int | None = None) -> NDArray[Any]:
+        """Ticks, all of them or those of some numbers.
+
+        Parameters
+        ----------
+        first : int, optional
+            Number of the first tick wanted; else from the beginning [1].
+        stop : int, optional
+            Number after the last one wanted; else to the end [1].
 
         Returns
         -------
@@ -210,8 +217,67 @@ class Recording:
             The rows, bit for bit as the server sent them.
         """
         # Joined as plain bytes: numpy compares every field of structured types before it joins them.
-        parts = [decode_ticks(messages).view(_ROW_BYTES) for messages in self._by_chunk("/tick")]
+        parts = [rows.view(_ROW_BYTES) for rows in self._tick_tables(first, stop)]
         return np.concatenate(parts).view(TICK) if parts else np.empty(0, TICK)
+
+    def columns(self, *names: str, first: int | None = None, stop: int | None = None) -> dict[str, NDArray[Any]]:
+        """Some columns of the ticks.
+
+        Parameters
+        ----------
+        *names : str
+            Names of fields of `netboard.tick.TICK`.
+        first, stop : int, optional
+            As for `ticks` [1].
+
+        Returns
+        -------
+        dict of ndarray, shape (n,)
+            Each column, by its name [SI].
+
+        Raises
+        ------
+        ValueError
+            If there is no such field.
+        """
+        if unknown := set(names) - set(TICK.names or ()):
+            raise ValueError(f"ticks have no field {', '.join(sorted(unknown))}")
+        rows = self.ticks(first, stop)
+        return {name: np.ascontiguousarray(rows[name]) for name in names}
+
+    def batches(self, most: int = 60_000) -> Iterator[NDArray[Any]]:
+        """Yield all ticks in order, a portion at a time: for recordings that do not fit into memory.
+
+        Parameters
+        ----------
+        most : int
+            A portion has this many ticks or a few more [1].
+
+        Yields
+        ------
+        ndarray of TICK, shape (n,)
+            The next rows.
+        """
+        held: list[NDArray[Any]] = []
+        for rows in self._tick_tables(None, None):
+            held.append(rows.view(_ROW_BYTES))
+            if sum(len(part) for part in held) >= most:
+                yield np.concatenate(held).view(TICK)
+                held.clear()
+        if held:
+            yield np.concatenate(held).view(TICK)
+
+    def attempts(self) -> tuple[Attempt, ...]:
+        """Every attempt at a trial, in order."""
+        return find_attempts(self.ticks())
+
+    def _tick_tables(self, first: int | None, stop: int | None) -> Iterator[NDArray[Any]]:
+        """Yield the ticks of some numbers, chunk by chunk."""
+        for messages in self._by_chunk("/tick"):
+            rows = decode_ticks(messages)
+            low = 0 if first is None else np.searchsorted(rows["tick"], first)
+            high = len(rows) if stop is None else np.searchsorted(rows["tick"], stop)
+            yield rows[low:high]
 
     def events(self) -> tuple[EventRecord, ...]:
         """All events."""

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.experiment.machine import BALL_FREE, Cause
+from netboard.experiment.machine import BALL_FREE, Cause, Phase
 from netboard.tick import LATE_NS, TICK_SECONDS
 from netboard.wire.messages import ClockRecord, EventRecord, FrameRecord, Safeguard
 
@@ -94,8 +94,12 @@ class Attempt:
     outcome : str
         ``success``, ``fell``, ``timed_out``, or the operator's or server's cause in lower case; ``unfinished`` if the
         recording ends first.
+    began : int
+        First tick of the levelling before it; the same as `tick` if the recording does not have it [1].
     tick : int
         Tick at which the ball was released, or at which the recording begins [1].
+    stop : int
+        Tick after its last one [1].
     duration : float
         From there to the end, holding included [s].
     completion : float
@@ -106,13 +110,17 @@ class Attempt:
     attempt: int
     target: int
     outcome: str
+    began: int
     tick: int
+    stop: int
     duration: float
     completion: float
 
 
 _OUTCOMES = {Cause.HELD: "success", Cause.FELL: "fell", Cause.TIMED_OUT: "timed_out", Cause.LAST: "skip"}
 """Other attempts end with a command, and are called by it. While the ball rolls, the block's end is a skip."""
+
+_CAUSES = frozenset(int(cause) for cause in Cause)
 
 
 def find_attempts(ticks: NDArray[Any]) -> tuple[Attempt, ...]:
@@ -129,24 +137,42 @@ def find_attempts(ticks: NDArray[Any]) -> tuple[Attempt, ...]:
     keys = np.stack([np.isin(ticks["phase"], BALL_FREE).astype(np.int64), ticks["trial"], ticks["attempt"]])
     bounds = np.concatenate([[0], 1 + np.flatnonzero(np.any(np.diff(keys) != 0, axis=0)), [ticks.size]])
     attempts = []
+    before = (0, 0)
     for first, stop in pairwise(bounds):
         if not keys[0, first]:
+            before = first, stop
             continue
         begin, last = ticks[first], ticks[stop - 1]
-        cause = Cause(int(last["event"]))
+        cause = int(last["event"])
         ended = stop < ticks.size or cause in _OUTCOMES
         attempts.append(
             Attempt(
                 trial=int(begin["trial"]),
                 attempt=int(begin["attempt"]),
                 target=int(begin["target"]),
-                outcome=_OUTCOMES.get(cause, cause.name.lower()) if ended else "unfinished",
+                outcome=_outcome(cause) if ended else "unfinished",
+                began=_levelled(ticks[slice(*before)], begin),
                 tick=int(begin["tick"]),
+                stop=int(last["tick"]) + 1,
                 duration=float(last["tick"] + 1 - begin["tick"]) * TICK_SECONDS,
                 completion=float(last["mark_ticks"]) * TICK_SECONDS if cause == Cause.HELD else float("nan"),
             )
         )
     return tuple(attempts)
+
+
+def _outcome(cause: int) -> str:
+    """What became of an attempt that ended for a cause; ``unknown`` if there is no such cause."""
+    if cause in _OUTCOMES:
+        return _OUTCOMES[Cause(cause)]
+    return Cause(cause).name.lower() if cause in _CAUSES else "unknown"
+
+
+def _levelled(before: NDArray[Any], release: Any) -> int:
+    """First tick of the levelling that led to a release, or the release itself."""
+    same = (before["trial"] == release["trial"]) & (before["attempt"] == release["attempt"])
+    found = np.flatnonzero(same & (before["phase"] == Phase.LEVELLING))
+    return int(before["tick"][found[0]]) if found.size else int(release["tick"])
 
 
 @dataclass(frozen=True, slots=True)
