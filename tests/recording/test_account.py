@@ -277,7 +277,7 @@ def test_a_spill_becomes_a_part(tmp_path: Path) -> None:
     report = recover(spill.path)
     assert report.output.name == "S01_D01_3f2a9c1e.recovered.mcap"
     assert (report.chunks, report.damage, report.has_config) == (6, (), True)
-    assert sum(report.messages[topic] for topic in ("/tick", "/event")) == 219
+    assert sum(report.messages[topic] for topic in ("/ticks", "/event")) == 219
     first_part = write_part(tmp_path / "S01_D01_20260921T141320Z_3f2a9c1e.mcap", log, range(210), "killed")
     account = account_of(parts_of(first_part))
     assert len(account.parts) == 2
@@ -299,7 +299,7 @@ def test_a_damaged_spill_gives_what_is_sound(tmp_path: Path) -> None:
     (tmp_path / "b.spill").write_bytes(data[:-100])
     report = recover(tmp_path / "b.spill")
     assert [damage.reason for damage in report.damage] == ["a damaged block"] * 2
-    assert report.messages["/tick"] + report.messages["/event"] == 400
+    assert report.messages["/ticks"] + report.messages["/event"] == 400
     account = account_of([report.output])
     assert len(spread(account.lost_records)) == 20
     assert spread(account.lost) == ticks_in(log, spread(account.lost_records))

@@ -55,12 +55,12 @@ def test_gaps_are_listed_by_stream(tmp_path: Path) -> None:
     fill(writer, random_rows(60)[40:], first=writer.next_record)
     writer.finish(now + MS)
     with Recording(tmp_path / "a.mcap") as recording:
-        assert recording.gaps()["/tick"] == (Gap(20, 20),)
+        assert recording.gaps()["/ticks"] == (Gap(20, 20),)
         (remark,) = recording.remarks()
         assert (remark.name, remark.details) == ("log_lost", {"first": "26", "count": "4", "after_tick": "19"})
         assert recording.end["lost"] == "4"
         assert recording.first_record == 0
-        assert recording.counts == {"/tick": 40, "/event": 4, "/clock": 4, "/frame": 4, "/logger": 1}
+        assert recording.counts == {"/ticks": 40, "/event": 4, "/clock": 4, "/frame": 4, "/logger": 1}
 
 
 def test_a_part_is_refused_with_what_to_do(tmp_path: Path) -> None:

@@ -66,7 +66,7 @@ def recovered_ticks(tmp_path: Path, data: bytes, rows: NDArray[Any] = ROWS) -> t
         ticks = recording.ticks()
     numbers = ticks["tick"].tolist()
     assert ticks.tobytes() == rows[numbers].tobytes()
-    assert report.messages["/tick"] == len(numbers)
+    assert report.messages["/ticks"] == len(numbers)
     return numbers, report
 
 

@@ -140,7 +140,7 @@ def test_upstream_reads_everything_in_both_ways(recording: Path) -> None:
             assert (schema.encoding, channel.message_encoding) == ("jsonschema", "msgpack")
             jsonschema.Draft202012Validator(json.loads(schema.data)).validate(msgpack.unpackb(message.data))
             sequences.setdefault(channel.topic, []).append(message.sequence)
-        assert sequences["/tick"] == list(range(len(ROWS)))
+        assert sequences["/ticks"] == list(range(len(ROWS)))
         for topic in ("/event", "/clock", "/frame"):
             assert sequences[topic] == list(range(len(ROWS) // 10))
 
@@ -149,7 +149,7 @@ def test_stamps_are_the_sources_and_the_loggers(recording: Path) -> None:
     with recording.open("rb") as file:
         times = [
             (message.publish_time, message.log_time)
-            for _, _, message in make_reader(file).iter_messages(topics="/tick", log_time_order=False)
+            for _, _, message in make_reader(file).iter_messages(topics="/ticks", log_time_order=False)
         ]
     assert [publish for publish, _ in times] == ROWS["time_ns"].tolist()
     logged = [log for _, log in times]
