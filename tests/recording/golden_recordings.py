@@ -2,7 +2,8 @@
 
     PYTHONPATH=tests:tests/recording python tests/recording/golden_recordings.py
 
-The files of older formats were written by this script too, with the netboard of their time. They are never written again.
+The files of older formats were written by this script too, with the netboard of their time. They are never written
+again.
 """
 
 import hashlib

@@ -1,6 +1,7 @@
 """The account of a session: what is there, what is lost and why, and above all what nobody can explain."""
 
 from collections.abc import Iterable, Sequence
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from netboard.config import Recording as Settings
 from netboard.errors import RecordingError
 from netboard.experiment.machine import Cause
 from netboard.recording.account import Account, Pause, Stretch, account_of, parts_of
+from netboard.recording.container import Container
 from netboard.recording.recovery import recover
 from netboard.recording.spill import Spill
 from netboard.recording.writer import RecordingWriter
@@ -193,7 +195,9 @@ def test_damage_is_a_cause(tmp_path: Path) -> None:
     log = session(500)
     whole = write_part(tmp_path / "a.mcap", log, range(len(log)))
     data = bytearray(whole.read_bytes())
-    data[len(data) // 2] ^= 1
+    with closing(Container(whole)) as container:
+        chunks = container.chunks_with("/ticks")
+    data[chunks[len(chunks) // 2] + 80] ^= 1
     (tmp_path / "b.mcap").write_bytes(data)
     account = account_of([recover(tmp_path / "b.mcap").output])
     assert account.unexplained == ()

@@ -192,7 +192,7 @@ TICK_FIELDS = tuple(_tick_field(name) for name in TICK.names or ())
 PLOTTED_EVERY = 10
 """One tick in so many is there for viewers too [1]."""
 
-_PLOTTED = "tick z theta p phase target trial attempt late_ns".split()
+_PLOTTED = ["tick", "z", "theta", "p", "phase", "target", "trial", "attempt", "late_ns"]
 _PLOTTED_OF_A_SIDE = ("used_z", "force", "rendered")
 
 PLOTTED = tuple(

@@ -169,7 +169,7 @@ class Recording:
         Parameters
         ----------
         *names : str
-            Names of fields of `netboard.tick.TICK`; none means all.
+            Names of fields of `netboard.tick.TICK`; none means all, which are views of one table then.
         first, stop : int, optional
             As for `ticks` [1].
 
@@ -183,7 +183,9 @@ class Recording:
         ValueError
             If there is no such field.
         """
-        names = names or (TICK.names or ())
+        if not names:
+            rows = self.ticks(first, stop)
+            return {name: rows[name] for name in TICK.names or ()}
         if unknown := set(names) - set(TICK.names or ()):
             raise ValueError(f"ticks have no field {', '.join(sorted(unknown))}")
         places = self._between(first, stop)
