@@ -48,6 +48,24 @@ def recover(
     raise typer.Exit(service.main(recording, output))
 
 
+def check(
+    recordings: Annotated[
+        list[Path], typer.Argument(metavar="RECORDING...", help="Recordings, whole or not, and folders of them.")
+    ],
+    verify: Annotated[
+        bool, typer.Option("--verify", help="Compute every tick again, too, and compare it to the bit.")
+    ] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+) -> None:
+    """Let recordings prove that they are whole: checksums, numbers, times, clocks, trials, plan, journal.
+
+    One verdict a file. Exit code: 0 all complete, 3 some complete with listed losses, 1 some damaged.
+    """
+    from netboard.services import check as service
+
+    raise typer.Exit(service.main(recordings, replay=verify, as_json=as_json))
+
+
 def add_to(app: typer.Typer) -> None:
     """Make these commands known.
 
@@ -59,3 +77,6 @@ def add_to(app: typer.Typer) -> None:
     app.command(epilog=examples("netboard replay S01.mcap", "netboard replay S01.mcap --verify"))(replay)
     app.command(epilog=examples("netboard info recordings/S01.mcap"))(info)
     app.command(epilog=examples("netboard recover recordings/S01.mcap.part"))(recover)
+    app.command(
+        epilog=examples("netboard check recordings/S01.mcap", "netboard check recordings/ --verify", "netboard check S01.mcap --json")
+    )(check)
