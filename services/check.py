@@ -59,15 +59,14 @@ def main(paths: Sequence[Path], *, replay: bool = False, as_json: bool = False) 
             progress.update(task, ticks=f"{read} ticks")
 
         for file in files:
-            report = check(file, replay, tell)
-            reports.append(report)
+            reports.append(check(file, replay, tell))
             progress.advance(task)
-            if not as_json:
-                console.print(in_words(report, whole=len(files) == 1), soft_wrap=True)
     took = time.perf_counter() - began
     if as_json:
         console.file.write(json.dumps(as_data(reports, took)) + "\n")
     else:
+        for report in reports:
+            console.print(in_words(report, whole=len(files) == 1), soft_wrap=True)
         console.print(in_total(reports, took), soft_wrap=True)
     return EXIT_CODES[max(report.grade for report in reports)]
 

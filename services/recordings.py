@@ -1,11 +1,12 @@
 """The commands for recordings: what can be asked of a file, and nothing of how it is done."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
 from netboard.config import Side
+from netboard.services.configuration import Overrides
 from netboard.services.wording import Screenshot, examples
 
 RecordingFile = Annotated[Path, typer.Argument(metavar="RECORDING", help="The recording, an .mcap file.")]
@@ -66,6 +67,33 @@ def check(
     raise typer.Exit(service.main(recordings, replay=verify, as_json=as_json))
 
 
+def whatif(
+    recording: RecordingFile,
+    overrides: Overrides = None,
+    model: Annotated[
+        Literal["paper", "lagrangian"] | None, typer.Option(help="The same as --set physics.model=...")
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", metavar="FILE", help="Keep the attempts as a recording.")
+    ] = None,
+    figure: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Draw recorded against computed: .png, .svg or .pdf.")
+    ] = None,
+    trial: Annotated[
+        int | None, typer.Option(min=1, help="The trial that the figure shows; else the most telling one.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object, in SI units.")] = False,
+) -> None:
+    """What if: the recorded hands against another board, another model or another force condition.
+
+    The loop is open: the hands do what they did. Each attempt begins with the state recorded at its release.
+    """
+    from netboard.services import whatif as service
+
+    changes = [*(overrides or ()), *([] if model is None else [f"physics.model={model}"])]
+    raise typer.Exit(service.main(recording, changes, output=output, figure=figure, trial=trial, as_json=as_json))
+
+
 def add_to(app: typer.Typer) -> None:
     """Make these commands known.
 
@@ -80,3 +108,10 @@ def add_to(app: typer.Typer) -> None:
     app.command(
         epilog=examples("netboard check recordings/S01.mcap", "netboard check recordings/ --verify", "netboard check S01.mcap --json")
     )(check)
+    app.command(
+        epilog=examples(
+            "netboard whatif S01.mcap --set physics.k_h=400 --figure stiffer.png",
+            "netboard whatif S01.mcap --set block.force=none --json",
+            "netboard whatif S01.mcap --model lagrangian --output S01-lagrangian.mcap",
+        )
+    )(whatif)

@@ -27,10 +27,13 @@ from netboard.recording.summary import Gap, find_gaps
 from netboard.recording.trial_check import check_trials
 from netboard.recording.walk import Walk, walk
 from netboard.stage import Stage, make_stage
-from netboard.wire.messages import BLOCK_BEGAN, EventRecord, FrameRecord
+from netboard.wire.messages import BLOCK_BEGAN, ClockRecord, EventRecord, FrameRecord
 
 Tell = Callable[[int], object]
 """Hears how many more ticks have been read [1]."""
+
+Streams = tuple[Sequence[EventRecord], Sequence[ClockRecord], Sequence[EventRecord]]
+"""Events, clock probes and remarks."""
 
 
 def check(path: Path, replay: bool = False, tell: Tell = lambda ticks: None) -> Report:
@@ -90,9 +93,9 @@ def _check(recording: Recording, replay: bool, tell: Tell) -> Report:
     except (ConfigError, RecordingError) as error:
         findings.append(Finding("configuration", Grade.DAMAGE, str(error)))
     seen = walk(_told(recording.batches(), tell), None if config is None else config.block, stage)
-    events, remarks, frames = recording.events(), recording.remarks(), recording.frames()
-    probes = recording.clocks()
-    findings += check_numbers(recording, seen, events, frames)
+    events, probes, remarks = recording.events(), recording.clocks(), recording.remarks()
+    findings += check_numbers(recording, seen, (events, probes, remarks))
+    findings += check_frames(recording.frames())
     findings += check_losses(recording, events, remarks)
     findings += check_time(recording, seen, events)
     if config is not None:
@@ -135,9 +138,7 @@ def _goes_on(recording: Recording) -> bool:
 # --- numbers -----------------------------------------------------------------------------------------------------
 
 
-def check_numbers(
-    recording: Recording, seen: Walk, events: Sequence[EventRecord], frames: Sequence[FrameRecord]
-) -> Iterator[Finding]:
+def check_numbers(recording: Recording, seen: Walk, streams: Streams) -> Iterator[Finding]:
     """Check that no number of any stream is missing without a word, and that all are in order.
 
     Parameters
@@ -146,31 +147,29 @@ def check_numbers(
         The file.
     seen : Walk
         What was seen of its ticks.
-    events : sequence of EventRecord
-        Its events.
-    frames : sequence of FrameRecord
-        Its frames.
+    streams : (events, clock probes, remarks)
+        Its other streams that are numbered by the server or the logger.
     """
+    noted = [remark.details for remark in streams[2] if remark.name == "log_lost"]
+    excused = "what_if" in recording.metadata or bool(recording.recovery.get("damage"))
     problems = [*_wrong_totals(recording, seen)]
     if seen.disordered:
         where = numbers_in_words(np.array(seen.disordered))
         problems.append(f"{len(seen.disordered)} ticks come after one with the same or a higher number: {where}")
-    excused = "what_if" in recording.metadata or bool(recording.recovery.get("damage"))
-    noted = [remark.details for remark in recording.remarks() if remark.name == "log_lost"]
     unexplained = [gap for gap in seen.gaps if not (excused or any(_covers(lost, gap) for lost in noted))]
     if unexplained:
         count = sum(gap.count for gap in unexplained)
         where = numbers_in_words(np.array([gap.first for gap in unexplained]))
         problems.append(f"{count} ticks are missing without a word of the logger, from tick {where} on")
     lost = sum(int(details["count"]) for details in noted)
-    for stream, numbers in (("events", [e.seq for e in events]), ("clock probes", [c.seq for c in recording.clocks()])):
-        missing = sum(gap.count for gap in find_gaps(np.array(numbers, np.int64)))
+    for name, records in zip(("events", "clock probes", "remarks"), streams, strict=True):
+        numbers = np.array([record.seq for record in records], np.int64)
+        missing = sum(gap.count for gap in find_gaps(numbers))
         if missing > lost and not excused:
-            problems.append(f"{missing} {stream} are missing without a word of the logger")
-        if sorted(set(numbers)) != numbers:
-            problems.append(f"the numbers of the {stream} are not in order")
+            problems.append(f"{missing} {name} are missing without a word of the logger")
+        if np.any(np.diff(numbers) <= 0):
+            problems.append(f"the numbers of the {name} are not in order")
     yield from (Finding("numbers", Grade.DAMAGE, problem) for problem in problems)
-    yield from _lost_frames(frames)
     if not problems:
         words = ", ".join(f"{count} of {topic}" for topic, count in recording.counts.items() if count)
         yield Finding("numbers", Grade.SOUND, f"in order: {words or 'no record at all'}")
@@ -199,8 +198,14 @@ def _covers(lost: dict[str, str], gap: Gap) -> bool:
     return int(lost.get("after_tick", -1)) == gap.first - 1 and int(lost["count"]) >= gap.count
 
 
-def _lost_frames(frames: Sequence[FrameRecord]) -> Iterator[Finding]:
-    """Frames are told by displays, whose reports may be lost on the way."""
+def check_frames(frames: Sequence[FrameRecord]) -> Iterator[Finding]:
+    """Check the numbers of frames, which displays tell, and whose reports may be lost on the way.
+
+    Parameters
+    ----------
+    frames : sequence of FrameRecord
+        The frames of all stations.
+    """
     for station in sorted({frame.station for frame in frames}):
         numbers = np.array([frame.seq for frame in frames if frame.station == station], np.int64)
         if missing := sum(gap.count for gap in find_gaps(numbers)):
