@@ -134,11 +134,16 @@ def in_total(reports: Sequence[Report], took: float) -> str:
         f"{count} {VERDICTS[grade]}" for grade in Grade if (count := sum(r.grade == grade for r in reports))
     )
     ticks = sum(report.ticks for report in reports)
-    words = f"{len(reports)} recordings: {counts}; {ticks} ticks in {took:.1f} s, {ticks * TICK_SECONDS / took:.0f} x real time"
+    words = f"{len(reports)} recordings: {counts}; {ticks} ticks in {took:.1f} s, {_times(ticks, took)}"
     again, computing = _computed(reports)
     if again:
-        words += f"\n{again} ticks computed again in {computing:.2f} s, {again * TICK_SECONDS / computing:.0f} x real time"
+        words += f"\n{again} ticks computed again in {computing:.2f} s, {_times(again, computing)}"
     return words
+
+
+def _times(ticks: int, took: float) -> str:
+    """Say how many times faster than the people something was."""
+    return f"{ticks * TICK_SECONDS / took:.0f} x real time"
 
 
 def _computed(reports: Sequence[Report]) -> tuple[int, float]:
@@ -182,5 +187,7 @@ def _plain(replay: dict[str, Any]) -> dict[str, Any]:
     """Turn what JSON does not know, numbers of numpy and those that are not finite, into what it does."""
     return {
         "identical": replay["tick"] is None,
-        **{name: value if isinstance(value, int | str | None) else repr(float(value)) for name, value in replay.items()},
+        **{
+            name: value if isinstance(value, int | str | None) else repr(float(value)) for name, value in replay.items()
+        },
     }

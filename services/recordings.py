@@ -1,5 +1,6 @@
 """The commands for recordings: what can be asked of a file, and nothing of how it is done."""
 
+from datetime import datetime
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -94,6 +95,32 @@ def whatif(
     raise typer.Exit(service.main(recording, changes, output=output, figure=figure, trial=trial, as_json=as_json))
 
 
+def sessions(
+    folder: Annotated[
+        Path | None, typer.Argument(metavar="[DIR]", help="Folder; else that of the configuration's [recording].")
+    ] = None,
+    dyad: Annotated[str | None, typer.Option(help="Of this dyad only, such as D03.")] = None,
+    study: Annotated[str | None, typer.Option(help="Of this study only.")] = None,
+    since: Annotated[
+        datetime | None, typer.Option(formats=["%Y-%m-%d"], help="Begun on this day (UTC) or later.")
+    ] = None,
+    verdict: Annotated[
+        str | None, typer.Option(help="Only what is so: complete, 'complete with listed losses', damaged.")
+    ] = None,
+    pilot: Annotated[bool | None, typer.Option("--pilot/--no-pilot", help="Pilot runs only, or none.")] = None,
+    full: Annotated[bool, typer.Option("--check", help="Check each file wholly (netboard check).")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON array.")] = False,
+) -> None:
+    """List the recordings below a folder: whose they are, trials done, losses, and a verdict on each."""
+    from netboard.recording.catalogue import Filter
+    from netboard.services import configuration
+    from netboard.services import sessions as service
+
+    place = Path(configuration.load(None).recording.directory) if folder is None else folder
+    wanted = Filter(dyad, study, verdict, None if since is None else since.date(), pilot)
+    raise typer.Exit(service.main(place, wanted, full=full, as_json=as_json))
+
+
 def add_to(app: typer.Typer) -> None:
     """Make these commands known.
 
@@ -106,7 +133,11 @@ def add_to(app: typer.Typer) -> None:
     app.command(epilog=examples("netboard info recordings/S01.mcap"))(info)
     app.command(epilog=examples("netboard recover recordings/S01.mcap.part"))(recover)
     app.command(
-        epilog=examples("netboard check recordings/S01.mcap", "netboard check recordings/ --verify", "netboard check S01.mcap --json")
+        epilog=examples(
+            "netboard check recordings/S01.mcap",
+            "netboard check recordings/ --verify",
+            "netboard check S01.mcap --json",
+        )
     )(check)
     app.command(
         epilog=examples(
@@ -115,3 +146,10 @@ def add_to(app: typer.Typer) -> None:
             "netboard whatif S01.mcap --model lagrangian --output S01-lagrangian.mcap",
         )
     )(whatif)
+    app.command(
+        epilog=examples(
+            "netboard sessions",
+            "netboard sessions recordings/ --dyad D03 --no-pilot",
+            "netboard sessions --study paper --since 2026-01-31 --check --verdict damaged",
+        )
+    )(sessions)

@@ -7,6 +7,7 @@ away, to tell what can be saved. Nothing is written beside a recording.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -263,14 +264,16 @@ def check_time(recording: Recording, seen: Walk, events: Sequence[EventRecord]) 
     wrong = [tick for tick, more_ns in seen.jumps if not _is_told(more_ns, stood_ms)]
     if wrong and not (seen.missing and recording.recovery):
         problems.append(f"{len(wrong)} ticks are not 1 ms after the one before: {numbers_in_words(np.array(wrong))}")
-    back = [b.seq for a, b in zip(events, events[1:], strict=False) if b.time_ns < a.time_ns]
+    back = [b.seq for a, b in pairwise(events) if b.time_ns < a.time_ns]
     if back:
         problems.append(f"{len(back)} events are earlier than the one before: {numbers_in_words(np.array(back))}")
     if stepped := _log_time_steps(recording.path):
         problems.append(f"the log time goes back at {stepped} chunks")
     yield from (Finding("time", Grade.DAMAGE, problem) for problem in problems)
     if stood_ms:
-        yield Finding("time", Grade.LOSS, f"the server stood still {len(stood_ms)} times, for {sum(stood_ms)} ms in all")
+        yield Finding(
+            "time", Grade.LOSS, f"the server stood still {len(stood_ms)} times, for {sum(stood_ms)} ms in all"
+        )
     if not problems:
         yield Finding("time", Grade.SOUND, f"ticks are 1 ms apart over {seen.count * 1e-3:.3f} s, no stamp goes back")
 

@@ -8,6 +8,7 @@ that knows nothing of limits (Theil and Sen's); over more than minutes clocks do
 """
 
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -83,7 +84,7 @@ def check_peer(
         yield Finding(
             "clocks", Grade.DAMAGE, f"{peer}: {refuted} of {len(probes)} estimates are refuted by their own probe"
         )
-    back = sum(later.t3_ns < before.t3_ns for before, later in zip(probes, probes[1:], strict=False))
+    back = sum(later.t3_ns < before.t3_ns for before, later in pairwise(probes))
     if back:
         yield Finding("clocks", Grade.DAMAGE, f"{peer}: {back} probes are earlier than the one before")
     wide = [probe.bound_ns * 1e-6 for probe in probes if _counts(probe, bound_ms, active_ns)]

@@ -184,4 +184,5 @@ def _differs(told: AttemptEnded, judged: Verdict) -> Iterator[str]:
     elif told.outcome == "success" and told.completion != judged.completion:
         yield f"{where} took {told.completion} s there and {judged.completion} s here"
     elif told.flags != judged.flags:
-        yield f"{where} has the flags {', '.join(told.flags) or 'none'} there and {', '.join(judged.flags) or 'none'} here"
+        there, here = (", ".join(flags) or "none" for flags in (told.flags, judged.flags))
+        yield f"{where} has the flags {there} there and {here} here"

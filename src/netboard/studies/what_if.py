@@ -1,8 +1,8 @@
 """Counterfactual replay: the recorded hands against another board, another model or another force condition.
 
 The loop is open. The hands do what they did, whatever the board would have done to them, so this tells what a change
-does to board, ball, forces and outcome while nobody reacts to it, and not what people would have done. The trial machine
-decides anew.
+does to board, ball, forces and outcome while nobody reacts to it, and not what people would have done. The trial
+machine decides anew.
 
 The ball is a saddle: a difference of a hair grows e-fold in a fraction of a second, and a block run through in one go
 would be noise after its first seconds. So each attempt begins again with the state that was recorded at its release,
@@ -12,6 +12,7 @@ stage runs on, but nothing is made of it. With nothing changed, every tick is th
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -79,7 +80,7 @@ class Comparison:
     then : Attempt
         As it was recorded.
     now : Attempt
-        What becomes of it; ``unfinished`` if it outlasts the recorded one, for what the hands did later was for another.
+        What becomes of it; ``unfinished`` if it outlasts the recorded one: what the hands did later, they did for another.
     common : int
         Ticks from the release for which both go on: those that are compared [1].
     differences : dict of Difference
@@ -94,7 +95,9 @@ class Comparison:
     @property
     def changed(self) -> bool:
         """Whether another outcome, or another completion time, came of it."""
-        same = self.then.completion == self.now.completion or np.isnan([self.then.completion, self.now.completion]).all()
+        same = (
+            self.then.completion == self.now.completion or np.isnan([self.then.completion, self.now.completion]).all()
+        )
         return self.then.outcome != self.now.outcome or not same
 
 
@@ -135,7 +138,7 @@ def what_if(recorded: Rows, stage: Stage) -> WhatIf:
     releases = np.searchsorted(recorded["tick"], [attempt.tick for attempt in attempts])
     for first, stop in runs(recorded["tick"]):
         starts = [first, *(int(place) for place in releases if first < place < stop), stop]
-        for start, end in zip(starts[:-1], starts[1:], strict=True):
+        for start, end in pairwise(starts):
             stage.advance(state_of(recorded[start : start + 1]), computed[start:end], 0, end - start)
     return WhatIf(recorded, computed, tuple(_compare(recorded, computed, attempt) for attempt in attempts))
 

@@ -98,9 +98,7 @@ def _draw_apart(axis: Any, found: WhatIf, quantity: Quantity, shown: Comparison)
     others = [one for one in found.comparisons if one is not shown]
     for place, one in enumerate([*others, shown]):
         start = int(np.searchsorted(found.recorded["tick"], one.then.tick))
-        apart = quantity.scale * difference(
-            found.recorded, found.computed, quantity, slice(start, start + one.common)
-        )
+        apart = quantity.scale * difference(found.recorded, found.computed, quantity, slice(start, start + one.common))
         on_top = one is shown
         label = f"trial {one.then.trial}, attempt {one.then.attempt}" if on_top else "the others"
         axis.plot(

@@ -16,7 +16,9 @@ from netboard.studies.what_if import WhatIf, attempts_of
 from netboard.wire.messages import EventRecord, TickRecord
 
 
-def keep(path: Path, found: WhatIf, config: Config, source: Mapping[str, str], name: str, changes: Sequence[str]) -> int:
+def keep(
+    path: Path, found: WhatIf, config: Config, source: Mapping[str, str], name: str, changes: Sequence[str]
+) -> int:
     """Write the attempts.
 
     Parameters
