@@ -3,12 +3,18 @@
 from pathlib import Path
 
 from netboard.recording import channels
-from netboard.recording.channels import CHANNELS, Channel
+from netboard.recording.channels import CHANNELS, Channel, Field
 
 FORMAT = Path(channels.__file__).with_name("FORMAT.md")
 BEGIN, END = "<!-- tables: begin (made by tests/recording/format_tables.py) -->", "<!-- tables: end -->"
 
-TYPES = {"integer": "int64", "number": "float64", "string": "str", "texts": "map of str to str"}
+TYPES = {"integer": "int64", "number": "float64", "string": "str", "texts": "map of str to str", "bytes": "bytes"}
+
+
+def table(what: str, fields: tuple[Field, ...]) -> list[str]:
+    """Some fields, a row each."""
+    rows = [f"| `{f.name}` | {TYPES[f.kind]} | {f.unit} | {f.text} |" for f in fields]
+    return [f"| {what} | type | unit | meaning |", "| --- | --- | --- | --- |", *rows]
 
 
 def section(number: int, channel: Channel) -> str:
@@ -19,10 +25,10 @@ def section(number: int, channel: Channel) -> str:
         f"{channel.about[0].upper()}{channel.about[1:]}.",
         f"`sequence`: {channel.sequence}. `publish_time`: {channel.publish_time}.",
         "",
-        "| field | type | unit | meaning |",
-        "| --- | --- | --- | --- |",
-        *(f"| `{f.name}` | {TYPES[f.kind]} | {f.unit} | {f.text} |" for f in channel.fields),
+        *table("field", channel.fields),
     ]
+    if channel.columns:
+        lines += ["", "Its columns:", "", *table("column", channel.columns)]
     return "\n".join(lines) + "\n"
 
 

@@ -1,6 +1,7 @@
 """The account of a session: what is there, what is lost and why, and above all what nobody can explain."""
 
 from collections.abc import Iterable, Sequence
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from netboard.config import Recording as Settings
 from netboard.errors import RecordingError
 from netboard.experiment.machine import Cause
 from netboard.recording.account import Account, Pause, Stretch, account_of, parts_of
+from netboard.recording.container import Container
 from netboard.recording.recovery import recover
 from netboard.recording.spill import Spill
 from netboard.recording.writer import RecordingWriter
@@ -193,7 +195,9 @@ def test_damage_is_a_cause(tmp_path: Path) -> None:
     log = session(500)
     whole = write_part(tmp_path / "a.mcap", log, range(len(log)))
     data = bytearray(whole.read_bytes())
-    data[len(data) // 2] ^= 1
+    with closing(Container(whole)) as container:
+        chunks = container.chunks_with("/ticks")
+    data[chunks[len(chunks) // 2] + 80] ^= 1
     (tmp_path / "b.mcap").write_bytes(data)
     account = account_of([recover(tmp_path / "b.mcap").output])
     assert account.unexplained == ()
@@ -277,7 +281,7 @@ def test_a_spill_becomes_a_part(tmp_path: Path) -> None:
     report = recover(spill.path)
     assert report.output.name == "S01_D01_3f2a9c1e.recovered.mcap"
     assert (report.chunks, report.damage, report.has_config) == (6, (), True)
-    assert sum(report.messages[topic] for topic in ("/tick", "/event")) == 219
+    assert sum(report.messages[topic] for topic in ("/ticks", "/event")) == 219
     first_part = write_part(tmp_path / "S01_D01_20260921T141320Z_3f2a9c1e.mcap", log, range(210), "killed")
     account = account_of(parts_of(first_part))
     assert len(account.parts) == 2
@@ -299,7 +303,7 @@ def test_a_damaged_spill_gives_what_is_sound(tmp_path: Path) -> None:
     (tmp_path / "b.spill").write_bytes(data[:-100])
     report = recover(tmp_path / "b.spill")
     assert [damage.reason for damage in report.damage] == ["a damaged block"] * 2
-    assert report.messages["/tick"] + report.messages["/event"] == 400
+    assert report.messages["/ticks"] + report.messages["/event"] == 400
     account = account_of([report.output])
     assert len(spread(account.lost_records)) == 20
     assert spread(account.lost) == ticks_in(log, spread(account.lost_records))

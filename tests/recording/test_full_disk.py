@@ -158,7 +158,7 @@ def test_where_no_room_can_be_kept_the_part_is_whole_up_to_its_last_chunk(
     assert report.damage == ()
     assert sum(report.messages.values()) >= (durable or 0) >= 500
     with Recording(report.output) as recording:
-        assert np.array_equal(recording.ticks()["tick"], np.arange(report.messages["/tick"]))
+        assert np.array_equal(recording.ticks()["tick"], np.arange(report.messages["/ticks"]))
 
 
 def test_a_recording_that_cannot_be_begun_leaves_nothing(small_disk: Path) -> None:

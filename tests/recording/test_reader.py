@@ -1,5 +1,6 @@
 """Reading: everything comes back to the bit, and what is not a sound recording is refused with what to do."""
 
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ from samples import CONFIG_TEXT, MS, OPENED_NS, fill, metadata, new_writer, rand
 
 from netboard.config import Recording as Settings
 from netboard.errors import RecordingError
+from netboard.recording.container import Container
 from netboard.recording.reader import Recording
 from netboard.recording.summary import Gap
 from netboard.recording.writer import RecordingWriter
@@ -55,12 +57,12 @@ def test_gaps_are_listed_by_stream(tmp_path: Path) -> None:
     fill(writer, random_rows(60)[40:], first=writer.next_record)
     writer.finish(now + MS)
     with Recording(tmp_path / "a.mcap") as recording:
-        assert recording.gaps()["/tick"] == (Gap(20, 20),)
+        assert recording.gaps()["/ticks"] == (Gap(20, 20),)
         (remark,) = recording.remarks()
         assert (remark.name, remark.details) == ("log_lost", {"first": "26", "count": "4", "after_tick": "19"})
         assert recording.end["lost"] == "4"
         assert recording.first_record == 0
-        assert recording.counts == {"/tick": 40, "/event": 4, "/clock": 4, "/frame": 4, "/logger": 1}
+        assert recording.counts == {"/ticks": 40, "/event": 4, "/clock": 4, "/frame": 4, "/logger": 1, "/plot": 4}
 
 
 def test_a_part_is_refused_with_what_to_do(tmp_path: Path) -> None:
@@ -112,7 +114,7 @@ def test_another_format_version_is_refused(tmp_path: Path) -> None:
         tmp_path / "a.mcap", metadata() | {"format": "99", "netboard": "7.0"}, CONFIG_TEXT, Settings(), OPENED_NS
     )
     writer.finish(OPENED_NS)
-    with pytest.raises(RecordingError, match=r"format version 99.*reads version 2.*netboard 7\.0"):
+    with pytest.raises(RecordingError, match=r"format version 99.*reads versions 1, 2, 3.*netboard 7\.0"):
         Recording(tmp_path / "a.mcap")
 
 
@@ -137,9 +139,9 @@ def test_every_flipped_byte_is_found(tmp_path: Path, path: Path) -> None:
 
 def test_a_flipped_byte_in_a_chunk_is_found_when_it_is_read(tmp_path: Path, path: Path) -> None:
     broken = bytearray(path.read_bytes())
-    with Recording(path) as recording:
-        chunk = recording._chunks[7]
-    broken[chunk.chunk_start_offset + chunk.chunk_length // 2] ^= 4
+    with closing(Container(path)) as container:
+        chunk = container.chunks_with("/ticks")[2]
+    broken[chunk + 600] ^= 4
     (tmp_path / "a.mcap").write_bytes(broken)
     with (
         Recording(tmp_path / "a.mcap") as recording,

@@ -21,7 +21,7 @@ from netboard.recording.reader import Recording
 from netboard.recording.summary import find_gaps
 from netboard.wire.messages import BLOCK_BEGAN, EventRecord
 
-OF_THE_SERVER = ("/tick", "/event", "/clock", "/frame")
+OF_THE_SERVER = ("/ticks", "/event", "/clock", "/frame")
 """Topics whose messages are records of the log channel."""
 
 _PAUSES = (Cause.PAUSE, Cause.FAULT)

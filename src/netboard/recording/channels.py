@@ -4,19 +4,15 @@ This table is the format; FORMAT.md and the JSON schemas inside every recording 
 against `netboard.tick.TICK` and the record messages of the log channel. Channel ids are fixed: 1, 2, ... in the order
 of `CHANNELS`. Every message is a flat msgpack map with the names of the fields as keys.
 
-Ticks are the many, so they have a fixed layout: keys in order, every value in msgpack's nine-byte int64 or float64
-form. Any msgpack decoder reads them, their bits survive untouched (a not-a-number's payload too), and a whole chunk of
-them turns into rows by moving bytes.
+Ticks are the many, so they come in batches of columns (`netboard.recording.batches`); one in `PLOTTED_EVERY` is there
+as a map too, for viewers.
 """
 
 import json
-from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
 import msgpack
-import numpy as np
-from numpy.typing import NDArray
 
 from netboard.errors import RecordingError, WireError
 from netboard.experiment.machine import Cause, Phase
@@ -24,7 +20,7 @@ from netboard.tick import TICK
 from netboard.wire.codec import decode
 from netboard.wire.messages import ClockRecord, EventRecord, FrameRecord, Safeguard, TickRecord
 
-FORMAT_VERSION = "2"
+FORMAT_VERSION = "3"
 """Grows when a reader of the version before would misread a file."""
 
 Record = TickRecord | EventRecord | ClockRecord | FrameRecord
@@ -40,7 +36,7 @@ class Field:
     name : str
         Key in the message.
     kind : str
-        ``integer``, ``number``, ``string`` or ``texts`` (a map from string to string).
+        ``integer``, ``number``, ``string``, ``texts`` (a map from string to string) or ``bytes``.
     text : str
         What it is.
     unit : str
@@ -57,7 +53,12 @@ class Field:
         described = {"description": f"{self.text} [{self.unit}]" if self.unit else self.text}
         if self.kind == "texts":
             return {"type": "object", "additionalProperties": {"type": "string"}, **described}
+        if self.kind == "bytes":
+            return described  # JSON has no such type
         return {"type": self.kind, **described}
+
+
+_NUMPY = {"integer": "<i8", "number": "<f8"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,6 +77,8 @@ class Channel:
         What these two stamps of a message are.
     fields : tuple of Field
         The fields of a message, in order.
+    columns : tuple of Field
+        The columns of a message that is a batch of rows, in order.
     """
 
     topic: str
@@ -84,9 +87,14 @@ class Channel:
     sequence: str
     publish_time: str
     fields: tuple[Field, ...]
+    columns: tuple[Field, ...] = ()
 
     def schema(self) -> bytes:
-        """JSON schema of the channel's messages."""
+        """JSON schema of the channel's messages; of a batch it says under ``columns`` what is in it."""
+        columns = [
+            {"name": field.name, "type": _NUMPY[field.kind], "unit": field.unit, "description": field.text}
+            for field in self.columns
+        ]
         return json.dumps(
             {
                 "$schema": "https://json-schema.org/draft/2020-12/schema",
@@ -96,6 +104,7 @@ class Channel:
                 "properties": {field.name: field.schema() for field in self.fields},
                 "required": [field.name for field in self.fields],
                 "additionalProperties": False,
+                **({"columns": columns} if columns else {}),
             }
         ).encode()
 
@@ -177,14 +186,34 @@ _EVENT_FIELDS = (
     Field("details", "texts", "anything worth knowing", ""),
 )
 
+TICK_FIELDS = tuple(_tick_field(name) for name in TICK.names or ())
+"""The columns of a tick, in the order of `netboard.tick.TICK`."""
+
+PLOTTED_EVERY = 10
+"""One tick in so many is there for viewers too [1]."""
+
+_PLOTTED = ["tick", "z", "theta", "p", "phase", "target", "trial", "attempt", "late_ns"]
+_PLOTTED_OF_A_SIDE = ("used_z", "force", "rendered")
+
+PLOTTED = tuple(
+    field for field in TICK_FIELDS if field.name in _PLOTTED or field.name.partition("_")[2] in _PLOTTED_OF_A_SIDE
+)
+"""What of it viewers are shown."""
+
 CHANNELS = (
     Channel(
-        "/tick",
-        "netboard.Tick",
-        "everything that went into a tick, the state it found, what came out and what the server noted beside it",
-        "number of the tick",
-        "nominal server time of the tick",
-        tuple(_tick_field(name) for name in TICK.names or ()),
+        "/ticks",
+        "netboard.Ticks",
+        "ticks, each with all that went into it, the state it found, what came out and what the server noted beside it",
+        "number of the first tick in it",
+        "nominal server time of that tick",
+        (
+            Field("first", "integer", "number of the first tick in it", "1"),
+            Field("time_ns", "integer", "nominal server time of that tick", "ns"),
+            Field("count", "integer", "ticks in it", "1"),
+            Field("columns", "bytes", "their columns, one after the other, each as eight planes of bytes", ""),
+        ),
+        TICK_FIELDS,
     ),
     Channel(
         "/event",
@@ -235,81 +264,19 @@ CHANNELS = (
         "log time",
         _EVENT_FIELDS,
     ),
+    Channel(
+        "/plot",
+        "netboard.Plot",
+        f"one tick in {PLOTTED_EVERY}, for viewers: nothing that is not in /ticks too",
+        "number of the tick",
+        "nominal server time of the tick",
+        PLOTTED,
+    ),
 )
 """The channels of a recording, in the order of their ids."""
 
 IDS = {channel.topic: number for number, channel in enumerate(CHANNELS, start=1)}
 """MCAP channel (and schema) id of each topic."""
-
-
-def _tick_layout() -> tuple[NDArray[np.uint8], NDArray[np.intp]]:
-    """Lay out a tick message: its bytes with zeros for values, and where each byte of a `TICK` row goes in it."""
-    packer = msgpack.Packer()
-    message = bytearray(packer.pack_map_header(len(TICK.names or ())))
-    places = np.empty(TICK.itemsize, np.intp)
-    for name, (dtype, offset, *_) in (TICK.fields or {}).items():
-        message += msgpack.packb(name) + (b"\xd3" if dtype.kind == "i" else b"\xcb")
-        # A row is little-endian, msgpack is big-endian.
-        places[offset : offset + 8] = np.arange(len(message) + 7, len(message) - 1, -1)
-        message += bytes(8)
-    return np.frombuffer(bytes(message), np.uint8), places
-
-
-_TEMPLATE, _PLACES = _tick_layout()
-_FIXED = np.setdiff1d(np.arange(_TEMPLATE.size), _PLACES)
-
-
-def encode_tick(row: bytes) -> bytes:
-    """Turn a row of `TICK` into the message of the ``/tick`` channel.
-
-    Raises
-    ------
-    RecordingError
-        If the row is not as long as a `TICK`, which means that server and logger are of different versions.
-    """
-    if len(row) != TICK.itemsize:
-        raise RecordingError(
-            f"a tick record of {len(row)} bytes where {TICK.itemsize} are expected: "
-            "server and logger are of different versions; install the same netboard on both"
-        )
-    message = _TEMPLATE.copy()
-    message[_PLACES] = np.frombuffer(row, np.uint8)
-    return message.tobytes()
-
-
-def decode_ticks(messages: Sequence[bytes]) -> NDArray[Any]:
-    """Turn messages of the ``/tick`` channel into rows.
-
-    Parameters
-    ----------
-    messages : sequence of bytes
-        The messages' data.
-
-    Returns
-    -------
-    ndarray of TICK, shape (n,)
-        The rows, bit for bit as they were written.
-
-    Raises
-    ------
-    RecordingError
-        If a message is not a tick.
-    """
-    joined = np.frombuffer(b"".join(messages), np.uint8)
-    if all(len(message) == _TEMPLATE.size for message in messages):
-        table = joined.reshape(len(messages), _TEMPLATE.size)
-        if np.array_equal(table[:, _FIXED], np.broadcast_to(_TEMPLATE[_FIXED], (len(messages), _FIXED.size))):
-            return np.ascontiguousarray(table[:, _PLACES]).view(TICK).reshape(len(messages))
-    # Not our writer's layout: another tool wrote the map anew, with its own order of keys or shorter integers.
-    return np.array([_row_by_name(message) for message in messages], TICK)
-
-
-def _row_by_name(message: bytes) -> tuple[Any, ...]:
-    values = unpack(message)
-    try:
-        return tuple(values[name] for name in TICK.names or ())
-    except KeyError as missing:
-        raise RecordingError(f"a tick without the field {missing}: written by another version of netboard?") from None
 
 
 def unpack(message: bytes) -> dict[str, Any]:
@@ -355,19 +322,15 @@ def _map(record: EventRecord | ClockRecord | FrameRecord) -> bytes:
     return bytes(msgpack.packb({field.name: getattr(record, field.name) for field in fields(record)}))
 
 
-def stamped(record: Record) -> Stamped:
-    """Turn a record of the log channel into what is written.
+def stamped(record: EventRecord | ClockRecord | FrameRecord) -> Stamped:
+    """Turn a record of the log channel that is no tick into what is written.
 
     Parameters
     ----------
-    record : TickRecord, EventRecord, ClockRecord or FrameRecord
+    record : EventRecord, ClockRecord or FrameRecord
         The record.
     """
     match record:
-        case TickRecord(row=data):
-            message = encode_tick(data)
-            row = np.frombuffer(data, TICK)[0]
-            return Stamped("/tick", int(row["tick"]), int(row["time_ns"]), message)
         case EventRecord():
             return Stamped("/event", record.seq, record.time_ns, _map(record))
         case ClockRecord():

@@ -151,7 +151,7 @@ class PartFile:
         with self._writing():
             self._mcap.add_attachment(log_time_ns, log_time_ns, name, media_type, data)
 
-    def add(self, channel_id: int, message: Stamped, log_time_ns: int) -> None:
+    def add(self, channel_id: int, message: Stamped, log_time_ns: int) -> int:
         """Put a message into the chunk in memory; when it is full, the chunk before is closed.
 
         Parameters
@@ -162,6 +162,11 @@ class PartFile:
             The message.
         log_time_ns : int
             Log time [ns].
+
+        Returns
+        -------
+        int
+            Where the chunk with the message will begin in the file, in bytes [1].
         """
         size = _MESSAGE_HEAD + len(message.data)
         if self._pending and self._pending + size > self._chunk_bytes:
@@ -175,6 +180,7 @@ class PartFile:
             message.sequence & 0xFFFF_FFFF,
         )
         self._pending += size
+        return self._whole
 
     def close_chunk(self) -> None:
         """Hand the chunk in memory, if any, to the operating system: it survives the end of this process."""

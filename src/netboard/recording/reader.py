@@ -4,25 +4,23 @@ A file that is not a finished, sound recording of a format this version knows is
 says what is wrong with it and what to do. Every chunk's checksum is verified when the chunk is read.
 """
 
-import struct
-import zlib
-from collections.abc import Iterator
-from contextlib import contextmanager
-from io import SEEK_END, BytesIO
+import json
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from functools import cached_property
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self, TypeVar
 
 import numpy as np
-from mcap.data_stream import ReadDataStream
-from mcap.opcode import Opcode
-from mcap.reader import SeekingReader
-from mcap.records import Attachment, ChunkIndex, Metadata
 from numpy.typing import NDArray
 
 from netboard.errors import RecordingError
-from netboard.recording.channels import FORMAT_VERSION, IDS, decode_ticks, unpack
-from netboard.recording.chunks import MAGIC, RECORD_HEAD, UNSOUND, payloads, unpack_chunk
+from netboard.recording import older
+from netboard.recording.batches import ATTEMPTS_NAME, PLACES, PLACES_NAME, Layout, heard
+from netboard.recording.channels import CHANNELS, FORMAT_VERSION, IDS, unpack
+from netboard.recording.chunks import payloads
+from netboard.recording.container import Container
 from netboard.recording.partfile import PROFILE
 from netboard.recording.provenance import (
     CONFIG_NAME,
@@ -36,9 +34,13 @@ from netboard.recording.summary import Attempt, Gap, find_attempts, find_gaps
 from netboard.tick import TICK
 from netboard.wire.messages import ClockRecord, EventRecord, FrameRecord
 
-_RECORD_LIMIT = 2**30
-_FOOTER = struct.Struct("<BQQQI")
-_DATA_END = struct.Struct("<BQI")
+READABLE = ("1", "2", FORMAT_VERSION)
+"""Versions of the format that can be read."""
+
+_TICKS = CHANNELS[0].topic
+_THREADS = 2
+_LEAST_SHARE = 8
+_PORTION = 60_000
 _ROW_BYTES = np.dtype((np.void, TICK.itemsize))
 
 T = TypeVar("T", EventRecord, ClockRecord, FrameRecord)
@@ -64,8 +66,6 @@ class Recording:
         What was recovered and what was not; empty for a file as it was written.
     first_record : int or None
         Number of its first record on the log channel; None if there was none [1].
-    counts : dict of int
-        Number of messages, by topic [1].
 
     Raises
     ------
@@ -75,10 +75,7 @@ class Recording:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        try:
-            self._file = path.open("rb")
-        except OSError as error:
-            raise RecordingError(f"{path}: cannot be read: {error.strerror}") from error
+        self._file = Container(path)
         try:
             self._open()
         except BaseException:
@@ -86,63 +83,24 @@ class Recording:
             raise
 
     def _open(self) -> None:
-        self._check_ends()
-        with self._sound():
-            # First of all: once its checksum is right, every place and length the index gives can be trusted.
-            self._check_index()
-            self._file.seek(0)
-            reader = SeekingReader(self._file, record_size_limit=_RECORD_LIMIT)
-            profile = reader.get_header().profile
-            summary = reader.get_summary()
-            if summary is None:
-                raise RecordingError("it has no index")
-            named = [Metadata.read(self._record(at.offset, at.length)) for at in summary.metadata_indexes]
-            attachments = [Attachment.read(self._record(at.offset, at.length)) for at in summary.attachment_indexes]
-        records = {record.name: dict(record.metadata) for record in named}
-        if profile != PROFILE or METADATA not in records:
+        records = self._file.metadata
+        if self._file.profile != PROFILE or METADATA not in records:
             raise RecordingError(f"{self.path}: an MCAP file, but not a recording of netboard")
         self.metadata = records[METADATA]
         self.end = records.get(METADATA_END, {})
         self.recovery = records.get(METADATA_RECOVERY, {})
         first = records.get(METADATA_FIRST, {}).get("record")
         self.first_record = None if first is None else int(first)
-        if (version := self.metadata.get("format")) != FORMAT_VERSION:
+        self._version = self.metadata.get("format", "")
+        if self._version not in READABLE:
             raise RecordingError(
-                f"{self.path}: has format version {version}, this netboard reads version {FORMAT_VERSION}; "
-                f"read it with netboard {self.metadata.get('netboard', 'of its own version')}"
+                f"{self.path}: has format version {self._version}, this netboard reads versions "
+                f"{', '.join(READABLE)}; read it with netboard {self.metadata.get('netboard', 'of its own version')}"
             )
-        self._chunks = sorted(summary.chunk_indexes, key=lambda chunk: chunk.chunk_start_offset)
-        # By name: other MCAP tools may number the channels anew.
-        self._ids = IDS | {channel.topic: channel.id for channel in summary.channels.values()}
-        told = {} if summary.statistics is None else summary.statistics.channel_message_counts
-        self.counts = {topic: told.get(number, 0) for topic, number in self._ids.items()}
-        self._config: bytes | None = next((found.data for found in attachments if found.name == CONFIG_NAME), None)
+        self._in_batches = self._version not in READABLE[:2]
+        self._config = self._file.attachment(CONFIG_NAME)
         if self._config is not None and config_sha256(self._config) != self.metadata.get("config_sha256"):
             raise RecordingError(f"{self.path}: its configuration is damaged; run: netboard recover {self.path}")
-
-    def _record(self, offset: int, length: int) -> ReadDataStream:
-        """Read a record, of which the index says where it is."""
-        self._file.seek(offset + RECORD_HEAD.size)
-        return ReadDataStream(BytesIO(self._file.read(length - RECORD_HEAD.size)))
-
-    def _check_ends(self) -> None:
-        """Tell apart what is not a recording at all from what is an unfinished one."""
-        size = self._file.seek(0, SEEK_END)
-        self._file.seek(0)
-        if self._file.read(len(MAGIC)) != MAGIC:
-            raise RecordingError(f"{self.path}: not an MCAP file")
-        self._file.seek(max(size - len(MAGIC), len(MAGIC)))
-        if self.path.suffix == ".part" or self._file.read(len(MAGIC)) != MAGIC:
-            raise RecordingError(f"{self.path}: was not finished, or is cut short; run: netboard recover {self.path}")
-
-    @contextmanager
-    def _sound(self) -> Iterator[None]:
-        """Turn what a damaged file makes go wrong into a `RecordingError` that names it."""
-        try:
-            yield
-        except (*UNSOUND, ValueError, RecordingError, OSError) as error:
-            reason = str(error) or type(error).__name__
-            raise RecordingError(f"{self.path}: is damaged ({reason}); run: netboard recover {self.path}") from error
 
     def check(self) -> None:
         """Verify the checksum of the whole file, metadata included (as far as its writer made one).
@@ -152,29 +110,7 @@ class Recording:
         RecordingError
             If one bit of it has changed since it was written.
         """
-        with self._sound():
-            data_end = self._check_index() - _DATA_END.size
-            self._file.seek(data_end)
-            opcode, length, crc = _DATA_END.unpack(self._file.read(_DATA_END.size))
-            if (opcode, length) != (Opcode.DATA_END, 4) or (crc and self._crc(0, data_end) != crc):
-                raise RecordingError("the checksum of its data is wrong")
-
-    def _check_index(self) -> int:
-        """Verify the checksum of everything behind the data and return where that begins."""
-        end = self._file.seek(0, SEEK_END) - len(MAGIC)
-        self._file.seek(max(0, end - _FOOTER.size))
-        opcode, length, start, _, crc = _FOOTER.unpack(self._file.read(_FOOTER.size))
-        if (opcode, length) != (Opcode.FOOTER, 20) or (crc and self._crc(start, end - 4) != crc):
-            raise RecordingError("the checksum of its index is wrong")
-        return int(start)
-
-    def _crc(self, start: int, stop: int) -> int:
-        crc = 0
-        self._file.seek(start)
-        while start < stop and (block := self._file.read(min(stop - start, 2**20))):
-            crc = zlib.crc32(block, crc)
-            start += len(block)
-        return crc
+        self._file.check()
 
     def close(self) -> None:
         """Close the file."""
@@ -190,7 +126,7 @@ class Recording:
 
     @property
     def config_text(self) -> str:
-        """The resolved configuration, as TOML.
+        """The resolved configuration, as TOML, in the words of this version.
 
         Raises
         ------
@@ -199,7 +135,14 @@ class Recording:
         """
         if self._config is None:
             raise RecordingError(f"{self.path}: its configuration was lost when it was damaged, see its metadata")
-        return self._config.decode()
+        return older.config_of(self._config.decode(), self._version)
+
+    @cached_property
+    def counts(self) -> dict[str, int]:
+        """Number of ticks, and of messages of the other streams, by topic [1]."""
+        told = self._file.counts
+        others = {topic: told.get(topic, 0) for topic in IDS if topic != _TICKS}
+        return {_TICKS: int(self._places["count"].sum()), **others}
 
     def ticks(self, first: int | None = None, stop: int | None = None) -> NDArray[Any]:
         """Ticks, all of them or those of some numbers.
@@ -216,9 +159,9 @@ class Recording:
         ndarray of TICK, shape (n,)
             The rows, bit for bit as the server sent them.
         """
-        # Joined as plain bytes: numpy compares every field of structured types before it joins them.
-        parts = [rows.view(_ROW_BYTES) for rows in self._tick_tables(first, stop)]
-        return np.concatenate(parts).view(TICK) if parts else np.empty(0, TICK)
+        rows = self._rows(self._between(first, stop))
+        wanted = _wanted(rows["tick"], first, stop)
+        return rows if wanted.all() else rows.view(_ROW_BYTES)[wanted].view(TICK)
 
     def columns(self, *names: str, first: int | None = None, stop: int | None = None) -> dict[str, NDArray[Any]]:
         """Some columns of the ticks.
@@ -226,7 +169,7 @@ class Recording:
         Parameters
         ----------
         *names : str
-            Names of fields of `netboard.tick.TICK`.
+            Names of fields of `netboard.tick.TICK`; none means all, which are views of one table then.
         first, stop : int, optional
             As for `ticks` [1].
 
@@ -240,12 +183,22 @@ class Recording:
         ValueError
             If there is no such field.
         """
+        if not names:
+            rows = self.ticks(first, stop)
+            return {name: rows[name] for name in TICK.names or ()}
         if unknown := set(names) - set(TICK.names or ()):
             raise ValueError(f"ticks have no field {', '.join(sorted(unknown))}")
-        rows = self.ticks(first, stop)
-        return {name: np.ascontiguousarray(rows[name]) for name in names}
+        places = self._between(first, stop)
+        found = {name: np.empty(int(places["count"].sum()), TICK[name]) for name in {*names, "tick"}}
+        at = 0
+        for rows in self._portions(places, _PORTION):
+            for name, column in found.items():
+                column[at : at + len(rows)] = rows[name]
+            at += len(rows)
+        wanted = _wanted(found["tick"], first, stop)
+        return {name: found[name] if wanted.all() else found[name][wanted] for name in names}
 
-    def batches(self, most: int = 60_000) -> Iterator[NDArray[Any]]:
+    def batches(self, most: int = _PORTION) -> Iterator[NDArray[Any]]:
         """Yield all ticks in order, a portion at a time: for recordings that do not fit into memory.
 
         Parameters
@@ -258,26 +211,101 @@ class Recording:
         ndarray of TICK, shape (n,)
             The next rows.
         """
-        held: list[NDArray[Any]] = []
-        for rows in self._tick_tables(None, None):
-            held.append(rows.view(_ROW_BYTES))
-            if sum(len(part) for part in held) >= most:
-                yield np.concatenate(held).view(TICK)
-                held.clear()
-        if held:
-            yield np.concatenate(held).view(TICK)
+        yield from self._portions(self._places, most)
 
     def attempts(self) -> tuple[Attempt, ...]:
         """Every attempt at a trial, in order."""
-        return find_attempts(self.ticks())
+        listed = self._file.attachment(ATTEMPTS_NAME)
+        if listed is None:
+            return find_attempts(self.ticks())
+        with self._file.sound():
+            return tuple(heard(values) for values in json.loads(listed))
 
-    def _tick_tables(self, first: int | None, stop: int | None) -> Iterator[NDArray[Any]]:
-        """Yield the ticks of some numbers, chunk by chunk."""
-        for messages in self._by_chunk("/tick"):
-            rows = decode_ticks(messages)
-            low = 0 if first is None else np.searchsorted(rows["tick"], first)
-            high = len(rows) if stop is None else np.searchsorted(rows["tick"], stop)
-            yield rows[low:high]
+    @cached_property
+    def _places(self) -> NDArray[Any]:
+        """Where the ticks are, one row for each batch (in older formats, for each chunk)."""
+        listed = self._file.attachment(PLACES_NAME)
+        if listed is not None:
+            with self._file.sound():
+                return np.frombuffer(listed, PLACES)
+        found = []
+        for offset in self._file.chunks_with(_TICKS if self._in_batches else older.TOPIC):
+            numbers = self._rows_of(offset)["tick"]
+            if len(numbers):
+                found.append((offset, numbers[0], numbers[-1], len(numbers)))
+        return np.array(found, PLACES)
+
+    def _between(self, first: int | None, stop: int | None) -> NDArray[Any]:
+        """Places of the batches that have ticks of some numbers."""
+        wanted = np.ones(len(self._places), bool)
+        if first is not None:
+            wanted &= self._places["last"] >= first
+        if stop is not None:
+            wanted &= self._places["first"] < stop
+        return self._places[wanted]
+
+    def _portions(self, places: NDArray[Any], most: int) -> Iterator[NDArray[Any]]:
+        """Yield the ticks of some places, a portion at a time."""
+        portions = np.cumsum(places["count"]) // most
+        for portion in np.unique(portions):
+            yield self._rows(places[portions == portion])
+
+    def _rows(self, places: NDArray[Any]) -> NDArray[Any]:
+        rows = np.zeros(int(places["count"].sum()), TICK)
+
+        def take(at: slice, offset: int) -> None:
+            if self._in_batches:
+                self._layout.rows(self._planes(offset), rows[at])
+            else:
+                rows[at] = self._old_rows(offset)
+
+        self._each(places, take)
+        return rows
+
+    def _rows_of(self, offset: int) -> NDArray[Any]:
+        """Ticks of a chunk of which nobody has said how many it has."""
+        if not self._in_batches:
+            return self._old_rows(offset)
+        planes = self._planes(offset)
+        rows = np.zeros(planes.shape[2], TICK)
+        self._layout.rows(planes, rows)
+        return rows
+
+    def _each(self, places: NDArray[Any], take: Callable[[slice, int], None]) -> None:
+        """Do something with each batch: where its ticks go, and where its chunk is; decompressing runs in parallel."""
+        stops = np.cumsum(places["count"])
+        slices = [slice(int(stop - count), int(stop)) for stop, count in zip(stops, places["count"], strict=True)]
+        offsets = places["chunk"].tolist()
+        share = max(_LEAST_SHARE, -(-len(offsets) // _THREADS))
+
+        def work(k: int) -> None:
+            with self._file.sound():
+                for at, offset in zip(slices[k : k + share], offsets[k : k + share], strict=True):
+                    take(at, offset)
+
+        with ThreadPoolExecutor(_THREADS) as pool:
+            for _ in pool.map(work, range(0, len(offsets), share)):
+                pass
+
+    @cached_property
+    def _layout(self) -> Layout:
+        with self._file.sound():
+            return Layout(self._file.schemas.get(_TICKS, b""))
+
+    def _planes(self, offset: int) -> NDArray[np.uint8]:
+        """Read the columns of the batch in a chunk."""
+        with self._file.sound():
+            found = [self._layout.planes(message) for message in self._payloads(offset, _TICKS)]
+            if not found:
+                raise RecordingError("its list of places names a chunk without ticks")
+            return found[0] if len(found) == 1 else np.concatenate(found, axis=2)
+
+    def _old_rows(self, offset: int) -> NDArray[Any]:
+        with self._file.sound():
+            return older.ticks_of(self._payloads(offset, older.TOPIC), self._version)
+
+    def _payloads(self, offset: int, topic: str) -> list[bytes]:
+        return payloads(self._file.chunk(offset), self._file.channels[topic])
 
     def events(self) -> tuple[EventRecord, ...]:
         """All events."""
@@ -297,30 +325,26 @@ class Recording:
 
     def _records(self, topic: str, kind: type[T]) -> tuple[T, ...]:
         records: list[T] = []
-        for messages in self._by_chunk(topic):
-            with self._sound():
-                records.extend(kind(**unpack(message)) for message in messages)
+        for offset in self._file.chunks_with(topic):
+            with self._file.sound():
+                records.extend(kind(**unpack(message)) for message in self._payloads(offset, topic))
         return tuple(records)
-
-    def _by_chunk(self, topic: str) -> Iterator[list[bytes]]:
-        """Yield the messages of a stream, one list for each chunk that has any."""
-        channel_id = self._ids[topic]
-        for index in self._chunks:
-            if channel_id in (index.message_index_offsets or self._ids.values()):
-                with self._sound():
-                    data = unpack_chunk(self._body(index))
-                yield payloads(data, channel_id)
-
-    def _body(self, index: ChunkIndex) -> bytes:
-        self._file.seek(index.chunk_start_offset + RECORD_HEAD.size)
-        return self._file.read(index.chunk_length - RECORD_HEAD.size)
 
     def gaps(self) -> dict[str, tuple[Gap, ...]]:
         """Missing numbers of every stream, by topic (and station); a stream without gaps is not listed."""
-        numbers: dict[str, list[int]] = {"/tick": self.ticks()["tick"].tolist()}
-        numbers["/event"] = [event.seq for event in self.events()]
-        numbers["/clock"] = [clock.seq for clock in self.clocks()]
+        numbers = {"/event": [event.seq for event in self.events()], "/clock": [clock.seq for clock in self.clocks()]}
         for frame in self.frames():
             numbers.setdefault(f"/frame {frame.station}", []).append(frame.seq)
-        found = {stream: find_gaps(np.array(seqs, np.int64)) for stream, seqs in numbers.items()}
+        found = {_TICKS: find_gaps(self.columns("tick")["tick"])}
+        found |= {stream: find_gaps(np.array(seqs, np.int64)) for stream, seqs in numbers.items()}
         return {stream: gaps for stream, gaps in found.items() if gaps}
+
+
+def _wanted(numbers: NDArray[np.int64], first: int | None, stop: int | None) -> NDArray[np.bool_]:
+    """Which ticks have the numbers that are wanted."""
+    wanted = np.ones(len(numbers), bool)
+    if first is not None:
+        wanted &= numbers >= first
+    if stop is not None:
+        wanted &= numbers < stop
+    return wanted

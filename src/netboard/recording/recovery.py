@@ -12,16 +12,19 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Metadata
+from numpy.typing import NDArray
 
 from netboard.config import parse
 from netboard.errors import RecordingError, WireError
-from netboard.recording.channels import CHANNELS, FORMAT_VERSION, Stamped, record_of, stamped
+from netboard.recording import older
+from netboard.recording.batches import Layout, TickStream
+from netboard.recording.channels import CHANNELS, FORMAT_VERSION, IDS, Stamped, record_of, stamped
 from netboard.recording.chunks import MAGIC, RECORD_HEAD, UNSOUND, messages, unpack_chunk
 from netboard.recording.partfile import PartFile
 from netboard.recording.provenance import (
@@ -39,12 +42,20 @@ from netboard.recording.spill import MAGIC as SPILL_MAGIC
 from netboard.recording.spill import OPENED, read_spill
 from netboard.recording.summary import Gap, find_gaps
 from netboard.recording.writer import RecordingWriter
-from netboard.wire.messages import EventRecord, FrameRecord, LogBatch, Welcome
+from netboard.tick import TICK
+from netboard.wire.messages import ClockRecord, EventRecord, FrameRecord, LogBatch, TickRecord, Welcome
 
 _SIGNATURE = struct.pack("<I", 4) + b"zstd"
 _TO_SIGNATURE = RECORD_HEAD.size + 8 + 8 + 8 + 4
 _COPIED_METADATA = (METADATA, METADATA_FIRST, METADATA_END)
-_CHUNK_BYTES = 2**62
+_RECOVERABLE = ("2", FORMAT_VERSION)
+_CHUNK_BYTES = 2**18
+
+
+_TOPICS = {number: topic for topic, number in IDS.items()}
+_TICKS = CHANNELS[0].topic
+_COPIED = frozenset(IDS) - {_TICKS, "/plot"}
+_LAYOUT = Layout(CHANNELS[0].schema())
 
 
 class Span(NamedTuple):
@@ -152,21 +163,23 @@ def recover(path: Path, output: Path | None = None) -> Report:
         metadata, config, damage, finished = _survey(data, chunks)
         found = metadata.setdefault(METADATA, {"session": "unknown"})
         version = found.get("format", "")
-        if version.isdecimal() and version != FORMAT_VERSION:
-            raise RecordingError(f"{path}: has format version {version}, this netboard knows {FORMAT_VERSION}")
+        if version.isdecimal() and version not in _RECOVERABLE:
+            raise RecordingError(
+                f"{path}: has format version {version}, this netboard recovers versions {', '.join(_RECOVERABLE)}"
+            )
         # What is no version at all is damage like any other.
         found["format"] = FORMAT_VERSION
         if config is not None:
             digest = config_sha256(config.data)
             config = config if found.setdefault("config_sha256", digest) == digest else None
         account = _account(path, len(data), damage, config is not None)
-        counts, ticks = _copy(data, chunks, target, metadata, config, account)
+        counts, ticks = _copy(data, chunks, target, metadata, config, account, version)
     return Report(
         source=path,
         output=target,
         source_bytes=path.stat().st_size,
         chunks=len(chunks),
-        messages={channel.topic: counts[number] for number, channel in enumerate(CHANNELS, start=1)},
+        messages={topic: counts[topic] for topic in IDS if topic != "/plot"},
         first_tick=min(ticks, default=None),
         last_tick=max(ticks, default=None),
         missing=find_gaps(np.array(ticks, np.int64)),
@@ -288,11 +301,14 @@ def _copy(
     metadata: dict[str, dict[str, str]],
     config: Attachment | None,
     account: dict[str, str],
-) -> tuple[Counter[int], list[int]]:
-    """Write the new file, chunk by chunk; return the number of messages by channel id, and the ticks."""
-    counts: Counter[int] = Counter()
-    ticks: list[int] = []
+    version: str,
+) -> tuple[Counter[str], list[int]]:
+    """Write the new file, chunk by chunk; return the number of ticks and messages by topic, and the ticks."""
+    counts: Counter[str] = Counter()
+    numbers: list[int] = []
     out = PartFile(target, LIBRARY, _CHUNK_BYTES)
+    stream = TickStream(out, _CHUNK_BYTES)
+    log_ns = 0
     try:
         for name in _COPIED_METADATA:
             if name in metadata:
@@ -302,18 +318,35 @@ def _copy(
             out.add_attachment(CONFIG_NAME, config.media_type, config.data, config.log_time)
         for chunk in chunks:
             for entry in messages(unpack_chunk(data[chunk.start + RECORD_HEAD.size : chunk.stop])):
-                message = Stamped("", entry.sequence, entry.publish_time_ns, entry.data)
-                out.add(entry.channel_id, message, entry.log_time_ns)
-                counts[entry.channel_id] += 1
-                if entry.channel_id == 1:
-                    ticks.append(entry.sequence)
-            out.close_chunk()
+                log_ns = max(log_ns, entry.log_time_ns)
+                topic = _TOPICS.get(entry.channel_id, "")
+                if topic == _TICKS:
+                    rows = _rows_of(entry.data, version)
+                    for row in rows:
+                        stream.add(row.tobytes(), entry.log_time_ns)
+                    counts[topic] += len(rows)
+                    numbers += rows["tick"].tolist()
+                elif topic in _COPIED:
+                    message = Stamped(topic, entry.sequence, entry.publish_time_ns, entry.data)
+                    out.add(entry.channel_id, message, entry.log_time_ns)
+                    counts[topic] += 1
+        stream.finish(log_ns)
         out.finish()
     except BaseException:
         out.abandon()
         out.part.unlink(missing_ok=True)
         raise
-    return counts, ticks
+    return counts, numbers
+
+
+def _rows_of(message: bytes, version: str) -> NDArray[Any]:
+    """Read the ticks of a message."""
+    if version == "2":
+        return older.ticks_of([message], version)
+    planes = _LAYOUT.planes(message)
+    rows = np.zeros(planes.shape[2], TICK)
+    _LAYOUT.rows(planes, rows)
+    return rows
 
 
 def _write_down(path: Path, data: "mmap.mmap | bytes", target: Path) -> Report:
@@ -385,6 +418,13 @@ def _write_batch(writer: RecordingWriter, batch: LogBatch, utc_minus_server: int
             writer.note_unreadable(frame, number, str(error), now)
             continue
         if not isinstance(record, FrameRecord):  # whose stamp is that of a display
-            now = max(now, stamped(record).publish_time_ns + utc_minus_server)
+            now = max(now, _server_ns(record) + utc_minus_server)
         writer.write(record, number, now)
     return now
+
+
+def _server_ns(record: TickRecord | EventRecord | ClockRecord) -> int:
+    """Server time of a record."""
+    if isinstance(record, TickRecord):
+        return int(np.frombuffer(record.row, TICK)["time_ns"][0]) if len(record.row) == TICK.itemsize else 0
+    return stamped(record).publish_time_ns

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from netboard.config import Recording
 from netboard.errors import RecordingError
+from netboard.recording.batches import TickStream
 from netboard.recording.channels import IDS, Record, remark, stamped
 from netboard.recording.disk import Consumption, Space
 from netboard.recording.partfile import PartFile
@@ -20,6 +21,7 @@ from netboard.recording.provenance import (
     METADATA_FIRST,
     METADATA_RECOVERY,
 )
+from netboard.wire.messages import TickRecord
 
 
 class RecordingWriter:
@@ -74,9 +76,9 @@ class RecordingWriter:
         self._remarks = 0
         self._flush_ns = round(settings.flush_ms * 1e6)
         self._flushed_ns = opened_ns
-        self._tick = -1
         self._consumption = Consumption()
         self._file = PartFile(path, LIBRARY, settings.chunk_bytes)
+        self._ticks = TickStream(self._file, settings.chunk_bytes)
         try:
             self._file.add_metadata(METADATA, metadata)
             if recovery is not None:
@@ -124,13 +126,14 @@ class RecordingWriter:
         log_time_ns : int
             Log time [ns].
         """
-        message = stamped(record)
         self._begin(number)
-        self._file.add(IDS[message.topic], message, log_time_ns)
+        if isinstance(record, TickRecord):
+            self._ticks.add(record.row, log_time_ns)
+        else:
+            message = stamped(record)
+            self._file.add(IDS[message.topic], message, log_time_ns)
         self.next_record = number + 1
         self._written += 1
-        if message.topic == "/tick":
-            self._tick = message.sequence
 
     def note_lost(self, first: int, count: int, log_time_ns: int) -> None:
         """Note that records are missing for good.
@@ -145,7 +148,7 @@ class RecordingWriter:
             Log time [ns].
         """
         self._begin(first)
-        details = {"first": str(first), "count": str(count), "after_tick": str(self._tick)}
+        details = {"first": str(first), "count": str(count), "after_tick": str(self._ticks.last)}
         self.remark("log_lost", details, log_time_ns)
         self.next_record = first + count
         self.lost += count
@@ -215,6 +218,7 @@ class RecordingWriter:
             If the disk is gone, and the file is closed then and can be recovered; or if the disk is full, or the file
             was deleted or moved: then it is still open, and `finish` saves what was written.
         """
+        self._ticks.close_batch()
         self._file.sync()
         self._flushed_ns = now_ns
         self.durable = self.next_record
@@ -235,7 +239,7 @@ class RecordingWriter:
         RecordingError
             If the disk refuses, or the final name is taken by now; the part stays.
         """
-        self._file.close_chunk()
+        self._ticks.finish(now_ns)
         end = {"ended": ended, "log_ns": str(now_ns), "records": str(self._written), "lost": str(self.lost)}
         if self.next_record is not None:
             end["next_record"] = str(self.next_record)

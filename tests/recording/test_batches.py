@@ -1,0 +1,147 @@
+"""Ticks in batches of columns: to the bit, whatever they hold; and what is kept to find them."""
+
+import json
+from contextlib import closing
+from pathlib import Path
+
+import msgpack
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from mcap.reader import make_reader
+from samples import CONFIG_TEXT, OPENED_NS, metadata, random_rows
+
+from netboard.config import Recording as Settings
+from netboard.errors import RecordingError
+from netboard.recording.batches import PLACES, PLACES_NAME, Layout, heard, pack, told
+from netboard.recording.channels import CHANNELS, PLOTTED_EVERY
+from netboard.recording.container import Container
+from netboard.recording.reader import Recording
+from netboard.recording.summary import find_attempts
+from netboard.recording.writer import RecordingWriter
+from netboard.tick import TICK
+from netboard.wire.messages import TickRecord
+
+SCHEMA = CHANNELS[0].schema()
+GOLDEN = Path(__file__).parent.parent / "data" / "recordings" / "format-2.mcap"
+
+
+def message(rows: np.ndarray, **other: object) -> bytes:
+    values = {"first": 0, "time_ns": 0, "count": len(rows), "columns": pack(rows)}
+    return bytes(msgpack.packb(values | other))
+
+
+def read(layout: Layout, data: bytes) -> np.ndarray:
+    planes = layout.planes(data)
+    rows = np.zeros(planes.shape[2], TICK)
+    layout.rows(planes, rows)
+    return rows
+
+
+@given(st.binary(min_size=TICK.itemsize, max_size=TICK.itemsize), st.integers(1, 5))
+def test_any_bits_of_a_tick_survive(row: bytes, count: int) -> None:
+    rows = np.frombuffer(row * count, TICK)
+    assert read(Layout(SCHEMA), message(rows)).tobytes() == row * count
+
+
+def test_a_batch_is_read_with_what_its_schema_says_alone() -> None:
+    rows = random_rows(7)
+    values = msgpack.unpackb(message(rows))
+    columns = json.loads(SCHEMA)["columns"]
+    table = np.frombuffer(values["columns"], "u1").reshape(len(columns), 8, values["count"])
+    for column, planes in zip(columns, table, strict=True):
+        found = np.ascontiguousarray(planes.T).view(column["type"])[:, 0]
+        assert found.tobytes() == np.ascontiguousarray(rows[column["name"]]).tobytes(), column["name"]
+
+
+def test_columns_of_another_order_and_number_are_read_by_name() -> None:
+    rows = random_rows(5)
+    schema = json.loads(SCHEMA)
+    kept = [column for column in reversed(schema["columns"]) if column["name"] != "theta"]
+    places = [TICK.names.index(column["name"]) for column in kept]
+    planes = np.frombuffer(pack(rows), np.uint8).reshape(len(TICK.names), 8, 5)[places]
+    extra = {"name": "grip", "type": "<f8", "unit": "N", "description": "of a later version"}
+    layout = Layout(json.dumps(schema | {"columns": [*kept, extra]}).encode())
+    data = message(rows, columns=planes.tobytes() + bytes(8 * 5))
+    found = read(layout, data)
+    assert not found["theta"].any()
+    for name in set(TICK.names) - {"theta"}:
+        assert found[name].tobytes() == rows[name].tobytes(), name
+
+
+@pytest.mark.parametrize("wrong", [{"count": 6}, {"count": "5"}, {"columns": b"12"}, {"columns": None}])
+def test_a_batch_that_contradicts_itself_is_refused(wrong: dict[str, object]) -> None:
+    with pytest.raises(RecordingError, match="contradicts"):
+        Layout(SCHEMA).planes(message(random_rows(5), **wrong))
+
+
+@pytest.mark.parametrize("schema", [b"", b"{}", b'{"columns": [1]}', b'{"columns": [{"name": "z", "type": "<i8"}]}'])
+def test_a_schema_that_says_nothing_useful_is_refused(schema: bytes) -> None:
+    with pytest.raises(RecordingError, match="column"):
+        Layout(schema)
+
+
+@pytest.fixture
+def rows() -> np.ndarray:
+    """True ticks: those of the second format's golden recording."""
+    with Recording(GOLDEN) as recording:
+        return recording.ticks()
+
+
+def written(path: Path, rows: np.ndarray, chunk_bytes: int, flush_every: int) -> Path:
+    writer = RecordingWriter(path, metadata(), CONFIG_TEXT, Settings(chunk_bytes=chunk_bytes), OPENED_NS)
+    for number, row in enumerate(rows):
+        writer.write(TickRecord(row.tobytes()), number, OPENED_NS + number)
+        if number % flush_every == flush_every - 1:
+            writer.flush(OPENED_NS + number)
+    writer.finish(OPENED_NS + len(rows))
+    return path
+
+
+@pytest.mark.parametrize(("chunk_bytes", "flush_every"), [(1024, 7), (20_000, 60), (262_144, 200), (262_144, 10_000)])
+def test_attempts_and_places_are_those_of_all_ticks(
+    tmp_path: Path, rows: np.ndarray, chunk_bytes: int, flush_every: int
+) -> None:
+    path = written(tmp_path / "a.mcap", rows, chunk_bytes, flush_every)
+    with Recording(path) as recording:
+        assert repr(recording.attempts()) == repr(find_attempts(rows))
+        assert recording.ticks().tobytes() == rows.tobytes()
+        assert recording.ticks(123, 517).tobytes() == rows[123:517].tobytes()
+        assert recording.columns("theta", first=600)["theta"].tobytes() == rows["theta"][600:].tobytes()
+        assert b"".join(part.tobytes() for part in recording.batches(100)) == rows.tobytes()
+    with closing(Container(path)) as container:
+        places = np.frombuffer(container.attachment(PLACES_NAME), PLACES)
+    assert len(set(places["chunk"].tolist())) == len(places)
+    assert places["count"].sum() == len(rows)
+
+
+def test_viewers_get_one_tick_in_ten(tmp_path: Path, rows: np.ndarray) -> None:
+    path = written(tmp_path / "a.mcap", rows, 262_144, 200)
+    with path.open("rb") as file:
+        messages = make_reader(file).iter_messages(topics=["/plot"], log_time_order=False)
+        found = [msgpack.unpackb(message.data) for _, _, message in messages]
+    assert [values["tick"] for values in found] == list(range(0, len(rows), PLOTTED_EVERY))
+    assert [values["theta"] for values in found] == rows["theta"][::PLOTTED_EVERY].tolist()
+
+
+def test_an_attempt_survives_being_listed(rows: np.ndarray) -> None:
+    attempts = find_attempts(rows)
+    assert attempts
+    again = [heard(json.loads(json.dumps(told(attempt), allow_nan=False))) for attempt in attempts]
+    assert repr(tuple(again)) == repr(attempts)
+
+
+def test_without_its_lists_a_recording_is_read_all_the_same(tmp_path: Path, rows: np.ndarray) -> None:
+    path = written(tmp_path / "a.mcap", rows, 20_000, 60)
+    with Recording(path) as whole:
+        data = path.read_bytes()
+        for name in (b"netboard.places", b"netboard.attempts.json"):
+            data = data.replace(name, b"x" * len(name))
+        # Their names in the index count too, so its checksum is told to be none.
+        data = data[:-12] + bytes(4) + data[-8:]
+        (tmp_path / "b.mcap").write_bytes(data)
+        with Recording(tmp_path / "b.mcap") as bare:
+            assert bare.ticks().tobytes() == whole.ticks().tobytes()
+            assert repr(bare.attempts()) == repr(whole.attempts())
+            assert bare.counts == whole.counts

@@ -1,0 +1,98 @@
+"""Recordings of every format there has been are read, to the bit and for ever."""
+
+import hashlib
+import json
+from dataclasses import asdict
+from pathlib import Path
+
+import msgpack
+import numpy as np
+import pytest
+
+from netboard.config import parse
+from netboard.errors import RecordingError
+from netboard.recording import older
+from netboard.recording.channels import FORMAT_VERSION
+from netboard.recording.reader import READABLE, Recording
+from netboard.recording.recovery import recover
+from netboard.recording.verification import verify_recording
+from netboard.tick import TICK
+
+GOLDEN = Path(__file__).parent.parent / "data" / "recordings"
+
+
+def test_there_is_one_of_every_format() -> None:
+    assert [path.stem for path in sorted(GOLDEN.glob("*.mcap"))] == [f"format-{version}" for version in READABLE]
+    assert READABLE[-1] == FORMAT_VERSION
+
+
+@pytest.mark.parametrize("version", READABLE)
+def test_a_golden_recording_gives_what_it_always_gave(version: str) -> None:
+    expected = json.loads((GOLDEN / f"format-{version}.json").read_text(encoding="utf-8"))
+    with Recording(GOLDEN / f"format-{version}.mcap") as recording:
+        recording.check()
+        rows = recording.ticks()
+        assert len(rows) == expected["ticks"] == recording.counts["/ticks"]
+        assert rows["theta"][200] == expected["tilt_of_tick_200"]
+        for name in TICK.names:
+            if name in expected["columns"]:
+                assert hashlib.sha256(rows[name].tobytes()).hexdigest() == expected["columns"][name], name
+            else:
+                assert not rows[name].any()
+        assert [asdict(event) for event in recording.events()] == expected["events"]
+        assert [asdict(clock) for clock in recording.clocks()] == expected["clocks"]
+        assert [asdict(frame) for frame in recording.frames()] == expected["frames"]
+        assert [asdict(remark) for remark in recording.remarks()] == expected["remarks"]
+        assert recording.end == expected["end"]
+        assert recording.metadata["format"] == version
+        assert parse(recording.config_text).block.force == "full"
+        assert [attempt.trial for attempt in recording.attempts()] == [1]
+        assert "/ticks" not in recording.gaps()
+
+
+@pytest.mark.parametrize("version", READABLE[1:])
+def test_a_golden_recording_proves_itself(version: str) -> None:
+    with Recording(GOLDEN / f"format-{version}.mcap") as recording:
+        assert verify_recording(recording).identical
+
+
+def test_a_recording_of_format_2_is_recovered_as_one_of_today(tmp_path: Path) -> None:
+    source = GOLDEN / "format-2.mcap"
+    report = recover(source, tmp_path / "new.mcap")
+    assert (report.damage, report.missing, report.finished) == ((), (), True)
+    with Recording(source) as old, Recording(report.output) as new:
+        assert new.metadata["format"] == FORMAT_VERSION
+        assert new.ticks().tobytes() == old.ticks().tobytes()
+        assert (new.events(), new.clocks(), new.frames()) == (old.events(), old.clocks(), old.frames())
+        assert (new.end, new.config_text) == (old.end, old.config_text)
+
+
+def test_a_recording_of_format_1_is_not_recovered(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match=r"format version 1.*recovers versions 2, 3"):
+        recover(GOLDEN / "format-1.mcap", tmp_path / "new.mcap")
+
+
+def test_a_tick_written_anew_by_another_tool_is_read_by_name() -> None:
+    with Recording(GOLDEN / "format-2.mcap") as recording:
+        row = recording.ticks(7, 8)
+    values = {name: row[name][0].item() for name in reversed(TICK.names)}
+    assert older.ticks_of([msgpack.packb(values)], "2").tobytes() == row.tobytes()
+    with pytest.raises(RecordingError, match="without the field"):
+        older.ticks_of([msgpack.packb({"tick": 1})], "2")
+
+
+def test_no_ticks_are_an_empty_array() -> None:
+    assert older.ticks_of([], "2").dtype == TICK
+    assert older.ticks_of([], "1").shape == (0,)
+
+
+@pytest.mark.parametrize(("was", "force"), [("true", "full"), ("false", "none")])
+def test_the_first_formats_haptics_are_todays_force(was: str, force: str) -> None:
+    text = older.config_of(f"[block]\nhaptics = {was}\n", "1")
+    assert parse(text).block.force == force
+    assert older.config_of("haptics = true", "2") == "haptics = true"
+
+
+def test_bits_of_old_ticks_survive() -> None:
+    with Recording(GOLDEN / "format-2.mcap") as recording:
+        assert np.isnan(recording.ticks()["right_rendered"][7])
