@@ -20,7 +20,7 @@ from netboard.studies.what_if_figure import draw
 from netboard.studies.what_if_file import keep
 
 WORDS = (
-    "The loop is open: the hands do what they did and do not react to what is changed. The trial machine decides anew.\n"
+    "The loop is open: the hands do what they did and do not react to the change. The trial machine decides anew.\n"
     "Each attempt begins with the state recorded at its release; it is compared until the first of both ends.\n"
     "unfinished: it had not ended when the recorded one did."
 )

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from netboard.config import Config, parse
 from netboard.errors import ConfigError, NetboardError, RecordingError
 from netboard.recording.account import OF_THE_SERVER, Stretch, cause_of_loss, parts_of
+from netboard.recording.channels import CHANNELS, FORMAT_VERSION
 from netboard.recording.clock_check import check_clocks
 from netboard.recording.grade import Finding, Grade, Report, numbers_in_words
 from netboard.recording.planned import journal_findings, plan_findings
@@ -32,6 +33,11 @@ from netboard.wire.messages import BLOCK_BEGAN, ClockRecord, EventRecord, FrameR
 
 Tell = Callable[[int], object]
 """Hears how many more ticks have been read [1]."""
+
+_LONGEST_BATCH_NS = 5_000_000_000
+
+TICKS = CHANNELS[0].topic
+"""Topic of the ticks."""
 
 Streams = tuple[Sequence[EventRecord], Sequence[ClockRecord], Sequence[EventRecord]]
 """Events, clock probes and remarks."""
@@ -71,7 +77,7 @@ def _unreadable(path: Path, why: str) -> Report:
     except (NetboardError, OSError) as error:
         findings.append(Finding("file", Grade.DAMAGE, f"nothing can be recovered: {error}"))
     else:
-        ticks = saved.messages["/tick"]
+        ticks = saved.messages[TICKS]
         span = f"{ticks} ticks" + (f", {saved.first_tick} to {saved.last_tick}" if ticks else "")
         text = f"recoverable: {span}, and {sum(saved.messages.values()) - ticks} other records"
         lost = f"; {saved.lost_bytes} bytes are lost" if saved.lost_bytes else ""
@@ -88,7 +94,9 @@ def _check(recording: Recording, replay: bool, tell: Tell) -> Report:
     findings = [_bytes(recording)]
     try:
         config = parse(recording.config_text, "its configuration")
-        if replay:
+        if replay and recording.metadata["format"] == "1":
+            findings.append(Finding("replay", Grade.LOSS, "format 1 lacks what is needed to compute its ticks again"))
+        elif replay:
             stage = make_stage(config)
             stage.warm()
     except (ConfigError, RecordingError) as error:
@@ -103,7 +111,7 @@ def _check(recording: Recording, replay: bool, tell: Tell) -> Report:
         findings += check_clocks(probes, config.network.clock_bound_ms, seen.active_ns)
         findings += check_configuration(recording, config, events)
         if "what_if" not in recording.metadata:
-            findings += check_trials(config, seen, _goes_on(recording))
+            findings += check_trials(config, seen, recording.attempts(), _goes_on(recording))
             findings += plan_findings(recording.path, config)
             findings += journal_findings(recording, config, seen)
     findings += replayed(seen)
@@ -172,14 +180,14 @@ def check_numbers(recording: Recording, seen: Walk, streams: Streams) -> Iterato
             problems.append(f"the numbers of the {name} are not in order")
     yield from (Finding("numbers", Grade.DAMAGE, problem) for problem in problems)
     if not problems:
-        words = ", ".join(f"{count} of {topic}" for topic, count in recording.counts.items() if count)
+        words = ", ".join(f"{count} on {topic}" for topic, count in recording.counts.items() if count)
         yield Finding("numbers", Grade.SOUND, f"in order: {words or 'no record at all'}")
 
 
 def _wrong_totals(recording: Recording, seen: Walk) -> Iterator[str]:
     """What was read must be as much as the file says, and the numbers of the log channel must add up."""
-    if seen.count != recording.counts["/tick"]:
-        yield f"{seen.count} ticks were read, and the file says it has {recording.counts['/tick']}"
+    if seen.count != recording.counts[TICKS]:
+        yield f"{seen.count} ticks were read, and the file says it has {recording.counts[TICKS]}"
     end = recording.end
     if not {"records", "lost", "next_record"} <= end.keys() or recording.first_record is None:
         return
@@ -284,12 +292,16 @@ def _is_told(more_ns: int, stood_ms: Sequence[int]) -> bool:
 
 
 def _log_time_steps(path: Path) -> int:
-    """Count the chunks that begin before the one before has ended, by the file's own index."""
+    """Count the chunks that begin before one before has ended, by the file's own index.
+
+    Ticks are written in batches, later than what happened while a batch grew: that much is no step.
+    """
     with path.open("rb") as file:
         summary = make_reader(file).get_summary()
     chunks = [] if summary is None else sorted(summary.chunk_indexes, key=lambda chunk: chunk.chunk_start_offset)
     times = np.array([(c.message_start_time, c.message_end_time) for c in chunks], np.int64).reshape(-1, 2)
-    return int(np.count_nonzero(times[1:, 0] < times[:-1, 1]) + np.count_nonzero(times[:, 1] < times[:, 0]))
+    ended = np.maximum.accumulate(times[:, 1])[:-1]
+    return int(np.count_nonzero(times[1:, 0] < ended - _LONGEST_BATCH_NS))
 
 
 # --- configuration and replay ------------------------------------------------------------------------------------
@@ -311,7 +323,8 @@ def check_configuration(recording: Recording, config: Config, events: Sequence[E
     told = [event.details["config"] for event in events if event.name == BLOCK_BEGAN and "config" in event.details]
     expected = {"dyad": session.dyad, "name": session.name, "study": session.study, "block": str(config.block.number)}
     wrong = [f"{key} {said[key]!r}, expected {value!r}" for key, value in expected.items() if said.get(key) != value]
-    if told and told[-1] != recording.config_text:
+    # What was written by an older version is read in the words of this one.
+    if told and told[-1] != recording.config_text and said.get("format") == FORMAT_VERSION:
         wrong.append("the server began the block with another configuration")
     if wrong:
         yield Finding("configuration", Grade.DAMAGE, f"does not go with the rest of the file: {'; '.join(wrong)}")

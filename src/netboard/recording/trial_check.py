@@ -23,7 +23,7 @@ _ENDS = (Cause.LAST, Cause.STOP)
 _COMPARED = ("success", "fell", "timed_out")
 
 
-def check_trials(config: Config, seen: Walk, goes_on: bool) -> Iterator[Finding]:
+def check_trials(config: Config, seen: Walk, listed: Sequence[Attempt], goes_on: bool) -> Iterator[Finding]:
     """Check the trials by the rules of the configuration.
 
     Parameters
@@ -32,6 +32,8 @@ def check_trials(config: Config, seen: Walk, goes_on: bool) -> Iterator[Finding]
         The recording's own.
     seen : Walk
         What was seen of its ticks.
+    listed : sequence of Attempt
+        The attempts that the file lists.
     goes_on : bool
         The block goes on in another file.
     """
@@ -40,6 +42,7 @@ def check_trials(config: Config, seen: Walk, goes_on: bool) -> Iterator[Finding]
         return
     attempts = seen.attempts()
     problems = [
+        *_wrong_list(attempts, listed),
         *_wrong_targets(config, attempts),
         *_wrong_order(attempts),
         *_wrong_forces(config.block, seen),
@@ -49,6 +52,12 @@ def check_trials(config: Config, seen: Walk, goes_on: bool) -> Iterator[Finding]
     done = _done(config, seen, goes_on)
     if not problems or done.grade != Grade.SOUND:
         yield done
+
+
+def _wrong_list(attempts: Sequence[Attempt], listed: Sequence[Attempt]) -> Iterator[str]:
+    """What the file lists is what its ticks say."""
+    if repr(attempts) != repr(listed):  # as text: a completion time that is not a number equals itself there
+        yield f"{len(listed)} attempts are listed, which are not the {len(attempts)} in the ticks"
 
 
 def _wrong_targets(config: Config, attempts: Sequence[Attempt]) -> Iterator[str]:

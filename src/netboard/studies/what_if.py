@@ -80,7 +80,7 @@ class Comparison:
     then : Attempt
         As it was recorded.
     now : Attempt
-        What becomes of it; ``unfinished`` if it outlasts the recorded one: what the hands did later, they did for another.
+        What becomes of it; ``unfinished`` if it outlasts the recorded one: later, the hands were about another.
     common : int
         Ticks from the release for which both go on: those that are compared [1].
     differences : dict of Difference
