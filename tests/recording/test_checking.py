@@ -6,10 +6,10 @@ from pathlib import Path
 
 import msgpack
 import numpy as np
-import proofs
 import pytest
 from mcap.reader import make_reader
 
+import proofs
 from netboard.config import resolve
 from netboard.experiment.entries import AttemptBegan, AttemptEnded, BlockBegan, Entry, Header, Opened, line_of
 from netboard.recording.checking import check

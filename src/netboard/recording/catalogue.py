@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 from datetime import date
 from pathlib import Path
 
-from mcap.exceptions import McapError
 from mcap.records import Attachment, Chunk, ChunkIndex, Metadata
 from mcap.stream_reader import StreamReader
 
@@ -19,6 +18,7 @@ from netboard.config import Config, parse
 from netboard.errors import NetboardError
 from netboard.experiment.entries import AttemptEnded, BlockEnded, Lines, read_lines
 from netboard.recording.checking import check
+from netboard.recording.chunks import UNSOUND
 from netboard.recording.grade import VERDICTS, Grade
 from netboard.recording.provenance import CONFIG_NAME, METADATA
 from netboard.recording.reader import Recording
@@ -28,7 +28,7 @@ from netboard.wire.messages import Welcome
 JOURNAL = ".journal.jsonl"
 """What the name of a journal ends with."""
 
-_UNREADABLE = (McapError, NetboardError, OSError, ValueError, EOFError, IndexError)
+_UNREADABLE = (*UNSOUND, NetboardError, OSError, ValueError, EOFError, IndexError)
 
 
 @dataclass(frozen=True, slots=True)

@@ -51,9 +51,14 @@ def keep(
     metadata = {
         **source,
         "session": session,
+        "name": config.session.name,
+        "dyad": config.session.dyad,
+        "study": config.session.study,
+        "block": str(config.block.number),
         "config_sha256": config_sha256(text.encode()),
         "what_if": said,
         "source": name,
+        "source_session": source["session"],
     }
     opened_ns = int(source["opened_log_ns"])
     writer = RecordingWriter(path, metadata, text, config.recording, opened_ns)
