@@ -150,8 +150,8 @@ def table_of(comparisons: Sequence[Comparison], changes: Sequence[str]) -> Table
     table = Table(title=Text(title), title_justify="left")
     for heading in ("trial", "attempt"):
         table.add_column(heading, justify="right")
-    table.add_column("outcome")
-    table.add_column("completion", justify="right")
+    table.add_column("outcome", no_wrap=True)
+    table.add_column("completion", justify="right", no_wrap=True)
     for quantity in QUANTITIES:
         table.add_column(Text(f"{quantity.text} [{quantity.unit}]\nrms / max"), justify="right")
     for one in comparisons:

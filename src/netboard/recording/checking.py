@@ -171,8 +171,9 @@ def check_numbers(recording: Recording, seen: Walk, streams: Streams) -> Iterato
         where = numbers_in_words(np.array([gap.first for gap in unexplained]))
         problems.append(f"{count} ticks are missing without a word of the logger, from tick {where} on")
     lost = sum(int(details["count"]) for details in noted)
-    for name, records in zip(("events", "clock probes", "remarks"), streams, strict=True):
-        numbers = np.array([record.seq for record in records], np.int64)
+    events, probes, remarks = ([record.seq for record in records] for records in streams)
+    for name, seqs in (("events", events), ("clock probes", probes), ("remarks", remarks)):
+        numbers = np.array(seqs, np.int64)
         missing = sum(gap.count for gap in find_gaps(numbers))
         if missing > lost and not excused:
             problems.append(f"{missing} {name} are missing without a word of the logger")

@@ -187,4 +187,5 @@ def _stamps(probes: Sequence[ClockRecord]) -> NDArray[np.float64]:
     stamps = np.array([(p.t0_ns, p.t1_ns, p.t2_ns, p.t3_ns, p.offset_ns, p.bound_ns) for p in probes], np.int64)
     server, peer = stamps[0, 0], stamps[0, 1]
     zeros = np.array([server, peer, peer, server, peer - server, 0])
-    return (stamps - zeros).T.astype(np.float64)  # small enough, from there on, for every nanosecond
+    # From there on they are small enough for every nanosecond.
+    return np.asarray((stamps - zeros).T, np.float64)

@@ -223,4 +223,4 @@ def seconds_since_release(count: int) -> NDArray[np.float64]:
     ndarray of float64, shape (count,)
         From its release [s].
     """
-    return np.arange(count) * TICK_SECONDS
+    return np.arange(count, dtype=np.float64) * TICK_SECONDS
