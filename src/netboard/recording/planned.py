@@ -59,12 +59,14 @@ def plan_findings(path: Path, config: Config) -> Iterator[Finding]:
         lines = journal_of(path, config)
         plan = None if lines is None else plan_in(lines.header, config)
         if lines is None or plan is None:
-            why = "no journal beside it" if lines is None else f"study {lines.header.study} is not built in"
+            why = "no journal beside it" if lines is None else "not a plan of a built-in study for a numbered dyad"
             text = f"block {config.block.number} of {config.block.blocks} of study {config.session.study}; {why}"
             yield Finding("plan", Grade.SOUND, f"{text}, so the plan is not made again")
             return
         planned = config_of(config, plan.sessions[lines.header.session - 1], config.block.number)
-    except (RecordingError, ConfigError, IndexError) as error:
+    except RecordingError:
+        return  # a journal that cannot be read, which is said of the journal
+    except (ConfigError, IndexError) as error:
         yield Finding("plan", Grade.DAMAGE, f"the plan does not go with the block: {error}")
         return
     shortened = replace(planned.block, blocks=config.block.blocks, catch=config.block.catch, trials=config.block.trials)
@@ -74,7 +76,7 @@ def plan_findings(path: Path, config: Config) -> Iterator[Finding]:
 
 
 def plan_in(header: Header, config: Config) -> Plan | None:
-    """Make the plan that a journal is about again; None if its study is not built in.
+    """Make the plan that a journal is about again, as its digest proves; None if its study or dyad cannot be told.
 
     Parameters
     ----------
@@ -82,23 +84,23 @@ def plan_in(header: Header, config: Config) -> Plan | None:
         The journal's.
     config : Config
         Of a block of it.
-
-    Raises
-    ------
-    ConfigError
-        If the plan that is made is another than the journal's.
     """
-    if header.study not in library.NAMES:
+    number = re.search(r"\d+$", header.dyad)
+    if header.study not in library.NAMES or number is None:
         return None
     study = parse_study(library.text_of(header.study), header.study)
     if hashlib.sha256(resolve_study(study).encode()).hexdigest() != header.study_digest:
         return None
-    number = re.search(r"\d+$", header.dyad)
     hands = (config.session.hand_a, config.session.hand_b)
-    plan = plan_of(study, header.seed, int(number[0]) if number else 1, hands)
-    if not header.pilot and digest(plan) != header.plan_digest:
-        raise ConfigError(f"the journal's plan is not that of dyad {header.dyad} with seed {header.seed}")
-    return plan
+    plan = plan_of(study, header.seed, int(number[0]), hands)
+    return plan if header.plan_digest in {digest(plan), *_shortened(plan, config)} else None
+
+
+def _shortened(plan: Plan, config: Config) -> Iterator[str]:
+    """Digests of the short forms of a plan that a pilot run of this block can have been."""
+    for blocks in (None, config.block.blocks):
+        for trials in (None, config.block.trials):
+            yield hashlib.sha256(f"{digest(plan)} {blocks} {trials}".encode()).hexdigest()
 
 
 def journal_findings(recording: Recording, config: Config, seen: Walk) -> Iterator[Finding]:
