@@ -1,11 +1,13 @@
 """The commands for recordings: what can be asked of a file, and nothing of how it is done."""
 
+from datetime import datetime
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
 from netboard.config import Side
+from netboard.services.configuration import Overrides
 from netboard.services.wording import Screenshot, examples
 
 RecordingFile = Annotated[Path, typer.Argument(metavar="RECORDING", help="The recording, an .mcap file.")]
@@ -48,6 +50,77 @@ def recover(
     raise typer.Exit(service.main(recording, output))
 
 
+def check(
+    recordings: Annotated[
+        list[Path], typer.Argument(metavar="RECORDING...", help="Recordings, whole or not, and folders of them.")
+    ],
+    verify: Annotated[
+        bool, typer.Option("--verify", help="Compute every tick again, too, and compare it to the bit.")
+    ] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+) -> None:
+    """Let recordings prove that they are whole: checksums, numbers, times, clocks, trials, plan, journal.
+
+    One verdict a file. Exit code: 0 all complete, 3 some complete with listed losses, 1 some damaged.
+    """
+    from netboard.services import check as service
+
+    raise typer.Exit(service.main(recordings, replay=verify, as_json=as_json))
+
+
+def whatif(
+    recording: RecordingFile,
+    overrides: Overrides = None,
+    model: Annotated[
+        Literal["paper", "lagrangian"] | None, typer.Option(help="The same as --set physics.model=...")
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", metavar="FILE", help="Keep the attempts as a recording.")
+    ] = None,
+    figure: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Draw recorded against computed: .png, .svg or .pdf.")
+    ] = None,
+    trial: Annotated[
+        int | None, typer.Option(min=1, help="The trial that the figure shows; else the most telling one.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object, in SI units.")] = False,
+) -> None:
+    """What if: the recorded hands against another board, another model or another force condition.
+
+    The loop is open: the hands do what they did. Each attempt begins with the state recorded at its release.
+    """
+    from netboard.services import whatif as service
+
+    changes = [*(overrides or ()), *([] if model is None else [f"physics.model={model}"])]
+    raise typer.Exit(service.main(recording, changes, output=output, figure=figure, trial=trial, as_json=as_json))
+
+
+def sessions(
+    folder: Annotated[
+        Path | None, typer.Argument(metavar="[DIR]", help="Folder; else that of the configuration's [recording].")
+    ] = None,
+    dyad: Annotated[str | None, typer.Option(help="Of this dyad only, such as D03.")] = None,
+    study: Annotated[str | None, typer.Option(help="Of this study only.")] = None,
+    since: Annotated[
+        datetime | None, typer.Option(formats=["%Y-%m-%d"], help="Begun on this day (UTC) or later.")
+    ] = None,
+    verdict: Annotated[
+        str | None, typer.Option(help="Only what is so: complete, 'complete with listed losses', damaged.")
+    ] = None,
+    pilot: Annotated[bool | None, typer.Option("--pilot/--no-pilot", help="Pilot runs only, or none.")] = None,
+    full: Annotated[bool, typer.Option("--check", help="Check each file wholly (netboard check).")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON array.")] = False,
+) -> None:
+    """List the recordings below a folder: whose they are, trials done, losses, and a verdict on each."""
+    from netboard.recording.catalogue import Filter
+    from netboard.services import configuration
+    from netboard.services import sessions as service
+
+    place = Path(configuration.load(None).recording.directory) if folder is None else folder
+    wanted = Filter(dyad, study, verdict, None if since is None else since.date(), pilot)
+    raise typer.Exit(service.main(place, wanted, full=full, as_json=as_json))
+
+
 def add_to(app: typer.Typer) -> None:
     """Make these commands known.
 
@@ -59,3 +132,24 @@ def add_to(app: typer.Typer) -> None:
     app.command(epilog=examples("netboard replay S01.mcap", "netboard replay S01.mcap --verify"))(replay)
     app.command(epilog=examples("netboard info recordings/S01.mcap"))(info)
     app.command(epilog=examples("netboard recover recordings/S01.mcap.part"))(recover)
+    app.command(
+        epilog=examples(
+            "netboard check recordings/S01.mcap",
+            "netboard check recordings/ --verify",
+            "netboard check S01.mcap --json",
+        )
+    )(check)
+    app.command(
+        epilog=examples(
+            "netboard whatif S01.mcap --set physics.k_h=400 --figure stiffer.png",
+            "netboard whatif S01.mcap --set block.force=none --json",
+            "netboard whatif S01.mcap --model lagrangian --output S01-lagrangian.mcap",
+        )
+    )(whatif)
+    app.command(
+        epilog=examples(
+            "netboard sessions",
+            "netboard sessions recordings/ --dyad D03 --no-pilot",
+            "netboard sessions --study paper --since 2026-01-31 --check --verdict damaged",
+        )
+    )(sessions)

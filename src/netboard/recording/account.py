@@ -244,7 +244,7 @@ def _losses(found: _Read, causes: Sequence[EventRecord]) -> Iterator[_Loss]:
             continue
         first, count = int(remark.details["first"]), int(remark.details["count"])
         records = Stretch(first, first + count - 1)
-        cause = _cause(records, causes) or found.part.damage or "the server no longer had them"
+        cause = cause_of_loss(records, causes) or found.part.damage or "the server no longer had them"
         if first in unreadable:
             cause = f"could not be read: {unreadable[first]}"
         # Ticks are numbered without a gap: those lost come directly before the next one that is there.
@@ -254,8 +254,16 @@ def _losses(found: _Read, causes: Sequence[EventRecord]) -> Iterator[_Loss]:
         yield _Loss(records._replace(cause=cause), Stretch(last - count + 1, last, cause))
 
 
-def _cause(records: Stretch, causes: Sequence[EventRecord]) -> str:
-    """Find what the server said about losing some records, if anything."""
+def cause_of_loss(records: Stretch, causes: Sequence[EventRecord]) -> str:
+    """Find what the server said about losing some records, if anything.
+
+    Parameters
+    ----------
+    records : Stretch
+        Numbers of the records on the log channel.
+    causes : sequence of EventRecord
+        The events named ``log_lost``.
+    """
     for event in causes:
         first, count = int(event.details["first"]), int(event.details["count"])
         if first <= records.last and records.first < first + count and event.details["cause"]:

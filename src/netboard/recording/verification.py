@@ -1,6 +1,10 @@
-"""A recording proves itself: its inputs, run through the stage of its own configuration, give its ticks again."""
+"""A recording proves itself: its inputs, run through the stage of its own configuration, give its ticks again.
 
-from dataclasses import dataclass
+Ticks are computed and compared a slice at a time, so that a recording of any length needs the memory of one portion.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
@@ -11,7 +15,10 @@ from netboard.config import parse
 from netboard.errors import RecordingError
 from netboard.recording.reader import Recording
 from netboard.stage import Stage, make_stage
-from netboard.tick import OUTPUT, STATE
+from netboard.tick import OUTPUT, STATE, TICK
+
+SLICE = 2048
+"""Ticks computed at once: with what they are compared to, so many fit into a processor's own memory [1]."""
 
 
 @dataclass(frozen=True)
@@ -47,6 +54,7 @@ class Verdict:
 
 _STATE = STATE.names or ()
 _RESULTS = [*_STATE, *(OUTPUT.names or ())]
+_PLACES = {name: place for place, name in enumerate(TICK.names or ())}
 
 
 def verify(stage: Stage, ticks: NDArray[Any]) -> Verdict:
@@ -64,19 +72,86 @@ def verify(stage: Stage, ticks: NDArray[Any]) -> Verdict:
     Verdict
         Identical, or where and how not.
     """
-    runs = _runs(ticks["tick"])
-    for first, stop in runs:
-        recorded = ticks[first:stop]
-        computed = recorded.copy()
-        state = state_of(recorded[:1])
-        stage.advance(state, computed, 0, len(computed))
-        difference = _first_difference(recorded, computed)
-        if difference is not None:
-            i, name = difference
-            return Verdict(
-                first + i + 1, len(runs) - 1, int(recorded["tick"][i]), name, recorded[name][i], computed[name][i]
-            )
-    return Verdict(len(ticks), max(len(runs) - 1, 0))
+    return verify_portions(stage, (ticks,))
+
+
+def verify_portions(stage: Stage, portions: Iterable[NDArray[Any]]) -> Verdict:
+    """Do the same with ticks that come in portions.
+
+    Parameters
+    ----------
+    stage : Stage
+        Made from the recording's own configuration.
+    portions : iterable of ndarray of TICK
+        The recorded ticks, in order. After a gap, within a portion or between two, the recorded state is taken over.
+
+    Returns
+    -------
+    Verdict
+        Identical, or where and how not; what comes after the first difference is not looked at.
+    """
+    verifier = Verifier(stage)
+    for rows in portions:
+        if not verifier.take(rows):
+            break
+    return verifier.verdict
+
+
+class Verifier:
+    """Computes recorded ticks again as they come.
+
+    Parameters
+    ----------
+    stage : Stage
+        Made from the recording's own configuration.
+
+    Attributes
+    ----------
+    verdict : Verdict
+        On the ticks so far.
+    """
+
+    def __init__(self, stage: Stage) -> None:
+        self.verdict = Verdict(0, 0)
+        self._stage = stage
+        self._state = np.zeros(1, STATE)
+        self._next: int | None = None
+        self._computed = np.zeros(SLICE, TICK)
+
+    def take(self, rows: NDArray[Any]) -> bool:
+        """Compute the next ticks; False if there was a difference, now or before.
+
+        Parameters
+        ----------
+        rows : ndarray of TICK, shape (n,)
+            The next rows as recorded.
+        """
+        for first, stop in runs(rows["tick"]):
+            if self._next != rows["tick"][first]:
+                known = self._next is not None
+                self.verdict = replace(self.verdict, gaps=self.verdict.gaps + known)
+                self._state = state_of(rows[first : first + 1])
+            for start in range(first, stop, SLICE):
+                if not (self.verdict.identical and self._compare(rows[start : min(start + SLICE, stop)])):
+                    return False
+            self._next = int(rows["tick"][stop - 1]) + 1
+        return True
+
+    def _compare(self, recorded: NDArray[Any]) -> bool:
+        """Compute some ticks in a row."""
+        computed = self._computed[: len(recorded)]
+        words = as_words(recorded)
+        as_words(computed)[:] = words  # as plain words: numpy copies structured types field by field
+        self._stage.advance(self._state, computed, 0, len(computed))
+        checked = self.verdict.checked
+        if np.array_equal(words, as_words(computed)):
+            self.verdict = replace(self.verdict, checked=checked + len(recorded))
+            return True
+        i, name = _first_difference(recorded, computed)
+        self.verdict = Verdict(
+            checked + i + 1, self.verdict.gaps, int(recorded["tick"][i]), name, recorded[name][i], computed[name][i]
+        )
+        return False
 
 
 def state_of(row: NDArray[Any]) -> NDArray[Any]:
@@ -98,8 +173,19 @@ def state_of(row: NDArray[Any]) -> NDArray[Any]:
     return state
 
 
-def _runs(numbers: NDArray[np.int64]) -> list[tuple[int, int]]:
-    """Split consecutive tick numbers into (first index, index after the last)."""
+def runs(numbers: NDArray[np.int64]) -> list[tuple[int, int]]:
+    """Split numbers where they do not go up by one.
+
+    Parameters
+    ----------
+    numbers : ndarray of int64, shape (n,)
+        Numbers of ticks, in order [1].
+
+    Returns
+    -------
+    list of (int, int)
+        First index and the index after the last, of each run [1].
+    """
     if len(numbers) == 0:
         return []
     breaks = np.flatnonzero(np.diff(numbers) != 1) + 1
@@ -107,19 +193,27 @@ def _runs(numbers: NDArray[np.int64]) -> list[tuple[int, int]]:
     return list(pairwise(edges))
 
 
-def _bits(values: NDArray[Any]) -> NDArray[np.int64]:
-    """The 64-bit patterns of a column, so that NaN equals NaN and -0 is not 0."""
-    return np.ascontiguousarray(values).view(np.int64)
+def as_words(rows: NDArray[Any]) -> NDArray[np.int64]:
+    """Look at rows as words of 64 bits, so that NaN equals NaN and -0 is not 0.
+
+    Parameters
+    ----------
+    rows : ndarray of TICK, shape (n,)
+        The rows.
+
+    Returns
+    -------
+    ndarray of int64, shape (n, words)
+        The same memory, if they lie one after the other [1].
+    """
+    return np.ascontiguousarray(rows).view(np.int64).reshape(len(rows), -1)
 
 
-def _first_difference(recorded: NDArray[Any], computed: NDArray[Any]) -> tuple[int, str] | None:
-    """Index and field of the first value that is not the same to the bit."""
-    found: list[tuple[int, str]] = []
-    for name in _RESULTS:
-        same = _bits(recorded[name]) == _bits(computed[name])
-        if not same.all():
-            found.append((int(np.argmin(same)), name))
-    return min(found, key=lambda place: place[0], default=None)
+def _first_difference(recorded: NDArray[Any], computed: NDArray[Any]) -> tuple[int, str]:
+    """Index and field of the first value that is not the same to the bit; results are looked at in their order."""
+    differs = as_words(recorded) != as_words(computed)
+    i = int(np.argmax(differs.any(axis=1)))
+    return i, next(name for name in _RESULTS if differs[i, _PLACES[name]])
 
 
 def verify_recording(recording: Recording) -> Verdict:
@@ -142,7 +236,8 @@ def verify_recording(recording: Recording) -> Verdict:
     ConfigError
         If its configuration is not one of this version.
     """
-    ticks = recording.ticks()
-    if not len(ticks):
+    stage = make_stage(parse(recording.config_text, f"{recording.path} (its configuration)"))
+    verdict = verify_portions(stage, recording.batches())
+    if not verdict.checked:
         raise RecordingError(f"{recording.path}: has no tick to verify")
-    return verify(make_stage(parse(recording.config_text, str(recording.path))), ticks)
+    return verdict

@@ -1,0 +1,193 @@
+"""Lets recordings prove themselves, one after the other: a verdict on each, and how fast they were computed again."""
+
+import json
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+from netboard.errors import RecordingError
+from netboard.recording.checking import check
+from netboard.recording.grade import EXIT_CODES, VERDICTS, Grade, Report
+from netboard.tick import TICK_SECONDS
+
+COLOURS = {Grade.SOUND: "green", Grade.LOSS: "yellow", Grade.DAMAGE: "red"}
+"""Of each grade on a terminal."""
+
+ENDINGS = (".mcap", ".part", ".spill")
+"""What a recording's name ends with, whole or not."""
+
+
+def main(paths: Sequence[Path], *, replay: bool = False, as_json: bool = False) -> int:
+    """Check recordings.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        Files, and folders of files.
+    replay : bool
+        Compute every tick again, and compare it to the bit.
+    as_json : bool
+        One JSON object instead of text.
+
+    Returns
+    -------
+    int
+        Exit code, by the worst that was found: 0 complete, 3 complete with listed losses, 1 damaged.
+
+    Raises
+    ------
+    RecordingError
+        If a file is not there, or there is nothing to check.
+    """
+    files = [*recordings_in(paths)]
+    console = Console(highlight=False)
+    reports: list[Report] = []
+    began = time.perf_counter()
+    with bars() as progress:
+        task = progress.add_task("recordings", total=len(files), ticks="")
+        read = 0
+
+        def tell(more: int) -> None:
+            nonlocal read
+            read += more
+            progress.update(task, ticks=f"{read} ticks")
+
+        for file in files:
+            reports.append(check(file, replay, tell))
+            progress.advance(task)
+    took = time.perf_counter() - began
+    if as_json:
+        console.file.write(json.dumps(as_data(reports, took)) + "\n")
+    else:
+        for report in reports:
+            console.print(in_words(report, whole=len(files) == 1), soft_wrap=True)
+        console.print(in_total(reports, took), soft_wrap=True)
+    return EXIT_CODES[max(report.grade for report in reports)]
+
+
+def recordings_in(paths: Sequence[Path]) -> Iterator[Path]:
+    """List files, and what is in folders, in order of their names.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        Files and folders.
+
+    Raises
+    ------
+    RecordingError
+        If one is not there, or a folder has no recording.
+    """
+    for path in paths:
+        if path.is_dir():
+            found = sorted(file for file in path.rglob("*") if file.suffix in ENDINGS and file.is_file())
+            if not found:
+                raise RecordingError(f"{path}: no recording in this folder (.mcap, .mcap.part, .spill)")
+            yield from found
+        elif path.is_file():
+            yield path
+        else:
+            raise RecordingError(f"{path}: no such file or folder")
+
+
+def bars() -> Progress:
+    """Show how far it is, on a terminal, beside the output."""
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[ticks]}"))
+    return Progress(*columns, TimeElapsedColumn(), console=Console(stderr=True, highlight=False), transient=True)
+
+
+def in_words(report: Report, whole: bool) -> str:
+    """Write a verdict, and what it is founded on.
+
+    Parameters
+    ----------
+    report : Report
+        What was found.
+    whole : bool
+        Tell what is right, too.
+    """
+    lines = [f"{escape(str(report.path))}: [{COLOURS[report.grade]}]{report.verdict}[/], {report.ticks} ticks"]
+    for finding in report.findings:
+        if whole or finding.grade != Grade.SOUND:
+            colour = COLOURS[finding.grade]
+            lines.append(f"  [{colour}]{finding.part:13}[/] {escape(finding.text)}")
+    return "\n".join(lines)
+
+
+def in_total(reports: Sequence[Report], took: float) -> str:
+    """Say in two lines what it was, and how fast.
+
+    Parameters
+    ----------
+    reports : sequence of Report
+        All that was found.
+    took : float
+        How long it took [s].
+    """
+    counts = ", ".join(
+        f"{count} {VERDICTS[grade]}" for grade in Grade if (count := sum(r.grade == grade for r in reports))
+    )
+    ticks = sum(report.ticks for report in reports)
+    words = f"{len(reports)} recordings: {counts}; {ticks} ticks in {took:.1f} s, {_times(ticks, took)}"
+    again, computing = _computed(reports)
+    if again:
+        words += f"\n{again} ticks computed again in {computing:.2f} s, {_times(again, computing)}"
+    return words
+
+
+def _times(ticks: int, took: float) -> str:
+    """Say how many times faster than the people something was."""
+    return f"{ticks * TICK_SECONDS / took:.0f} x real time"
+
+
+def _computed(reports: Sequence[Report]) -> tuple[int, float]:
+    """Ticks that were computed again, and the time for that alone [s]."""
+    again = sum(report.replay.checked for report in reports if report.replay is not None)
+    return again, sum(report.computing for report in reports)
+
+
+def as_data(reports: Sequence[Report], took: float) -> dict[str, Any]:
+    """Say the same for programs.
+
+    Parameters
+    ----------
+    reports : sequence of Report
+        All that was found.
+    took : float
+        How long it took [s].
+    """
+    again, computing = _computed(reports)
+    return {
+        "verdict": VERDICTS[max(report.grade for report in reports)],
+        "recordings": [
+            {
+                "path": str(report.path),
+                "verdict": report.verdict,
+                "ticks": report.ticks,
+                "findings": [
+                    {"part": one.part, "grade": one.grade.name.lower(), "text": one.text} for one in report.findings
+                ],
+                "replay": None if report.replay is None else _plain(asdict(report.replay)),
+            }
+            for report in reports
+        ],
+        "seconds": took,
+        "ticks_computed": again,
+        "computing_seconds": computing,
+    }
+
+
+def _plain(replay: dict[str, Any]) -> dict[str, Any]:
+    """Turn what JSON does not know, numbers of numpy and those that are not finite, into what it does."""
+    return {
+        "identical": replay["tick"] is None,
+        **{
+            name: value if isinstance(value, int | str | None) else repr(float(value)) for name, value in replay.items()
+        },
+    }

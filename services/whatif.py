@@ -1,0 +1,217 @@
+"""What would have become of a recording with something changed, attempt by attempt, for people and programs."""
+
+import json
+from collections.abc import Sequence
+from importlib.util import find_spec
+from math import isnan
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from netboard.config import parse
+from netboard.errors import NetboardError, RecordingError
+from netboard.recording.reader import Recording
+from netboard.stage import make_stage
+from netboard.studies.what_if import QUANTITIES, Comparison, WhatIf, what_if
+from netboard.studies.what_if_figure import draw
+from netboard.studies.what_if_file import keep
+
+WORDS = (
+    "The loop is open: the hands do what they did and do not react to the change. The trial machine decides anew.\n"
+    "Each attempt begins with the state recorded at its release; it is compared until the first of both ends.\n"
+    "unfinished: it had not ended when the recorded one did."
+)
+"""What the numbers mean, below every table."""
+
+
+def main(
+    path: Path,
+    changes: Sequence[str],
+    *,
+    output: Path | None = None,
+    figure: Path | None = None,
+    trial: int | None = None,
+    as_json: bool = False,
+) -> int:
+    """Run the recorded hands through a changed stage.
+
+    Parameters
+    ----------
+    path : Path
+        The recording.
+    changes : sequence of str
+        Settings as ``table.key=value``.
+    output : Path or None
+        The ticks of the attempts go there, as a recording.
+    figure : Path or None
+        A figure goes there.
+    trial : int or None
+        The trial that it shows; None for the most telling attempt.
+    as_json : bool
+        One JSON object instead of the table.
+
+    Returns
+    -------
+    int
+        Exit code.
+
+    Raises
+    ------
+    RecordingError
+        If there is no attempt, or not the trial asked for.
+    ConfigError
+        If a setting is wrong.
+    NetboardError
+        If a file exists already, or cannot be drawn.
+    """
+    require_free(figure)
+    console = Console(highlight=False)
+    with Recording(path) as recording, Console(stderr=True).status("the recorded hands, once more"):
+        config = parse(recording.config_text, f"{path} (its configuration)", changes)
+        found = what_if(recording.ticks(), make_stage(config))
+        source = recording.metadata
+    if not found.comparisons:
+        raise RecordingError(f"{path}: has no attempt at a trial, so there is nothing to compare")
+    shown = None if trial is None else attempt_at(found, trial, path)
+    if as_json:
+        console.file.write(json.dumps(as_data(found, changes)) + "\n")
+    else:
+        console.print(table_of(found.comparisons, changes))
+        console.print("nothing differs, to the bit" if found.identical else WORDS, soft_wrap=True)
+    if output is not None:
+        keep(output, found, config, source, path.name, changes)
+    if figure is not None:
+        draw(found, changes, shown).savefig(figure, dpi=100)
+    return 0
+
+
+def require_free(figure: Path | None) -> None:
+    """Refuse a figure that exists already, or that nothing here can draw.
+
+    Parameters
+    ----------
+    figure : Path or None
+        Where it is to go.
+
+    Raises
+    ------
+    NetboardError
+        If so.
+    """
+    if figure is None:
+        return
+    if find_spec("matplotlib") is None:
+        raise NetboardError("--figure: matplotlib is not installed; install netboard[bench]")
+    if figure.exists():
+        raise NetboardError(f"{figure}: exists already; give the figure another name")
+    if figure.suffix.lower() not in (".png", ".svg", ".pdf"):
+        raise NetboardError(f"{figure}: expected a name that ends in .png, .svg or .pdf")
+
+
+def attempt_at(found: WhatIf, trial: int, path: Path) -> Comparison:
+    """Return the last attempt at a trial.
+
+    Parameters
+    ----------
+    found : WhatIf
+        All of them.
+    trial : int
+        Number of the trial [1].
+    path : Path
+        The recording.
+
+    Raises
+    ------
+    RecordingError
+        If there is none.
+    """
+    attempts = [one for one in found.comparisons if one.then.trial == trial]
+    if not attempts:
+        numbers = sorted({one.then.trial for one in found.comparisons})
+        raise RecordingError(f"{path}: has no attempt at trial {trial}; it has trials {numbers[0]} to {numbers[-1]}")
+    return attempts[-1]
+
+
+def table_of(comparisons: Sequence[Comparison], changes: Sequence[str]) -> Table:
+    """Show every attempt then and now.
+
+    Parameters
+    ----------
+    comparisons : sequence of Comparison
+        The attempts.
+    changes : sequence of str
+        What was set.
+    """
+    otherwise = sum(one.then.outcome != one.now.outcome for one in comparisons)
+    title = f"With {', '.join(changes) or 'nothing changed'}: {otherwise} of {len(comparisons)} attempts end otherwise"
+    table = Table(title=Text(title), title_justify="left")
+    for heading in ("trial", "attempt"):
+        table.add_column(heading, justify="right")
+    table.add_column("outcome", no_wrap=True)
+    table.add_column("completion", justify="right", no_wrap=True)
+    for quantity in QUANTITIES:
+        table.add_column(Text(f"{quantity.text} [{quantity.unit}]\nrms / max"), justify="right")
+    for one in comparisons:
+        same = one.then.outcome == one.now.outcome
+        table.add_row(
+            str(one.then.trial),
+            str(one.then.attempt),
+            one.then.outcome if same else f"[yellow]{one.then.outcome} -> {one.now.outcome}[/yellow]",
+            seconds(one.then.completion) if not one.changed else completions(one),
+            *(differences(one, quantity.name, quantity.scale) for quantity in QUANTITIES),
+        )
+    return table
+
+
+def completions(one: Comparison) -> str:
+    """Write both completion times."""
+    return f"{seconds(one.then.completion)} -> {seconds(one.now.completion)}"
+
+
+def seconds(time: float) -> str:
+    """Write a completion time."""
+    return "-" if isnan(time) else f"{time:.3f} s"
+
+
+def differences(one: Comparison, name: str, scale: float) -> str:
+    """Write how much a quantity differs."""
+    apart = one.differences[name]
+    return f"{scale * apart.rms:.3g} / {scale * apart.largest:.3g}"
+
+
+def as_data(found: WhatIf, changes: Sequence[str]) -> dict[str, Any]:
+    """Say the same for programs, in SI units.
+
+    Parameters
+    ----------
+    found : WhatIf
+        A recording, and what becomes of it.
+    changes : sequence of str
+        What was set.
+    """
+    return {
+        "set": list(changes),
+        "identical": found.identical,
+        "attempts": [
+            {
+                "trial": one.then.trial,
+                "attempt": one.then.attempt,
+                "then": {"outcome": one.then.outcome, "completion": _number(one.then.completion)},
+                "now": {"outcome": one.now.outcome, "completion": _number(one.now.completion)},
+                "compared": one.common,
+                "differences": {
+                    name: {"rms": _number(apart.rms), "max": _number(apart.largest)}
+                    for name, apart in one.differences.items()
+                },
+            }
+            for one in found.comparisons
+        ],
+    }
+
+
+def _number(value: float) -> float | None:
+    """JSON knows no NaN."""
+    return None if isnan(value) else value

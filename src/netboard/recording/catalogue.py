@@ -1,0 +1,312 @@
+"""The catalogue of a folder: what each recording, unfinished file, spill and journal is, without reading it whole.
+
+An entry is made of what a file says at its ends: metadata, configuration, end record. Trials are counted in the
+attempts. Its verdict is a quick one, of what the file says of itself, unless `netboard.recording.checking` is asked.
+Nothing here raises because of what is in a file: what is wrong with it is in its entry.
+"""
+
+import mmap
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from datetime import date
+from pathlib import Path
+
+from mcap.records import Attachment, Chunk, ChunkIndex, Metadata
+from mcap.stream_reader import StreamReader
+
+from netboard.config import Config, parse
+from netboard.errors import NetboardError
+from netboard.experiment.entries import AttemptEnded, BlockEnded, Lines, read_lines
+from netboard.recording.checking import check
+from netboard.recording.chunks import UNSOUND
+from netboard.recording.grade import VERDICTS, Grade
+from netboard.recording.provenance import CONFIG_NAME, METADATA
+from netboard.recording.reader import Recording
+from netboard.recording.spill import read_spill
+from netboard.wire.messages import Welcome
+
+JOURNAL = ".journal.jsonl"
+"""What the name of a journal ends with."""
+
+_UNREADABLE = (*UNSOUND, NetboardError, OSError, ValueError, EOFError, IndexError)
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """One file.
+
+    Attributes
+    ----------
+    path : Path
+        The file.
+    kind : str
+        ``recording``, ``unfinished``, ``spill`` or ``journal``.
+    size : int
+        Bytes [1].
+    dyad, session, study : str
+        Pseudonymous id of the dyad, label of the session, name of the study; empty where it is not known.
+    pilot : bool
+        Whether it is a pilot run.
+    opened : str
+        When it was begun, UTC, in ISO 8601; empty where it is not known.
+    block, blocks : int
+        Which block of the plan, of how many; 0 for none [1].
+    condition : str
+        What people call the block.
+    done, trials : int
+        Trials done, and planned in the block or, for a journal, done only [1].
+    duration : float
+        From its beginning to its end [s].
+    lost : int
+        Records that the logger never got [1].
+    verdict : str
+        One of `netboard.recording.grade.VERDICTS`.
+    why : str
+        Why it is not complete.
+    """
+
+    path: Path
+    kind: str
+    size: int = 0
+    dyad: str = ""
+    session: str = ""
+    study: str = ""
+    pilot: bool = False
+    opened: str = ""
+    block: int = 0
+    blocks: int = 0
+    condition: str = ""
+    done: int = 0
+    trials: int = 0
+    duration: float = 0.0
+    lost: int = 0
+    verdict: str = VERDICTS[Grade.SOUND]
+    why: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Filter:
+    """What is wanted of a catalogue; None for anything.
+
+    Attributes
+    ----------
+    dyad, study, verdict : str or None
+        Exactly this; of a verdict the beginning is enough.
+    since : date or None
+        Begun on this day (UTC) or later.
+    pilot : bool or None
+        Pilot runs only, or none.
+    """
+
+    dyad: str | None = None
+    study: str | None = None
+    verdict: str | None = None
+    since: date | None = None
+    pilot: bool | None = None
+
+    def takes(self, entry: Entry) -> bool:
+        """Tell whether a file is wanted, as far as its ends can tell: whatever its verdict.
+
+        Parameters
+        ----------
+        entry : Entry
+            The file.
+        """
+        return (
+            self.dyad in (None, entry.dyad)
+            and self.study in (None, entry.study)
+            and self.pilot in (None, entry.pilot)
+            and (self.since is None or entry.opened[:10] >= self.since.isoformat())
+        )
+
+    def likes(self, entry: Entry) -> bool:
+        """Tell whether a file has the verdict that is wanted.
+
+        Parameters
+        ----------
+        entry : Entry
+            The file, with its verdict.
+        """
+        if self.verdict is None:
+            return True
+        return entry.verdict == self.verdict if self.verdict in VERDICTS else entry.verdict.startswith(self.verdict)
+
+
+def files_in(folder: Path) -> list[Path]:
+    """List the files that a catalogue is of, below a folder.
+
+    Parameters
+    ----------
+    folder : Path
+        The folder.
+    """
+    endings = (".mcap", ".mcap.part", ".spill", JOURNAL)
+    return sorted(path for path in folder.rglob("*") if path.name.endswith(endings) and path.is_file())
+
+
+def entry_of(path: Path) -> Entry:
+    """Say what a file is, from its ends.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    """
+    try:
+        size = path.stat().st_size
+        if path.name.endswith(JOURNAL):
+            return _journal(path, size, read_lines(path.read_bytes(), path.name))
+        if path.suffix == ".spill":
+            return _spill(path, size)
+        if path.suffix == ".part":
+            return _begun(Entry(path, "unfinished", size, verdict=VERDICTS[Grade.DAMAGE], why="not finished"))
+        return _recording(path, size)
+    except _UNREADABLE as error:
+        kind = "unfinished" if path.suffix == ".part" else path.suffix.removeprefix(".").replace("mcap", "recording")
+        damaged = Entry(path, kind, verdict=VERDICTS[Grade.DAMAGE], why=str(error) or type(error).__name__)
+        return _begun(damaged) if kind == "recording" else damaged
+
+
+def _recording(path: Path, size: int) -> Entry:
+    """Say what a finished recording is."""
+    with Recording(path) as recording:
+        said, end = recording.metadata, recording.end
+        lost = int(end.get("lost", 0))
+        why = [] if end.get("ended", "") == "complete" else [f"ends early: {end.get('ended', 'it was recovered')}"]
+        why += [f"{lost} records lost"] if lost else []
+        why += [f"recovered, lost: {recording.recovery['damage']}"] if recording.recovery.get("damage") else []
+        why += ["computed, not recorded"] if "what_if" in said else []
+        entry = _about(Entry(path, "recording", size), said, recording.config_text)
+        return replace(
+            entry,
+            duration=max(int(end.get("log_ns", 0)) - int(said.get("opened_log_ns", 0)), 0) * 1e-9,
+            lost=lost,
+            verdict=VERDICTS[Grade.LOSS if why else Grade.SOUND],
+            why="; ".join(why),
+        )
+
+
+def _about(entry: Entry, said: dict[str, str], config_text: str) -> Entry:
+    """Enter what metadata and configuration say."""
+    config = parse(config_text, "its configuration")
+    return replace(
+        _named(entry, config),
+        block=int(said.get("block", 0)),
+        blocks=int(said.get("blocks", 0)),
+        opened=said.get("opened_utc", ""),
+    )
+
+
+def _named(entry: Entry, config: Config) -> Entry:
+    """Enter what a configuration says."""
+    session, block = config.session, config.block
+    return replace(
+        entry,
+        dyad=session.dyad,
+        session=session.name,
+        study=session.study,
+        pilot=session.pilot,
+        condition=block.label or f"{block.configuration}, force {block.force}",
+        trials=block.trials,
+    )
+
+
+def _begun(entry: Entry) -> Entry:
+    """Enter what an unfinished or damaged file says at its beginning, as far as that can be read."""
+    said: dict[str, str] = {}
+    try:
+        with entry.path.open("rb") as file:
+            for record in StreamReader(file, emit_chunks=True).records:
+                if isinstance(record, Metadata) and record.name == METADATA:
+                    said = dict(record.metadata)
+                elif isinstance(record, Attachment) and record.name == CONFIG_NAME:
+                    return replace(_about(entry, said, record.data.decode()), size=entry.path.stat().st_size)
+                elif isinstance(record, Chunk | ChunkIndex):
+                    break
+    except _UNREADABLE:
+        pass  # which its verdict tells already
+    return replace(entry, dyad=said.get("dyad", ""), session=said.get("name", ""), study=said.get("study", ""))
+
+
+def _spill(path: Path, size: int) -> Entry:
+    """Say what a server wrote down because no logger took it."""
+    entry = Entry(path, "spill", size, verdict=VERDICTS[Grade.DAMAGE], why="no logger took it: netboard recover")
+    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+        welcome = next((message for _, _, message in read_spill(data) if isinstance(message, Welcome)), None)
+    return entry if welcome is None else _named(entry, parse(welcome.config, "its configuration"))
+
+
+def _journal(path: Path, size: int, lines: Lines) -> Entry:
+    """Say what the journal of a session tells."""
+    header, entries = lines.header, lines.entries
+    done = {(e.block, e.trial) for e in entries if isinstance(e, AttemptEnded) and e.outcome in ("success", "skipped")}
+    over = {e.block for e in entries if isinstance(e, BlockEnded) and e.how != "stopped"}
+    return Entry(
+        path,
+        "journal",
+        size,
+        dyad=header.dyad,
+        session=header.name,
+        study=header.study,
+        pilot=header.pilot,
+        condition=f"session {header.session}, {len(over)} blocks over",
+        done=len(done),
+        verdict=VERDICTS[Grade.LOSS if lines.torn else Grade.SOUND],
+        why="its last line was torn" if lines.torn else "",
+    )
+
+
+def with_trials(entry: Entry) -> Entry:
+    """Count the trials of a finished recording; one that has less than planned is complete with a loss.
+
+    Parameters
+    ----------
+    entry : Entry
+        Any file.
+    """
+    if entry.kind != "recording" or entry.verdict == VERDICTS[Grade.DAMAGE]:
+        return entry
+    try:
+        with Recording(entry.path) as recording:
+            attempts = recording.attempts()
+    except NetboardError as error:
+        return replace(entry, verdict=VERDICTS[Grade.DAMAGE], why=str(error))
+    # Trials of the parts before are not in this file, but their numbers are known.
+    done = {attempt.trial for attempt in attempts if attempt.outcome in ("success", "skip")}
+    before = min((attempt.trial for attempt in attempts), default=1) - 1
+    return replace(entry, done=len(done) + before)
+
+
+def with_check(entry: Entry) -> Entry:
+    """Give a file the verdict of a full check.
+
+    Parameters
+    ----------
+    entry : Entry
+        Any file; a journal keeps its own verdict.
+    """
+    if entry.kind == "journal":
+        return entry
+    report = check(entry.path)
+    why = [finding.text for finding in report.findings if finding.grade != Grade.SOUND]
+    return replace(entry, verdict=report.verdict, why="; ".join(why))
+
+
+def in_order(entries: Iterable[Entry]) -> Iterator[tuple[tuple[str, str], list[Entry]]]:
+    """Group files by dyad and session, in order of blocks and of time; a journal comes first.
+
+    Parameters
+    ----------
+    entries : iterable of Entry
+        The files.
+
+    Yields
+    ------
+    (str, str), list of Entry
+        Dyad and session, and their files.
+    """
+    groups: dict[tuple[str, str], list[Entry]] = {}
+    for entry in entries:
+        groups.setdefault((entry.dyad, entry.session), []).append(entry)
+    for name in sorted(groups):
+        yield name, sorted(groups[name], key=lambda e: (e.kind != "journal", e.opened, e.block, e.path.name))

@@ -1,0 +1,125 @@
+"""Finds what a recording can be compared with: the journal of its session beside it, and the plan that this names.
+
+A plan is made again from the study and the seed that are in the journal. A study that is not built in cannot be found
+from there; its blocks are checked against the journal only.
+"""
+
+import hashlib
+import re
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+from netboard.config import Config
+from netboard.design import library
+from netboard.design.plan import Plan, config_of, digest, plan_of
+from netboard.design.study import parse_study, resolve_study
+from netboard.errors import ConfigError, RecordingError
+from netboard.experiment.entries import Header, Lines, read_lines
+from netboard.recording.grade import Finding, Grade
+from netboard.recording.journal import journal_path
+from netboard.recording.quality import judged
+from netboard.recording.reader import Recording
+from netboard.recording.trial_check import check_journal, check_plan
+from netboard.recording.walk import Walk
+
+
+def journal_of(path: Path, config: Config) -> Lines | None:
+    """Read the journal that lies beside a recording; None if there is none.
+
+    Parameters
+    ----------
+    path : Path
+        The recording.
+    config : Config
+        Its configuration.
+
+    Raises
+    ------
+    RecordingError
+        If the journal is damaged.
+    """
+    beside = journal_path(path.parent, config)
+    return read_lines(beside.read_bytes(), beside.name) if beside.is_file() else None
+
+
+def plan_findings(path: Path, config: Config) -> Iterator[Finding]:
+    """Check a block of a study against its plan.
+
+    Parameters
+    ----------
+    path : Path
+        The recording.
+    config : Config
+        Its configuration.
+    """
+    if not config.session.study:
+        return
+    try:
+        lines = journal_of(path, config)
+        plan = None if lines is None else plan_in(lines.header, config)
+        if lines is None or plan is None:
+            why = "no journal beside it" if lines is None else "not a plan of a built-in study for a numbered dyad"
+            text = f"block {config.block.number} of {config.block.blocks} of study {config.session.study}; {why}"
+            yield Finding("plan", Grade.SOUND, f"{text}, so the plan is not made again")
+            return
+        planned = config_of(config, plan.sessions[lines.header.session - 1], config.block.number)
+    except RecordingError:
+        return  # a journal that cannot be read, which is said of the journal
+    except (ConfigError, IndexError) as error:
+        yield Finding("plan", Grade.DAMAGE, f"the plan does not go with the block: {error}")
+        return
+    shortened = replace(planned.block, blocks=config.block.blocks, catch=config.block.catch, trials=config.block.trials)
+    if config.session.pilot and config.block.trials <= planned.block.trials:
+        planned = replace(planned, block=shortened)
+    yield from check_plan(config, planned)
+
+
+def plan_in(header: Header, config: Config) -> Plan | None:
+    """Make the plan that a journal is about again, as its digest proves; None if its study or dyad cannot be told.
+
+    Parameters
+    ----------
+    header : Header
+        The journal's.
+    config : Config
+        Of a block of it.
+    """
+    number = re.search(r"\d+$", header.dyad)
+    if header.study not in library.NAMES or number is None:
+        return None
+    study = parse_study(library.text_of(header.study), header.study)
+    if hashlib.sha256(resolve_study(study).encode()).hexdigest() != header.study_digest:
+        return None
+    hands = (config.session.hand_a, config.session.hand_b)
+    plan = plan_of(study, header.seed, int(number[0]), hands)
+    return plan if header.plan_digest in {digest(plan), *_shortened(plan, config)} else None
+
+
+def _shortened(plan: Plan, config: Config) -> Iterator[str]:
+    """Digests of the short forms of a plan that a pilot run of this block can have been."""
+    for blocks in (None, config.block.blocks):
+        for trials in (None, config.block.trials):
+            yield hashlib.sha256(f"{digest(plan)} {blocks} {trials}".encode()).hexdigest()
+
+
+def journal_findings(recording: Recording, config: Config, seen: Walk) -> Iterator[Finding]:
+    """Check a recording against the journal beside it.
+
+    Parameters
+    ----------
+    recording : Recording
+        The recording.
+    config : Config
+        Its configuration.
+    seen : Walk
+        What was seen of its ticks.
+    """
+    try:
+        lines = journal_of(recording.path, config)
+    except RecordingError as error:
+        yield Finding("journal", Grade.LOSS, f"cannot be read: {error}")
+        return
+    if lines is not None:
+        run, block = recording.metadata.get("session", ""), config.block.number
+        yield from check_journal(lines.entries, run, block, seen, judged(recording))

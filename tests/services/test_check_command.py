@@ -1,0 +1,86 @@
+"""The commands check, sessions and whatif, as a person or a script asks them."""
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+import proofs
+from netboard.services.cli import app
+
+pytestmark = pytest.mark.slow
+runner = CliRunner()
+
+
+@pytest.fixture(autouse=True)
+def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "200")
+    monkeypatch.setenv("NO_COLOR", "1")
+    Path("recordings").mkdir()
+    proofs.write(Path("recordings/whole.mcap"), proofs.rows())
+
+
+def test_check_says_what_it_looked_at_and_how_fast() -> None:
+    result = runner.invoke(app, ["check", "recordings/whole.mcap", "--verify"])
+    assert result.exit_code == 0, result.output
+    for words in ("whole.mcap: complete", "every checksum is right", "2 of 2 trials done", "identical", "x real time"):
+        assert words in result.output
+
+
+def test_the_exit_code_is_that_of_the_worst() -> None:
+    proofs.write(Path("recordings/early.mcap"), proofs.rows()[:-2000])
+    assert runner.invoke(app, ["check", "recordings"]).exit_code == 3
+    Path("recordings/cut.mcap").write_bytes(Path("recordings/whole.mcap").read_bytes()[:-9])
+    result = runner.invoke(app, ["check", "recordings", "--json", "--verify"])
+    assert result.exit_code == 1
+    said = json.loads(result.stdout)
+    assert said["verdict"] == "damaged"
+    assert [one["verdict"] for one in said["recordings"]] == ["damaged", "complete with listed losses", "complete"]
+    assert said["recordings"][2]["replay"]["identical"] is True
+    assert said["recordings"][0]["replay"] is None
+
+
+def test_what_is_not_there_is_said() -> None:
+    assert "nowhere: no such file or folder" in runner.invoke(app, ["check", "nowhere"]).stderr
+    Path("empty").mkdir()
+    assert "no recording in this folder" in runner.invoke(app, ["check", "empty"]).stderr
+    assert "no such folder" in runner.invoke(app, ["sessions", "nowhere"]).stderr
+
+
+def test_sessions_lists_the_folder_of_the_configuration() -> None:
+    result = runner.invoke(app, ["sessions"])
+    assert result.exit_code == 0, result.output
+    for words in ("D01 S01", "whole.mcap", "2 of 2", "complete", "1 sessions, 1 files"):
+        assert words in result.output
+    (entry,) = json.loads(runner.invoke(app, ["sessions", "--json", "--check", "--no-pilot"]).stdout)
+    assert (entry["done"], entry["trials"], entry["verdict"]) == (2, 2, "complete")
+    assert "no recording that was asked for" in runner.invoke(app, ["sessions", "--dyad", "D99"]).output
+
+
+def test_whatif_shows_then_and_now() -> None:
+    result = runner.invoke(app, ["whatif", "recordings/whole.mcap", "--set", "physics.g=0", "--figure", "a.png"])
+    assert result.exit_code == 0, result.output
+    for words in ("success -> unfinished", "ball [mm]", "open"):
+        assert words in result.output
+    assert Path("a.png").stat().st_size > 10_000
+    again = runner.invoke(app, ["whatif", "recordings/whole.mcap", "--figure", "a.png"])
+    assert (again.exit_code, "exists already" in again.stderr) == (1, True)
+
+
+def test_whatif_without_a_change_is_identical() -> None:
+    result = runner.invoke(app, ["whatif", "recordings/whole.mcap", "--json"])
+    assert json.loads(result.stdout)["identical"] is True
+
+
+def test_whatif_keeps_ticks_that_check_verifies() -> None:
+    command = ["whatif", "recordings/whole.mcap", "--model", "lagrangian", "--output", "b.mcap"]
+    assert runner.invoke(app, command).exit_code == 0
+    assert runner.invoke(app, ["check", "b.mcap", "--verify"]).exit_code == 3
+    assert runner.invoke(app, command).exit_code == 1
+
+
+def test_a_wrong_setting_is_said() -> None:
+    result = runner.invoke(app, ["whatif", "recordings/whole.mcap", "--set", "physics.k_h=-1"])
+    assert (result.exit_code, "k_h: found -1" in result.stderr) == (2, True)
