@@ -40,7 +40,8 @@ def add(
     role: Annotated[
         Literal["agent", "display", "logger", "console", "listener"],
         typer.Argument(
-            help="What the key is for; console: netboard status, and whatever else gives commands; listener: netboard lsl."
+            help="What the key is for; console: netboard status, and whatever else gives commands; "
+            "listener: netboard lsl."
         ),
     ],
     side: Annotated[Side | None, typer.Argument(help="Of an agent or display: whose.")] = None,

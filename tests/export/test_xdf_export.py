@@ -1,4 +1,4 @@
-"""XDF files as pyxdf reads them: values to the bit, stamps, what the streams are, and what is left of a damaged file."""
+"""XDF files as pyxdf reads them: values to the bit, stamps, what the streams are, what is left of a damaged file."""
 
 import json
 import tracemalloc

@@ -11,6 +11,7 @@ import uuid
 from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
@@ -165,7 +166,7 @@ def write(recordings: Sequence[Path], folder: Path, progress: Callable[[str, int
     """
     for path in recordings:
         with Recording(path) as recording, (folder / f"{path.stem}.xdf").open("xb") as file:
-            _write_one(recording, file, lambda done, total, name=path.name: progress(name, done, total))
+            _write_one(recording, file, partial(progress, path.name))
 
 
 def _write_one(recording: Recording, file: BinaryIO, progress: Callable[[int, int], None]) -> None:
@@ -228,7 +229,7 @@ def _put(to: Element, **values: str) -> None:
 
 def _xml(element: Element) -> bytes:
     indent(element)
-    return b'<?xml version="1.0"?>\n' + tostring(element, encoding="utf-8")
+    return b'<?xml version="1.0"?>\n' + tostring(element, encoding="unicode").encode()
 
 
 def _length(count: int) -> bytes:

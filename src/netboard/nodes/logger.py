@@ -16,7 +16,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from netboard.clock import now_ns
-from netboard.config import Config, Recording, parse
+from netboard.config import Recording, parse
 from netboard.errors import NetboardError, WireError
 from netboard.nodes.log_link import BURST, HELLO_NS, SILENT_NS, WAIT_SECONDS, Link
 from netboard.process import NAME, Seldom

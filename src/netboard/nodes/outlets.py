@@ -175,7 +175,7 @@ class Outlets:
             self._outlets[TICKS.name].push_chunk(samples(ticks), stamps)
             self.ticks += len(ticks)
         for event in events:
-            stamp = float(seconds(np.int64(event.time_ns + shift_ns)))
+            (stamp,) = seconds(np.array([event.time_ns + shift_ns])).tolist()
             self._outlets[MARKERS.name].push_sample([event.name], stamp)
             self._outlets[EVENTS.name].push_sample([event_text(event)], stamp)
             self.events += 1
