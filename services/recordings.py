@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from netboard.config import Side
+from netboard.export.formats import FORMATS
 from netboard.services.wording import Screenshot, examples
 
 RecordingFile = Annotated[Path, typer.Argument(metavar="RECORDING", help="The recording, an .mcap file.")]
@@ -48,6 +49,17 @@ def recover(
     raise typer.Exit(service.main(recording, output))
 
 
+def export(
+    recordings: Annotated[list[Path], typer.Argument(metavar="RECORDING...", help="Recordings, or folders of them.")],
+    to: Annotated[str, typer.Option(metavar="FORMAT", help=f"One of {', '.join(FORMATS)}.")],
+    output: Annotated[Path | None, typer.Option("--output", "-o", metavar="FOLDER", help="The new folder.")] = None,
+) -> None:
+    """Write recordings in a format of other tools."""
+    from netboard.services import export as service
+
+    raise typer.Exit(service.main(recordings, to, output))
+
+
 def add_to(app: typer.Typer) -> None:
     """Make these commands known.
 
@@ -59,3 +71,6 @@ def add_to(app: typer.Typer) -> None:
     app.command(epilog=examples("netboard replay S01.mcap", "netboard replay S01.mcap --verify"))(replay)
     app.command(epilog=examples("netboard info recordings/S01.mcap"))(info)
     app.command(epilog=examples("netboard recover recordings/S01.mcap.part"))(recover)
+    app.command(
+        epilog=examples("netboard export S01.mcap --to csv", "netboard export recordings/ --to parquet -o study")
+    )(export)
