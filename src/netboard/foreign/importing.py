@@ -126,16 +126,16 @@ def import_table(
         beside = configuration_beside(path)
         if beside is not None:
             config = parse(beside.read_text(encoding="utf-8"), str(beside))
-        notes = () if beside else (f"no configurations/{path.stem}.toml beside its folder: it is given --config's",)
-        return _keep(read_ticks(path), folder, config, {"imported": "ticks", **said}, utc_ns, progress, notes)
+        warned = () if beside else (f"no configurations/{path.stem}.toml beside its folder: it is given --config's",)
+        return _keep(read_ticks(path), folder, config, {"imported": "ticks", **said}, utc_ns, progress, warned)
     samples = read_samples(path, wishes.names, wishes.units)
     if not wishes.simulate and not set(TASK) & samples.columns.keys():
         raise ConfigError(
             f"{path}: has hands only, and nothing of a task ({', '.join(TASK)}): --simulate computes the board, the "
             "ball and the trials from them"
         )
-    ticks, columns, notes = _at_ticks(samples, wishes)
     try:
+        ticks, columns, notes = _at_ticks(samples, wishes)
         rows = simulated(ticks, columns, config) if wishes.simulate else measured(ticks, columns)
     except ConfigError as error:
         raise ConfigError(f"{path}: {error}") from None

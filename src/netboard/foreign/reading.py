@@ -40,7 +40,7 @@ class Portion:
     source: str
     what: str
     places: Sequence[int]
-    cells: dict[str, Sequence[Any]]
+    cells: dict[str, Any]
 
     def numbers(self, name: str, kind: type[np.generic] = np.float64) -> NDArray[Any]:
         """Return a column of numbers.
@@ -189,9 +189,7 @@ class TableFile:
                         raise ConfigError(
                             f"{self.path}: line {line}: found {len(row)} columns, expected {len(self.names)}"
                         )
-                cells: dict[str, Sequence[Any]] = {
-                    name: [row[place] for _, row in some] for name, place in zip(names, places, strict=True)
-                }
+                cells = {name: [row[place] for _, row in some] for name, place in zip(names, places, strict=True)}
                 yield Portion(str(self.path), "line", [line for line, _ in some], cells)
 
     def _open_parquet(self) -> Any:
@@ -214,7 +212,7 @@ class TableFile:
                 done += batch.num_rows
 
 
-def _cells(column: Any) -> Sequence[Any]:
+def _cells(column: Any) -> Any:
     """Return a column of Parquet: as an array if it is all numbers, bits untouched."""
     values = column.to_numpy(zero_copy_only=False)
     return values if values.dtype.kind in "if" and not column.null_count else list(column.to_pylist())

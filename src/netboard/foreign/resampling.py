@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicHermiteSpline, CubicSpline, PchipInterpolator
+from scipy.interpolate import Akima1DInterpolator, CubicHermiteSpline, CubicSpline
 
 from netboard.errors import ConfigError
 from netboard.foreign.columns import RATES
@@ -136,5 +136,5 @@ def _along(
     elif name in HANDS:
         curve = CubicSpline(t, values)
     else:  # what jumps may not swing
-        curve = PchipInterpolator(t, values)
+        curve = Akima1DInterpolator(t, values, method="makima")
     return curve(x), curve.derivative()(x)
