@@ -252,6 +252,7 @@ def test_an_import_is_not_written_over(tmp_path: Path) -> None:
 
 def test_the_command_says_what_it_did(tmp_path: Path) -> None:
     columns = task_table(200)
+    del columns["target"]
     columns["mood"] = [1] * 800
     table = write_csv(tmp_path / "task.csv", columns)
     words = ["import", str(table), "-o", str(tmp_path / "made"), "--set", "session.dyad=D77"]
@@ -264,6 +265,7 @@ def test_the_command_says_what_it_did(tmp_path: Path) -> None:
     assert "left_force" in said
     result = CliRunner().invoke(app, ["info", str(path)])
     assert result.exit_code == 0, result.output
+    assert "unknown" in result.output  # the target
     with Recording(path) as found:
         assert found.config_text == resolve(replace(Config(), session=replace(Config().session, dyad="D77")))
         assert set(TICK.names) == set(found.ticks().dtype.names)
