@@ -173,7 +173,7 @@ def _write_one(recording: Recording, file: BinaryIO, progress: Callable[[int, in
     """Write a recording: ticks and events as they came, between them what a recorder adds."""
     writer = _Writer(file, recording)
     events = recording.events()
-    total, done, told = recording.counts["/tick"], 0, 0
+    total, done, told = recording.counts["/ticks"], 0, 0
     for place, ticks in enumerate(recording.batches(PORTION)):
         if place == 0:
             writer.clock_offset(float(seconds(ticks["time_ns"][0])))

@@ -36,16 +36,16 @@ def judged(recording: Recording) -> tuple[Verdict, ...]:
     """
     config = parse(recording.config_text, f"{recording.path} (its configuration)")
     referee = Referee(config, Safeguard.CLAMPED)
-    rows = recording.ticks()
     frames = sorted(recording.frames(), key=attrgetter("tick"))
     verdicts: list[Verdict] = []
     told = 0
-    for first in range(0, rows.size, _PORTION):
-        count = min(_PORTION, rows.size - first)
-        verdicts += referee.watch(rows, first, count)
-        newest = rows["tick"][first + count - 1]
-        while told < len(frames) and frames[told].tick <= newest:
-            frame = frames[told]
-            referee.paint(frame.station, frame.tick, frame.painted_ns)
-            told += 1
+    for rows in recording.batches():
+        for first in range(0, rows.size, _PORTION):
+            count = min(_PORTION, rows.size - first)
+            verdicts += referee.watch(rows, first, count)
+            newest = rows["tick"][first + count - 1]
+            while told < len(frames) and frames[told].tick <= newest:
+                frame = frames[told]
+                referee.paint(frame.station, frame.tick, frame.painted_ns)
+                told += 1
     return tuple(verdicts)

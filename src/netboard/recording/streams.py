@@ -49,7 +49,7 @@ COLUMNS = (
 _TYPES = {"m": "Position", "m/s": "Velocity", "rad": "Angle", "rad/s": "AngularVelocity", "N": "Force", "1": "Misc"}
 """What a channel is, by its unit."""
 
-_TICK_FIELDS = {field.name: field for field in CHANNELS[0].fields}
+_TICK_FIELDS = {field.name: field for field in CHANNELS[0].columns}
 
 
 @dataclass(frozen=True, slots=True)

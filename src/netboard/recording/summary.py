@@ -4,7 +4,7 @@ A percentile of nothing is not a number. The outcome of an attempt is read from 
 ended the phase found in row k.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.experiment.machine import BALL_FREE, Cause, Phase
-from netboard.tick import LATE_NS, TICK_SECONDS
+from netboard.tick import LATE_NS, TICK, TICK_SECONDS
 from netboard.wire.messages import ClockRecord, EventRecord, FrameRecord, Safeguard
 
 
@@ -122,6 +122,9 @@ _OUTCOMES = {Cause.HELD: "success", Cause.FELL: "fell", Cause.TIMED_OUT: "timed_
 
 _CAUSES = frozenset(int(cause) for cause in Cause)
 
+_ROW_BYTES = np.dtype((np.void, TICK.itemsize))
+"""Rows are joined as plain bytes: numpy compares every field of structured types before it joins them."""
+
 
 def find_attempts(ticks: NDArray[Any]) -> tuple[Attempt, ...]:
     """All attempts of a recording, in order.
@@ -159,6 +162,29 @@ def find_attempts(ticks: NDArray[Any]) -> tuple[Attempt, ...]:
             )
         )
     return tuple(attempts)
+
+
+def attempts_along(portions: Iterable[NDArray[Any]]) -> tuple[Attempt, ...]:
+    """All attempts of a recording that does not have to be in memory.
+
+    Parameters
+    ----------
+    portions : iterable of ndarray of TICK, shape (n,)
+        The ticks, in order, in any portions.
+
+    Returns
+    -------
+    tuple of Attempt
+        As `find_attempts` would say of all the ticks.
+    """
+    kept: list[NDArray[Any]] = []
+    for rows in portions:
+        # An attempt, and the levelling before it, is known by its first row and its last.
+        keys = np.stack([rows[name] for name in ("phase", "trial", "attempt")])
+        turns = np.any(np.diff(keys) != 0, axis=0)
+        ends = np.concatenate([[True], turns]) | np.concatenate([turns, [True]])
+        kept.append(rows[ends].view(_ROW_BYTES))
+    return find_attempts(np.concatenate(kept).view(TICK)) if kept else ()
 
 
 def _outcome(cause: int) -> str:

@@ -149,7 +149,12 @@ class Verifier:
             return True
         i, name = _first_difference(recorded, computed)
         self.verdict = Verdict(
-            checked + i + 1, self.verdict.gaps, int(recorded["tick"][i]), name, recorded[name][i], computed[name][i]
+            checked + i + 1,
+            self.verdict.gaps,
+            int(recorded["tick"][i]),
+            name,
+            recorded[name][i].item(),
+            computed[name][i].item(),
         )
         return False
 

@@ -1,0 +1,48 @@
+"""CSV: UTF-8, commas, one line of names, a line feed at the end of each line; texts in quotes where they need them.
+
+A number is written with the fewest digits that read back as the same float64, so all bits come back; only the payload
+of a NaN, which is written ``nan``, does not.
+"""
+
+import csv
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from netboard.export.formats import Progress
+from netboard.export.layout import Sheet, write_sheets
+from netboard.export.tables import Rows, Table
+
+
+def write(recordings: Sequence[Path], folder: Path, progress: Progress) -> None:
+    """Write recordings as CSV files.
+
+    Parameters
+    ----------
+    recordings : sequence of Path
+        The recordings.
+    folder : Path
+        An empty folder.
+    progress : callable
+        Is told how far it is.
+
+    Raises
+    ------
+    RecordingError
+        If a recording cannot be read.
+    """
+    write_sheets(recordings, folder, progress, _open, ".csv")
+
+
+@contextmanager
+def _open(path: Path, table: Table) -> Iterator[Sheet]:
+    """Begin a file with the line of names."""
+    with path.open("x", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(field.name for field in table.fields)
+
+        def put(rows: Rows) -> None:
+            # As Python's own numbers: csv writes those with repr, which reads back to the bit.
+            writer.writerows(zip(*(column.tolist() for column in rows.values()), strict=True))
+
+        yield put

@@ -1,0 +1,91 @@
+"""The formats that recordings can be exported to, and the frame round each of them.
+
+A format is a module with one function, ``write(recordings, folder, progress)``: it fills an empty folder, and raises a
+`NetboardError` if it cannot. The frame sees to the rest: a result has its final name only when it is whole, nothing
+that exists is written over, and nothing is left of what went wrong.
+"""
+
+import os
+import shutil
+from collections.abc import Callable, Sequence
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from netboard.errors import ConfigError, RecordingError
+
+Progress = Callable[[str, int, int], None]
+"""Is told what is being done, how much of it is done, and how much there is [1]."""
+
+FORMATS: dict[str, str] = {
+    "parquet": "netboard.export.parquet",
+    "csv": "netboard.export.delimited",
+    "mat": "netboard.export.matlab",
+}
+"""Each format by its name: the module that has its ``write``."""
+
+
+def export(recordings: Sequence[Path], name: str, folder: Path, progress: Progress) -> None:
+    """Export recordings to a new folder.
+
+    Parameters
+    ----------
+    recordings : sequence of Path
+        The recordings.
+    name : str
+        Name of the format, one of `FORMATS`.
+    folder : Path
+        The new folder.
+    progress : callable
+        Is told how far it is.
+
+    Raises
+    ------
+    ConfigError
+        If there is no such format, or a library that it needs is not installed.
+    RecordingError
+        If the folder exists or cannot be written, or a recording cannot be read; nothing is left of it then.
+    """
+    if name not in FORMATS:
+        raise ConfigError(f"--to {name}: expected one of {', '.join(FORMATS)}")
+    write: Callable[[Sequence[Path], Path, Progress], None] = import_module(FORMATS[name]).write
+    _refuse_existing(folder)
+    part = folder.with_name(f".{folder.name}.{os.getpid()}.part")
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        part.mkdir()
+        try:
+            write(recordings, part, progress)
+            _refuse_existing(folder)
+            part.rename(folder)
+        finally:
+            shutil.rmtree(part, ignore_errors=True)
+    except OSError as error:
+        raise RecordingError(f"{folder}: cannot be written: {error.strerror or error}") from error
+
+
+def _refuse_existing(folder: Path) -> None:
+    if folder.exists():
+        raise RecordingError(f"{folder}: is there already; name another --output")
+
+
+def library(name: str, extra: str) -> Any:
+    """Load a library that only some formats need.
+
+    Parameters
+    ----------
+    name : str
+        Name of the module.
+    extra : str
+        The extra of netboard that installs it.
+
+    Raises
+    ------
+    ConfigError
+        If it is not installed.
+    """
+    try:
+        return import_module(name)
+    except ImportError:
+        package = name.partition(".")[0]
+        raise ConfigError(f"this needs {package}, which is not installed: pip install 'netboard[{extra}]'") from None

@@ -1,0 +1,61 @@
+"""Apache Parquet: typed columns, compressed; text columns as dictionaries. All values to the bit, NaN payloads too.
+
+Every column has its unit and its meaning in its own metadata.
+"""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from netboard.export.formats import Progress, library
+from netboard.export.layout import Sheet, write_sheets
+from netboard.export.tables import Rows, Table
+
+
+def write(recordings: Sequence[Path], folder: Path, progress: Progress) -> None:
+    """Write recordings as Parquet files.
+
+    Parameters
+    ----------
+    recordings : sequence of Path
+        The recordings.
+    folder : Path
+        An empty folder.
+    progress : callable
+        Is told how far it is.
+
+    Raises
+    ------
+    ConfigError
+        If pyarrow is not installed.
+    RecordingError
+        If a recording cannot be read.
+    """
+    arrow, parquet = library("pyarrow", "parquet"), library("pyarrow.parquet", "parquet")
+    write_sheets(recordings, folder, progress, partial(_open, arrow, parquet), ".parquet")
+
+
+@contextmanager
+def _open(arrow: Any, parquet: Any, path: Path, table: Table) -> Iterator[Sheet]:
+    """Begin a file; its columns are typed even if no row comes."""
+    schema = _schema(arrow, table)
+    texts = [field.name for field in table.fields if field.kind == "string"]
+    counts = {field.name: "DELTA_BINARY_PACKED" for field in table.fields if field.kind == "integer"}
+    packing = {"compression": "zstd", "use_dictionary": texts, "column_encoding": counts}
+    with parquet.ParquetWriter(path, schema, **packing) as writer:
+
+        def put(rows: Rows) -> None:
+            writer.write_table(arrow.table(dict(rows), schema))
+
+        yield put
+
+
+def _schema(arrow: Any, table: Table) -> Any:
+    kinds = {"integer": arrow.int64(), "number": arrow.float64(), "string": arrow.string()}
+    columns = [
+        arrow.field(field.name, kinds[field.kind], nullable=False, metadata={"unit": field.unit, "about": field.text})
+        for field in table.fields
+    ]
+    return arrow.schema(columns, {"about": table.about})
