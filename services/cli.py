@@ -244,6 +244,21 @@ def logger(
     raise typer.Exit(service.main(settings, once=once))
 
 
+@app.command(epilog=examples("netboard lsl -c rig.toml", "netboard lsl -c b.toml --name pair2"))
+def lsl(
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    name: Annotated[
+        str, typer.Option(help="First part of the streams' names; another one for each dyad in the same room.")
+    ] = "netboard",
+) -> None:
+    """Send board, hands, forces and events to the Lab Streaming Layer, for LabRecorder, while sessions run."""
+    settings = configuration.load(config, overrides or ())
+    from netboard.services import lsl as service
+
+    raise typer.Exit(service.main(settings, name))
+
+
 @app.command(
     epilog=examples(
         "netboard demo",

@@ -38,8 +38,11 @@ def init(config: ConfigFile = None, overrides: Overrides = None) -> None:
 )
 def add(
     role: Annotated[
-        Literal["agent", "display", "logger", "console"],
-        typer.Argument(help="What the key is for; console: netboard status, and whatever else gives commands."),
+        Literal["agent", "display", "logger", "console", "listener"],
+        typer.Argument(
+            help="What the key is for; console: netboard status, and whatever else gives commands; "
+            "listener: netboard lsl."
+        ),
     ],
     side: Annotated[Side | None, typer.Argument(help="Of an agent or display: whose.")] = None,
     config: ConfigFile = None,

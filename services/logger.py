@@ -2,7 +2,8 @@
 
 from netboard import sockets
 from netboard.config import Config
-from netboard.nodes.logger import Logger, SocketLink
+from netboard.nodes.log_link import SocketLink
+from netboard.nodes.logger import Logger
 from netboard.process import Stopping, make_way, speak
 
 
@@ -24,4 +25,4 @@ def main(config: Config, *, once: bool = False) -> int:
     speak("logger")
     make_way(config.realtime)
     with Stopping() as stopping, sockets.open_context() as context:
-        return Logger(config.recording, SocketLink(config, context), once=once).run(stopping)
+        return Logger(config.recording, SocketLink(config.network, "logger", context), once=once).run(stopping)

@@ -13,7 +13,7 @@ from netboard.config import Config, Network
 from netboard.errors import ConfigError
 from netboard.services.cli import app, refuse_open_network
 
-PEERS = ("agent.left", "agent.right", "display.left", "display.right", "logger", "console")
+PEERS = ("agent.left", "agent.right", "display.left", "display.right", "logger", "console", "listener")
 
 
 @pytest.fixture
@@ -62,7 +62,7 @@ def test_the_list_has_no_secret(ring: keys.Ring, folder: Path) -> None:
     ("channel", "opened_by"),
     [
         ("motion", {"agent.left", "agent.right"}),
-        ("log", {"logger"}),
+        ("log", {"logger", "listener"}),
         ("view.left", {"display.left", "agent.left"}),
         ("view.right", {"display.right", "agent.right"}),
         ("control", {"display.left", "display.right", "console"}),

@@ -25,14 +25,14 @@ from netboard.config import SIDES, Network
 from netboard.errors import ConfigError
 from netboard.settings import NO_EXTRAS, to_toml
 
-Role: TypeAlias = Literal["agent", "display", "logger", "console"]
+Role: TypeAlias = Literal["agent", "display", "logger", "console", "listener"]
 
 AT_A_STATION = ("agent", "display")
 """Roles that have a side."""
 
 OPENS: dict[str, tuple[str, ...]] = {
     "motion": ("agent.left", "agent.right"),
-    "log": ("logger",),
+    "log": ("logger", "listener"),
     "view.left": ("display.left", "agent.left"),
     "view.right": ("display.right", "agent.right"),
     "control": ("display.left", "display.right", "console"),
@@ -124,7 +124,7 @@ def reach(network: Network, peer: str) -> sockets.Addresses:
     network : Network
         Where the server is.
     peer : str
-        What it is: ``agent.left``, ``display.right``, ``logger``, ``console``.
+        What it is: ``agent.left``, ``display.right``, ``logger``, ``console``, ``listener``.
 
     Raises
     ------

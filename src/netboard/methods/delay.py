@@ -25,8 +25,9 @@ Matrix = NDArray[np.float64]
 At = Literal["server", "both"]
 Hold = Literal["zoh", "cv", "ca"]
 
-ROUNDING = 1e-10
-"""A factor that exceeds 1 by no more counts as 1: a body that nothing holds has a factor of 1 [1]."""
+ROUNDING = 1e-7
+"""A factor that exceeds 1 by no more counts as 1. A body that nothing holds has that factor twice, which rounding moves
+by the root of a number's last bit, 1.5e-8; and what grows by so little takes hours to be felt [1]."""
 
 QUICK, REACH = 0.005, 0.010
 """The server moves a sample on by its acceleration and its rate for at most so long, as `netboard.stage` does [s]."""

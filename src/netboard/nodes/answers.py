@@ -46,7 +46,7 @@ class SessionAnswers:
         state, config, delays = session.state[0], session.block.config, session.block.delays
         now = now_ns()
         agents = tuple(f"agent.{side}" for side in SIDES if session.motion.seats[side].hello is not None)
-        loggers = ("logger",) * session.log.loggers
+        loggers = ("logger",) * session.log.loggers + ("listener",) * len(session.log.listeners)
         said = session.watch.notice or session.ledger.trouble or session.log.notice or delays.notice
         return Status(
             session=session.session,

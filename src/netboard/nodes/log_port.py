@@ -3,7 +3,7 @@
 Rules: a record gets its number when it is made and keeps it; a logger that was away asks for what it misses and gets
 it, from the ring or from the spill, a file that takes what the ring must let go while no logger takes it. What neither
 holds is counted and said with its cause, never passed over. Nothing here waits: what a logger's queue does not take
-now, or a disk has not read yet, is sent later.
+now, or a disk has not read yet, is sent later. Listeners come by the same channel, and nothing here asks after them.
 """
 
 from collections.abc import Callable, Iterator
@@ -12,6 +12,7 @@ from math import nan
 from netboard import sockets
 from netboard.clock import now_ns
 from netboard.errors import WireError
+from netboard.nodes.listeners import Listeners
 from netboard.nodes.peer import Link, Peer, clock_records
 from netboard.nodes.refusals import Refusals
 from netboard.recording.disk import LOW_BYTES
@@ -92,6 +93,8 @@ class LogPort:
         Free space where a logger writes [1].
     news : list
         What has happened: name and details of an event.
+    listeners : Listeners
+        Who hears the records, and has no part in keeping them.
     """
 
     def __init__(
@@ -122,6 +125,7 @@ class LogPort:
         self._space_is_low = False
         self._ended = False
         self._refusals = Refusals(router, self.news)
+        self.listeners = Listeners(router, self.ring, self.news)
 
     @property
     def loggers(self) -> int:
@@ -143,8 +147,9 @@ class LogPort:
         return ""
 
     def links(self, now_ns: int) -> list[Link]:
-        """Tell how the loggers are connected."""
-        return [(*logger.peer.link(now_ns)[:-1], logger.lost) for logger in self._loggers.values()]
+        """Tell how the loggers are connected, and the listeners."""
+        loggers = [(*logger.peer.link(now_ns)[:-1], logger.lost) for logger in self._loggers.values()]
+        return loggers + self.listeners.links(now_ns)
 
     def recordings(self, now_ns: int) -> tuple[tuple[str, float, int, int], ...]:
         """Tell what each logger writes, as `Status.recordings` has it."""
@@ -175,9 +180,9 @@ class LogPort:
         return next(welcome for first, welcome in reversed(self._welcomes) if first <= record)
 
     def clock_records(self, seq: int) -> list[ClockRecord]:
-        """The newest raw probe of each logger with the estimate so far, numbered from `seq`."""
-        peers = [logger.peer for logger in self._loggers.values()]
-        return clock_records([("logger", peer.probe, peer.clock) for peer in peers], seq)
+        """The newest raw probe of each peer with the estimate so far, numbered from `seq`."""
+        peers = [*(logger.peer for logger in self._loggers.values()), *self.listeners.peers]
+        return clock_records([(peer.hello.role, peer.probe, peer.clock) for peer in peers], seq)
 
     def listen(self, now_ns: int) -> None:
         """Take the answer to a ping as soon as it comes; called at every tick, it costs nothing else."""
@@ -195,6 +200,8 @@ class LogPort:
             if logger.cursor is not None:
                 self._feed(name, logger, logger.cursor)
         self._let_go()
+        if self.listeners.pump(self._clock(), ended=self._ended):
+            self._listen_until_ns = self._clock() + LISTEN_NS
         self.trouble = self._find_trouble()
 
     def batch(self, cursor: int) -> LogBatch | None:
@@ -218,6 +225,7 @@ class LogPort:
         for name, logger in self._loggers.items():
             if not logger.told_end:
                 self._router.send(name, encode(Goodbye("the session is over")))
+        self.listeners.dismiss()
         self._router.close_after_goodbye()
         self._spill.close(self._rest() if self.backlog and self._recorded else None)
 
@@ -258,6 +266,8 @@ class LogPort:
         match message:
             case Hello():
                 self._greet(name, message, now_ns)
+            case _ if name in self.listeners:
+                self.listeners.hear(name, message, now_ns)
             case _ if logger is None:
                 raise WireError("say hello first")
             case LogRequest(first=first):
@@ -277,10 +287,15 @@ class LogPort:
 
     def _greet(self, name: bytes, hello: Hello, now_ns: int) -> None:
         admit(hello)
-        if hello.role != "logger":
+        if hello.role not in ("logger", "listener"):
             raise WireError(f"this is the log channel, not one for a {hello.role}")
         if reason := self._router.forbids(hello.role, hello.side):
             raise WireError(reason)
+        if name in (self.listeners if hello.role == "logger" else self._loggers):
+            raise WireError(f"it has come as another than a {hello.role}")
+        if hello.role == "listener":
+            self.listeners.greet(name, hello, self._welcome_of(self.ring.next), now_ns)
+            return
         logger = self._loggers.get(name)
         if logger is None and len(self._loggers) >= MOST_LOGGERS:
             raise WireError("too many loggers")

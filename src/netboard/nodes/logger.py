@@ -14,12 +14,11 @@ from collections.abc import Callable
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
-from typing import Protocol
 
-from netboard import keys, sockets
 from netboard.clock import now_ns
-from netboard.config import Config, Recording, parse
+from netboard.config import Recording, parse
 from netboard.errors import NetboardError, WireError
+from netboard.nodes.log_link import BURST, HELLO_NS, SILENT_NS, WAIT_SECONDS, Link
 from netboard.process import NAME, Seldom
 from netboard.recording.channels import Record, record_of
 from netboard.recording.disk import Space, require_space
@@ -45,58 +44,8 @@ from netboard.wire.messages import (
 
 log = logging.getLogger(__name__)
 
-HELLO_NS = 500_000_000
-"""Hello is said again after so long without an answer [ns]."""
-
-SILENT_NS = 1_000_000_000
-"""A server silent for so long may have been started anew: it is greeted again [ns]."""
-
 ASK_NS = 200_000_000
 """Missing records are asked for again after so long [ns]."""
-
-WAIT_SECONDS = 0.02
-BURST = 16
-
-
-class Link(Protocol):
-    """The logger's end of the log channel."""
-
-    def wait(self, seconds: float) -> bool:
-        """Wait until there is something to receive, at most so long [s]."""
-
-    def receive(self) -> bytes | None:
-        """Next frame, or None if there is none now."""
-
-    def send(self, frame: bytes) -> bool:
-        """Send without waiting; False if nobody is there."""
-
-
-class SocketLink:
-    """The log channel over a real socket.
-
-    Parameters
-    ----------
-    config : Config
-        Where the server is.
-    context : zmq.Context
-        Where the socket is made.
-    """
-
-    def __init__(self, config: Config, context: sockets.Context) -> None:
-        endpoint = keys.reach(config.network, "logger").reach(sockets.LOG)
-        self._socket = sockets.log_client(context, endpoint, f"logger@{NAME}")
-
-    def wait(self, seconds: float) -> bool:
-        """Wait until there is something to receive, at most so long [s]."""
-        return sockets.wait_readable(self._socket, seconds)
-
-    def receive(self) -> bytes | None:
-        """Next frame, or None if there is none now."""
-        return sockets.receive(self._socket)
-
-    def send(self, frame: bytes) -> bool:
-        """Send without waiting; False if nobody is there."""
-        return sockets.send_or_renew(self._socket, frame)
 
 
 def place(batch: LogBatch, expected: int | None) -> tuple[int, int] | None:

@@ -115,7 +115,7 @@ KINDS: dict[int, Kind] = {
 }
 """The numbers on the wire. Append only; 127 is the highest."""
 
-ROLES = ("agent", "display", "logger", "console")
+ROLES = ("agent", "display", "logger", "console", "listener")
 SIDES = ("left", "right")
 COMMANDS = (
     "start",  # the block

@@ -67,7 +67,7 @@ class Hello:
     Attributes
     ----------
     role : str
-        ``agent``, ``display``, ``logger`` or ``console``.
+        ``agent``, ``display``, ``logger``, ``console`` or ``listener``.
     side : str
         ``left`` or ``right`` for agents and displays, else empty.
     protocol : int
@@ -406,12 +406,13 @@ class Frames:
 
 @dataclass(frozen=True, slots=True)
 class LogRequest:
-    """A logger asks for records.
+    """A logger, or a listener, asks for records.
 
     Attributes
     ----------
     first : int
-        Number of the first record wanted; -1 for the first one that no logger has acknowledged [1].
+        Number of the first record wanted; -1 for the first one that no logger has acknowledged, and to a listener for
+        the next one to come [1].
     """
 
     first: int
@@ -426,7 +427,7 @@ class LogBatch:
     first : int
         Number of the first record; the rest count up from it [1].
     lost : int
-        Records before `first` that the logger asked for and the ring no longer held [1].
+        Records before `first` that were asked for and that the ring no longer held [1].
     records : tuple of bytes
         The encoded records.
     """

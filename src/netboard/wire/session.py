@@ -39,7 +39,7 @@ def admit(hello: Hello) -> str:
     Returns
     -------
     str
-        What the peer is: ``agent.left``, ``display.right``, ``logger``, ``console``.
+        What the peer is: ``agent.left``, ``display.right``, ``logger``, ``console``, ``listener``.
 
     Raises
     ------

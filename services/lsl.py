@@ -1,0 +1,37 @@
+"""The streams of the Lab Streaming Layer as a process."""
+
+import logging
+
+from netboard import sockets
+from netboard.config import Config
+from netboard.nodes.listener import Listener
+from netboard.nodes.log_link import SocketLink
+from netboard.nodes.outlets import Outlets
+from netboard.process import Stopping, make_way, speak
+
+log = logging.getLogger(__name__)
+
+
+def main(config: Config, name: str) -> int:
+    """Send what happens to the layer until told to stop.
+
+    Parameters
+    ----------
+    config : Config
+        Rig and experiment.
+    name : str
+        First part of the streams' names.
+
+    Returns
+    -------
+    int
+        Exit code.
+    """
+    speak("lsl")
+    make_way(config.realtime)
+    outlets = Outlets(name, config.network.port)
+    with Stopping() as stopping, sockets.open_context() as context:
+        listener = Listener(SocketLink(config.network, "listener", context), outlets, "Lab Streaming Layer")
+        listener.run(stopping)
+    log.info("%d ticks and %d events sent, %d records lost", outlets.ticks, outlets.events, listener.lost)
+    return 0

@@ -1,0 +1,55 @@
+"""What a recorder of the Lab Streaming Layer does, as a process: take all streams until a marker has come some times.
+
+Usage: lsl_inlet.py NAME FILE MARKER TIMES SECONDS; writes samples, stamps and the streams' own words to FILE.
+"""
+
+import sys
+import time
+
+import numpy as np
+import pylsl
+
+STREAMS = ("ticks", "markers", "events")
+AT_ONCE = 1000
+
+
+def main(name: str, file: str, last: str, times: int, seconds: float) -> int:
+    """Record."""
+    until = time.monotonic() + seconds
+    inlets = {}
+    for stream in STREAMS:
+        found = pylsl.resolve_byprop("name", f"{name}.{stream}", timeout=seconds)
+        if not found:
+            return 1
+        inlets[stream] = pylsl.StreamInlet(found[0], max_buflen=360, recover=True)
+    about = {f"{stream}_xml": np.array(inlet.info(10.0).as_xml()) for stream, inlet in inlets.items()}
+    for inlet in inlets.values():
+        inlet.open_stream(10.0)
+    sys.stdout.write("ready\n")
+    sys.stdout.flush()
+    values: dict[str, list] = {stream: [] for stream in STREAMS}
+    stamps: dict[str, list] = {stream: [] for stream in STREAMS}
+    ended = 0.0
+    while time.monotonic() < until and not (ended and time.monotonic() - ended > 1.0):
+        for stream, inlet in inlets.items():
+            samples, when = inlet.pull_chunk(0.0, AT_ONCE)
+            values[stream] += samples
+            stamps[stream] += when
+        if not ended and values["markers"].count([last]) == times:
+            ended = time.monotonic()
+        time.sleep(0.001)
+    np.savez(
+        file,
+        ticks=np.array(values["ticks"], np.float64),
+        ticks_stamps=np.array(stamps["ticks"]),
+        markers=np.array([sample[0] for sample in values["markers"]]),
+        markers_stamps=np.array(stamps["markers"]),
+        events=np.array([sample[0] for sample in values["events"]]),
+        events_stamps=np.array(stamps["events"]),
+        **about,
+    )
+    return 0 if ended else 2
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1], sys.argv[2], sys.argv[3], int(sys.argv[4]), float(sys.argv[5])))

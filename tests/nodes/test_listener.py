@@ -1,0 +1,257 @@
+"""Whoever listens to the log, at a real port in memory: what it hears, what it knows it has missed, what time it is."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from fake_router import FakeRouter
+from numpy.typing import NDArray
+
+from fakes import FakeClock
+from netboard.nodes.listener import WAITED_NS, Listener
+from netboard.nodes.log_port import GONE_NS, LogPort
+from netboard.recording.spill import Spill
+from netboard.tick import TICK
+from netboard.wire.codec import encode
+from netboard.wire.messages import (
+    PROTOCOL_VERSION,
+    EventRecord,
+    Goodbye,
+    LogBatch,
+    Refusal,
+    TickRecord,
+    Welcome,
+)
+
+NAME = b"listener@1"
+AHEAD_NS = 5_000_000_000
+
+
+class Server:
+    """A server's end of the log, with a session that makes records."""
+
+    def __init__(self, folder: Path, session: str, clock: FakeClock, capacity: int = 1000) -> None:
+        welcome = Welcome(session, PROTOCOL_VERSION, clock(), "")
+        self.router = FakeRouter()
+        self.clock = clock
+        self.port = LogPort(self.router, welcome, capacity, Spill(folder / session, welcome, 0), clock)  # type: ignore[arg-type]
+        self.ticks = self.events = 0
+
+    def tick(self, count: int) -> None:
+        for _ in range(count):
+            row = np.zeros(1, TICK)
+            row["tick"], row["time_ns"] = self.ticks, self.clock()
+            self.port.append(encode(TickRecord(row.tobytes())))
+            self.ticks += 1
+
+    def event(self, name: str) -> None:
+        self.port.append(encode(EventRecord(self.events, self.ticks, self.clock(), name, {"a": "b"})))
+        self.events += 1
+
+    def note_clocks(self) -> None:
+        for record in self.port.clock_records(0):
+            self.port.append(encode(record))
+
+
+class PortLink:
+    """The log channel to a server's port in memory; the clock moves on with each wait."""
+
+    def __init__(self, clock: FakeClock) -> None:
+        self.server: Server | None = None
+        self.clock = clock
+        self.deaf = False
+
+    def wait(self, seconds: float) -> bool:
+        self.clock.advance(seconds)
+        if self.server is not None:
+            self.server.port.pump(self.clock())
+        return True
+
+    def receive(self) -> bytes | None:
+        frames = [] if self.server is None or self.deaf else self.server.router.sent.get(NAME, [])
+        return frames.pop(0) if frames else None
+
+    def send(self, frame: bytes) -> bool:
+        if self.server is None or self.deaf:
+            return False
+        self.server.router.say(NAME, frame)
+        return True
+
+
+class Told:
+    """What a listener has told."""
+
+    def __init__(self) -> None:
+        self.sessions: list[str] = []
+        self.clocks: list[tuple[int, int]] = []
+        self.lost: list[tuple[int, int]] = []
+        self.ticks: list[int] = []
+        self.events: list[str] = []
+
+    def begin(self, welcome: Welcome) -> None:
+        self.sessions.append(welcome.session)
+
+    def tell_clock(self, offset_ns: int, bound_ns: int) -> None:
+        self.clocks.append((offset_ns, bound_ns))
+
+    def tell_lost(self, first: int, count: int) -> None:
+        self.lost.append((first, count))
+
+    def take(self, ticks: NDArray[Any], events: list[EventRecord]) -> None:
+        self.ticks += ticks["tick"].tolist()
+        self.events += [event.name for event in events]
+
+
+class Rig:
+    """A listener, on a clock that is ahead of the server's, and its link."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.clock = FakeClock()
+        self.link = PortLink(self.clock)
+        self.told = Told()
+        self.listener = Listener(self.link, self.told, "a test", lambda: self.clock() + AHEAD_NS)
+
+    def serve(self, session: str, capacity: int = 1000) -> Server:
+        self.link.server = Server(self.folder, session, self.clock, capacity)
+        return self.link.server
+
+    def step(self, count: int) -> None:
+        for _ in range(count):
+            self.listener.step()
+
+
+@pytest.fixture
+def rig(tmp_path: Path) -> Rig:
+    return Rig(tmp_path)
+
+
+def test_who_comes_to_a_session_that_goes_on_hears_it_from_then_on(rig: Rig) -> None:
+    server = rig.serve("one")
+    server.tick(10)
+    rig.step(3)
+    server.tick(5)
+    server.event("start")
+    server.tick(1)
+    rig.step(3)
+    assert (rig.told.ticks, rig.told.events) == ([10, 11, 12, 13, 14, 15], ["start"])
+    assert (rig.told.sessions, rig.told.lost) == (["one"], [])
+
+
+def test_who_has_waited_for_the_server_hears_everything(rig: Rig) -> None:
+    rig.step(int(WAITED_NS / 20e6) + 1)
+    server = rig.serve("one")
+    server.event("block_began")
+    server.tick(300)
+    rig.step(30)
+    assert (rig.told.ticks, rig.told.events) == (list(range(300)), ["block_began"])
+
+
+def test_another_session_is_heard_from_its_beginning(rig: Rig) -> None:
+    rig.serve("one").tick(10)
+    rig.step(3)
+    rig.link.server = None
+    rig.step(100)
+    rig.serve("two").tick(7)
+    rig.step(100)
+    assert rig.told.sessions == ["one", "two"]
+    assert rig.told.ticks == list(range(7))
+    assert rig.told.lost == []
+
+
+def test_a_link_that_was_gone_costs_nothing_the_ring_still_has(rig: Rig) -> None:
+    server = rig.serve("one")
+    rig.step(3)
+    server.tick(10)
+    rig.step(3)
+    rig.link.deaf = True
+    server.tick(20)
+    rig.step(int(2 * GONE_NS / 20e6))
+    assert len(server.port.listeners) == 0
+    server.router.sent.clear()
+    rig.link.deaf = False
+    server.tick(20)
+    rig.step(60)
+    assert rig.told.ticks == list(range(50))
+    assert rig.told.lost == []
+
+
+def test_what_is_missed_is_told(rig: Rig) -> None:
+    server = rig.serve("one", capacity=100)
+    rig.step(3)
+    server.tick(10)
+    rig.step(3)
+    server.tick(500)
+    rig.step(3)
+    assert rig.told.lost == [(10, 400)]
+    assert rig.listener.lost == 400
+    assert rig.told.ticks == [*range(10), *range(410, 510)]
+
+
+def test_what_comes_twice_is_heard_once(rig: Rig) -> None:
+    server = rig.serve("one")
+    rig.step(3)
+    server.tick(10)
+    rig.step(3)
+    server.router.send(NAME, encode(server.port.ring.batch(4, 100, 10**6)))
+    server.tick(2)
+    rig.step(3)
+    assert rig.told.ticks == list(range(12))
+    assert rig.told.lost == []
+
+
+def test_what_cannot_be_read_is_lost_and_not_more(rig: Rig) -> None:
+    server = rig.serve("one")
+    rig.step(3)
+    server.tick(1)
+    server.port.append(b"\xc1")
+    server.port.append(encode(TickRecord(b"too short")))
+    server.tick(1)
+    server.router.send(NAME, b"nonsense")
+    rig.step(3)
+    assert rig.told.ticks == [0, 1]
+    assert rig.told.lost == [(1, 1), (2, 1)]
+
+
+def test_the_server_tells_what_time_it_is_here(rig: Rig) -> None:
+    server = rig.serve("one")
+    rig.step(60)
+    server.note_clocks()
+    server.port.append(encode(server.port.clock_records(0)[0].__class__(0, "listener", 1, 2, 3, 4, 77, 1, 0.0)))
+    rig.step(3)
+    ((offset_ns, bound_ns),) = rig.told.clocks
+    assert abs(offset_ns - AHEAD_NS) <= bound_ns < 30_000_000
+
+
+def test_nothing_is_heard_before_a_welcome_and_a_goodbye_is_followed_by_a_hello(rig: Rig) -> None:
+    server = rig.serve("one")
+    server.router.send(NAME, encode(LogBatch(0, 0, (encode(TickRecord(np.zeros(1, TICK).tobytes())),))))
+    rig.step(1)
+    assert rig.told.ticks == []
+    rig.step(3)
+    server.router.send(NAME, encode(Goodbye("the session is over")))
+    rig.step(40)
+    assert len(server.port.listeners) == 1
+    assert rig.told.sessions == ["one"]
+
+
+def test_a_refusal_is_said_once_and_asked_again(rig: Rig, caplog: pytest.LogCaptureFixture) -> None:
+    server = rig.serve("one")
+    server.router.forbidden = "the key has been revoked"
+    rig.step(200)
+    assert [record.message for record in caplog.records if "refuses" in record.message] == [
+        "the server refuses: the key has been revoked"
+    ]
+    server.router.forbidden = ""
+    rig.step(60)
+    assert rig.told.sessions == ["one"]
+
+
+def test_it_says_goodbye(rig: Rig) -> None:
+    server = rig.serve("one")
+    rig.step(3)
+    rig.listener.run(lambda: True)
+    server.port.pump(rig.clock())
+    assert len(server.port.listeners) == 0
+    assert not [message for message in server.router.heard(NAME) if isinstance(message, Refusal)]

@@ -1,0 +1,273 @@
+"""Listeners of the log: they hear what is recorded, and whatever they do, the loggers never notice."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import pytest
+from fake_router import FakeRouter, hello
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from log_rig import L, M, Rig, end
+
+from netboard.nodes.listeners import GONE_NS, MOST_LISTENERS, MOST_RECORDS
+from netboard.wire.codec import encode
+from netboard.wire.messages import (
+    Goodbye,
+    LogAck,
+    LogBatch,
+    LogEnd,
+    LogRequest,
+    Message,
+    Ping,
+    Pong,
+    Refusal,
+    StatusRequest,
+    TickRecord,
+    Welcome,
+)
+
+E, F = b"listener@1", b"listener@2"
+
+
+class Stalling(FakeRouter):
+    """A router on which the queues of some peers are full."""
+
+    stalled: tuple[bytes, ...] = ()
+
+    def send(self, peer: bytes, frame: bytes) -> bool:
+        return peer not in self.stalled and super().send(peer, frame)
+
+
+@pytest.fixture
+def rig(tmp_path: Path) -> Iterator[Rig]:
+    rig = Rig(tmp_path)
+    yield rig
+    end(rig)
+
+
+def stalling(folder: Path, capacity: int = 1000) -> tuple[Rig, Stalling]:
+    """A rig on which peers can be stalled."""
+    rig = Rig(folder, capacity)
+    router = Stalling()
+    rig.router = rig.port._router = rig.port.listeners._router = rig.port._refusals._router = router  # type: ignore[assignment]
+    return rig, router
+
+
+def listen(rig: Rig, peer: bytes, first: int = -1) -> list[Message]:
+    """Let a listener come and ask."""
+    assert isinstance(rig.pump(peer, hello("listener", name=peer.decode()))[0], Welcome)
+    return rig.pump(peer, LogRequest(first))
+
+
+def test_a_listener_hears_what_is_recorded_from_now_on(rig: Rig) -> None:
+    rig.record(5)
+    assert listen(rig, E) == []
+    rig.record(3)
+    assert rig.numbers(rig.pump(E)) == [5, 6, 7]
+    assert rig.pump(E) == []
+
+
+def test_or_from_the_record_it_asks_for(rig: Rig) -> None:
+    rig.record(5)
+    assert rig.numbers(listen(rig, E, 2)) == [2, 3, 4]
+    assert rig.numbers(rig.pump(E, LogRequest(0))) == [0, 1, 2, 3, 4]
+    assert rig.pump(E, LogRequest(99)) == []
+
+
+def test_a_listener_is_no_logger(rig: Rig) -> None:
+    listen(rig, E)
+    rig.record(900)
+    rig.pump(E)
+    assert (rig.port.loggers, rig.port.backlog, len(rig.port.listeners)) == (0, 900, 1)
+    assert not rig.port.done
+    assert rig.port.trouble == "the logger is too far behind"
+    assert rig.port.recordings(rig.clock()) == ()
+    assert rig.spill.next == 0
+    rig.pump(E, Goodbye("done"))
+    assert rig.port.trouble == "the logger is too far behind"
+    assert rig.names() == ["listener_joined", "listener_left"]
+
+
+def test_what_a_listener_says_counts_for_nothing(rig: Rig) -> None:
+    rig.record(5)
+    listen(rig, E)
+    assert rig.pump(E, LogAck(5, 1, "a.mcap", 0)) == [Refusal("a listener does not send LogAck")]
+    assert rig.pump(E, StatusRequest()) == [Refusal("a listener does not send StatusRequest")]
+    assert (rig.port.backlog, rig.port.free_bytes, rig.port.notice) == (5, 0, "")
+
+
+def test_nobody_is_both(rig: Rig) -> None:
+    listen(rig, E)
+    assert rig.pump(E, hello("logger")) == [Refusal("it has come as another than a logger")]
+    rig.join(L)
+    assert rig.pump(L, hello("listener")) == [Refusal("it has come as another than a listener")]
+    assert (rig.port.loggers, len(rig.port.listeners)) == (1, 1)
+
+
+def test_who_may_not_listen_is_refused(rig: Rig) -> None:
+    assert isinstance(rig.pump(E, hello("listener", "left"))[0], Refusal)
+    rig.router.forbidden = "this key is that of a logger"
+    assert rig.pump(E, hello("listener")) == [Refusal("this key is that of a logger")]
+    rig.router.forbidden = ""
+    for k in range(MOST_LISTENERS):
+        listen(rig, b"listener@%d" % k)
+    assert rig.pump(b"listener@x", hello("listener")) == [Refusal("too many listeners")]
+    rig.join(L)
+    assert rig.port.loggers == 1
+
+
+def test_what_a_listener_does_not_take_in_time_is_lost_to_it_and_counted(tmp_path: Path) -> None:
+    rig, router = stalling(tmp_path, capacity=300)
+    listen(rig, E)
+    router.stalled = (E,)
+    rig.record(1000, pump_each=10)
+    router.stalled = ()
+    heard = [*rig.pump(E), *rig.pump(E), *rig.pump(E)]
+    assert [type(message) for message in heard] == [LogBatch] * 3
+    assert rig.numbers(heard) == list(range(700, 1000))
+    assert [message.lost for message in heard if isinstance(message, LogBatch)] == [700, 0, 0]
+    assert [link[-1] for link in rig.port.links(rig.clock())] == [700]
+    assert "log_lost" not in rig.names()
+    end(rig)
+
+
+def test_a_listener_that_is_behind_gets_one_batch_at_a_time(rig: Rig) -> None:
+    rig.record(900)
+    assert len(rig.numbers(listen(rig, E, 0))) == MOST_RECORDS
+    assert len(rig.numbers(rig.pump(E))) == MOST_RECORDS
+
+
+def test_a_listener_gets_nothing_from_the_spill(rig: Rig) -> None:
+    rig.fill_spill(5000)
+    heard = listen(rig, E, 0)
+    assert isinstance(heard[0], LogBatch)
+    assert (heard[0].first, heard[0].lost) == (4000, 4000)
+    assert rig.catch_up(M, rig.join(M), 4999) == list(range(5000))
+
+
+def test_a_silent_listener_is_gone_and_one_that_says_hello_again_goes_on(rig: Rig) -> None:
+    listen(rig, E)
+    rig.record(3)
+    assert isinstance(rig.pump(E, hello("listener", name=E.decode()))[0], Welcome)
+    rig.record(2)
+    rig.pump(E, LogRequest(3))
+    rig.clock.advance(GONE_NS * 1e-9 + 1e-3)
+    rig.pump(E)
+    assert len(rig.port.listeners) == 0
+    assert rig.pump(E, LogRequest(0)) == [Refusal("say hello first")]
+    assert rig.names()[:2] == ["listener_joined", "listener_left"]
+
+
+def test_the_end_waits_for_no_listener(tmp_path: Path) -> None:
+    rig, router = stalling(tmp_path)
+    rig.join(L)
+    listen(rig, E)
+    listen(rig, F)
+    router.stalled = (F,)
+    rig.record(3)
+    rig.port.end()
+    assert rig.numbers(rig.pump(E)) == [0, 1, 2]
+    assert rig.pump(E) == [LogEnd(2)]
+    assert rig.pump(E) == []
+    rig.pump(L, LogAck(3, 10**12, "a.mcap", 0))
+    assert rig.port.done
+    end(rig)
+    assert router.heard(E) == [Goodbye("the session is over")]
+    assert rig.port.shortfall == ""
+
+
+def test_the_clock_of_a_listener_is_probed(rig: Rig) -> None:
+    listen(rig, E)
+    for _ in range(5):
+        rig.clock.advance(0.2)
+        rig.port.pump(rig.clock())
+        (ping,) = [message for message in rig.router.heard(E) if isinstance(message, Ping)]
+        rig.clock.advance(0.001)
+        rig.router.say(E, Pong(ping.sent_ns, ping.sent_ns + 7_000_400_000, ping.sent_ns + 7_000_500_000))
+        rig.port.listen(rig.clock())
+    (probe,) = rig.port.clock_records(3)
+    assert (probe.seq, probe.peer) == (3, "listener")
+    assert abs(probe.offset_ns - 7_000_000_000) <= probe.bound_ns < 1_000_000
+
+
+# --- whatever listeners do ---------------------------------------------------------------------------------------
+
+WORDS: list[Message | bytes] = [
+    hello("listener"),
+    hello("logger"),
+    LogRequest(-1),
+    LogRequest(0),
+    LogRequest(10**9),
+    LogAck(0, 0, "evil.mcap", 0),
+    LogAck(50, 0, "evil.mcap", 0),
+    Pong(0, 5, 3),
+    Pong(10**9, 10**9, 10**9),
+    Goodbye("gone"),
+    StatusRequest(),
+    b"\xc1nonsense",
+    b"",
+]
+"""What a listener may say, rightly or not; but that it is a logger, it cannot where keys are asked for."""
+
+DEEDS = st.lists(
+    st.tuples(
+        st.integers(0, 40),  # records made
+        st.lists(st.tuples(st.sampled_from((E, F)), st.sampled_from(WORDS)), max_size=6),
+        st.sampled_from(((), (E,), (F,), (E, F))),  # who is stalled
+        st.sampled_from(("", "ask", "ack", "goodbye", "hello")),  # what the logger says
+        st.sampled_from((0.01, 0.2, 1.0)),  # time that passes [s]
+    ),
+    max_size=30,
+)
+
+
+class Keyed(Stalling):
+    """A router that knows whose key is whose."""
+
+    def receive(self) -> tuple[bytes, bytes] | None:
+        received = super().receive()
+        self.key = received[0].partition(b"@")[0].decode() if received else ""
+        return received
+
+    def forbids(self, role: str, side: str) -> str:
+        return "" if role == self.key else "not with this key"
+
+
+def history(folder: Path, deeds: list, *, listened: bool) -> list[object]:
+    """All that a logger hears and an operator is told, step by step, with listeners or without."""
+    rig = Rig(folder, capacity=200, spill_bytes=0)  # the spill has a thread with a time of its own
+    router = Keyed()
+    rig.router = rig.port._router = rig.port.listeners._router = rig.port._refusals._router = router  # type: ignore[assignment]
+    told: list[object] = []
+    for made, said, stalled, logger, seconds in deeds:
+        for _ in range(made):
+            rig.port.append(encode(TickRecord(str(rig.port.ring.next).encode())))
+        router.stalled = stalled if listened else ()
+        for peer, word in said if listened else ():
+            router.say(peer, word)
+        match logger:
+            case "hello":
+                router.say(L, hello("logger"))
+            case "ask":
+                router.say(L, LogRequest(-1))
+            case "ack":
+                router.say(L, LogAck(rig.port.ring.next // 2, 10**12, "good.mcap", 1))
+            case "goodbye":
+                router.say(L, Goodbye("done"))
+        rig.clock.advance(seconds)
+        rig.port.pump(rig.clock())
+        port = rig.port
+        told += [router.heard(L), port.backlog, port.loggers, port.trouble, port.notice, port.free_bytes, port.done]
+        told += [port.ring.acknowledged, port.recordings(rig.clock()), rig.spill.next > 0]
+    told.append([one for one in rig.port.news if "listener" not in str(one)])
+    end(rig)
+    told.append(rig.port.shortfall.replace(str(folder), ""))
+    return told
+
+
+@settings(max_examples=60, deadline=None)
+@given(deeds=DEEDS)
+def test_whatever_listeners_do_the_loggers_hear_the_same_at_the_same_time(deeds: list) -> None:
+    with TemporaryDirectory() as one, TemporaryDirectory() as other:
+        assert history(Path(one), deeds, listened=True) == history(Path(other), deeds, listened=False)

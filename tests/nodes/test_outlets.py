@@ -1,0 +1,182 @@
+"""The streams of the Lab Streaming Layer: what is sent when, with whose time; the layer itself is one in memory."""
+
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from netboard.errors import ConfigError
+from netboard.nodes import outlets
+from netboard.nodes.outlets import MOST_WAITING, Outlets, compare
+from netboard.recording.streams import COLUMNS, STREAMS, samples, seconds
+from netboard.tick import TICK
+from netboard.wire.messages import PROTOCOL_VERSION, EventRecord, Welcome
+
+MS = 1_000_000
+WELCOME = Welcome("3f2a", PROTOCOL_VERSION, 0, "[session]\n")
+
+
+class Layer:
+    """The layer in memory: what has been pushed to each stream."""
+
+    cf_double64, cf_string = 2, 3
+
+    def __init__(self) -> None:
+        self.pushed: dict[str, list[tuple[Any, float]]] = {}
+        self.infos: dict[str, Layer.Info] = {}
+
+    def local_clock(self) -> float:
+        return outlets.now_ns() / 1e9
+
+    class Info:
+        def __init__(self, name: str, kind: str, count: int, rate: float, form: int, source: str) -> None:
+            self.name, self.count, self.source = name, count, source
+            self.said: dict[str, Any] = {}
+
+        def desc(self) -> "Layer.Info":
+            return self
+
+        def append_child(self, name: str) -> "Layer.Info":
+            child = Layer.Info(name, "", 0, 0.0, 0, "")
+            self.said.setdefault(name, []).append(child.said)
+            return child
+
+        def append_child_value(self, name: str, value: str) -> None:
+            self.said[name] = value
+
+    StreamInfo = Info
+
+    class Outlet:
+        def __init__(self, pushed: list[tuple[Any, float]]) -> None:
+            self.pushed = pushed
+
+        def push_chunk(self, values: Any, stamps: list[float]) -> None:
+            self.pushed.extend(zip(values, stamps, strict=True))
+
+        def push_sample(self, values: Any, stamp: float = 0.0) -> None:
+            self.pushed.append((values[0], stamp))
+
+    def StreamOutlet(self, info: "Layer.Info") -> "Layer.Outlet":
+        self.infos[info.name] = info
+        return self.Outlet(self.pushed.setdefault(info.name, []))
+
+    def events(self) -> list[dict[str, Any]]:
+        return [json.loads(text) for text, _ in self.pushed["netboard.events"]]
+
+
+@pytest.fixture
+def layer(monkeypatch: pytest.MonkeyPatch) -> Layer:
+    layer = Layer()
+    monkeypatch.setattr(outlets, "library", lambda: layer)
+    return layer
+
+
+def rows(first: int, count: int) -> NDArray[Any]:
+    """Ticks of random bits."""
+    found = np.frombuffer(bytearray(np.random.default_rng(first).bytes(count * TICK.itemsize)), TICK)
+    found["tick"] = np.arange(first, first + count)
+    found["time_ns"] = 10**15 + found["tick"] * MS
+    return found
+
+
+def event(seq: int) -> EventRecord:
+    return EventRecord(seq, 3, 10**15 + seq * MS, f"event_{seq}", {"trial": str(seq)})
+
+
+def test_on_one_clock_every_sample_has_exactly_the_time_of_its_tick(layer: Layer) -> None:
+    sent = Outlets("netboard", 5550)
+    sent.begin(WELCOME)
+    sent.tell_clock(-900, 1000)
+    ticks = rows(0, 50)
+    sent.take(ticks, [event(0), event(1)])
+    values = np.array([value for value, _ in layer.pushed["netboard.ticks"]])
+    assert np.array_equal(values.view(np.int64), samples(ticks).view(np.int64))
+    assert [stamp for _, stamp in layer.pushed["netboard.ticks"]] == seconds(ticks["time_ns"]).tolist()
+    assert layer.pushed["netboard.markers"] == [("event_0", 1e6), ("event_1", 1e6 + 0.001)]
+    assert [told["name"] for told in layer.events()] == ["lsl_session", "lsl_clock", "event_0", "event_1"]
+    assert layer.events()[1]["details"] == {"offset_ns": "0", "bound_ns": "1000", "one_clock": "true"}
+    assert layer.events()[3] == {"seq": 1, "tick": 3, "name": "event_1", "details": {"trial": "1"}}
+    assert (sent.ticks, sent.events) == (50, 2)
+
+
+def test_samples_wait_until_the_clock_is_known_and_are_then_all_sent(layer: Layer) -> None:
+    sent = Outlets("netboard", 5550)
+    sent.begin(WELCOME)
+    sent.take(rows(0, 10), [event(0)])
+    sent.take(rows(10, 10), [])
+    assert layer.pushed["netboard.ticks"] == layer.pushed["netboard.markers"] == []
+    sent.tell_clock(7_000_000_000, 50_000)
+    assert [value[0] for value, _ in layer.pushed["netboard.ticks"]] == list(range(20))
+    assert layer.pushed["netboard.ticks"][0][1] == 1e6 + 7
+    assert layer.pushed["netboard.markers"] == [("event_0", 1e6 + 7)]
+
+
+def test_a_clock_elsewhere_is_followed_and_every_estimate_is_told(layer: Layer) -> None:
+    sent = Outlets("netboard", 5550)
+    sent.begin(WELCOME)
+    for k in range(3):
+        sent.tell_clock(7_000_000_000 + k, 50_000)
+        sent.take(rows(k, 1), [])
+    stamps = [stamp for _, stamp in layer.pushed["netboard.ticks"]]
+    assert stamps == seconds(10**15 + np.arange(3) * MS + 7_000_000_000 + np.arange(3)).tolist()
+    told = [told["details"] for told in layer.events() if told["name"] == "lsl_clock"]
+    assert [details["offset_ns"] for details in told] == ["7000000000", "7000000001", "7000000002"]
+    assert {details["one_clock"] for details in told} == {"false"}
+
+
+def test_another_session_has_a_clock_of_its_own(layer: Layer) -> None:
+    sent = Outlets("netboard", 5550)
+    sent.begin(WELCOME)
+    sent.tell_clock(0, 1000)
+    sent.tell_clock(5, 900)
+    sent.begin(WELCOME)
+    sent.take(rows(0, 1), [])
+    assert layer.pushed["netboard.ticks"] == []
+    sent.tell_clock(10**12, 1000)
+    assert layer.pushed["netboard.ticks"][0][1] == 1e6 + 1e3
+    assert [told["name"] for told in layer.events()] == ["lsl_session", "lsl_clock"] * 2
+
+
+def test_what_is_lost_and_what_waited_too_long_is_told_in_the_stream(layer: Layer) -> None:
+    sent = Outlets("netboard", 5550)
+    sent.begin(WELCOME)
+    sent.tell_lost(10, 3)
+    for k in range(0, MOST_WAITING + 1000, 1000):
+        sent.take(rows(k, 1000), [])
+    sent.tell_clock(0, 1000)
+    told = {told["name"]: told["details"] for told in layer.events()}
+    assert told["lsl_lost"] == {"first": "10", "count": "3"}
+    assert told["lsl_unsent"] == {"ticks": str(MOST_WAITING + 1000)}
+    assert layer.pushed["netboard.ticks"] == []
+
+
+def test_every_channel_is_described(layer: Layer) -> None:
+    Outlets("pair2", 5560)
+    assert set(layer.infos) == {"pair2.ticks", "pair2.markers", "pair2.events"}
+    for stream in STREAMS:
+        info = layer.infos[f"pair2.{stream.name}"]
+        assert info.source.endswith(":5560")
+        assert len(info.said["channels"][0]["channel"]) == len(stream.channels) == info.count
+        assert info.said["clock"][0]["layer_minus_machine_ns"] == "0"
+    channels = layer.infos["pair2.ticks"].said["channels"][0]["channel"]
+    assert [channel["label"] for channel in channels] == list(COLUMNS)
+    force = channels[COLUMNS.index("left_force")]
+    assert (force["unit"], force["type"]) == ("N", "Force")
+
+
+def test_clocks_are_compared_by_the_closest_look() -> None:
+    times = iter([0, 1000, 2000, 2100, 3000, 5000] + [10_000 * k for k in range(600)])
+    assert compare(lambda: 4e-6, lambda: next(times)) == (1950, 51)
+    same = iter(range(0, 10**6, 50))
+    assert compare(lambda: next(same) / 1e9, lambda: next(same)) == (0, 51)
+
+
+def test_without_the_library_it_is_said_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    def missing(name: str) -> Any:
+        raise RuntimeError("LSL binary library file was not found.\n")
+
+    monkeypatch.setattr(outlets, "import_module", missing)
+    with pytest.raises(ConfigError, match=r'pip install "netboard\[lsl\]" \(LSL binary'):
+        Outlets("netboard", 5550)
