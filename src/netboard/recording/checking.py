@@ -323,7 +323,9 @@ def check_configuration(recording: Recording, config: Config, events: Sequence[E
     said, session = recording.metadata, config.session
     told = [event.details["config"] for event in events if event.name == BLOCK_BEGAN and "config" in event.details]
     expected = {"dyad": session.dyad, "name": session.name, "study": session.study, "block": str(config.block.number)}
-    wrong = [f"{key} {said[key]!r}, expected {value!r}" for key, value in expected.items() if said.get(key) != value]
+    wrong = [
+        f"{key} {said[key]!r}, expected {value!r}" for key, value in expected.items() if said.get(key, value) != value
+    ]
     # What was written by an older version is read in the words of this one.
     if told and told[-1] != recording.config_text and said.get("format") == FORMAT_VERSION:
         wrong.append("the server began the block with another configuration")
