@@ -9,9 +9,9 @@ from netboard import sockets
 from netboard.config import Config
 from netboard.errors import NetboardError
 from netboard.nodes import alarm
-from netboard.nodes.keyboard import Keyboard
 from netboard.nodes.operator import ANSWER_SECONDS, Operator
 from netboard.process import Stopping
+from netboard.services.keyboard import Keyboard
 from netboard.services.status import asked, plain
 from netboard.wire.messages import Reply, Status
 

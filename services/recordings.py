@@ -41,10 +41,10 @@ def replay(
     config: ConfigFile = None,
     overrides: Overrides = None,
 ) -> None:
-    """Show a recording in the participants' display, play it as a server, list what is in it, or verify it.
+    r"""Show a recording in the participants' display, play it as a server, list what is in it, or verify it.
 
-    A served one is steered by netboard control: play, pause, seek, speed, loop, step, next, previous. Of the configuration
-    only \\[network] counts, and only for --serve.
+    A served one is steered by netboard control: play, pause, seek, speed, loop, step, next, previous. Of the
+    configuration only \[network] counts, and only for --serve.
     """
     ways = [name for name, wanted in _ways(verify, headless, serve, markers) if wanted]
     if len(ways) > 1:

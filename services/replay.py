@@ -12,6 +12,10 @@ from netboard.recording.reader import Recording
 from netboard.recording.verification import verify_recording
 from netboard.replay.pairing import Sync
 from netboard.report.tables import marks_table, verdict_line
+from netboard.services.keyboard import Keyboard
+
+HELP = "space: play, pause   ← →: 1 s   ↑ ↓ + -: speed   , .: one tick   p n: trial   l: loop   q: end"
+"""What the keys of the terminal do."""
 
 
 def verify(path: Path) -> int:
@@ -94,7 +98,6 @@ def serve(path: Path, config: Config, speed: float, at: float | None) -> int:
     int
         Exit code.
     """
-    from netboard.nodes.keyboard import Keyboard
     from netboard.nodes.replay_server import ReplayServer, printable_line
     from netboard.replay.loading import load
     from netboard.replay.orders import KEYS
@@ -107,7 +110,7 @@ def serve(path: Path, config: Config, speed: float, at: float | None) -> int:
         server = ReplayServer(reel, config.network, context, door, speed, at)
         console.print(f"{reel.name} is played at {config.network.bind}:{config.network.port}, as if it were live")
         if keyboard.there:
-            console.print("space: play, pause   ← →: 1 s   ↑ ↓ + -: speed   . ,: a tick   n p: trial   l: loop   q: end")
+            console.print(HELP)
         server.run(
             stopping,
             lambda: KEYS.get(keyboard.pressed() or ""),

@@ -14,7 +14,7 @@ from netboard.console.memory import Memory, Recent, minutes_left
 from netboard.console.stations import STATION_LAMPS, station_lamps
 from netboard.console.words import Tone
 from netboard.nodes.alarm import LACKING, STOP
-from netboard.wire.codec import COMMANDS
+from netboard.wire.codec import COMMANDS, REPLAY_COMMANDS
 from netboard.wire.messages import Safeguard, Status
 
 LIMITS = limits_of(Config(), MINE)
@@ -230,7 +230,7 @@ def test_every_key_is_there_once_and_every_command_exists() -> None:
     rows = [*WISHES, RELEASING]
     keys = [wish.key for wish in rows] + [*STOP_KEYS]
     assert len(set(keys)) == len(keys)
-    assert {wish.name for wish in rows} | {STOP} == set(COMMANDS) - {"stop", "shutdown"}
+    assert {wish.name for wish in rows} | {STOP} == set(COMMANDS) - {"stop", *REPLAY_COMMANDS}
 
 
 def possible(status: Status | None, own: str = "me") -> set[str]:

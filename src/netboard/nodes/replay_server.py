@@ -107,7 +107,9 @@ class ReplayServer:
     ) -> None:
         self.reel = reel
         self.session = uuid.uuid4().hex
-        self.playback = Playback(reel.length, min(reel.begin if at is None else at, reel.length), now_ns() * 1e-9, speed)
+        self.playback = Playback(
+            reel.length, min(reel.begin if at is None else at, reel.length), now_ns() * 1e-9, speed
+        )
         self._words = reel.ticks.view(np.int64).reshape(len(reel.ticks), -1)
         self._door = door
         self._over = False
@@ -145,20 +147,30 @@ class ReplayServer:
         self.playback = self.playback.play(now_ns() * 1e-9)
         begun_ns, rounds = now_ns(), 0
         while not (self._over or stopping()):
-            now = now_ns()
-            self._show((now - begun_ns) // ROUND_NS)
-            self.control.drain(now)
-            for wish in self.control.wishes:
-                say(self._grant(wish))
-            self.control.wishes.clear()
+            for words in self.go_on((now_ns() - begun_ns) // ROUND_NS):
+                say(words)
             if rounds % HOUSE_ROUNDS == 0:
-                self._keep_house(now)
+                self.keep_house()
                 if (order := keys()) is not None:
                     say(self._carry_out(order, "a key")[1])
             rounds += 1
             left_ns = ROUND_NS - (now_ns() - begun_ns) % ROUND_NS
             self._waiter.wait(left_ns * 1e-9)
-        self._leave()
+        self.leave()
+
+    def go_on(self, milliseconds: int) -> list[str]:
+        """Show what is to be seen, and do what is wished; what is to be said of it.
+
+        Parameters
+        ----------
+        milliseconds : int
+            How long the server has been running: views are sent in turns [1].
+        """
+        self._show(milliseconds)
+        self.control.drain(now_ns())
+        wishes = list(self.control.wishes)
+        self.control.wishes.clear()
+        return [self._grant(wish) for wish in wishes]
 
     def _show(self, milliseconds: int) -> None:
         """Send each station what it may see, if it is its turn."""
@@ -187,12 +199,13 @@ class ReplayServer:
         log.info("%s", printable_line(f"{order.name} {order.argument} by {by}"))
         return True, "the replay ends" if self._over else in_words(self.playback, self.reel, now)
 
-    def _keep_house(self, now: int) -> None:
+    def keep_house(self) -> None:
         """Look after the peers and the door."""
+        now = now_ns()
         self.control.pump(now)
         self.control.frames.clear()  # what is shown of a replay is not recorded
-        for port in self._closed:
-            port.drain(now)
+        for closed in self._closed:
+            closed.drain(now)
         for port in (self.control, *self._closed):
             for name, details in port.news:
                 log.info("%s %s", name, printable(details))
@@ -200,7 +213,7 @@ class ReplayServer:
         for details in self._door.attend() if self._door is not None else ():
             log.info("refused %s", printable(details))
 
-    def _leave(self) -> None:
+    def leave(self) -> None:
         """Say goodbye and close."""
         self.control.goodbye("the replay is over")
         until_ns = now_ns() + int(FAREWELL_SECONDS * 1e9)

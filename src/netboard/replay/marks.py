@@ -14,8 +14,8 @@ from netboard.recording.summary import Attempt, Gap
 from netboard.wire.messages import BLOCK_BEGAN, EventRecord
 
 KINDS = ("trial", "release", "success", "failure", "stop", "note", "event", "gap")
-"""Kinds of marks: the board is to be levelled for an attempt; the ball is released; it was held in the target; it fell, or
-the time was up; the block was stopped, paused, or given up; an operator's note; anything else; ticks are missing."""
+"""Kinds of marks: the board is to be levelled for an attempt; the ball is released; it was held in the target; it fell,
+or the time was up; the block was stopped, paused, or given up; an operator's note; anything else; ticks are missing."""
 
 _KINDS: dict[int, str] = {
     Cause.LEVEL: "release",
@@ -152,7 +152,7 @@ def _note(tick: int, words: str) -> tuple[int, str, str]:
 
 
 HERE, JUST_NOW = 5e-4, 0.5
-"""A mark so near is where the replay is, ahead of it and behind it: whoever goes back while it plays goes on back [s]."""
+"""A mark so near, ahead and behind, is where the replay is: whoever goes back while it plays goes on back [s]."""
 
 ANY = "mark"
 """Stands for any of the `KINDS`."""

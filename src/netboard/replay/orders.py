@@ -22,6 +22,7 @@ KNOWN = (*REPLAY_COMMANDS, *SHARED)
 MOST = 2**53
 """No number of a tick or a trial is larger [1]."""
 
+
 @dataclass(frozen=True, slots=True)
 class Order:
     """A command that has been given.

@@ -1,8 +1,8 @@
 """Recordings side by side on one time line. Pure.
 
-The time line is divided where all of them have something in common: the start of the block, or the beginning of each trial
-that all have. Each division is as long as the longest of them needs, and whoever is done sooner waits. Before the first
-they wait for their beginning, so that they arrive at it together. So nothing is left out, and nothing is stretched.
+The time line is divided where all of them have something in common: the start of the block, or the beginning of each
+trial that all have. Each division is as long as the longest of them needs, and whoever is done sooner waits. Before the
+first they wait for their beginning, so that they arrive at it together. Nothing is left out, and nothing is stretched.
 """
 
 from bisect import bisect_right

@@ -1,7 +1,7 @@
 """Where a replay is: a position that goes on with time. Pure: time is an argument.
 
-A `Playback` is a frozen value: the position in the recording that holds at one moment of a steady clock, and how it goes
-on from there. Every key and every command makes a new one. What there is at a position is known elsewhere
+A `Playback` is a frozen value: the position in the recording that holds at one moment of a steady clock, and how it
+goes on from there. Every key and every command makes a new one. What there is at a position is known elsewhere
 (`netboard.replay.reel`).
 """
 

@@ -282,7 +282,9 @@ def _judged(events: Sequence[EventRecord], attempts: Sequence[Attempt], block: i
             told = event.details
             numbers = block, int(told["trial"]), int(told["attempt"])
             completion = float(held.get(event.tick) or nan)
-            found.append((event.tick, (*numbers, told["outcome"], completion, told["flags"], int(told.get("repeats", 0)))))
+            found.append(
+                (event.tick, (*numbers, told["outcome"], completion, told["flags"], int(told.get("repeats", 0))))
+            )
     return found or [
         (one.stop - 1, (block, one.trial, one.attempt, one.outcome, one.completion, "", 0))
         for one in attempts
