@@ -156,13 +156,11 @@ def test_a_console_forgets_what_came_later_when_it_goes_back(rig: Rig) -> None:
     assert list(operator.points) == []
 
 
-@pytest.mark.parametrize(
-    "command", sorted(set(COMMANDS) - {*REPLAY_COMMANDS, "pause", "resume", "next", "end", "take"})
-)
-def test_live_commands_are_refused_in_words(rig: Rig, command: str) -> None:
-    reply = rig.do(command)
-    assert not reply.accepted
-    assert reply.reason.startswith(f"cannot {command}: this is a replay of made.mcap; it knows ")
+def test_live_commands_are_refused_in_words(rig: Rig) -> None:
+    for command in set(COMMANDS) - {*REPLAY_COMMANDS, "pause", "resume", "next", "end", "take"}:
+        reply = rig.do(command)
+        assert not reply.accepted
+        assert reply.reason.startswith(f"cannot {command}: this is a replay of made.mcap; it knows ")
     assert not rig.status().armed
 
 
