@@ -16,7 +16,7 @@ from netboard.nodes.answers import SAFEGUARD_TICKS, TRACE_EVERY, trace_of
 from netboard.nodes.ledger import MOST_ROWS
 from netboard.replay.orders import in_words
 from netboard.tick import LATE_NS
-from netboard.wire.messages import Outcomes, Safeguard, Status, Trace
+from netboard.wire.messages import REPLAY_OF, Outcomes, Safeguard, Status, Trace
 
 if TYPE_CHECKING:
     from netboard.nodes.replay_server import ReplayServer
@@ -58,7 +58,7 @@ class ReplayAnswers:
             late_ticks=int(self._late[index]),
             waiting_for=(),
             peers=server.control.peers,
-            notice=f"replay of {reel.name}: {in_words(server.playback, reel, now * 1e-9)}",
+            notice=f"{REPLAY_OF}{reel.name}: {in_words(server.playback, reel, now * 1e-9)}",
             links=tuple(server.control.links(now)),
             loops=(),
             name=config.session.name,
