@@ -4,13 +4,16 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from netboard import keys, sockets
 from netboard.config import Config, Side
 from netboard.process import Stopping, speak
 from netboard.recording.reader import Recording
 from netboard.recording.verification import verify_recording
+from netboard.replay.loading import load
 from netboard.replay.pairing import Sync
+from netboard.replay.reel import Reel
 from netboard.report.tables import marks_table, verdict_line
 from netboard.services.keyboard import Keyboard
 
@@ -74,8 +77,9 @@ def show(
     """
     from netboard.display.player import run
 
+    reels = [loaded(path) for path in paths]
     with Stopping() as stopping:
-        run(paths, station, stopping, speed, screenshot, sync, at)
+        run(reels, station, stopping, speed, screenshot, sync, at)
     return 0
 
 
@@ -99,12 +103,11 @@ def serve(path: Path, config: Config, speed: float, at: float | None) -> int:
         Exit code.
     """
     from netboard.nodes.replay_server import ReplayServer, printable_line
-    from netboard.replay.loading import load
     from netboard.replay.orders import KEYS
 
     door = keys.door(config.network)
     console = Console(highlight=False)
-    reel = load(path)
+    reel = loaded(path)
     speak("replay")
     with Stopping() as stopping, sockets.open_context() as context, Keyboard() as keyboard:
         server = ReplayServer(reel, config.network, context, door, speed, at)
@@ -127,7 +130,20 @@ def tell_marks(path: Path) -> int:
     int
         Exit code.
     """
-    from netboard.replay.loading import load
-
-    Console(highlight=False).print(marks_table(load(path)))
+    Console(highlight=False).print(marks_table(loaded(path)))
     return 0
+
+
+def loaded(path: Path) -> Reel:
+    """Read a recording, and show on a terminal how far that is.
+
+    Raises
+    ------
+    RecordingError
+        If it cannot be read, or has no tick.
+    """
+    console = Console(stderr=True)
+    columns = TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed} ticks"), TimeElapsedColumn()
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+        task = progress.add_task(f"Reading {path.name}", total=None)
+        return load(path, lambda ticks: progress.update(task, completed=ticks))

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from made_recordings import reel_of, two_trials
 from netboard.replay.pairing import divide, pair
+from netboard.tick import TICK_SECONDS
 
 
 def slower():
@@ -36,7 +37,8 @@ def test_by_time_they_start_together():
 def test_by_trial_each_trial_starts_together_and_who_is_done_waits():
     pairing = pair(REELS, "trial")
     assert pairing.at(2.501) == pytest.approx((0.501, 2.501))
-    assert pairing.at(6.501) == pytest.approx((4.001, 6.501)), "the first one has done its trial"
+    assert pairing.at(6.501) == pytest.approx((4.0, 6.501)), "the first one has done its trial, and shows its end"
+    assert pairing.at(7.0) == pytest.approx((4.0, 7.0))
     assert pairing.at(7.001) == pytest.approx((4.001, 7.001))
     assert pairing.at(8.001) == pytest.approx((5.001, 8.001))
 
@@ -74,4 +76,4 @@ def test_nothing_is_left_out_and_nobody_goes_back(own, shares):
             assert pairing.at(common)[which] == pytest.approx(division, abs=1e-9)
         for share in shares:
             there = share * divisions[-1]
-            assert pairing.at(pairing.of(which, there))[which] == pytest.approx(there, abs=1e-9)
+            assert pairing.at(pairing.of(which, there))[which] == pytest.approx(there, abs=TICK_SECONDS + 1e-9)

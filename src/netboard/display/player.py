@@ -24,7 +24,6 @@ from netboard.display.timebar import TimeBar
 from netboard.display.widget import BoardView, screenshot
 from netboard.display.window import BoardWindow, application
 from netboard.errors import NetboardError
-from netboard.replay.loading import load
 from netboard.replay.marks import Mark, near
 from netboard.replay.pairing import Sync, pair
 from netboard.replay.playback import Playback, clock
@@ -247,7 +246,7 @@ class PlayerWindow(BoardWindow):
 
 
 def run(
-    paths: Sequence[Path],
+    reels: Sequence[Reel],
     station: Side,
     stopping: Callable[[], bool],
     speed: float = 1.0,
@@ -259,7 +258,7 @@ def run(
 
     Parameters
     ----------
-    paths : sequence of Path
+    reels : sequence of Reel
         One recording, or two to be shown side by side.
     station : str
         Whose view is shown.
@@ -276,14 +275,11 @@ def run(
 
     Raises
     ------
-    RecordingError
-        If a recording cannot be read, or has no tick.
     NetboardError
         If the screenshot exists already or cannot be written.
     """
     if picture is not None and picture.exists():
         raise NetboardError(f"{picture} exists; a screenshot never overwrites a file")
-    reels = [load(path) for path in paths]
     app = application()
     window = PlayerWindow(reels, station, speed, sync)
     shown = reels[0].config.display

@@ -12,6 +12,7 @@ from itertools import accumulate, pairwise
 from typing import Literal
 
 from netboard.replay.reel import Reel
+from netboard.tick import TICK_SECONDS
 
 Sync = Literal["time", "trial"]
 """What recordings have in common: the start of the block, or that of each trial."""
@@ -54,7 +55,7 @@ class Pairing:
         begin, end = self.common[part : part + 2]
         if part == 0:
             return tuple(max(own[1] - (end - position), 0.0) for own in self.own)
-        return tuple(min(own[part] + position - begin, own[part + 1]) for own in self.own)
+        return tuple(min(own[part] + position - begin, _last(own, part)) for own in self.own)
 
     def of(self, which: int, position: float) -> float:
         """Position on the common time line of a position in one of the recordings [s].
@@ -71,6 +72,11 @@ class Pairing:
         if part == 0:
             return self.common[1] - (own[1] - position)
         return self.common[part] + position - own[part]
+
+
+def _last(own: Sequence[float], part: int) -> float:
+    """Where to wait for the others: at the last tick of this part, not at the first of the next one [s]."""
+    return own[part + 1] if part + 2 == len(own) else max(own[part + 1] - TICK_SECONDS, own[part])
 
 
 def pair(reels: Sequence[Reel], sync: Sync) -> Pairing:
