@@ -55,7 +55,7 @@ class Pairing:
         begin, end = self.common[part : part + 2]
         if part == 0:
             return tuple(max(own[1] - (end - position), 0.0) for own in self.own)
-        return tuple(min(own[part] + position - begin, _last(own, part)) for own in self.own)
+        return tuple(min(own[part] + (position - begin), _last(own, part)) for own in self.own)
 
     def of(self, which: int, position: float) -> float:
         """Position on the common time line of a position in one of the recordings [s].
@@ -71,7 +71,7 @@ class Pairing:
         part = min(max(bisect_right(own, position) - 1, 0), len(own) - 2)
         if part == 0:
             return self.common[1] - (own[1] - position)
-        return self.common[part] + position - own[part]
+        return self.common[part] + (position - own[part])
 
 
 def _last(own: Sequence[float], part: int) -> float:
