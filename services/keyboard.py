@@ -38,7 +38,9 @@ class Keyboard:
             termios.tcsetattr(sys.stdin, termios.TCSADRAIN, self._before)
 
     def pressed(self, seconds: float = 0.0) -> str | None:
-        """Tell the key that has been pressed: a letter, or ``left``, ``right``, ``up`` or ``down``.
+        """Tell the key that has been pressed: a letter, or ``left``, ``right``, ``up`` or ``down``; None without one.
+
+        It is empty once the terminal is gone.
 
         Parameters
         ----------
@@ -48,4 +50,4 @@ class Keyboard:
         if not self.there or not select([sys.stdin], [], [], seconds)[0]:
             return None
         came = os.read(sys.stdin.fileno(), MOST_BYTES)
-        return ARROWS.get(came[:3]) or came[:1].decode(errors="replace") or None
+        return ARROWS.get(came[:3]) or came[:1].decode(errors="replace")

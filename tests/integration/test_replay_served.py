@@ -1,6 +1,7 @@
 """A session of real processes, recorded, and played again to real displays, consoles and clients: they cannot tell."""
 
 import json
+import os
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -177,3 +178,30 @@ def test_a_foreign_display_cannot_tell_it_from_a_live_server(
         assert any(" running " in str(line.get("picture")) for line in lines), lines
         assert {line["partner_seen"] for line in lines if "picture" in line} == {0}
         assert rig.stop("server") == 0
+
+
+def test_keys_of_its_terminal_steer_it(live: tuple[Path, dict[Side, list[View]]], tmp_path: Path) -> None:
+    keyboard, terminal = os.openpty()
+    with Rig(tmp_path) as rig:
+        command = [
+            sys.executable,
+            "-m",
+            "netboard.services.cli",
+            "replay",
+            str(live[0]),
+            "--serve",
+            "-c",
+            str(rig.file),
+        ]
+        rig.running["server"] = subprocess.Popen(command, stdin=terminal, stdout=subprocess.DEVNULL, cwd=rig.folder)
+        rig.until(lambda status: "playing" in status.notice)
+        os.write(keyboard, b" ")
+        before = rig.until(lambda status: "paused" in status.notice)
+        os.write(keyboard, b".")
+        rig.until(lambda status: status.tick == before.tick + 1)
+        os.write(keyboard, b"\x1b[A")
+        rig.until(lambda status: "2 times real time" in status.notice)
+        os.write(keyboard, b"q")
+        assert rig.wait("server") == 0
+    for end in (keyboard, terminal):
+        os.close(end)
