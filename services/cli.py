@@ -490,6 +490,12 @@ Deed = Literal[
     "disarm",
     "note",
     "take",
+    "play",
+    "seek",
+    "speed",
+    "loop",
+    "step",
+    "previous",
 ]
 
 
@@ -500,6 +506,8 @@ Deed = Literal[
         """netboard control open '{"participant_a": "P07", "participant_b": "P08", "consent": true}'""",
         "netboard control note 'the left participant sneezed'",
         "netboard control start --until finished --seconds 900",
+        "netboard control seek trial 5",
+        "netboard control step back 10",
     )
 )
 def control(
@@ -508,10 +516,15 @@ def control(
         typer.Argument(
             help="abort gives up the attempt, which begins anew; skip counts the trial as done; repeat adds a trial at "
             "the end of the block, and veto takes that back; stop ends the block; next goes on to the next one; end "
-            "ends the session and the server; open takes a form as JSON; take makes this the commander."
+            "ends the session and the server; open takes a form as JSON; take makes this the commander. A replay knows "
+            "play, pause, seek 12.5 (or trial 5, tick 900), speed 0.5, loop (on, off, trial 5, or from and to), step "
+            "(ticks), next and previous (trial, or another mark), and end."
         ),
     ],
-    argument: Annotated[str, typer.Argument(help="What the command needs to know: a form, a note, a trial.")] = "",
+    arguments: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[ARGUMENT...]", help="What the command needs to know: a form, a note, a trial."),
+    ] = None,
     config: ConfigFile = None,
     overrides: Overrides = None,
     take: Annotated[bool, typer.Option("--take", help="Command even if a console does: take over.")] = False,
@@ -527,7 +540,9 @@ def control(
     from netboard.services import control as service
 
     raise typer.Exit(
-        service.command(settings, command, argument, take=take, until=until, seconds=seconds, as_json=json)
+        service.command(
+            settings, command, " ".join(arguments or ()), take=take, until=until, seconds=seconds, as_json=json
+        )
     )
 
 

@@ -1,9 +1,7 @@
 """An operator's command from a shell, and the emergency stop."""
 
 import json
-import sys
 import time
-from select import select
 
 from rich.console import Console
 
@@ -13,6 +11,7 @@ from netboard.errors import NetboardError
 from netboard.nodes import alarm
 from netboard.nodes.operator import ANSWER_SECONDS, Operator
 from netboard.process import Stopping
+from netboard.services.keyboard import Keyboard
 from netboard.services.status import asked, plain
 from netboard.wire.messages import Reply, Status
 
@@ -148,21 +147,12 @@ def told(operator: Operator, config: Config, name: str) -> None:
 
 def key_pressed(operator: Operator, config: Config, console: Console) -> bool:
     """Stand by until a key is pressed; False if asked to end."""
-    if not sys.stdin.isatty():
-        raise NetboardError("--guard needs a terminal: it waits for a key")
-    import termios
-    import tty
-
-    before = termios.tcgetattr(sys.stdin)
-    console.print("Standing by: [bold]any key[/] takes all forces away at once. Ctrl-C ends standing by.")
-    try:
-        tty.setcbreak(sys.stdin)
-        with Stopping() as stopping:
-            while not stopping():
-                if select([sys.stdin], [], [], LOOK_SECONDS)[0]:
-                    sys.stdin.read(1)
-                    return True
-                asked(operator, config)
-    finally:
-        termios.tcsetattr(sys.stdin, termios.TCSADRAIN, before)
+    with Keyboard() as keyboard, Stopping() as stopping:
+        if not keyboard.there:
+            raise NetboardError("--guard needs a terminal: it waits for a key")
+        console.print("Standing by: [bold]any key[/] takes all forces away at once. Ctrl-C ends standing by.")
+        while not stopping():
+            if keyboard.pressed(LOOK_SECONDS) is not None:
+                return True
+            asked(operator, config)
     return False

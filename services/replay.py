@@ -1,53 +1,149 @@
-"""A recording again: in the display, as text, or verified tick by tick."""
+"""A recording again: in the display, on the sockets of a server, as text, or verified tick by tick."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-from netboard.config import Side
-from netboard.process import Stopping
+from netboard import keys, sockets
+from netboard.config import Config, Side
+from netboard.process import Stopping, speak
 from netboard.recording.reader import Recording
 from netboard.recording.verification import verify_recording
-from netboard.report.tables import verdict_line
+from netboard.replay.loading import load
+from netboard.replay.pairing import Sync
+from netboard.replay.reel import Reel
+from netboard.report.tables import marks_table, verdict_line
+from netboard.services.keyboard import Keyboard
+
+HELP = "space: play, pause   ← →: 1 s   ↑ ↓ + -: speed   , .: one tick   p n: trial   l: loop   q: end"
+"""What the keys of the terminal do."""
 
 
-def main(
-    path: Path, *, check: bool, headless: bool, station: Side, speed: float, screenshot: Path | None = None
-) -> int:
-    """Replay one recording.
-
-    Parameters
-    ----------
-    path : Path
-        The recording.
-    check : bool
-        Compute every tick again and compare it to the bit; show nothing.
-    headless : bool
-        Tell the events as text instead of showing a window.
-    station : str
-        Whose view is shown.
-    speed : float
-        Times real time.
-    screenshot : Path or None
-        Save the first picture there and stop.
+def verify(path: Path) -> int:
+    """Compute every tick of a recording again and compare it to the bit.
 
     Returns
     -------
     int
         Exit code: 1 if a tick is not identical.
     """
-    if check:
-        with Recording(path) as recording:
-            verdict = verify_recording(recording)
-        Console(highlight=False).print(verdict_line(verdict))
-        return 0 if verdict.identical else 1
+    with Recording(path) as recording:
+        verdict = verify_recording(recording)
+    Console(highlight=False).print(verdict_line(verdict))
+    return 0 if verdict.identical else 1
+
+
+def narrate(path: Path, speed: float) -> int:
+    """Tell the events of a recording at the pace they happened.
+
+    Returns
+    -------
+    int
+        Exit code.
+    """
+    from netboard.nodes.replay import narrate as tell
+
     with Stopping() as stopping:
-        if headless:
-            from netboard.nodes.replay import narrate
-
-            narrate(path, speed, stopping, print)
-        else:
-            from netboard.display.player import run
-
-            run(path, station, stopping, speed, screenshot)
+        tell(path, speed, stopping, print)
     return 0
+
+
+def show(
+    paths: Sequence[Path], station: Side, speed: float, sync: Sync, screenshot: Path | None, at: float | None
+) -> int:
+    """Show a recording in a window, or two of them side by side.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        The recordings.
+    station : str
+        Whose view is shown.
+    speed : float
+        Times real time.
+    sync : str
+        What two recordings have in common.
+    screenshot : Path or None
+        Save the first picture there and stop.
+    at : float or None
+        Where to begin; None for the start of the block [s].
+
+    Returns
+    -------
+    int
+        Exit code.
+    """
+    from netboard.display.player import run
+
+    reels = [loaded(path) for path in paths]
+    with Stopping() as stopping:
+        run(reels, station, stopping, speed, screenshot, sync, at)
+    return 0
+
+
+def serve(path: Path, config: Config, speed: float, at: float | None) -> int:
+    """Play a recording on the sockets of a server.
+
+    Parameters
+    ----------
+    path : Path
+        The recording.
+    config : Config
+        Where to listen, and who may connect: the table ``[network]``.
+    speed : float
+        Times real time to begin with.
+    at : float or None
+        Where to begin; None for the start of the block [s].
+
+    Returns
+    -------
+    int
+        Exit code.
+    """
+    from netboard.nodes.replay_server import ReplayServer, printable_line
+    from netboard.replay.orders import KEYS
+
+    door = keys.door(config.network)
+    console = Console(highlight=False)
+    reel = loaded(path)
+    speak("replay")
+    with Stopping() as stopping, sockets.open_context() as context, Keyboard() as keyboard:
+        server = ReplayServer(reel, config.network, context, door, speed, at)
+        console.print(f"{reel.name} is played at {config.network.bind}:{config.network.port}, as if it were live")
+        if keyboard.there:
+            console.print(HELP)
+        server.run(
+            stopping,
+            lambda: KEYS.get(keyboard.pressed() or ""),
+            lambda words: console.print(printable_line(words), markup=False),
+        )
+    return 0
+
+
+def tell_marks(path: Path) -> int:
+    """List the trials and events of a recording.
+
+    Returns
+    -------
+    int
+        Exit code.
+    """
+    Console(highlight=False).print(marks_table(loaded(path)))
+    return 0
+
+
+def loaded(path: Path) -> Reel:
+    """Read a recording, and show on a terminal how far that is.
+
+    Raises
+    ------
+    RecordingError
+        If it cannot be read, or has no tick.
+    """
+    console = Console(stderr=True)
+    columns = TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed} ticks"), TimeElapsedColumn()
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+        task = progress.add_task(f"Reading {path.name}", total=None)
+        return load(path, lambda ticks: progress.update(task, completed=ticks))

@@ -14,8 +14,8 @@ from netboard.console.memory import Memory, Recent, minutes_left
 from netboard.console.stations import STATION_LAMPS, station_lamps
 from netboard.console.words import Tone
 from netboard.nodes.alarm import LACKING, STOP
-from netboard.wire.codec import COMMANDS
-from netboard.wire.messages import Safeguard, Status
+from netboard.wire.codec import COMMANDS, REPLAY_COMMANDS
+from netboard.wire.messages import REPLAY_OF, Safeguard, Status
 
 LIMITS = limits_of(Config(), MINE)
 NONE = Recent()
@@ -230,7 +230,7 @@ def test_every_key_is_there_once_and_every_command_exists() -> None:
     rows = [*WISHES, RELEASING]
     keys = [wish.key for wish in rows] + [*STOP_KEYS]
     assert len(set(keys)) == len(keys)
-    assert {wish.name for wish in rows} | {STOP} == set(COMMANDS) - {"stop", "shutdown"}
+    assert {wish.name for wish in rows} | {STOP} == set(COMMANDS) - {"stop", *REPLAY_COMMANDS}
 
 
 def possible(status: Status | None, own: str = "me") -> set[str]:
@@ -257,6 +257,18 @@ def test_who_watches_may_take_and_note() -> None:
     assert "lab2:4711" in reason
     assert "T" in reason
     assert "take" not in possible(STATES["watched"], "lab2:4711")
+
+
+def test_a_replay_cannot_be_taken_for_a_live_session_and_alarms_nobody() -> None:
+    replay = replace(RUNNING, notice=f"{REPLAY_OF}S01.mcap: playing at 0:03.0", recordings=(), consent=False)
+    assert words.banner(replay).words.startswith("REPLAY")
+    assert words.banner(replay).tone not in (Tone.PLAIN, Tone.WATCH), "the looks of real sessions and pilots"
+    assert words.advice(replay, "lab0:5550").words == replay.notice
+    assert "may command a replay" in words.commander(replay, "me").words
+    assert {lamp.level for lamp in session_lamps(replay, 0.0, NONE, LIMITS)[1:]} == {Level.OFF}
+    assert shout(replay, 0.0, NONE, unconfirmed=True) == ""
+    assert "NO WORD FROM THE SERVER" in shout(replay, 60.0, NONE, unconfirmed=False)
+    assert possible(replay) == possible(replace(replay, phase="idle")) == {"pause", "resume", "next", "end"}
 
 
 def test_a_logger_that_has_not_begun_its_file_is_ready_and_nothing_is_wrong_with_its_disk():

@@ -341,6 +341,10 @@ def test_the_strips_show_the_last_ten_seconds(app) -> None:
     strips.take([point(5)], anew=True)
     strips.redraw()
     assert len(strips._lines[0][0].getData()[0]) == 1
+    strips.take([point(5_000)])
+    strips.take([point(1_000), point(1_005)])
+    strips.redraw()
+    assert len(strips._lines[0][0].getData()[0]) == 2, "a replay has gone back"
 
 
 def test_a_window_is_not_closed_by_accident_while_a_block_is_on(table: Table) -> None:

@@ -11,8 +11,6 @@ from netboard import sockets
 from netboard.clock import now_ns
 from netboard.config import Config, Display, Network
 from netboard.display.language import load_words
-from netboard.experiment.machine import Cause, Phase
-from netboard.tick import TICK, TICK_NS
 from netboard.wire.codec import decode, encode
 from netboard.wire.messages import View
 
@@ -110,30 +108,3 @@ class SmallServer:
         self.views.close()
         self.control.socket.close()
         self.context.term()
-
-
-def two_trials(seconds: float = 10.0):
-    """A made-up recording: a trial that succeeds after 3 s of running, and one that fails."""
-    ticks = np.zeros(round(seconds * 1000), TICK)
-    number = np.arange(len(ticks))
-    ticks["tick"] = number + 100
-    ticks["time_ns"] = 5_000_000_000 + number * TICK_NS
-    ticks["phase"] = Phase.LEVELLING
-    ticks["phase"][:500] = Phase.IDLE
-    ticks["phase"][1000:4000] = Phase.RUNNING
-    ticks["phase"][6000:8000] = Phase.RUNNING
-    ticks["target"] = np.where(number < 4000, 1, -1)
-    ticks["trial"] = np.where(number < 4000, 1, 2)
-    ticks["completion"] = np.where(number < 4000, 0.0, 3.0)
-    ticks["p"] = -0.15
-    ticks["p"][1000:4000] = np.linspace(-0.15, 0.15, 3000)
-    ticks["left_used_z"], ticks["right_used_z"] = 0.01, -0.02
-    for at, cause in (
-        (500, Cause.START),
-        (1000, Cause.LEVEL),
-        (4000, Cause.HELD),
-        (6000, Cause.LEVEL),
-        (8000, Cause.FELL),
-    ):
-        ticks["event"][at] = cause
-    return ticks

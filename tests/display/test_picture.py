@@ -4,10 +4,11 @@ import math
 from dataclasses import replace
 
 import pytest
-from display_parts import VIEW, WORDS, two_trials
+from display_parts import VIEW, WORDS
 from hypothesis import given
 from hypothesis import strategies as st
 
+from made_recordings import two_trials
 from netboard.config import Config
 from netboard.curtain import make_curtain, view_of
 from netboard.display.scene import COLOURS, GRAIN, TEXT_SHARE, Mood

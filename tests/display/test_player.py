@@ -1,21 +1,14 @@
 """The player shows what the participant saw, and obeys keys, clicks and drags."""
 
-from dataclasses import replace
-from pathlib import Path
-
 import numpy as np
 import pytest
-from display_parts import WORDS, two_trials, until
+from display_parts import WORDS, until
 
-from netboard.config import Block, Config, Display, resolve
+from made_recordings import CONFIG, reel_of, two_trials
 from netboard.curtain import make_curtain, view_of
 from netboard.display.screens import compose
-from netboard.errors import NetboardError, RecordingError
-from netboard.recording.provenance import next_recording, provenance
-from netboard.recording.writer import RecordingWriter
-from netboard.wire.messages import PROTOCOL_VERSION, TickRecord, Welcome
-
-CONFIG = replace(Config(), display=Display(width=840, height=600), block=Block(trials=6))
+from netboard.errors import NetboardError
+from netboard.replay.loading import drawable
 
 
 class Clock:
@@ -33,7 +26,7 @@ def player(app):
     from netboard.display.player import PlayerWindow
 
     clock = Clock()
-    window = PlayerWindow(two_trials(), CONFIG, "left", "netboard replay: test", now=clock)
+    window = PlayerWindow([reel_of(two_trials())], "left", now=clock)
     window.present(CONFIG.display)
     app.processEvents()
     yield window, clock
@@ -41,8 +34,6 @@ def player(app):
 
 
 def test_what_is_not_known_is_drawn_at_zero():
-    from netboard.display.player import drawable
-
     ticks = two_trials()
     assert drawable(ticks) is ticks
     ticks["theta"][3:] = np.nan
@@ -93,6 +84,52 @@ def test_keys(player):
     assert press(Qt.Key.Key_Home).position == pytest.approx(0.5)
     assert press(Qt.Key.Key_Space).playing
     assert not press(Qt.Key.Key_Space).playing
+    assert press(Qt.Key.Key_Period).position == pytest.approx(0.501)
+    assert press(Qt.Key.Key_Comma).position == pytest.approx(0.5)
+    assert press(Qt.Key.Key_PageDown).position == pytest.approx(0.501)
+    assert press(Qt.Key.Key_PageDown).position == pytest.approx(4.001)
+    assert press(Qt.Key.Key_PageDown).position == pytest.approx(4.001), "it is the last"
+    assert press(Qt.Key.Key_L, Qt.KeyboardModifier.ShiftModifier).loop == pytest.approx((4.001, 9.999))
+    assert "0:04.0" in window.line.text()
+    assert press(Qt.Key.Key_L).loop is None
+    assert press(Qt.Key.Key_L).loop == pytest.approx((0.0, 9.999))
+    assert press(Qt.Key.Key_PageUp).position == pytest.approx(0.501)
+
+
+def test_a_loop_goes_round(player):
+    window, clock = player
+    window.seek(8.0)
+    window.loop(trial=True)
+    window.toggle()
+    clock.time += 3.0
+    window.refresh()
+    assert window.playback.position == pytest.approx(11.0 - 9.999 + 4.001)
+    assert window.playback.playing
+
+
+def test_what_is_missing_is_named_and_what_was_before_it_is_shown(app):
+    from netboard.display.player import PlayerWindow
+
+    window = PlayerWindow([reel_of(np.delete(two_trials(), slice(3000, 3200)))], "left", now=Clock())
+    window.seek(3.1)
+    assert "ticks 3100 to 3299 are missing" in window.line.text()
+    assert window.board.picture == expected(2.999)
+    window.close()
+
+
+def test_two_recordings_are_side_by_side_on_one_time_line(app):
+    from netboard.display.player import PlayerWindow
+
+    later = reel_of(two_trials()[400:], name="later.mcap")
+    window = PlayerWindow([reel_of(two_trials()), later], "left", sync="trial", now=Clock())
+    window.present(CONFIG.display)
+    app.processEvents()
+    window.seek(3.0)
+    assert [pane.board.picture for pane in window.panes] == [expected(3.0), expected(3.0)]
+    assert window.panes[0].board.width() == pytest.approx(window.panes[1].board.width(), abs=2)
+    window.next_trial(back=False)
+    assert window.pairing.at(window.playback.position) == pytest.approx((4.001, 3.601))
+    window.close()
 
 
 def test_dragging_and_clicking_the_time_line_seek(app, player):
@@ -111,36 +148,15 @@ def test_dragging_and_clicking_the_time_line_seek(app, player):
     assert window.playback.position == pytest.approx(5.0, abs=0.1)
 
 
-def recorded(directory, ticks):
-    """A finished recording of some ticks."""
-    config = replace(CONFIG, recording=replace(CONFIG.recording, directory=str(directory)))
-    welcome = Welcome("0123456789abcdef", PROTOCOL_VERSION, 0, resolve(config))
-    path, part = next_recording(directory, config, welcome.session, 0)
-    writer = RecordingWriter(path, provenance(welcome, config, part, 0, 0), welcome.config, config.recording, 0)
-    for number, row in enumerate(ticks):
-        writer.write(TickRecord(row.tobytes()), number, number)
-    writer.finish(len(ticks))
-    return path
-
-
 def test_a_recording_is_played_until_stopped_or_photographed(app, tmp_path):
     from netboard.display.player import run
 
-    path = recorded(tmp_path, two_trials()[:1000])
+    reels = [reel_of(two_trials()[:1000])]
     asked = []
-    run(path, "right", lambda: len(asked) > 3 or bool(asked.append(True)))
+    run(reels, "right", lambda: len(asked) > 3 or bool(asked.append(True)))
     assert len(asked) > 3
     picture = tmp_path / "replay.png"
-    run(path, "left", lambda: False, picture=picture)
+    run(reels, "left", lambda: False, picture=picture, at=0.7)
     assert picture.stat().st_size > 1000
     with pytest.raises(NetboardError, match="never overwrites"):
-        run(path, "left", lambda: False, picture=picture)
-
-
-def test_what_cannot_be_played_is_said(app, tmp_path):
-    from netboard.display.player import run
-
-    with pytest.raises(RecordingError, match="no tick"):
-        run(recorded(tmp_path, two_trials()[:0]), "left", lambda: False)
-    with pytest.raises(RecordingError):
-        run(Path(tmp_path / "absent.mcap"), "left", lambda: False)
+        run(reels, "left", lambda: False, picture=picture)

@@ -4,7 +4,6 @@ Node.js and npm must be there; the two packages that the clients need are fetche
 """
 
 import json
-import shutil
 import subprocess
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -13,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from foreign_clients import ROOT, run
 
 from netboard.experiment.machine import Phase
 from netboard.faults.rigs import Rig
@@ -23,8 +23,6 @@ from netboard.wire.messages import Status
 
 pytestmark = [pytest.mark.integration, pytest.mark.slow, pytest.mark.timeout(240)]
 
-ROOT = Path(__file__).parents[2]
-SOURCE = Path(__file__).parent / "foreign"
 FRAMES = ROOT / "tests" / "data" / "frames"
 EASY = ("task.level_time=0.05", "task.level_angle_deg=5.0", "task.level_rate_deg_s=30.0", "task.time_limit=10.0")
 """A ball that is released almost at once, and a trial that ends in any case."""
@@ -32,27 +30,6 @@ TWO_BLOCKS = 'orders.main = "2 duo"\n[kinds.duo]\n'
 """A study."""
 
 Line = dict[str, Any]
-
-
-def run(command: list[str], folder: Path) -> str:
-    """What a command says that succeeds."""
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=180, check=False)
-    assert done.returncode == 0, done.stderr
-    return done.stdout
-
-
-@pytest.fixture(scope="session")
-def clients() -> Path:
-    """Folder with the clients and the packages they need; these are fetched when the lock file has changed."""
-    if shutil.which("node") is None or shutil.which("npm") is None:
-        pytest.skip("the clients in JavaScript need node and npm (on Debian or Ubuntu: apt-get install nodejs npm)")
-    folder = ROOT / "build" / "foreign"
-    lock, fetched = SOURCE / "package-lock.json", folder / "fetched.json"
-    shutil.copytree(SOURCE, folder, dirs_exist_ok=True)
-    if not fetched.exists() or fetched.read_bytes() != lock.read_bytes():
-        run(["npm", "ci", "--ignore-scripts", "--no-audit", "--no-fund"], folder)
-        shutil.copy(lock, fetched)
-    return folder
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from netboard.config import Session
 from netboard.errors import ConfigError
 from netboard.experiment.machine import TABLE, Cause, Phase
 from netboard.nodes.desk import ANYBODYS, CAUSES, UNOPENED, Desk, Situation, form_of, note_of
-from netboard.wire.codec import COMMANDS
+from netboard.wire.codec import COMMANDS, REPLAY_COMMANDS
 
 A, B = b"console@1", b"console@2"
 NOW = Situation(Phase.IDLE, (), last=False, plan=True)
@@ -81,6 +81,15 @@ def test_a_pause_after_the_trial_is_due_when_it_is_over_and_can_be_taken_back() 
     assert one.due(Phase.LEVELLING) is Cause.NONE
     levelling = replace(NOW, phase=Phase.LEVELLING)
     assert one.decide("pause_after_trial", A, "lab:1", levelling).cause is Cause.PAUSE
+
+
+@pytest.mark.parametrize("command", REPLAY_COMMANDS)
+def test_what_only_a_replay_can_do_is_refused_in_words_and_makes_nobody_the_commander(command: str) -> None:
+    one = desk()
+    decision = one.decide(command, A, "lab:1", NOW)
+    assert (decision.accepted, decision.cause) == (False, Cause.NONE)
+    assert decision.reason == f"cannot {command}: this is a live session, not a replay"
+    assert one.commander == b""
 
 
 def test_blocks_are_given_up_and_sessions_ended_only_where_there_is_a_plan() -> None:

@@ -7,7 +7,7 @@ The emergency stop is no row: it may always.
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from netboard.console.lamps import ACTIVE
+from netboard.console.lamps import ACTIVE, replayed
 from netboard.nodes.alarm import LACKING, RELEASE, STOP
 from netboard.wire.messages import Status
 
@@ -16,6 +16,9 @@ STOP_KEYS = ("Esc", "Space")
 
 FREE = (STOP, "take", "note")
 """What a console may wish that does not command."""
+
+REPLAYED = ("pause", "resume", "next", "end")
+"""What of all that means something for a replay too."""
 
 Refused = Callable[[Status], str]
 """Why something makes no sense now; empty if it does."""
@@ -148,6 +151,8 @@ def refusal(wish: Wish, status: Status | None, own: str) -> str:
     """
     if status is None:
         return "the server is not there"
+    if replayed(status):
+        return "" if wish.name in REPLAYED else "this is a replay"
     if wish.name == "take" and status.commander == own:
         return "you command already"
     if status.commander not in ("", own) and wish.name not in FREE:

@@ -12,7 +12,7 @@ from math import isfinite
 from netboard.config import Config
 from netboard.console.memory import LATELY, Recent
 from netboard.nodes.alarm import LACKING
-from netboard.wire.messages import Status
+from netboard.wire.messages import REPLAY_OF, Status
 
 ACTIVE = ("levelling", "running", "holding", "succeeded", "failed")
 """Phases in which a block is on."""
@@ -136,6 +136,9 @@ def session_lamps(status: Status | None, silence: float, recent: Recent, limits:
     server = _server(silence)
     if status is None:
         return (server, *(Lamp(name, Level.OFF, "", "Shown when the server is here.") for name in SESSION_LAMPS[1:]))
+    if replayed(status):
+        tip = "This is a replay: nothing is recorded, nobody feels anything."
+        return (server, *(Lamp(name, Level.OFF, "", tip) for name in SESSION_LAMPS[1:]))
     lamps = (
         _recording(status),
         _disk(status, recent.minutes),
@@ -159,6 +162,17 @@ def recorded(status: Status) -> bool:
         How the server is.
     """
     return any(age <= STALLED for _, age, _, _ in status.recordings)
+
+
+def replayed(status: Status) -> bool:
+    """Whether the server is that of a recording, and nobody's hand is moved.
+
+    Parameters
+    ----------
+    status : Status
+        How the server is.
+    """
+    return status.notice.startswith(REPLAY_OF)
 
 
 def faded(lamps: Sequence[Lamp]) -> tuple[Lamp, ...]:
@@ -290,11 +304,11 @@ def shout(status: Status | None, silence: float, recent: Recent, unconfirmed: bo
     str
         One line.
     """
-    if unconfirmed:
+    if unconfirmed and not (status is not None and replayed(status)):
         return "STOP NOT CONFIRMED: TAKE THE STYLUSES OUT OF THE HANDS"
     if status is None:
         return ""
-    active = status.phase in ACTIVE
+    active = status.phase in ACTIVE and not replayed(status)
     if silence > SILENT and not over(status, silence):
         return f"NO WORD FROM THE SERVER FOR {silence:.0f} s" + (": hands off the styluses" if active else "")
     if active and not recorded(status):

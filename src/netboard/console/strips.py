@@ -64,7 +64,7 @@ class Strips(QWidget):
         ]
 
     def take(self, points: Sequence[Point], *, anew: bool = False) -> None:
-        """Take what is newer than what is there.
+        """Take what is newer than what is there; whatever is there is forgotten when a replay goes back.
 
         Parameters
         ----------
@@ -73,7 +73,7 @@ class Strips(QWidget):
         anew : bool
             Forget what is there.
         """
-        if anew:
+        if anew or (points and points[-1][TICK] < self._newest):
             self._ring[:] = np.nan
             self._count, self._newest = 0, -1
         new = list(takewhile(lambda point: point[TICK] > self._newest, reversed(points)))

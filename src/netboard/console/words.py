@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from enum import Enum
 from math import isnan
 
-from netboard.console.lamps import ACTIVE, SILENT, Lamp, Level, over
+from netboard.console.lamps import ACTIVE, SILENT, Lamp, Level, over, replayed
 from netboard.nodes.alarm import LACKING
 from netboard.wire.messages import Status
 
@@ -150,6 +150,8 @@ def banner(status: Status | None) -> Line:
         return Line("NOT CONNECTED", Tone.QUIET)
     study = f"   study {status.study}" if status.study else ""
     whose = f"session {status.name}   dyad {status.dyad}{study}"
+    if replayed(status):
+        return Line(f"REPLAY \u2013 not live   {whose}   REPLAY", Tone.GOOD)
     if status.pilot:
         return Line(f"PILOT \u2013 not for the study   {whose}   PILOT", Tone.WATCH)
     if not status.opened:
@@ -169,6 +171,8 @@ def advice(status: Status | None, where: str) -> Line:
     """
     if status is None:
         return Line(f"Looking for the server at {where}", Tone.WATCH)
+    if replayed(status):
+        return Line(status.notice)
     if status.pending:
         return Line(f"To come: {status.pending}", Tone.WATCH)
     if not status.opened and status.phase == "idle":
@@ -223,6 +227,8 @@ def commander(status: Status | None, own: str) -> Line:
     """
     if status is None:
         return Line("", Tone.QUIET)
+    if replayed(status):
+        return Line("Whoever is connected may command a replay", Tone.PLAIN)
     if status.commander == own:
         return Line("You command", Tone.GOOD)
     if status.commander:

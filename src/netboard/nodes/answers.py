@@ -3,10 +3,12 @@
 Nothing here changes anything; what is asked often must cost little, for it is answered between two ticks.
 """
 
+from collections.abc import Iterable
 from math import nan
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from netboard.clock import now_ns
 from netboard.config import SIDES, Side
@@ -109,6 +111,20 @@ class SessionAnswers:
         oldest = max(after + 1, self._session.number - len(self._session.rows) + FRESH_TICKS, 0)
         numbers = range(-(-oldest // TRACE_EVERY) * TRACE_EVERY, self._session.number, TRACE_EVERY)
         rows = self._session.rows[np.array(numbers, np.int64) % len(self._session.rows)]
-        ball = self._session.block.curtain.ball
-        values = (rows[name].tolist() if ball or name != "p" else [nan] * len(rows) for name in _TRACED)
-        return Trace(tuple(zip(numbers, *values, strict=True)))
+        return trace_of(rows, numbers, ball=self._session.block.curtain.ball)
+
+
+def trace_of(rows: NDArray[Any], numbers: Iterable[int], *, ball: bool) -> Trace:
+    """Say what has happened in some ticks.
+
+    Parameters
+    ----------
+    rows : ndarray of TICK, shape (n,)
+        The ticks.
+    numbers : iterable of int
+        Their numbers [1].
+    ball : bool
+        Whether there is a ball.
+    """
+    values = (rows[name].tolist() if ball or name != "p" else [nan] * len(rows) for name in _TRACED)
+    return Trace(tuple(zip(numbers, *values, strict=True)))

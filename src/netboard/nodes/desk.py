@@ -13,6 +13,7 @@ from netboard.errors import ConfigError
 from netboard.experiment.machine import TABLE, Cause, Phase
 from netboard.nodes import alarm
 from netboard.settings import check
+from netboard.wire.codec import REPLAY_COMMANDS
 
 CAUSES = {
     "start": Cause.START,
@@ -127,6 +128,8 @@ class Desk:
         now : Situation
             How things stand.
         """
+        if command in REPLAY_COMMANDS:
+            return Decision(False, f"cannot {command}: this is a live session, not a replay")
         if command == "take" or (command not in ANYBODYS and not self.commander):
             self.commander, self.name = who, name
         if command not in ANYBODYS and who != self.commander:

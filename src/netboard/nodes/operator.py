@@ -199,9 +199,12 @@ class Operator:
         return newest
 
     def _hear(self, status: Status) -> Status:
-        """Keep a status; with another session, forget what has become of the one before."""
+        """Keep a status; forget what has become of another session, or in a replay that has gone back, came later."""
         if self.status is not None and status.session != self.status.session:
             self.attempts.clear()
+            self.points.clear()
+        del self.attempts[status.outcomes :]
+        if self.points and self.points[-1][0] >= status.tick:
             self.points.clear()
         self.status = status
         return status

@@ -388,7 +388,8 @@ class Session:
         self._due_ns += count * TICK_NS
         newest = (self.number - 1) % RING_ROWS
         rest = self.rest(now_ns()) if self._rest_until_ns else None
-        self._views.show(self.block.curtain, self.rows[newest], self._words[newest], self.ledger.best, rest)
+        seen = self.rows[newest], self._words[newest]
+        self._views.show(self.number, self.block.curtain, *seen, self.ledger.best, rest)
 
     def _mind_the_gap(self, behind_ns: int, most_ticks: int) -> None:
         """If the loop was held up for so long that its time must be moved, note it: a trial is spoiled by it."""

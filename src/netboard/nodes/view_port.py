@@ -47,11 +47,15 @@ class ViewPort:
         """Forget what has been shown: with another block everything is new."""
         self._seen = dict.fromkeys(SIDES, (-SAME_VIEW_TICKS, b""))
 
-    def show(self, curtain: Curtain, row: Any, words: Any, best: float | None, rest: float | None) -> None:
+    def show(
+        self, following: int, curtain: Curtain, row: Any, words: Any, best: float | None, rest: float | None
+    ) -> None:
         """Send a station what it may see, if it is its turn, somebody looks, and there is anything new.
 
         Parameters
         ----------
+        following : int
+            Milliseconds that have gone by, by which turns are taken: live, the number of the following tick [1].
         curtain : Curtain
             Who may see what.
         row : netboard.tick.TICK record
@@ -63,7 +67,6 @@ class ViewPort:
         rest : float or None
             What is left of the rest before the block [s].
         """
-        following = int(words[_AT["tick"]]) + 1
         for side, turn in self._turn.items():
             if following > turn:
                 self._turn[side] = max(turn, following - self._every) + self._every

@@ -2,10 +2,13 @@
 
 from rich.console import Group, RenderableType
 from rich.table import Table
+from rich.text import Text
 
 from netboard.recording.reader import Recording
 from netboard.recording.summary import Attempt, Spread, Summary, summarise
 from netboard.recording.verification import Verdict
+from netboard.replay.playback import clock
+from netboard.replay.reel import Reel
 
 _SIDES = {-1: "left", 0: "unknown", 1: "right"}
 
@@ -101,4 +104,22 @@ def _counts(summary: Summary) -> Table:
         rows[f"{station} display: views dropped"] = f"{shown.dropped}"
     for name, value in rows.items():
         table.add_row(name, value)
+    return table
+
+
+def marks_table(reel: Reel) -> Table:
+    """Trials and events of a recording, with their times.
+
+    Parameters
+    ----------
+    reel : Reel
+        The recording.
+    """
+    table = Table(title=f"{reel.name}: {clock(reel.length)}", title_justify="left")
+    for heading in ("time", "tick", "trial", "kind", "what"):
+        table.add_column(heading, justify="left" if heading in ("kind", "what") else "right")
+    for mark in reel.marks:
+        style = "bold" if mark.kind == "trial" else None
+        cells = f"{mark.time:.3f} s", str(mark.tick), str(mark.trial), mark.kind, Text(mark.label)
+        table.add_row(*cells, style=style)
     return table

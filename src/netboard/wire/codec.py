@@ -117,6 +117,15 @@ KINDS: dict[int, Kind] = {
 
 ROLES = ("agent", "display", "logger", "console", "listener")
 SIDES = ("left", "right")
+REPLAY_COMMANDS = (
+    "play",
+    "seek",  # to a time, a trial or a tick
+    "speed",
+    "loop",  # one part again and again
+    "step",  # by ticks
+    "previous",  # trial, note or other mark
+)
+"""Commands that only a replay carries out."""
 COMMANDS = (
     "start",  # the block
     "pause",  # at once
@@ -137,6 +146,7 @@ COMMANDS = (
     "next",  # give up what is left of this block, and go on with the next one
     "end",  # the session, and with it the server; it can be resumed
     "note",  # for the recording
+    *REPLAY_COMMANDS,
 )
 
 CHOICES: dict[tuple[type[Message], str], tuple[str, ...]] = {

@@ -14,6 +14,9 @@ BLOCK_BEGAN = "block_began"
 """Name of the event with which a block begins; its detail ``config`` is the block's configuration. All records from it
 on belong to that block: a logger begins another file with it."""
 
+REPLAY_OF = "replay of "
+"""With this the notice of a replay begins, and no other."""
+
 
 class Safeguard(IntFlag):
     """What the agent's safety chain did since the sample before, and the state it is in.

@@ -1,0 +1,53 @@
+"""Keys of a terminal, one by one, as they are pressed."""
+
+import os
+import sys
+from select import select
+from types import TracebackType
+from typing import Any, Self
+
+ARROWS = {b"\x1b[A": "up", b"\x1b[B": "down", b"\x1b[C": "right", b"\x1b[D": "left"}
+"""What a terminal sends for them."""
+
+MOST_BYTES = 64
+"""Read in one go: what is behind the first key was pressed too fast to be meant."""
+
+
+class Keyboard:
+    """While entered, keys of the terminal are read one by one; where there is no terminal, none ever come."""
+
+    def __init__(self) -> None:
+        self.there = sys.stdin.isatty() and os.name == "posix"
+        self._before: list[Any] = []
+
+    def __enter__(self) -> Self:
+        if self.there:
+            import termios
+            import tty
+
+            self._before = termios.tcgetattr(sys.stdin)
+            tty.setcbreak(sys.stdin)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self.there:
+            import termios
+
+            termios.tcsetattr(sys.stdin, termios.TCSADRAIN, self._before)
+
+    def pressed(self, seconds: float = 0.0) -> str | None:
+        """Tell the key that has been pressed: a letter, or ``left``, ``right``, ``up`` or ``down``; None without one.
+
+        It is empty once the terminal is gone.
+
+        Parameters
+        ----------
+        seconds : float
+            Wait for one at most so long [s].
+        """
+        if not self.there or not select([sys.stdin], [], [], seconds)[0]:
+            return None
+        came = os.read(sys.stdin.fileno(), MOST_BYTES)
+        return ARROWS.get(came[:3]) or came[:1].decode(errors="replace")

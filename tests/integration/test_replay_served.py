@@ -1,0 +1,207 @@
+"""A session of real processes, recorded, and played again to real displays, consoles and clients: they cannot tell."""
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from netboard import keys, sockets
+from netboard.config import SIDES, Side
+from netboard.faults.rigs import PATIENCE, Rig
+from netboard.replay.loading import load
+from netboard.replay.reel import Reel
+from netboard.wire.codec import decode
+from netboard.wire.messages import View
+
+pytestmark = [pytest.mark.integration, pytest.mark.slow, pytest.mark.timeout(240)]
+
+SOON_LEVEL = ("task.level_time=0.05", "task.level_angle_deg=5.0", "task.level_rate_deg_s=30.0")
+
+
+def watch(rig: Rig, seconds: float) -> dict[Side, list[View]]:
+    """What both stations are sent for some time, as far as one loop can take it."""
+    seen: dict[Side, list[View]] = {side: [] for side in SIDES}
+    ends = {}
+    for side in SIDES:
+        where = keys.reach(rig.config.network, f"display.{side}")
+        ends[side] = sockets.view_subscriber(rig.context, where.reach(sockets.VIEW[side]))
+    for _ in range(round(seconds * 1000)):
+        for side, end in ends.items():
+            if sockets.wait_readable(end, 0.0005) and (frame := sockets.receive(end)) is not None:
+                view = decode(frame)
+                assert isinstance(view, View)
+                seen[side].append(view)
+    for end in ends.values():
+        end.close(linger=0)
+    return seen
+
+
+def differing(reel: Reel, seen: dict[Side, list[View]]) -> list[tuple[View, View]]:
+    """Views that are not what is recorded of their tick, with what is."""
+    numbers = reel.ticks["tick"]
+    pairs = [
+        (view, reel.view(int(np.searchsorted(numbers, view.tick)), side, view.sent_ns, view.seq))
+        for side, views in seen.items()
+        for view in views
+    ]
+    return [(view, recorded) for view, recorded in pairs if view != recorded]
+
+
+@pytest.fixture(scope="module")
+def live(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Path, dict[Side, list[View]]]]:
+    """A recording, and what was seen while it was made."""
+    with Rig(tmp_path_factory.mktemp("live"), (*SOON_LEVEL, "block.trials=50")) as rig:
+        rig.start_all()
+        rig.until(lambda status: status.phase == "levelling")
+        seen = watch(rig, 4.0)
+        rig.until(lambda status: status.outcomes >= 2)
+        (path,) = rig.finish()
+        yield path, seen
+
+
+@pytest.fixture(scope="module")
+def reel(live: tuple[Path, dict[Side, list[View]]]) -> Reel:
+    return load(live[0])
+
+
+def served(folder: Path, path: Path, *settings: str) -> Rig:
+    """A rig whose server is a replay."""
+    rig = Rig(folder, settings)
+    rig.start("server", "replay", str(path), "--serve")
+    return rig
+
+
+@pytest.fixture(scope="module")
+def rig(live: tuple[Path, dict[Side, list[View]]], tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
+    """A replay behind a door with keys."""
+    folder = tmp_path_factory.mktemp("served")
+    keys.init(folder / "keys")
+    for role, side in (("display", "left"), ("display", "right"), ("agent", "left"), ("console", "")):
+        keys.add(folder / "keys", role, side, folder / "keys")  # type: ignore[arg-type]
+    with served(folder, live[0], "network.curve=on", f"network.keys={folder / 'keys'}") as rig:
+        rig.until(lambda status: True)
+        yield rig
+
+
+def run(rig: Rig, *words: str) -> subprocess.CompletedProcess[str]:
+    """A command from a shell."""
+    command = [sys.executable, "-m", "netboard.services.cli", *words, "-c", str(rig.file)]
+    return subprocess.run(command, cwd=rig.folder, capture_output=True, text=True, timeout=PATIENCE, check=False)
+
+
+def test_what_was_sent_live_is_what_the_recording_shows(live: tuple[Path, dict[Side, list[View]]], reel: Reel) -> None:
+    _, seen = live
+    assert min(map(len, seen.values())) > 100
+    assert any(view.phase == "running" for view in seen["left"])
+    assert differing(reel, seen) == []
+
+
+def test_a_replay_sends_what_was_recorded_at_any_speed(rig: Rig, reel: Reel) -> None:
+    for speed in ("1", "0.25", "8"):
+        assert rig.operator.do("seek", "trial 1").accepted
+        assert rig.operator.do("speed", speed).accepted
+        assert rig.operator.do("play").accepted
+        seen = watch(rig, 1.0)
+        for views in seen.values():
+            ticks = np.array([view.tick for view in views])
+            assert len(set(ticks)) > 10
+            assert np.all(np.diff(ticks) >= 0)
+            assert np.all(np.diff([view.seq for view in views]) > 0)
+        assert differing(reel, seen) == []
+
+
+def test_it_is_steered_from_a_shell(rig: Rig, reel: Reel) -> None:
+    assert run(rig, "control", "pause").stdout.startswith("pause: paused at ")
+    done = run(rig, "control", "seek", "trial", "2", "--json")
+    told = json.loads(done.stdout)
+    assert told["accepted"]
+    assert told["status"]["trial"] == 2
+    tick = told["status"]["tick"]
+    began = reel.trial(2)
+    assert began is not None
+    assert tick == reel.ticks["tick"][reel.at(began[0])] + 1
+    stepped = json.loads(run(rig, "control", "step", "back", "7", "--json").stdout)
+    assert stepped["status"]["tick"] == tick - 7
+    watched = watch(rig, 0.3)
+    assert {view.tick for views in watched.values() for view in views} == {tick - 8}, "it stands still"
+    status = json.loads(run(rig, "status", "--json").stdout)
+    assert status["notice"].startswith(f"replay of {reel.name}: paused at ")
+    assert not status["armed"]
+    refused = run(rig, "control", "arm")
+    assert refused.returncode == 1
+    assert "cannot arm: this is a replay" in refused.stderr
+
+
+def test_a_display_shows_it_and_an_agent_is_sent_away(rig: Rig) -> None:
+    picture = rig.folder / "left.png"
+    rig.start("left display", "display", "--station", "left", "--screenshot", str(picture))
+    rig.start_agent("left")
+    assert rig.wait("left display") == 0
+    assert picture.stat().st_size > 1000
+    for _ in range(100):
+        rig.operator.attend(0.1)
+        if "it exerts no force, and takes no agent" in rig.said("left agent"):
+            break
+    assert "it exerts no force, and takes no agent" in rig.said("left agent")
+    status = rig.until(lambda status: True)
+    assert not status.armed
+    assert "agent.left" not in status.peers
+    assert rig.stop("left agent") == 0
+
+
+def test_it_ends_when_it_is_told_to(rig: Rig) -> None:
+    rig.ask_to_end()
+    assert rig.wait("server") == 0
+
+
+def test_a_foreign_display_cannot_tell_it_from_a_live_server(
+    live: tuple[Path, dict[Side, list[View]]], clients: Path, tmp_path: Path
+) -> None:
+    with served(tmp_path, live[0]) as rig:
+        rig.until(lambda status: True)
+        with (tmp_path / "foreign.log").open("wb") as said:
+            command = ["node", "display.mjs", "left", rig.config.network.host, str(rig.config.network.port)]
+            rig.running["foreign"] = subprocess.Popen(command, cwd=clients, stdout=said, stderr=said)
+        rig.until(lambda status: "display.left" in status.peers)
+        rig.do("play")
+        lines: list[dict[str, object]] = []
+        for _ in range(100):
+            rig.operator.attend(0.1)
+            lines = [json.loads(line) for line in (tmp_path / "foreign.log").read_text().splitlines()]
+            if any(" running " in str(line.get("picture")) for line in lines):
+                break
+        assert any(" running " in str(line.get("picture")) for line in lines), lines
+        assert {line["partner_seen"] for line in lines if "picture" in line} == {0}
+        assert rig.stop("server") == 0
+
+
+def test_keys_of_its_terminal_steer_it(live: tuple[Path, dict[Side, list[View]]], tmp_path: Path) -> None:
+    keyboard, terminal = os.openpty()
+    with Rig(tmp_path) as rig:
+        command = [
+            sys.executable,
+            "-m",
+            "netboard.services.cli",
+            "replay",
+            str(live[0]),
+            "--serve",
+            "-c",
+            str(rig.file),
+        ]
+        rig.running["server"] = subprocess.Popen(command, stdin=terminal, stdout=subprocess.DEVNULL, cwd=rig.folder)
+        rig.until(lambda status: "playing" in status.notice)
+        os.write(keyboard, b" ")
+        before = rig.until(lambda status: "paused" in status.notice)
+        os.write(keyboard, b".")
+        rig.until(lambda status: status.tick == before.tick + 1)
+        os.write(keyboard, b"\x1b[A")
+        rig.until(lambda status: "2 times real time" in status.notice)
+        os.write(keyboard, b"q")
+        assert rig.wait("server") == 0
+    for end in (keyboard, terminal):
+        os.close(end)

@@ -1,0 +1,198 @@
+"""A recording on real sockets: what is shown, what is answered, who is refused."""
+
+from collections.abc import Iterator
+from contextlib import ExitStack
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from made_recordings import CONFIG, reel_of, two_trials
+from netboard import sockets
+from netboard.config import SIDES, Network, Side
+from netboard.curtain import make_curtain, view_of
+from netboard.nodes.launcher import free_port
+from netboard.nodes.operator import Operator
+from netboard.nodes.replay_server import MOST_LETTERS, ReplayServer
+from netboard.wire.codec import COMMANDS, REPLAY_COMMANDS, decode, encode
+from netboard.wire.messages import (
+    PROTOCOL_VERSION,
+    EventRecord,
+    Goodbye,
+    Hello,
+    LogRequest,
+    Message,
+    Refusal,
+    Reply,
+    Status,
+    View,
+    Welcome,
+)
+
+TRIES = 2000
+JUDGED = EventRecord(0, 4100, 0, "attempt_ended", {"trial": "1", "attempt": "1", "outcome": "success", "flags": "late"})
+NOTE = EventRecord(1, 4200, 0, "command", {"name": "note", "argument": "x" * 60_000})
+
+
+class Rig:
+    """A replay that stands still, and somebody at each of its channels; everything in one thread."""
+
+    def __init__(self, stack: ExitStack) -> None:
+        self.network = replace(Network(), port=free_port())
+        self.context = stack.enter_context(sockets.open_context())
+        self.reel = reel_of(two_trials(), JUDGED, NOTE)
+        self.server = ReplayServer(self.reel, self.network, self.context, None)
+        where = sockets.addresses(self.network)
+        self.operator = Operator(self.network, self.context)
+        self.stations = {side: sockets.view_subscriber(self.context, where.reach(sockets.VIEW[side])) for side in SIDES}
+        self.agent = sockets.motion_agent(self.context, where.reach(sockets.MOTION), "agent.left@test")
+        self.logger = sockets.log_client(self.context, where.reach(sockets.LOG), "logger@test")
+        self.display = sockets.control_client(self.context, where.reach(sockets.CONTROL), "display.left@test")
+        self.milliseconds = 0
+        self.status()
+
+    def work(self) -> None:
+        self.server.go_on(self.milliseconds)
+        self.server.keep_house()
+        self.milliseconds += 1
+
+    def status(self) -> Status:
+        for _ in range(TRIES):
+            self.work()
+            if (status := self.operator.ask(0.002)) is not None:
+                return status
+        raise AssertionError("no status")
+
+    def do(self, name: str, argument: str = "") -> Reply:
+        number = self.operator.command(name, argument)
+        for _ in range(TRIES):
+            self.work()
+            self.operator.attend(0.001)
+            if (reply := self.operator.reply(number)) is not None:
+                return reply
+        raise AssertionError("no reply")
+
+    def heard(self, socket: sockets.Socket, *say: Message) -> Message:
+        for message in say:
+            sockets.send(socket, encode(message))
+        for _ in range(TRIES):
+            self.work()
+            if sockets.wait_readable(socket, 0.001) and (frame := sockets.receive(socket)) is not None:
+                return decode(frame)
+            for message in say:
+                sockets.send(socket, encode(message))
+        raise AssertionError("nothing was heard")
+
+    def view(self, side: Side) -> View:
+        while sockets.receive(self.stations[side]) is not None:
+            pass
+        view = self.heard(self.stations[side])
+        assert isinstance(view, View)
+        return view
+
+
+@pytest.fixture
+def rig() -> Iterator[Rig]:
+    with ExitStack() as stack:
+        made = Rig(stack)
+        yield made
+        made.server.leave()
+        made.operator.leave()
+        for socket in (*made.stations.values(), made.agent, made.logger, made.display):
+            socket.close(linger=0)
+
+
+def test_each_station_is_sent_what_its_participant_could_see(rig: Rig) -> None:
+    curtain, rows = make_curtain(CONFIG), two_trials()
+    for position in (0.2, 0.9, 2.0, 3.333, 4.0, 4.001, 7.5, 9.999):
+        assert rig.do("seek", str(position)).accepted
+        for side in SIDES:
+            for _ in range(2):  # the first one may have been on its way
+                view = rig.view(side)
+            row = rows[rows["tick"] == view.tick][0]
+            assert view.tick == 100 + round(position * 1000)
+            assert view == view_of(curtain, row, side, 3.0 if position >= 4.0 else None, view.sent_ns, view.seq)
+            assert (view.left is None) == (side == "right")
+
+
+def test_what_stands_still_is_shown_again_and_again_with_numbers_that_go_on(rig: Rig) -> None:
+    first, second = rig.view("left"), rig.view("left")
+    assert second.seq > first.seq
+    assert second.tick == first.tick
+
+
+def test_the_status_is_that_of_the_recording_and_nothing_is_armed(rig: Rig) -> None:
+    rig.do("seek", "4.05")
+    status = rig.status()
+    assert (status.tick, status.phase, status.trial, status.trials) == (4151, "levelling", 2, 6)
+    assert (status.armed, status.opened, status.commander, status.waiting_for) == (False, True, "", ())
+    assert status.peers == ("console",)
+    assert status.notice.startswith("replay of made.mcap: paused at 0:04.")
+    assert "x" * 50 in rig.do("seek", "4.2").reason
+    assert [station[0] for station in status.stations] == ["left", "right"]
+    rig.do("seek", "7")
+    lost = rig.status().stations[0]
+    assert np.isnan(lost[1])
+    assert lost[4] == 1000, "no tick of this attempt had a sample"
+
+
+def test_a_console_forgets_what_came_later_when_it_goes_back(rig: Rig) -> None:
+    operator = rig.operator
+    rig.do("seek", "5")
+    for _ in range(20):
+        rig.status()
+    assert [attempt[:4] for attempt in operator.attempts] == [(1, 1, 1, "success")]
+    operator.poll()
+    rig.status()
+    for _ in range(TRIES):
+        rig.work()
+        operator.attend(0.001)
+        if operator.points:
+            break
+    assert [point[0] for point in operator.points][-2:] == [5095, 5100]
+    rig.do("seek", "2")
+    rig.status()
+    assert operator.attempts == []
+    assert list(operator.points) == []
+
+
+def test_live_commands_are_refused_in_words(rig: Rig) -> None:
+    for command in set(COMMANDS) - {*REPLAY_COMMANDS, "pause", "resume", "next", "end", "take"}:
+        reply = rig.do(command)
+        assert not reply.accepted
+        assert reply.reason.startswith(f"cannot {command}: this is a replay of made.mcap; it knows ")
+    assert not rig.status().armed
+
+
+def test_what_is_quoted_fits_into_an_answer(rig: Rig) -> None:
+    reply = rig.do("seek", "\U0001f600" * 10_000)
+    assert not reply.accepted
+    assert len(reply.reason) == MOST_LETTERS
+
+
+def test_it_is_steered(rig: Rig) -> None:
+    assert rig.do("seek", "trial 2").reason.startswith("paused at 0:04.0 of 0:10.0, 1 times real time, tick 4101")
+    assert "tick 4106" in rig.do("step", "5").reason
+    assert rig.do("take").accepted
+    assert rig.do("play").reason.startswith("playing")
+    assert rig.do("end").reason == "the replay ends"
+
+
+def test_agents_and_loggers_are_told_that_there_is_nothing_for_them(rig: Rig) -> None:
+    agent = rig.heard(rig.agent, Hello("agent", "left", PROTOCOL_VERSION, "lab:1", "1", {}))
+    assert agent == Refusal("this is a replay of made.mcap: it exerts no force, and takes no agent")
+    logger = rig.heard(rig.logger, Hello("logger", "", PROTOCOL_VERSION, "lab:1", "1", {}), LogRequest(-1))
+    assert logger == Refusal("this is a replay of made.mcap: there is nothing to record")
+
+
+def test_a_display_is_welcomed_with_the_recorded_configuration_and_told_when_it_is_over(rig: Rig) -> None:
+    welcome = rig.heard(rig.display, Hello("display", "left", PROTOCOL_VERSION, "lab:1", "1", {}))
+    assert isinstance(welcome, Welcome)
+    assert welcome.config == rig.reel.text
+    assert rig.status().peers == ("console", "display.left")
+    rig.server.control.goodbye("the replay is over")
+    for _ in range(TRIES):
+        if isinstance(rig.heard(rig.display), Goodbye):
+            break
+    else:
+        raise AssertionError("no goodbye")
