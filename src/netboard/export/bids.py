@@ -23,7 +23,6 @@ from netboard.export.runs import Person, Run, runs_of
 from netboard.export.signals import FRAME, Signal, signals_of
 from netboard.export.survey import Survey
 from netboard.recording.reader import Recording
-from netboard.tick import TICK_SECONDS
 
 TASK = "boardandball"
 """Label of the task: its name without the spaces."""
@@ -95,9 +94,10 @@ def _write_run(run: Run, folder: Path, progress: Progress) -> Iterator[tuple[str
 
 def _lines(rows: NDArray[Any], signals: Sequence[Signal], origin_ns: int) -> Iterator[str]:
     """Write ticks as lines of a motion file."""
-    latency = ("%d.%09d\t" % divmod(time_ns, 10**9) for time_ns in (rows["time_ns"] - origin_ns).tolist())
+    times = (divmod(time_ns, 1_000_000_000) for time_ns in (rows["time_ns"] - origin_ns).tolist())
+    latency = (f"{seconds}.{rest:09d}" for seconds, rest in times)
     columns = (_words(rows[signal.field]) for signal in signals)
-    return (time + "\t".join(words) + "\n" for time, words in zip(latency, zip(*columns, strict=True), strict=True))
+    return ("\t".join(words) + "\n" for words in zip(latency, *columns, strict=True))
 
 
 def _words(values: NDArray[Any]) -> Iterable[str]:
@@ -252,7 +252,8 @@ def _session(dyad: Row, partner: str, began: str) -> Row:
 
 def _write_texts(runs: Sequence[Run], folder: Path) -> None:
     """Write what is the same for all runs, and what explains it."""
-    _write_json(folder / "dataset_description.json", texts.description(sorted({run.config.session.study for run in runs})))
+    studies = sorted({run.config.session.study for run in runs})
+    _write_json(folder / "dataset_description.json", texts.description(studies))
     (folder / "README.md").write_text(texts.README, encoding="utf-8")
     for name, sidecar in texts.SIDECARS.items():
         _write_json(folder / name.format(task=f"task-{TASK}", system=_SYSTEM), sidecar)
@@ -269,12 +270,12 @@ def _motion(run: Run, recording: Recording, survey: Survey, person: Person, sign
         "SoftwareVersions": f"netboard {run.metadata['netboard']}",
         "Instructions": run.config.block.instructions or texts.INSTRUCTIONS,
         "RecordingDuration": survey.duration,
-        "SamplingFrequencyEffective": survey.ticks / survey.duration,
+        "SamplingFrequencyEffective": survey.rate,
         "MotionChannelCount": 1 + len(kinds),
         "LATENCYChannelCount": 1,
         "POSChannelCount": kinds.count("POS"),
         "VELChannelCount": kinds.count("VEL"),
-        "MiscChannelCount": kinds.count("MISC"),
+        "MISCChannelCount": kinds.count("MISC"),
         "TrackedPointsCount": len(person.sides),
     }
 

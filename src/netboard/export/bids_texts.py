@@ -20,11 +20,12 @@ LATENCY = Signal(
 )
 """The first column of a motion file."""
 
-_TASK = (
-    "Two people, or one with both hands, each move an end of a virtual board up and down with a haptic stylus, and roll a "
-    "virtual ball into a target at the one side and then at the other, where it must stay. A trial begins with levelling "
-    "the board; an attempt at it lasts from the release of the ball to success, fall or time limit."
+TASK_TEXT = (
+    "Two people, or one with both hands, move the two ends of a virtual board up and down, each with a haptic stylus, "
+    "and roll a virtual ball into a target at the one side and then at the other, where it must stay. A trial begins "
+    "with levelling the board; an attempt at it lasts from the release of the ball to success, fall or time limit."
 )
+"""What people do."""
 
 
 def description(studies: Sequence[str]) -> dict[str, Any]:
@@ -50,7 +51,7 @@ def description(studies: Sequence[str]) -> dict[str, Any]:
 README = f"""\
 # Board and ball
 
-{_TASK}
+{TASK_TEXT}
 
 ## Two people
 
@@ -61,8 +62,8 @@ BIDS has no rule for two people at once. Here:
 - a run is one recording, which is one block or a part of it, and runs are counted over both people: files of two
   subjects with equal session and run are the same moments, row by row, on one clock (the server's), with equal
   `acq_time` and equal `latency`;
-- each has the own stylus and its forces, as each saw the own stylus only, and the board and the ball, which both saw. The
-  partner's are in the partner's file;
+- each has the own stylus and its forces, as each saw the own stylus only, and the board and the ball, which both saw.
+  The partner's are in the partner's file;
 - who belongs together is in each `*_sessions.tsv`, and for the whole dataset in `docs/dyads.tsv`.
 
 A run of one person only is a block that this person did with both hands, or with a robot or a still hand at the other
@@ -71,8 +72,9 @@ end; `*_scans.tsv` says which, and has the condition of each run.
 ## The data
 
 1000 rows a second, one for each tick of the server. A position is that of the newest sample when the tick began, so
-it may be a millisecond or two older than its row, and repeated if none came (`*_sample` has its number, `*_fresh` whether
-it counted). Forces have no type of their own in BIDS; they are MISC channels in N, as are the virtual board and ball.
+it may be a millisecond or two older than its row, and repeated if none came (`*_sample` has its number, `*_fresh`
+whether it counted). Forces have no type of their own in BIDS; they are MISC channels in N, as are the virtual board
+and ball.
 Positions: {FRAME_TEXT}.
 
 Where ticks are missing, rows are missing: `latency` tells. Numbers have as many digits as float64 needs to read back
@@ -80,13 +82,13 @@ the same. `sourcedata` has the configuration of each recording: every size, mass
 
 ## To be filled in
 
-What netboard does not know: `Authors` and `License` in `dataset_description.json`, ages and sexes in `participants.tsv`,
-the institution in the motion sidecar at the top.
+What netboard does not know: `Authors` and `License` in `dataset_description.json`, ages and sexes in
+`participants.tsv`, the institution in the motion sidecar at the top.
 """
 
 _MOTION = {
     "TaskName": "board and ball",
-    "TaskDescription": _TASK,
+    "TaskDescription": TASK_TEXT,
     "SamplingFrequency": 1000,
     "TrackingSystemName": "stylus",
     "InstitutionName": MISSING,
@@ -139,8 +141,8 @@ ATTEMPT_TEXTS = {
     "attempt": "number of the attempt at this trial, from 1",
     "target": "side of the target",
     "outcome": (
-        "what became of the attempt: success, fell, timed_out, or the command or fault that ended it; unfinished if the "
-        "recording ends first"
+        "what became of the attempt: success, fell, timed_out, or the command or fault that ended it; unfinished if "
+        "the recording ends first"
     ),
     "completion_time": "from the release to the ball's coming into the target to stay, of a success",
     "flags": "why the attempt is doubtful, by rules that were fixed before: words with spaces between",
@@ -152,8 +154,8 @@ _UNITS = {"completion_time": "s", "force_delay_ms": "ms"}
 _EVENTS = {
     "trial_type": {
         "Description": (
-            "Two kinds last: levelling and attempt cover exactly the rows of their phases. The others are at the row that "
-            "decided them, the last of the phase before"
+            "Two kinds last: levelling and attempt cover exactly the rows of their phases. The others are at the row "
+            "that decided them, the last of the phase before"
         ),
         "Levels": {
             "levelling": "the ball is fixed opposite the target, until the board is level",

@@ -45,8 +45,6 @@ def devices_of(config: Config, recording: Recording) -> tuple[HandDevice, ...]:
     for side in SIDES:
         backend, details = getattr(config.agents, side).device, told.get(side, {})
         found.append(
-            HandDevice(
-                side, backend, MAKERS.get(backend, ""), details.get("model", ""), details.get("serial", "")
-            )
+            HandDevice(side, backend, MAKERS.get(backend, ""), details.get("model", ""), details.get("serial", ""))
         )
     return tuple(found)

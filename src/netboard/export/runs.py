@@ -170,6 +170,6 @@ def _refuse(runs: Sequence[Run], named: Callable[[Run], list[tuple[str, str, tup
             first, other = meant.setdefault(label, (run.path, identity))
             if other != identity:
                 raise RecordingError(
-                    f"{first} and {run.path}: {kind} {' '.join(other)} of the one and {kind} {' '.join(identity)} of the "
-                    f"other would both be called {label}, as only letters and digits count; export them apart"
+                    f"{first} and {run.path}: {kind}s {' '.join(other)} and {' '.join(identity)} would both be called "
+                    f"{label}, as only letters and digits count; export them apart"
                 )

@@ -1,14 +1,14 @@
 """What is told of a person's run: the own stylus and its forces, and the board and the ball that the person saw.
 
-In a dyad each gets the own side only, as each saw the own stylus only: the curtain holds in what is shared, too, and the
-two files of a run together have both sides. What a signal means, and its unit, is what the tick's channel says.
+In a dyad each gets the own side only, as each saw the own stylus only: the curtain holds in what is shared, too. The two
+files of a run together have both sides. What a signal means, and its unit, is what the tick's channel says.
 """
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from netboard.config import Side
-from netboard.recording.channels import CHANNELS
+from netboard.recording.channels import CHANNELS, Field
 
 FRAME = "room"
 """Name of the frame of reference of positions."""
@@ -49,6 +49,15 @@ class Signal:
 
 
 _FIELDS = {field.name: field for field in CHANNELS[0].fields}
+
+_RATES = {
+    "left_sent_vz": "rate of left_stylus_z",
+    "right_sent_vz": "rate of right_stylus_z",
+    "vz": "rate of board_z",
+    "omega": "rate of board_tilt",
+    "vp": "rate of ball_position",
+}
+"""What means something with regard to another field, in the names it has here."""
 
 _STYLUS = (
     ("x", "POS", "x", "x"),
@@ -94,10 +103,14 @@ def _of_stylus(side: Side) -> Iterator[Signal]:
     for name, kind, axis, rest in _STYLUS:
         field = _FIELDS[f"{side}_{rest}"]
         point = f"{side}_stylus"
-        yield Signal(f"{point}_{name}", field.name, kind, axis, point, field.text, field.unit)
+        yield Signal(f"{point}_{name}", field.name, kind, axis, point, _about(field), field.unit)
 
 
 def _of_scene() -> Iterator[Signal]:
     for name, axis, point, rest in _SCENE:
         field = _FIELDS[rest]
-        yield Signal(name, field.name, "MISC", axis, point, field.text, field.unit)
+        yield Signal(name, field.name, "MISC", axis, point, _about(field), field.unit)
+
+
+def _about(field: Field) -> str:
+    return _RATES.get(field.name, field.text)

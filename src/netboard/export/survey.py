@@ -70,6 +70,8 @@ class Survey:
         Server time of the first [ns].
     duration : float
         From the first to the end of the last [s].
+    rate : float
+        Rows in that time [Hz].
     attempts : tuple of Attempt
         Every attempt at a trial.
     happenings : tuple of Happening
@@ -89,6 +91,7 @@ class Survey:
         first, lead_ns = self._jumps[0]
         self._first, self.origin_ns = first, first * TICK_NS + lead_ns
         self.duration = self.span(first, self._last + 1)
+        self.rate = self.ticks * 10**9 / round(self.duration * 1e9)
         self._utc_ns = self.origin_ns + _utc_minus_server(recording)
 
     def _watched(self, recording: Recording, found: list[Happening]) -> Iterator[NDArray[Any]]:
