@@ -1,14 +1,16 @@
 """The commands for recordings: what can be asked of a file, and nothing of how it is done."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
 from netboard.config import Side
 from netboard.export.formats import FORMATS
+from netboard.services.configuration import ConfigFile, Overrides, load
 from netboard.services.wording import Screenshot, examples
 
+Interpolation = Literal["cubic", "linear"]
 RecordingFile = Annotated[Path, typer.Argument(metavar="RECORDING", help="The recording, an .mcap file.")]
 
 
@@ -60,6 +62,34 @@ def export(
     raise typer.Exit(service.main(recordings, to, output))
 
 
+def import_(
+    tables: Annotated[list[Path], typer.Argument(metavar="TABLE...", help=".csv or .parquet files.")],
+    config: ConfigFile = None,
+    settings: Overrides = None,
+    names: Annotated[
+        list[str] | None, typer.Option("--map", metavar="COLUMN=THEIRS", help="What a column is called in the table.")
+    ] = None,
+    units: Annotated[
+        list[str] | None,
+        typer.Option("--unit", metavar="COLUMN=UNIT", help="Its unit there, such as mm; -mm turns its axis round."),
+    ] = None,
+    simulate: Annotated[
+        bool, typer.Option("--simulate", help="Compute board, ball and trials from the hands, as the server does.")
+    ] = False,
+    interpolation: Annotated[Interpolation, typer.Option(help="How positions move between samples.")] = "cubic",
+    gap: Annotated[float, typer.Option(min=0.002, help="Samples further apart have a gap between them [s].")] = 0.1,
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="FOLDER", help="Where the recordings go.")] = Path(
+        "recordings"
+    ),
+) -> None:
+    """Make recordings of tables: of what others have measured, or of an exported table of ticks."""
+    from netboard.foreign.importing import Wishes
+    from netboard.services import importing as service
+
+    wishes = Wishes(tuple(names or ()), tuple(units or ()), simulate, interpolation, gap)
+    raise typer.Exit(service.main(tables, output, load(config, settings or ()), wishes))
+
+
 def add_to(app: typer.Typer) -> None:
     """Make these commands known.
 
@@ -74,3 +104,11 @@ def add_to(app: typer.Typer) -> None:
     app.command(
         epilog=examples("netboard export S01.mcap --to csv", "netboard export recordings/ --to parquet -o study")
     )(export)
+    app.command(
+        "import",
+        epilog=examples(
+            "netboard import study/ticks/S01.parquet",
+            "netboard import hands.csv --simulate -c rig.toml",
+            "netboard import theirs.csv --map time=t --unit time=ms --map left_z=Height1 --unit left_z=mm",
+        ),
+    )(import_)

@@ -1,9 +1,14 @@
 """What the help texts of all commands have in common."""
 
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
 Screenshot = Annotated[Path | None, typer.Option(metavar="FILE", help="Save the first picture as a PNG file and stop.")]
 
@@ -11,3 +16,17 @@ Screenshot = Annotated[Path | None, typer.Option(metavar="FILE", help="Save the 
 def examples(*lines: str) -> str:
     """Write the epilog of a help text."""
     return "\n\n".join(("Examples:", *(f"  {line}" for line in lines)))
+
+
+@contextmanager
+def telling() -> Iterator[Callable[[str, int, int], None]]:
+    """Show a bar on stderr, if that is a terminal: for work that tells what it does, how much is done, and of what."""
+    screen = Console(stderr=True)
+    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=screen, transient=True, disable=not screen.is_terminal) as progress:
+        task = progress.add_task("")
+
+        def tell(what: str, done: int, total: int) -> None:
+            progress.update(task, description=escape(what), completed=done, total=total)
+
+        yield tell

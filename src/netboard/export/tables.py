@@ -189,7 +189,8 @@ def _setting_columns() -> Iterator[tuple[str, str, Field]]:
             if key.name in kept.get(table.name, ()):
                 kind = {bool: "integer", int: "integer", float: "number"}.get(type(key.default), "string")
                 text = key.text.replace("true:", "1:")
-                yield table.name, key.name, Field(f"{table.name}_{key.name}", kind, text, key.unit)
+                unit = key.unit or ("" if kind == "string" else "1")
+                yield table.name, key.name, Field(f"{table.name}_{key.name}", kind, text, unit)
 
 
 _SETTINGS = tuple(_setting_columns())

@@ -1,9 +1,11 @@
-"""Keeps a rehearsed block as a recording: the same channels, events and metadata as those of a live one.
+"""Keeps a block that was not live as a recording: the same channels, events and metadata as those of a live one.
 
 What a live session writes because of its network is missing: clock probes, frames of displays, peers that come. The
-event ``session_started`` says ``rehearsed``, and so does the metadata record, so that nobody takes it for people.
+event ``session_started`` says what it is, ``rehearsed``, and so does the metadata record, so that nobody takes it for
+people.
 """
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,12 +14,15 @@ from numpy.typing import NDArray
 
 from netboard.config import Config, resolve
 from netboard.curtain import PHASE_NAMES
-from netboard.experiment.machine import TABLE, Cause, Phase
+from netboard.experiment.machine import HAS_EDGE, TABLE, Cause, Phase
 from netboard.recording.provenance import provenance
 from netboard.recording.writer import RecordingWriter
 from netboard.rehearsal.block import START_NS
-from netboard.tick import TICK_NS, TICK_SECONDS
+from netboard.tick import TICK_SECONDS
 from netboard.wire.messages import PROTOCOL_VERSION, EventRecord, TickRecord, Welcome
+
+REHEARSED = {"rehearsed": "true"}
+"""What a recording of simulated people says of itself."""
 
 
 class Keeper:
@@ -33,6 +38,10 @@ class Keeper:
         Id of the session.
     utc_ns : int
         Wall-clock time that the first tick is given [ns].
+    said : mapping of str
+        What its metadata say besides, above all what it is.
+    start_ns : int
+        Server time of the first tick [ns].
 
     Attributes
     ----------
@@ -45,16 +54,24 @@ class Keeper:
         If it exists or cannot be made.
     """
 
-    def __init__(self, folder: Path, config: Config, session: str, utc_ns: int) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        config: Config,
+        session: str,
+        utc_ns: int,
+        said: Mapping[str, str] = REHEARSED,
+        start_ns: int = START_NS,
+    ) -> None:
         text = resolve(config)
         self.path = folder / name_of(config, session)
-        welcome = Welcome(session, PROTOCOL_VERSION, START_NS, text)
-        metadata = provenance(welcome, config, config.block.number, utc_ns, START_NS) | {"rehearsed": "true"}
-        self._log_time_minus_server = utc_ns - START_NS
+        welcome = Welcome(session, PROTOCOL_VERSION, start_ns, text)
+        metadata = provenance(welcome, config, config.block.number, utc_ns, start_ns) | dict(said)
+        self._log_time_minus_server = utc_ns - start_ns
         self._writer = RecordingWriter(self.path, metadata, text, config.recording, utc_ns)
         self._events = self._records = 0
-        self._time_ns = START_NS
-        self._note(0, START_NS, "session_started", {"session": session, "rehearsed": "true"})
+        self._time_ns = start_ns
+        self._note(0, start_ns, "session_started", {"session": session, **said})
 
     def take(self, rows: NDArray[Any]) -> None:
         """Write the next ticks, and what happened in them.
@@ -64,9 +81,9 @@ class Keeper:
         rows : ndarray of TICK, shape (n,)
             The ticks.
         """
-        happened = set(np.flatnonzero(rows["event"]).tolist())
+        happened = set(np.flatnonzero(is_edge(rows)).tolist())
         for place, row in enumerate(rows):
-            self._time_ns = START_NS + int(row["tick"]) * TICK_NS
+            self._time_ns = int(row["time_ns"])
             self._write(TickRecord(row.tobytes()))
             if place in happened:
                 self._note(int(row["tick"]), self._time_ns, *event_of(row))
@@ -101,6 +118,21 @@ def name_of(config: Config, session: str) -> str:
     """
     who = config.session
     return f"{who.name}_{who.dyad}_block{config.block.number:02d}_{session[:8]}.mcap"
+
+
+def is_edge(rows: NDArray[Any]) -> NDArray[np.bool_]:
+    """Tell which ticks have an event that the machine knows in their phase.
+
+    Parameters
+    ----------
+    rows : ndarray of TICK, shape (n,)
+        The ticks.
+    """
+    phases, causes = HAS_EDGE.shape
+    phase, cause = rows["phase"], rows["event"]
+    known = (phase >= 0) & (phase < phases) & (cause > 0) & (cause < causes)
+    known[known] = HAS_EDGE[phase[known], cause[known]]
+    return np.asarray(known)
 
 
 def event_of(row: Any) -> tuple[str, dict[str, str]]:

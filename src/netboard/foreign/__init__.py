@@ -1,0 +1,1 @@
+"""Tables from elsewhere become recordings: what other programs and other laboratories have measured."""

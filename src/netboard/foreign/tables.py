@@ -1,0 +1,168 @@
+"""A table from elsewhere as columns in SI units, checked; and our own table of ticks as the ticks it was made of."""
+
+import hashlib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.errors import ConfigError
+from netboard.foreign.columns import COLUMNS, mapped, scales
+from netboard.foreign.reading import Portion, TableFile
+from netboard.tick import TICK
+
+FARTHEST = {"m": (1.0, "mm"), "rad": (1.6, "deg"), "N": (1000.0, "mN")}
+"""Largest magnitudes that hands, boards and forces can have, and the unit that is meant where they are larger [SI]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Samples:
+    """What was measured.
+
+    Attributes
+    ----------
+    time : ndarray of float64, shape (n,)
+        When, increasing [s].
+    columns : dict of ndarray, shape (n,)
+        The other columns by netboard's names: float64, int64, or words [SI].
+    left_out : tuple of str
+        Columns of the file that were not asked for.
+    """
+
+    time: NDArray[np.float64]
+    columns: dict[str, NDArray[Any]]
+    left_out: tuple[str, ...]
+
+
+def read_samples(path: Path, names: Sequence[str] = (), units: Sequence[str] = ()) -> Samples:
+    """Read a table.
+
+    Parameters
+    ----------
+    path : Path
+        A .csv or .parquet file.
+    names : sequence of str
+        What columns are called there, as ``column=theirs``.
+    units : sequence of str
+        Their units there, as ``column=unit``.
+
+    Returns
+    -------
+    Samples
+        What is in it.
+
+    Raises
+    ------
+    ConfigError
+        If the file cannot be read, or what is in it cannot be hands.
+    """
+    table = TableFile(path)
+    found, factors = mapped(str(path), table.names, names), scales(units)
+    if strangers := [word for word in units if word.partition("=")[0] not in found]:
+        raise ConfigError(f"--unit {strangers[0]}: {path} has no such column")
+    parts: dict[str, list[NDArray[Any]]] = {name: [] for name in found}
+    newest = -np.inf
+    for portion in table.portions(list(found.values())):
+        for name, theirs in found.items():
+            parts[name].append(_column(portion, name, theirs, factors[name]))
+        newest = _check(portion, {name: parts[name][-1] for name in found}, newest)
+    columns = {name: np.concatenate(values) if values else np.empty(0) for name, values in parts.items()}
+    time = columns.pop("time")
+    if time.size < 2:
+        raise ConfigError(f"{path}: rows: found {time.size}, expected at least 2")
+    return Samples(time, columns, tuple(name for name in table.names if name not in found.values()))
+
+
+def _column(portion: Portion, name: str, theirs: str, factor: tuple[float, float]) -> NDArray[Any]:
+    """Return a column of a portion in SI units."""
+    if COLUMNS[name].kind == "word":
+        return np.array(portion.words(theirs), object)
+    if COLUMNS[name].kind == "integer":
+        return portion.numbers(theirs, np.int64)
+    times, over = factor
+    return portion.numbers(theirs) * times / over
+
+
+def _check(portion: Portion, columns: Mapping[str, NDArray[Any]], newest: float) -> float:
+    """Refuse what cannot be: times that go back, hands that are nowhere or far away. Return the last time."""
+    for name in (column.name for column in COLUMNS.values() if column.needed):
+        lost = np.flatnonzero(~np.isfinite(columns[name]))
+        if lost.size:
+            raise ConfigError(
+                f"{portion.at(lost[0])}, column {name}: found {columns[name][lost[0]]}, expected a number"
+            )
+    time = columns["time"]
+    back = np.flatnonzero(np.diff(time, prepend=newest) <= 0)
+    if back.size:
+        before = time[back[0] - 1] if back[0] else newest
+        raise ConfigError(
+            f"{portion.at(back[0])}, column time: found {time[back[0]]:.12g} s after {before:.12g} s, expected times "
+            "that increase: one line of time over all trials"
+        )
+    for name, values in columns.items():
+        largest, meant = FARTHEST.get(COLUMNS[name].unit, (np.inf, ""))
+        far = np.flatnonzero(np.abs(values) > largest) if values.dtype.kind == "f" else np.empty(0, np.int64)
+        if far.size:
+            raise ConfigError(
+                f"{portion.at(far[0])}, column {name}: found {values[far[0]]:g} {COLUMNS[name].unit}, expected at most "
+                f"{largest:g} either way; is it in another unit? (--unit {name}={meant})"
+            )
+    return float(time[-1])
+
+
+def is_own(path: Path) -> bool:
+    """Tell whether a table is one of ticks as netboard exports them: it has all their columns.
+
+    Parameters
+    ----------
+    path : Path
+        A .csv or .parquet file.
+
+    Raises
+    ------
+    ConfigError
+        If the file cannot be read.
+    """
+    return set(TICK.names or ()) <= set(TableFile(path).names)
+
+
+def read_ticks(path: Path) -> Iterator[NDArray[Any]]:
+    """Read our own table of ticks.
+
+    Parameters
+    ----------
+    path : Path
+        A .csv or .parquet file that has all columns of ticks.
+
+    Yields
+    ------
+    ndarray of TICK, shape (n,)
+        The next rows, bit for bit (but for the payload of a NaN in CSV).
+
+    Raises
+    ------
+    ConfigError
+        If there is anything else in it.
+    """
+    newest = -1
+    for portion in TableFile(path).portions(TICK.names or ()):
+        rows = np.empty(len(portion.places), TICK)
+        for name in TICK.names or ():
+            rows[name] = portion.numbers(name, np.int64 if TICK[name].kind == "i" else np.float64)
+        back = np.flatnonzero(np.diff(rows["tick"], prepend=newest) <= 0)
+        if back.size:
+            raise ConfigError(
+                f"{portion.at(back[0])}, column tick: found {rows['tick'][back[0]]}, expected numbers that increase: "
+                "the ticks of one recording"
+            )
+        newest = int(rows["tick"][-1])
+        yield rows
+
+
+def sha256_of(path: Path) -> str:
+    """SHA-256 of a file, in hexadecimal."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
