@@ -78,7 +78,7 @@ def _write_run(run: Run, folder: Path, progress: Progress) -> Iterator[tuple[str
             place.mkdir(parents=True, exist_ok=True)
             signals = signals_of(person.sides)
             _write_table(place / f"{stem}_channels.tsv", map(_channel, [texts.LATENCY, *signals]))
-            _write_table(place / f"{stem}_events.tsv", _events(survey))
+            _write_table(place / f"{stem}_events.tsv", _events(survey, run.config.block.catch))
             _write_json(place / f"{stem}_motion.json", _motion(run, recording, survey, person, signals))
             file = stack.enter_context((place / f"{stem}_motion.tsv").open("x", encoding="ascii", newline=""))
             open_files.append((file, signals))
@@ -124,7 +124,7 @@ def _channel(signal: Signal) -> Row:
     }
 
 
-def _events(survey: Survey) -> list[Row]:
+def _events(survey: Survey, catch: Sequence[int]) -> list[Row]:
     """Make the lines of ``events.tsv``: levellings and attempts, and what changed the phase of a trial."""
     rows = [
         _event(survey, happened.tick, 0, happened.name, happened.trial, happened.attempt, happened.target)
@@ -139,6 +139,7 @@ def _events(survey: Survey) -> list[Row]:
             | {
                 "outcome": one.outcome,
                 "completion_time": one.completion,
+                "catch_trial": one.trial in catch,
                 "flags": " ".join(survey.flags.get(one.tick, ())),
             }
         )
@@ -155,6 +156,7 @@ def _event(survey: Survey, tick: int, duration: float, kind: str, trial: int, at
         "target": {-1: "left", 1: "right"}.get(target, texts.MISSING),
         "outcome": texts.MISSING,
         "completion_time": texts.MISSING,
+        "catch_trial": texts.MISSING,
         "flags": texts.MISSING,
     }
 
@@ -206,7 +208,7 @@ def _write_people(runs: Sequence[Run], folder: Path, began: dict[str, str]) -> N
     for run in runs:
         sessions.setdefault(run.session, {}).update({person.letter: f"sub-{person.label}" for person in run.people})
     names = {run.session: run.config.session for run in runs}
-    dyads = [
+    dyads: list[Row] = [
         {
             "dyad": names[session].dyad,
             "session_id": f"ses-{session}",

@@ -5,7 +5,7 @@ from importlib.metadata import version
 from typing import Any
 
 from netboard.export.signals import FRAME, FRAME_TEXT, Signal
-from netboard.export.survey import HAPPENED
+from netboard.export.task import ATTEMPT_TEXTS, HAPPENED_TEXTS, TASK_TEXT
 
 MISSING = "n/a"
 """What stands for nothing."""
@@ -19,13 +19,6 @@ LATENCY = Signal(
     "latency", "time_ns", "LATENCY", "", MISSING, "nominal time of the tick since the first of the run", "s"
 )
 """The first column of a motion file."""
-
-TASK_TEXT = (
-    "Two people, or one with both hands, move the two ends of a virtual board up and down, each with a haptic stylus, "
-    "and roll a virtual ball into a target at the one side and then at the other, where it must stay. A trial begins "
-    "with levelling the board; an attempt at it lasts from the release of the ball to success, fall or time limit."
-)
-"""What people do."""
 
 
 def description(studies: Sequence[str]) -> dict[str, Any]:
@@ -112,42 +105,6 @@ _CHANNELS = {
         },
     }
 }
-
-_HAPPENED_TEXTS = {
-    "start": "the operator starts the block",
-    "release": "the board was level for long enough: the ball is released",
-    "entered": "the ball came into the target",
-    "left": "the ball left the target",
-    "success": "the ball stayed in the target for the hold time",
-    "fell": "the ball fell off the board",
-    "timed_out": "the attempt took too long",
-    "next_trial": "the next trial, or attempt, follows",
-    "block_over": "the block had all its trials, or its time",
-    "pause": "the operator pauses",
-    "resume": "the operator goes on",
-    "abort": "the operator gives up the attempt",
-    "stop": "the operator ends the block",
-    "fault": "a peer was missing, or a value was not finite: paused",
-    "repeat": "the operator adds a trial to the end of the block",
-    "veto": "the operator takes one of those back",
-    "skip": "the operator skips the trial",
-}
-
-HAPPENED_TEXTS = {name: _HAPPENED_TEXTS[name] for name in HAPPENED.values()}
-"""What each thing that happened means."""
-
-ATTEMPT_TEXTS = {
-    "trial": "number of the trial in the block, from 1",
-    "attempt": "number of the attempt at this trial, from 1",
-    "target": "side of the target",
-    "outcome": (
-        "what became of the attempt: success, fell, timed_out, or the command or fault that ended it; unfinished if "
-        "the recording ends first"
-    ),
-    "completion_time": "from the release to the ball's coming into the target to stay, of a success",
-    "flags": "why the attempt is doubtful, by rules that were fixed before: words with spaces between",
-}
-"""What columns about attempts mean."""
 
 _UNITS = {"completion_time": "s", "force_delay_ms": "ms"}
 

@@ -111,6 +111,7 @@ class Layout:
 
     def __init__(self, pynwb: Any, run: Run, recording: Recording, survey: Survey, person: Person) -> None:
         self._pynwb, self._survey = pynwb, survey
+        self._timed: Any = None  # the series that has the times of all
         self.filled: Filled = []
         session, block = run.config.session, run.config.block
         part = run.metadata["part"]
@@ -155,42 +156,40 @@ class Layout:
     def _add_signals(self, signals: Sequence[Signal]) -> None:
         """Lay out positions, and all the rest by what it is of."""
         behavior = self.file.create_processing_module("behavior", "Styluses, forces, and the virtual board and ball")
-        time = self._times()
         places: dict[str, list[Signal]] = {}
         others: dict[str, list[Signal]] = {}
         for signal in signals:
             (places if signal.kind == "POS" else others).setdefault(signal.point, []).append(signal)
-        series = [self._position(point, of_point, time) for point, of_point in places.items()]
+        series = [self._position(point, of_point) for point, of_point in places.items()]
         behavior.add(self._pynwb.behavior.Position(spatial_series=series))
         for point, of_point in others.items():
-            series = [self._series(signal, time) for signal in of_point]
+            series = [self._signal(signal) for signal in of_point]
             behavior.add(self._pynwb.behavior.BehavioralTimeSeries(name=point, time_series=series))
 
-    def _times(self) -> dict[str, Any]:
-        """Say when rows were: by their rate, or each by itself."""
-        if self._survey.regular:
-            return {"starting_time": 0.0, "rate": 1 / TICK_SECONDS}
-        return {"timestamps": self._data(("time_ns",), np.dtype(np.float64))}
-
-    def _position(self, point: str, signals: Sequence[Signal], time: dict[str, Any]) -> Any:
-        fields = tuple(signal.field for signal in signals)
-        return self._pynwb.behavior.SpatialSeries(
-            name=point,
-            data=self._data(fields, np.dtype(np.float64)),
+    def _position(self, point: str, signals: Sequence[Signal]) -> Any:
+        return self._series(
+            self._pynwb.behavior.SpatialSeries,
+            point,
+            self._data(tuple(signal.field for signal in signals), np.dtype(np.float64)),
             description=f"Position of the {point.replace('_', ' ')} as sent: columns x, y, z",
             reference_frame=FRAME_TEXT,
             unit=UNITS["m"],
-            **time,
         )
 
-    def _series(self, signal: Signal, time: dict[str, Any]) -> Any:
-        return self._pynwb.TimeSeries(
-            name=signal.name,
-            data=self._data((signal.field,), TICK[signal.field]),
-            description=signal.about,
-            unit=UNITS[signal.unit],
-            **time,
+    def _signal(self, signal: Signal) -> Any:
+        data = self._data((signal.field,), TICK[signal.field])
+        return self._series(
+            self._pynwb.TimeSeries, signal.name, data, description=signal.about, unit=UNITS[signal.unit]
         )
+
+    def _series(self, kind: Any, name: str, data: Any, **words: str) -> Any:
+        """Make a series, and say when its rows were: by their rate, or each by itself, for all series at once."""
+        if self._survey.regular:
+            return kind(name=name, data=data, starting_time=0.0, rate=1 / TICK_SECONDS, **words)
+        times = self._timed or self._data(("time_ns",), np.dtype(np.float64))
+        series = kind(name=name, data=data, timestamps=times, **words)
+        self._timed = self._timed or series
+        return series
 
     def _data(self, fields: tuple[str, ...], dtype: np.dtype[Any]) -> Any:
         """Lay out a data set."""
@@ -224,7 +223,8 @@ class Layout:
                 completion_time=one.completion,
                 flags=" ".join(self._survey.flags.get(one.tick, ())),
                 condition=f"{block.configuration}, force {block.force}",
-                force_scale=0.0 if one.trial in block.catch else block.force_scale,
+                catch_trial=one.trial in block.catch,
+                force_scale=block.force_scale,
                 force_delay=block.force_delay_ms / 1000,
             )
 

@@ -1,7 +1,7 @@
 """What an NWB file says about itself in words."""
 
-from netboard.export.bids_texts import ATTEMPT_TEXTS, HAPPENED_TEXTS, TASK_TEXT
 from netboard.export.runs import Person, Run
+from netboard.export.task import ATTEMPT_TEXTS, HAPPENED_TEXTS, TASK_TEXT
 
 KEYWORDS = ("haptics", "dyad", "joint action", "motor control")
 """What somebody would look for."""
@@ -23,7 +23,7 @@ COLUMNS = {
     "levelling_time": "when the levelling before it began [s]",
     **ATTEMPT_TEXTS,
     "condition": "configuration of the block, and what the hands feel",
-    "force_scale": "what is felt is multiplied by this; 0 in a catch trial, in which nothing is felt [1]",
+    "force_scale": "what is felt is multiplied by this [1]",
     "force_delay": "what is felt comes so much later [s]",
 }
 """The columns of the table of trials, beside start (the release of the ball) and stop."""

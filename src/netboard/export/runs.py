@@ -62,7 +62,7 @@ class Run:
     number : int
         Number of the run in the session, from 1 [1].
     people : tuple of Person
-        Who took part, A before B.
+        Who took part, one at least, A before B.
     """
 
     path: Path
@@ -89,7 +89,7 @@ def runs_of(recordings: Sequence[Path]) -> tuple[Run, ...]:
     Raises
     ------
     RecordingError
-        If a recording cannot be read, has no ticks or nobody in it, is there twice, or if two names are the same label.
+        If a recording cannot be read, has no ticks, is there twice, or if two names are the same label.
     ConfigError
         If the configuration of one is not of this version.
     """
@@ -111,31 +111,38 @@ def _numbered(who: tuple[str, str], found: list[tuple[int, Path, dict[str, str],
     """Yield the runs of a session in the order of time."""
     in_time = sorted(found, key=lambda one: one[:2])
     for number, (_, path, metadata, config) in enumerate(in_time, start=1):
-        people = tuple(_people(config, metadata))
-        if not people:
-            raise RecordingError(f"{path}: no person took part in this block, so there is no subject; leave it out")
-        yield Run(path, metadata, config, _label("".join(who)), number, people)
+        yield Run(path, metadata, config, _label("".join(who)), number, tuple(_people(config, metadata)))
 
 
 def _people(config: Config, metadata: dict[str, str]) -> Iterator[Person]:
     """Yield who took part in a block, A before B."""
     who, block = config.session, config.block
-    for letter, name, hand in (("A", who.participant_a, who.hand_a), ("B", who.participant_b, who.hand_b)):
+    both: tuple[tuple[Letter, str, str], ...] = (
+        ("A", who.participant_a, who.hand_a),
+        ("B", who.participant_b, who.hand_b),
+    )
+    for letter, name, hand in both:
         if block.configuration == "bimanual":
             sides: tuple[Side, ...] = SIDES if block.performer == letter else ()
         else:
             sides = tuple(side for side in SIDES if _sits(config, letter) == side and getattr(block, side) == "person")
         if sides:
             given = name if name != letter else who.dyad + letter
-            virtual = all(getattr(config.agents, side).device == "virtual" for side in sides)
-            simulated = virtual or metadata.get("rehearsed") == "true"
-            yield Person("A" if letter == "A" else "B", _label(given), hand, sides, simulated)
+            yield Person(letter, _label(given), hand, sides, _is_simulated(config, metadata, sides))
 
 
 def _sits(config: Config, letter: str) -> Side:
     """Seat of a participant in a dyadic block."""
     seat = config.session.seat_a
     return seat if letter == "A" else SIDES[1 - SIDES.index(seat)]
+
+
+def _is_simulated(config: Config, metadata: dict[str, str], sides: Sequence[Side]) -> bool:
+    """Whether the movements of some sides are those of a simulated person."""
+    if "imported" in metadata:
+        return metadata["imported"] == "simulated"
+    virtual = all(getattr(config.agents, side).device == "virtual" for side in sides)
+    return virtual or metadata.get("rehearsed") == "true"
 
 
 def _label(name: str) -> str:

@@ -1,7 +1,7 @@
 """What is told of a person's run: the own stylus and its forces, and the board and the ball that the person saw.
 
-In a dyad each gets the own side only, as each saw the own stylus only: the curtain holds in what is shared, too. The two
-files of a run together have both sides. What a signal means, and its unit, is what the tick's channel says.
+In a dyad each gets the own side only, as each saw the own stylus only: the curtain holds in what is shared, too. The
+two files of a run together have both sides. What a signal means, and its unit, is what the tick's channel says.
 """
 
 from collections.abc import Iterator, Sequence

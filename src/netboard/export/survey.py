@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.experiment.machine import Cause
+from netboard.export.task import HAPPENED
 from netboard.recording.quality import judged
 from netboard.recording.reader import Recording
 from netboard.recording.summary import Attempt, attempts_along
@@ -21,14 +21,6 @@ from netboard.tick import TICK_NS
 
 _DRIFT_NS = 1_000_000_000
 """Far more than two clocks drift apart in a block [ns]."""
-
-HAPPENED = {cause: cause.name.lower() for cause in Cause if cause != Cause.NONE} | {
-    Cause.LEVEL: "release",
-    Cause.HELD: "success",
-    Cause.NEXT: "next_trial",
-    Cause.LAST: "block_over",
-}
-"""What standards' files call what changed the phase of a trial."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +32,7 @@ class Happening:
     tick : int
         Tick that decided it; the next is the first of the new phase [1].
     name : str
-        What: one of `HAPPENED`.
+        What, as in `netboard.export.task`.
     trial, attempt : int
         In which trial of the block and attempt at it [1].
     target : int
@@ -142,8 +134,7 @@ class Survey:
 
 
 def _happening(row: Any) -> Happening:
-    code = int(row["event"])
-    name = HAPPENED[Cause(code)] if code in HAPPENED else "unknown"
+    name = HAPPENED.get(int(row["event"]), "unknown")
     return Happening(int(row["tick"]), name, int(row["trial"]), int(row["attempt"]), int(row["target"]))
 
 
