@@ -201,6 +201,10 @@ def test_two_names_with_one_label_are_refused(refused: Any, tmp_path: Path) -> N
     refused([dyad(tmp_path / "a.mcap"), other], "participants P22 and P-22 would both be called P22")
 
 
+def test_one_name_for_both_is_refused(refused: Any, tmp_path: Path) -> None:
+    refused([dyad(tmp_path / "a.mcap", names={"participant_a": "P22"})], "both participants are called P22")
+
+
 def test_a_recording_without_ticks_is_refused(refused: Any, tmp_path: Path) -> None:
     refused([dyad(tmp_path / "a.mcap", rows=np.empty(0, TICK))], "has no ticks")
 

@@ -11,7 +11,7 @@ import json
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,7 +55,7 @@ def write(recordings: Sequence[Path], folder: Path, progress: Progress) -> None:
     runs = runs_of(recordings)
     scans: dict[tuple[str, str], list[Row]] = {}
     for run in runs:
-        for label, row in _write_run(run, folder, progress):
+        for label, row in _write_run(run, folder, progress).items():
             scans.setdefault((label, run.session), []).append(row)
     for (label, session), rows in scans.items():
         _write_table(folder / f"sub-{label}/ses-{session}/sub-{label}_ses-{session}_scans.tsv", rows)
@@ -64,14 +64,15 @@ def write(recordings: Sequence[Path], folder: Path, progress: Progress) -> None:
     _write_texts(runs, folder)
 
 
-def _write_run(run: Run, folder: Path, progress: Progress) -> Iterator[tuple[str, Row]]:
-    """Write what a recording says of its people; yield label and line of ``scans.tsv`` of each."""
+def _write_run(run: Run, folder: Path, progress: Progress) -> dict[str, Row]:
+    """Write what a recording says of its people; return the line of ``scans.tsv`` of each, by label."""
     source = folder / "sourcedata" / run.path.stem
     source.mkdir(parents=True)
+    scans: dict[str, Row] = {}
+    files: list[tuple[TextIO, tuple[Signal, ...]]] = []
     with Recording(run.path) as recording, ExitStack() as stack:
         (source / "netboard.toml").write_text(recording.config_text, encoding="utf-8")
         survey = Survey(recording)
-        open_files = []
         for person in run.people:
             stem = f"sub-{person.label}_ses-{run.session}_{_SYSTEM}_run-{run.number:02d}"
             place = folder / f"sub-{person.label}" / f"ses-{run.session}" / "motion"
@@ -80,16 +81,13 @@ def _write_run(run: Run, folder: Path, progress: Progress) -> Iterator[tuple[str
             _write_table(place / f"{stem}_channels.tsv", map(_channel, [texts.LATENCY, *signals]))
             _write_table(place / f"{stem}_events.tsv", _events(survey, run.config.block.catch))
             _write_json(place / f"{stem}_motion.json", _motion(run, recording, survey, person, signals))
-            file = stack.enter_context((place / f"{stem}_motion.tsv").open("x", encoding="ascii", newline=""))
-            open_files.append((file, signals))
-            yield person.label, _scan(run, recording, survey, person, f"motion/{stem}_motion.tsv")
-        done = 0
-        progress(run.path.stem, done, survey.ticks)
-        for rows in recording.batches():
-            for file, signals in open_files:
+            motion = (place / f"{stem}_motion.tsv").open("x", encoding="ascii", newline="")
+            files.append((stack.enter_context(motion), signals))
+            scans[person.label] = _scan(run, recording, survey, person, f"motion/{stem}_motion.tsv")
+        for rows in survey.portions(recording, progress):
+            for file, signals in files:
                 file.writelines(_lines(rows, signals, survey.origin_ns))
-            done += rows.size
-            progress(run.path.stem, done, survey.ticks)
+    return scans
 
 
 def _lines(rows: NDArray[Any], signals: Sequence[Signal], origin_ns: int) -> Iterator[str]:

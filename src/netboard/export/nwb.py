@@ -21,12 +21,9 @@ from netboard.export.formats import Progress, library
 from netboard.export.nwb_texts import COLUMNS, EVENTS, KEYWORDS, UNITS, UNKNOWN_AGE, description
 from netboard.export.runs import Person, Run, runs_of
 from netboard.export.signals import FRAME_TEXT, Signal, signals_of
-from netboard.export.survey import Survey
+from netboard.export.survey import PORTION, Survey
 from netboard.recording.reader import Recording
 from netboard.tick import TICK, TICK_SECONDS
-
-_CHUNK = 16_384
-"""Rows that are compressed together: 128 KiB of each column [1]."""
 
 Filled = list[tuple[Any, tuple[str, ...]]]
 """Data sets that are laid out, and the fields of a tick that fill each."""
@@ -63,19 +60,16 @@ def write(recordings: Sequence[Path], folder: Path, progress: Progress) -> None:
                 layout = Layout(pynwb, run, recording, survey, person)
                 stack.enter_context(pynwb.NWBHDF5IO(path, "w")).write(layout.file)
                 filled += layout.filled
-            _fill(run, recording, survey, filled, progress)
+            _fill(recording, survey, filled, progress)
 
 
-def _fill(run: Run, recording: Recording, survey: Survey, filled: Filled, progress: Progress) -> None:
+def _fill(recording: Recording, survey: Survey, filled: Filled, progress: Progress) -> None:
     """Fill in the data, portion by portion."""
     done = 0
-    progress(run.path.stem, done, survey.ticks)
-    for rows in recording.batches():
-        stop = done + rows.size
+    for rows in survey.portions(recording, progress):
         for data, fields in filled:
-            data.dataset[done:stop] = _values(rows, fields, survey)
-        done = stop
-        progress(run.path.stem, done, survey.ticks)
+            data.dataset[done : done + rows.size] = _values(rows, fields, survey)
+        done += rows.size
 
 
 def _values(rows: NDArray[Any], fields: tuple[str, ...], survey: Survey) -> NDArray[Any]:
@@ -198,7 +192,7 @@ class Layout:
         data = self._pynwb.H5DataIO(
             shape=(count, *width),
             dtype=dtype,
-            chunks=(min(count, _CHUNK), *width),
+            chunks=(min(count, PORTION), *width),
             compression="gzip",
             shuffle=True,
             fletcher32=True,

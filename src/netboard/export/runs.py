@@ -160,6 +160,8 @@ def _refuse_repeats(runs: Sequence[Run]) -> None:
         if key in seen:
             raise RecordingError(f"{seen[key]} and {run.path}: are the same part of the same block; leave one out")
         seen[key] = run.path
+        if len({person.label for person in run.people}) < len(run.people):
+            raise RecordingError(f"{run.path}: both participants are called {run.people[0].label}; expected two names")
 
 
 def _identity(run: Run, person: Person) -> tuple[str, ...]:

@@ -13,11 +13,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from netboard.export.formats import Progress
 from netboard.export.task import HAPPENED
 from netboard.recording.quality import judged
 from netboard.recording.reader import Recording
 from netboard.recording.summary import Attempt, attempts_along
 from netboard.tick import TICK_NS
+
+PORTION = 16_384
+"""Ticks that are in memory at once, or a few more [1]."""
 
 _DRIFT_NS = 1_000_000_000
 """Far more than two clocks drift apart in a block [ns]."""
@@ -88,7 +92,7 @@ class Survey:
 
     def _watched(self, recording: Recording, found: list[Happening]) -> Iterator[NDArray[Any]]:
         """Yield the ticks, and note on the way when they were and what happened."""
-        for rows in recording.batches():
+        for rows in recording.batches(PORTION):
             leads = rows["time_ns"] - rows["tick"] * TICK_NS
             before = leads[0] - 1 if not self._jumps else self._jumps[-1][1]
             for place in np.flatnonzero(np.diff(leads, prepend=before)):
@@ -107,6 +111,28 @@ class Survey:
     def began(self) -> datetime:
         """When the first tick was, UTC."""
         return datetime.fromtimestamp(0, UTC) + timedelta(microseconds=round(self._utc_ns / 1000))
+
+    def portions(self, recording: Recording, progress: Progress) -> Iterator[NDArray[Any]]:
+        """Yield the ticks once more, and tell how far it is.
+
+        Parameters
+        ----------
+        recording : Recording
+            The same recording, open.
+        progress : callable
+            Is told how many of the ticks are done.
+
+        Yields
+        ------
+        ndarray of TICK, shape (n,)
+            The next rows.
+        """
+        done = 0
+        progress(recording.path.stem, done, self.ticks)
+        for rows in recording.batches(PORTION):
+            yield rows
+            done += rows.size
+            progress(recording.path.stem, done, self.ticks)
 
     def seconds(self, tick: int) -> float:
         """When a tick was, after the first: the number nearest to the exact one [s].
