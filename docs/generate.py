@@ -23,6 +23,8 @@ import typer.main
 from netboard.config import Config
 from netboard.devices.registry import BACKENDS
 from netboard.experiment.machine import BALL_FREE, TABLE, Action, Cause, Phase
+from netboard.export.tables import TRIALS
+from netboard.foreign.columns import COLUMNS
 from netboard.participants.device_models import MODELS, DeviceModel
 from netboard.services.cli import app
 from netboard.settings import Key, tables, to_toml
@@ -111,6 +113,25 @@ def _sections(command: Any, context: Any) -> Iterator[str]:
         inner = command.commands[name]
         with typer.Context(inner, parent=context, info_name=name) as inner_context:
             yield from _sections(inner, inner_context)
+
+
+def trial_columns() -> str:
+    """Write the columns of the exported table of trials."""
+    lines = ["| column | unit | |", "|---|---|---|"]
+    return "\n".join([*lines, *(f"| `{f.name}` | {_unit(f.unit)} | {_cell(f.text)} |" for f in TRIALS.fields)])
+
+
+def import_columns() -> str:
+    """Write the columns that an imported table can have."""
+    lines = ["| column | unit | |", "|---|---|---|"]
+    for column in COLUMNS.values():
+        name = f"**`{column.name}`**, needed" if column.needed else f"`{column.name}`"
+        lines.append(f"| {name} | {_unit(column.unit)} | {_cell(column.text)} |")
+    return "\n".join(lines)
+
+
+def _unit(unit: str) -> str:
+    return "" if unit == "1" else unit
 
 
 def _cell(text: str) -> str:
@@ -203,6 +224,8 @@ GENERATED: dict[str, tuple[str, Callable[[], str]]] = {
     **{f"options of {name}": (f"how-to/{name}.md", device_options(name)) for name in ("falcon", "spacemouse")},
     "configuration": ("reference/configuration.md", configuration),
     "commands": ("reference/commands.md", commands),
+    "columns of trials": ("how-to/export.md", trial_columns),
+    "columns of imports": ("how-to/import.md", import_columns),
     "machine": ("accuracy.md", study_machine("physics")),
     **{name: ("accuracy.md", study_part("physics", name)) for name in PHYSICS},
     "stability machine": ("stability.md", study_machine("stability")),

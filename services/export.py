@@ -28,7 +28,7 @@ def main(words: Sequence[Path], name: str, output: Path | None) -> int:
         Exit code.
     """
     recordings = find_recordings(words)
-    folder = output or Path(f"{words[0].stem}_{name}")
+    folder = output or Path(f"{words[0].resolve().stem}_{name}")
     with telling() as tell:
         export(recordings, name, folder, tell)
     files = [path for path in folder.rglob("*") if path.is_file()]

@@ -52,9 +52,14 @@ def recover(
 
 
 def export(
-    recordings: Annotated[list[Path], typer.Argument(metavar="RECORDING...", help="Recordings, or folders of them.")],
+    recordings: Annotated[list[Path], typer.Argument(metavar="RECORDING", help="Recordings, or folders of them.")],
     to: Annotated[str, typer.Option(metavar="FORMAT", help=f"One of {', '.join(FORMATS)}.")],
-    output: Annotated[Path | None, typer.Option("--output", "-o", metavar="FOLDER", help="The new folder.")] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output", "-o", metavar="FOLDER", help="The new folder; else it is named after the first recording."
+        ),
+    ] = None,
 ) -> None:
     """Write recordings in a format of other tools."""
     from netboard.services import export as service
@@ -63,7 +68,7 @@ def export(
 
 
 def import_(
-    tables: Annotated[list[Path], typer.Argument(metavar="TABLE...", help=".csv or .parquet files.")],
+    tables: Annotated[list[Path], typer.Argument(metavar="TABLE", help=".csv or .parquet files.")],
     config: ConfigFile = None,
     settings: Overrides = None,
     names: Annotated[
@@ -77,7 +82,9 @@ def import_(
         bool, typer.Option("--simulate", help="Compute board, ball and trials from the hands, as the server does.")
     ] = False,
     interpolation: Annotated[Interpolation, typer.Option(help="How positions move between samples.")] = "cubic",
-    gap: Annotated[float, typer.Option(min=0.002, help="Samples further apart have a gap between them [s].")] = 0.1,
+    gap: Annotated[
+        float, typer.Option(min=0.002, help="Samples further apart, in seconds, have a gap between them.")
+    ] = 0.1,
     output: Annotated[Path, typer.Option("--output", "-o", metavar="FOLDER", help="Where the recordings go.")] = Path(
         "recordings"
     ),

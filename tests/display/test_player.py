@@ -3,6 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from display_parts import WORDS, two_trials, until
 
@@ -37,6 +38,20 @@ def player(app):
     app.processEvents()
     yield window, clock
     window.close()
+
+
+def test_what_is_not_known_is_drawn_at_zero():
+    from netboard.display.player import drawable
+
+    ticks = two_trials()
+    assert drawable(ticks) is ticks
+    ticks["theta"][3:] = np.nan
+    ticks["p"][7] = np.inf
+    drawn = drawable(ticks)
+    assert not drawn["theta"][3:].any()
+    assert drawn["p"][7] == 0
+    assert (drawn["p"][8:] == ticks["p"][8:]).all()
+    assert np.isnan(ticks["theta"][3:]).all()
 
 
 def expected(position):

@@ -36,7 +36,6 @@ def make_rows(seed: int = 0) -> NDArray[np.void]:
         if TICK[name].kind == "f":
             chosen = generator.random(rows.size) < 0.2
             rows[name][chosen] = generator.choice(SPECIAL, chosen.sum())
-            rows[name][np.isnan(rows[name])] = np.nan
         elif name in FIXED:
             rows[name] = 0
     rows["tick"] = np.arange(300)
@@ -48,6 +47,15 @@ def make_rows(seed: int = 0) -> NDArray[np.void]:
         rows["event"][stop - 1] = cause
     rows["phase"][120:150], rows["mark_ticks"][120:150] = Phase.HOLDING, 40
     return np.delete(rows, 100)
+
+
+def without_payloads(rows: NDArray[np.void]) -> NDArray[np.void]:
+    """The same rows with one kind of NaN, as text has it."""
+    plain = rows.copy()
+    for name in TICK.names or ():
+        if TICK[name].kind == "f":
+            plain[name][np.isnan(plain[name])] = np.nan
+    return plain
 
 
 def write(path: Path, rows: NDArray[np.void], config: Config | None = None) -> Path:

@@ -8,14 +8,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from exported import ODD, START_NS, make_rows, same_bits, write
+from exported import ODD, START_NS, UTC_NS, make_rows, same_bits, without_payloads, write
 from scipy.io import loadmat
 from typer.testing import CliRunner
 
+from netboard.config import Config
 from netboard.errors import ConfigError, RecordingError
 from netboard.export import matlab
 from netboard.export.formats import FORMATS, export, library
 from netboard.export.tables import TABLES, TICKS
+from netboard.foreign.importing import Wishes, import_table
 from netboard.recording.reader import Recording
 from netboard.services.cli import app
 from netboard.tick import TICK
@@ -48,7 +50,7 @@ def test_parquet_has_all_bits_types_and_units(two: list[Path], tmp_path: Path) -
 
 def test_csv_reads_back_to_the_bit(two: list[Path], tmp_path: Path) -> None:
     export(two, "csv", tmp_path / "out", quiet)
-    rows = make_rows(1)
+    rows = without_payloads(make_rows(1))
     with (tmp_path / "out" / "ticks" / "S01.csv").open(encoding="utf-8", newline="") as file:
         read = list(csv.DictReader(file))
     assert list(read[0]) == [field.name for field in TICKS.fields]
@@ -72,6 +74,19 @@ def test_mat_reads_back_to_the_bit(two: list[Path], tmp_path: Path) -> None:
     assert {path.name for path in (tmp_path / "out").iterdir()} == {
         *("S01.mat", "S02.mat", "dictionary.json", "dictionary.csv", "configurations")
     }
+
+
+@pytest.mark.parametrize(("name", "seed"), [("csv", 3), ("csv", 4), ("parquet", 3), ("parquet", 4)])
+def test_any_bits_come_back_as_a_recording(tmp_path: Path, name: str, seed: int) -> None:
+    if name == "parquet":
+        pytest.importorskip("pyarrow")
+    rows = make_rows(seed)
+    export([write(tmp_path / "S01.mcap", rows)], name, tmp_path / "out", quiet)
+    table = tmp_path / "out" / "ticks" / f"S01.{name}"
+    made = import_table(table, tmp_path, Config(), Wishes(), UTC_NS, lambda *told: None)
+    with Recording(made.path) as recording:
+        expected = without_payloads(rows) if name == "csv" else rows
+        assert recording.ticks().tobytes() == expected.tobytes()
 
 
 OCTAVE = """

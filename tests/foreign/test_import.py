@@ -121,8 +121,8 @@ def test_what_was_measured_is_taken_as_it_is(tmp_path: Path) -> None:
         assert rows[name].tolist() == columns[theirs], name
     t = np.array(columns["time"])
     assert rows["left_sent_vz"] == pytest.approx(0.03 * np.cos(3 * t), abs=1e-8)
-    assert rows["vp"][1:-1] == pytest.approx(0.1 * np.cos(t)[1:-1], abs=1e-5)
-    assert rows["omega"][1:-1] == pytest.approx(-0.1 * np.sin(2 * t)[1:-1], abs=1e-5)
+    assert rows["vp"][1:-1] == pytest.approx(0.1 * np.cos(t)[1:-1], abs=5e-5)
+    assert rows["omega"][1:-1] == pytest.approx(-0.1 * np.sin(2 * t)[1:-1], abs=5e-5)
     assert np.isnan(rows["left_force"]).all()
     assert [(a.trial, a.attempt, a.target, a.outcome, a.tick, a.stop) for a in attempts] == [
         (1, 1, 1, "success", 1000, 2000),
@@ -252,6 +252,7 @@ def test_an_import_is_not_written_over(tmp_path: Path) -> None:
 
 def test_the_command_says_what_it_did(tmp_path: Path) -> None:
     columns = task_table(200)
+    del columns["target"]
     columns["mood"] = [1] * 800
     table = write_csv(tmp_path / "task.csv", columns)
     words = ["import", str(table), "-o", str(tmp_path / "made"), "--set", "session.dyad=D77"]
@@ -264,6 +265,7 @@ def test_the_command_says_what_it_did(tmp_path: Path) -> None:
     assert "left_force" in said
     result = CliRunner().invoke(app, ["info", str(path)])
     assert result.exit_code == 0, result.output
+    assert "unknown" in result.output  # the target
     with Recording(path) as found:
         assert found.config_text == resolve(replace(Config(), session=replace(Config().session, dyad="D77")))
         assert set(TICK.names) == set(found.ticks().dtype.names)

@@ -40,6 +40,10 @@ KEYS = "space: play, pause   \u2190 \u2192: seek   \u2191 \u2193: speed   Home: 
 """What the keys do, for people."""
 
 
+DRAWN = ("z", "theta", "p", "left_z", "right_z")
+"""Numbers of a tick that make the picture."""
+
+
 class PlayerWindow(BoardWindow):
     """A window that plays a recording.
 
@@ -69,6 +73,7 @@ class PlayerWindow(BoardWindow):
         now: Callable[[], float] = lambda: now_ns() * 1e-9,
     ) -> None:
         super().__init__(title)
+        ticks = drawable(ticks)
         self._ticks, self._config, self._station, self._now = ticks, config, station, now
         self._curtain = make_curtain(config)
         language = config.display.language
@@ -141,6 +146,27 @@ class PlayerWindow(BoardWindow):
                 self.seek(self._begin)
             case _:
                 super().keyPressEvent(event)
+
+
+def drawable(ticks: NDArray[Any]) -> NDArray[Any]:
+    """Put at 0 what cannot be drawn: of what was imported, not all need be known.
+
+    Parameters
+    ----------
+    ticks : ndarray of TICK, shape (n,)
+        The recorded ticks.
+
+    Returns
+    -------
+    ndarray of TICK, shape (n,)
+        The same, if board, ball and hands are numbers in all of them; else a copy in which they are.
+    """
+    lost = [name for name in DRAWN if not np.isfinite(ticks[name]).all()]
+    if lost:
+        ticks = ticks.copy()
+        for name in lost:
+            ticks[name][~np.isfinite(ticks[name])] = 0.0
+    return ticks
 
 
 def run(

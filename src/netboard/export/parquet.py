@@ -41,7 +41,10 @@ def write(recordings: Sequence[Path], folder: Path, progress: Progress) -> None:
 def _open(arrow: Any, parquet: Any, path: Path, table: Table) -> Iterator[Sheet]:
     """Begin a file; its columns are typed even if no row comes."""
     schema = _schema(arrow, table)
-    with parquet.ParquetWriter(path, schema, compression="zstd") as writer:
+    texts = [field.name for field in table.fields if field.kind == "string"]
+    counts = {field.name: "DELTA_BINARY_PACKED" for field in table.fields if field.kind == "integer"}
+    packing = {"compression": "zstd", "use_dictionary": texts, "column_encoding": counts}
+    with parquet.ParquetWriter(path, schema, **packing) as writer:
 
         def put(rows: Rows) -> None:
             writer.write_table(arrow.table(dict(rows), schema))

@@ -62,7 +62,7 @@ COLUMNS: dict[str, Column] = {
         Column("right_coupling", "number", "N", "force of the right hand on the board, + = up"),
         Column("trial", "integer", "1", "number of the trial, from 1; 0 or nothing between trials"),
         Column("attempt", "integer", "1", "number of the attempt at it, from 1; 1 if it is not there"),
-        Column("target", "integer", "1", "side of the target: -1 left, +1 right"),
+        Column("target", "integer", "1", "side of the target: -1 left, +1 right; 0 if it is not there"),
         Column(
             "phase", "word", "", "idle, levelling, running (ball free), holding (in the target), or netboard's numbers"
         ),

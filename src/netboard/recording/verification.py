@@ -74,7 +74,12 @@ def verify(stage: Stage, ticks: NDArray[Any]) -> Verdict:
         if difference is not None:
             i, name = difference
             return Verdict(
-                first + i + 1, len(runs) - 1, int(recorded["tick"][i]), name, recorded[name][i], computed[name][i]
+                first + i + 1,
+                len(runs) - 1,
+                int(recorded["tick"][i]),
+                name,
+                recorded[name][i].item(),
+                computed[name][i].item(),
             )
     return Verdict(len(ticks), max(len(runs) - 1, 0))
 

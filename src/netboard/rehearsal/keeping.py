@@ -24,6 +24,8 @@ from netboard.wire.messages import PROTOCOL_VERSION, EventRecord, TickRecord, We
 REHEARSED = {"rehearsed": "true"}
 """What a recording of simulated people says of itself."""
 
+_SIDES = {-1: "left", 0: "unknown", 1: "right"}
+
 
 class Keeper:
     """The recording of one block.
@@ -156,7 +158,7 @@ def event_of(row: Any) -> tuple[str, dict[str, str]]:
         "to": PHASE_NAMES[TABLE[phase][cause][0]],
         "trial": str(row["trial"]),
         "attempt": str(row["attempt"]),
-        "target": "left" if row["target"] < 0 else "right",
+        "target": _SIDES[int(np.sign(row["target"]))],
     }
     if cause == Cause.HELD:
         details["completion"] = repr(float(row["mark_ticks"]) * TICK_SECONDS)

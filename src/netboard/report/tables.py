@@ -7,7 +7,7 @@ from netboard.recording.reader import Recording
 from netboard.recording.summary import Attempt, Spread, Summary, summarise
 from netboard.recording.verification import Verdict
 
-_SIDES = {-1: "left", 1: "right"}
+_SIDES = {-1: "left", 0: "unknown", 1: "right"}
 
 
 def summary_of(recording: Recording) -> Summary:

@@ -1,0 +1,24 @@
+"""Which recordings are meant."""
+
+from pathlib import Path
+
+import pytest
+
+from netboard.errors import RecordingError
+from netboard.recording.finding import find_recordings
+
+
+def test_files_and_folders_each_once_and_in_order(tmp_path: Path) -> None:
+    for name in ("b.mcap", "a.mcap", "c.mcap.part", "notes.txt"):
+        (tmp_path / name).touch()
+    a, b = tmp_path / "a.mcap", tmp_path / "b.mcap"
+    assert find_recordings([b, tmp_path]) == (b, a)
+    assert find_recordings([tmp_path]) == (a, b)
+
+
+def test_an_empty_folder_and_equal_names_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(RecordingError, match="empty: there is no recording"):
+        find_recordings([tmp_path / "empty"])
+    with pytest.raises(RecordingError, match="have the same name"):
+        find_recordings([tmp_path / "x" / "a.mcap", tmp_path / "y" / "a.mcap"])
