@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from dyads import UTC_NS, dyad, make_session, solo
-from exported import START_NS, make_rows, same_bits, write
+from exported import START_NS, make_rows, same_bits, without_payloads, write
 
 from netboard.errors import RecordingError
 from netboard.experiment.machine import Cause
@@ -88,7 +88,7 @@ def test_the_validator_would_find_a_channel_too_few(dataset: Path, tmp_path: Pat
 
 
 def test_each_of_a_dyad_has_the_own_stylus_to_the_bit_and_both_the_board(dataset: Path) -> None:
-    rows = make_rows(1)
+    rows = without_payloads(make_rows(1))
     a, b = motion(dataset, "D07A", 1), motion(dataset, "P22", 1)
     fields = {"x": "x", "y": "y", "z": "sent_z", "vz": "sent_vz", "force_on_board": "coupling", "sample": "seq"}
     fields |= {"force_on_hand": "force", "force_rendered": "rendered", "fresh": "live", "safeguards": "safeguards"}
@@ -119,7 +119,7 @@ def test_the_two_are_on_one_clock_with_its_hole(dataset: Path) -> None:
 
 def test_a_block_with_both_hands_is_one_persons(dataset: Path) -> None:
     assert not list(dataset.glob("sub-D07A/ses-D07S2/motion/*run-02*"))
-    words, rows = motion(dataset, "P22", 2), make_rows(2)
+    words, rows = motion(dataset, "P22", 2), without_payloads(make_rows(2))
     assert same_bits(numbers(words["left_stylus_y"], np.dtype(float)), rows["left_y"])
     assert same_bits(numbers(words["right_stylus_force_on_hand"], np.dtype(float)), rows["right_force"])
     (sidecar,) = dataset.glob("sub-P22/ses-D07S2/motion/*run-02_motion.json")
