@@ -21,6 +21,9 @@ FORMATS: dict[str, str] = {
     "parquet": "netboard.export.parquet",
     "csv": "netboard.export.delimited",
     "mat": "netboard.export.matlab",
+    "bids": "netboard.export.bids",
+    "nwb": "netboard.export.nwb",
+    "xdf": "netboard.export.xdf",
 }
 """Each format by its name: the module that has its ``write``."""
 
