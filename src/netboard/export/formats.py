@@ -24,6 +24,7 @@ FORMATS: dict[str, str] = {
     "bids": "netboard.export.bids",
     "nwb": "netboard.export.nwb",
     "xdf": "netboard.export.xdf",
+    "xdf-lsl": "netboard.export.xdf",  # the same: what LabRecorder would have written
 }
 """Each format by its name: the module that has its ``write``."""
 
