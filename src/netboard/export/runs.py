@@ -96,7 +96,7 @@ def runs_of(recordings: Sequence[Path]) -> tuple[Run, ...]:
     sessions: dict[tuple[str, str], list[tuple[int, Path, dict[str, str], Config]]] = {}
     for path in recordings:
         with Recording(path) as recording:
-            if not recording.counts["/tick"]:
+            if not recording.counts["/ticks"]:
                 raise RecordingError(f"{path}: has no ticks, so there is nothing to export; leave it out")
             config = parse(recording.config_text, f"{path} (its configuration)")
             opened = int(recording.metadata["opened_log_ns"])
