@@ -48,7 +48,7 @@ class Signal:
     unit: str
 
 
-_FIELDS = {field.name: field for field in CHANNELS[0].fields}
+_FIELDS = {field.name: field for field in CHANNELS[0].columns}
 
 _RATES = {
     "left_sent_vz": "rate of left_stylus_z",
