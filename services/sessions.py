@@ -5,6 +5,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
+from rich import box
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import track
@@ -80,10 +81,10 @@ def table_of(entries: Sequence[Entry], folder: Path) -> Table:
     folder : Path
         Where they are.
     """
-    table = Table(title=f"Sessions in {folder}", title_justify="left")
-    for heading in ("block", "condition", "file"):
-        table.add_column(heading, overflow="fold")
-    for heading in ("trials", "duration", "size", "lost"):
+    table = Table(title=f"Sessions in {folder}", title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    table.add_column("block\ncondition")
+    table.add_column("file", overflow="fold")
+    for heading in ("trials", "length\nsize", "lost"):
         table.add_column(heading, justify="right", no_wrap=True)
     table.add_column("verdict", overflow="fold")
     for (dyad, session), group in in_order(entries):
@@ -92,7 +93,7 @@ def table_of(entries: Sequence[Entry], folder: Path) -> Table:
         day = min((entry.opened[:10] for entry in group if entry.opened), default="date not known")
         title = f"{dyad} {session}" if dyad else "not known whose"
         table.add_section()
-        table.add_row("", f"[bold]{escape(title)}[/bold]", f"{day}, {study}{pilot}")
+        table.add_row(f"[bold]{escape(title)}[/bold]", f"{day}, {study}{pilot}")
         for entry in group:
             table.add_row(*_row(entry, folder))
     return table
@@ -103,12 +104,10 @@ def _row(entry: Entry, folder: Path) -> list[str]:
     trials = f"{entry.done} of {entry.trials}" if entry.trials else f"{entry.done}"
     known = entry.kind in ("recording", "journal") and entry.verdict != VERDICTS[Grade.DAMAGE]
     return [
-        f"{entry.block} of {entry.blocks}" if entry.blocks else entry.kind,
-        escape(entry.condition),
+        (f"{entry.block} of {entry.blocks}" if entry.blocks else entry.kind) + f"\n{escape(entry.condition)}",
         escape(str(entry.path.relative_to(folder))),
         trials if known else "-",
-        f"{entry.duration / 60:.1f} min" if entry.duration else "-",
-        f"{entry.size / 1e6:.1f} MB",
+        (f"{entry.duration / 60:.1f} min" if entry.duration else "-") + f"\n{entry.size / 1e6:.1f} MB",
         str(entry.lost),
         f"[{COLOURS[entry.verdict]}]{entry.verdict}[/]" + (f"\n{escape(entry.why)}" if entry.why else ""),
     ]

@@ -7,6 +7,7 @@ from math import isnan
 from pathlib import Path
 from typing import Any
 
+from rich import box
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
@@ -147,19 +148,17 @@ def table_of(comparisons: Sequence[Comparison], changes: Sequence[str]) -> Table
     """
     otherwise = sum(one.then.outcome != one.now.outcome for one in comparisons)
     title = f"With {', '.join(changes) or 'nothing changed'}: {otherwise} of {len(comparisons)} attempts end otherwise"
-    table = Table(title=Text(title), title_justify="left")
-    for heading in ("trial", "attempt"):
-        table.add_column(heading, justify="right")
-    table.add_column("outcome", no_wrap=True)
+    table = Table(title=Text(title), title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 1, 0))
+    table.add_column("trial,\nattempt", justify="right")
+    table.add_column("outcome,\nthen -> now", no_wrap=True)
     table.add_column("completion", justify="right", no_wrap=True)
     for quantity in QUANTITIES:
-        table.add_column(Text(f"{quantity.text} [{quantity.unit}]\nrms / max"), justify="right")
+        table.add_column(Text(f"{quantity.text}\n[{quantity.unit}]\nrms\nmax"), justify="right", no_wrap=True)
     for one in comparisons:
         same = one.then.outcome == one.now.outcome
         table.add_row(
-            str(one.then.trial),
-            str(one.then.attempt),
-            one.then.outcome if same else f"[yellow]{one.then.outcome} -> {one.now.outcome}[/yellow]",
+            f"{one.then.trial}, {one.then.attempt}",
+            one.then.outcome if same else f"[yellow]{one.then.outcome}\n-> {one.now.outcome}[/yellow]",
             seconds(one.then.completion) if not one.changed else completions(one),
             *(differences(one, quantity.name, quantity.scale) for quantity in QUANTITIES),
         )
@@ -168,7 +167,7 @@ def table_of(comparisons: Sequence[Comparison], changes: Sequence[str]) -> Table
 
 def completions(one: Comparison) -> str:
     """Write both completion times."""
-    return f"{seconds(one.then.completion)} -> {seconds(one.now.completion)}"
+    return f"{seconds(one.then.completion)}\n-> {seconds(one.now.completion)}"
 
 
 def seconds(time: float) -> str:
@@ -179,7 +178,7 @@ def seconds(time: float) -> str:
 def differences(one: Comparison, name: str, scale: float) -> str:
     """Write how much a quantity differs."""
     apart = one.differences[name]
-    return f"{scale * apart.rms:.3g} / {scale * apart.largest:.3g}"
+    return f"{scale * apart.rms:.3g}\n{scale * apart.largest:.3g}"
 
 
 def as_data(found: WhatIf, changes: Sequence[str]) -> dict[str, Any]:
