@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from netboard.config import parse
 from netboard.errors import RecordingError, WireError
 from netboard.recording import older
-from netboard.recording.batches import Layout, TickStream
+from netboard.recording.batches import Layout, TickStream, words_of
 from netboard.recording.channels import CHANNELS, FORMAT_VERSION, IDS, Stamped, record_of, stamped
 from netboard.recording.chunks import MAGIC, RECORD_HEAD, UNSOUND, messages, unpack_chunk
 from netboard.recording.partfile import PartFile
@@ -345,7 +345,7 @@ def _rows_of(message: bytes, version: str) -> NDArray[Any]:
         return older.ticks_of([message], version)
     planes = _LAYOUT.planes(message)
     rows = np.zeros(planes.shape[2], TICK)
-    _LAYOUT.rows(planes, rows)
+    _LAYOUT.read(planes, np.arange(len(planes)), words_of(rows))
     return rows
 
 
