@@ -62,9 +62,10 @@ def words_of(rows: NDArray[Any]) -> NDArray[np.int64]:
 
 def _joined(planes: NDArray[np.uint8]) -> NDArray[np.int64]:
     """Put the planes of columns together to words: two bytes, then four, then eight, which is quicker than bytewise."""
+    words: NDArray[Any] = planes
     for kind, bits in ((np.uint16, 8), (np.uint32, 16), (np.uint64, 32)):
-        planes = planes[:, 0::2].astype(kind) | planes[:, 1::2].astype(kind) << kind(bits)
-    return planes[:, 0].view(np.int64)
+        words = words[:, 0::2].astype(kind) | np.left_shift(words[:, 1::2], bits, dtype=kind)
+    return words[:, 0].view(np.int64)
 
 
 def _rounds(orders: NDArray[np.int64]) -> Iterator[NDArray[np.intp]]:

@@ -18,7 +18,7 @@ from netboard.errors import RecordingError, WireError
 from netboard.experiment.machine import Cause, Phase
 from netboard.tick import TICK
 from netboard.wire.codec import decode
-from netboard.wire.messages import ClockRecord, EventRecord, FrameRecord, Safeguard, TickRecord
+from netboard.wire.messages import BLOCK_BEGAN, ClockRecord, EventRecord, FrameRecord, Safeguard, TickRecord
 
 FORMAT_VERSION = "3"
 """Grows when a reader of the version before would misread a file."""
@@ -389,6 +389,17 @@ def record_of(frame: bytes) -> Record:
     if not isinstance(record, Record):
         raise WireError(f"a {type(record).__name__} is not a record")
     return record
+
+
+def begun(record: Record) -> str:
+    """Tell the configuration of the block that begins with a record; empty if none does.
+
+    Parameters
+    ----------
+    record : TickRecord, EventRecord, ClockRecord or FrameRecord
+        The record.
+    """
+    return record.details.get("config", "") if isinstance(record, EventRecord) and record.name == BLOCK_BEGAN else ""
 
 
 def remark(seq: int, name: str, details: dict[str, str], log_time_ns: int) -> Stamped:
