@@ -133,11 +133,19 @@ class Layout:
         out : ndarray of int64, shape (n, k)
             Where the bits of their values go.
         """
-        found = places >= 0
-        words = _joined(planes[places[found]])
-        for smooth in _rounds(self._orders[places[found]]):
+        if np.array_equal(places, np.arange(len(planes))):
+            # All columns, which are many, need not be picked out first.
+            out[:] = self._summed(planes, self._orders).T
+            return
+        there = np.flatnonzero(places >= 0)
+        out[:, there] = self._summed(planes[places[there]], self._orders[places[there]]).T
+
+    @staticmethod
+    def _summed(planes: NDArray[np.uint8], orders: NDArray[np.int64]) -> NDArray[np.int64]:
+        words = _joined(planes)
+        for smooth in _rounds(orders):
             words[smooth] = np.cumsum(words[smooth], axis=1)
-        out[:, found] = words.T
+        return words
 
 
 def told(attempt: Attempt) -> dict[str, Any]:

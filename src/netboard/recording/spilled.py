@@ -74,9 +74,7 @@ class _Blocks:
                     self._batches[-1] += 1
                     self._write_batch(message)
             self._finish()
-        return tuple(
-            self._report(writer, batches) for writer, batches in zip(self._made, self._batches, strict=True)
-        )
+        return tuple(self._report(writer, batches) for writer, batches in zip(self._made, self._batches, strict=True))
 
     @contextmanager
     def _nothing_by_halves(self) -> Iterator[None]:

@@ -112,8 +112,8 @@ def try_one(whole: Specimen, harm: Harm, folder: Path) -> Found:
     except RecordingError:
         # Only where the first bytes do not say any more what kind of file it is, or of which version.
         known = harm.start >= whole.pieces[0].start
-        faults = ("a recording was refused whose beginning is sound",) if known else ()
-        return Found(faults, len(whole.rows), True, time.perf_counter() - began)
+        wrong = ("a recording was refused whose beginning is sound",) if known else ()
+        return Found(wrong, len(whole.rows), True, time.perf_counter() - began)
     seconds = time.perf_counter() - began
     faults = [] if hashlib.sha256(source.read_bytes()).digest() == before else ["the source was changed"]
     try:

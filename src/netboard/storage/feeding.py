@@ -1,5 +1,4 @@
-"""A server's end of the log without the rest of a server: feeds a real logger over real sockets, at any multiple of the
-rate of one dyad.
+"""A server's end of the log without the rest of a server: feeds a real logger at any multiple of one dyad's rate.
 
 The port, the ring, the batches and the sockets are the server's own. Each millisecond gets what a server gives it: a
 tick, now and then an event, clock probes and frames of two displays; a multiple of the rate has as many of each.
@@ -55,7 +54,9 @@ def live_log(ticks: int) -> list[list[bytes]]:
         if k % 500 == 0:
             records.append(EventRecord(k // 500, k, int(row["time_ns"]), "trial_started", {"trial": str(k)}))
         if k % 200 == 0:
-            records.append(ClockRecord(k // 200, "agent.left", k, k + 10**9, k + 10**9, k + 3 * 10**5, 10**9, 9000, 0.1))
+            records.append(
+                ClockRecord(k // 200, "agent.left", k, k + 10**9, k + 10**9, k + 3 * 10**5, 10**9, 9000, 0.1)
+            )
         if k % 17 < 2:
             side = ("left", "right")[k % 17]
             records.append(FrameRecord(k // 17, side, k, k * 10**6, k * 10**6 + 7 * 10**6, 0))

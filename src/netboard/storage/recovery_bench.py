@@ -1,7 +1,7 @@
-"""``netboard bench recovery``: cuts, flips, zeroed stretches and killed loggers, and what `netboard recover` makes of them.
+"""``netboard bench recovery``: cuts, flips, zeros and killed loggers, and what `netboard recover` makes of them.
 
-Each time the source must be as it was, every chunk that was not touched must be there to the bit, what is lost must have
-been said, and the recovered file must prove itself. One exception to that anywhere is a fault, and makes the exit code 1.
+Each time the source must be as it was, every chunk that was not touched must be there to the bit, what is lost must
+have been said, and the recovered file must prove itself. One exception to that is a fault, and makes the exit code 1.
 """
 
 from collections.abc import Callable, Iterator
@@ -122,7 +122,7 @@ def damage_part(scratch: Path, tell: Tell, *, quick: bool) -> Part:
         rows,
         [
             Verdict(
-                "what was not touched is there to the bit, what is lost is said, the source is as it was, the file is sound",
+                "what was not touched is there to the bit, all loss is said, the source is untouched, the file is sound",
                 not faults,
                 _said(faults, sum(int(row[1]) for row in rows)),
             ),
@@ -165,7 +165,9 @@ def kills_part(folder: Path, tell: Tell, count: int) -> Part:
         COLUMNS,
         [_kill_row("logger killed", found)],
         [
-            Verdict("all that was acknowledged is there, to the bit and without a hole", not faults, _said(faults, count)),
+            Verdict(
+                "all that was acknowledged is there, to the bit and without a hole", not faults, _said(faults, count)
+            ),
             Verdict(
                 f"less is lost than flush_ms ({flush:g} ms) and a batch ({BATCH_RECORDS} records)",
                 worst < allowed,

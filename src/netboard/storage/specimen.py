@@ -20,7 +20,7 @@ from netboard.recording.channels import IDS
 from netboard.recording.provenance import provenance
 from netboard.recording.writer import RecordingWriter
 from netboard.studies.forces import MINE, record
-from netboard.tick import TICK, TICK_NS
+from netboard.tick import TICK_NS
 from netboard.wire.messages import EventRecord, TickRecord, Welcome
 
 OPENED_NS = 1_790_000_000_000_000_000
