@@ -7,6 +7,7 @@ noise and rates are true, and only what happens is the same again and again.
 import json
 import os
 import time
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -122,7 +122,7 @@ def damage_part(scratch: Path, tell: Tell, *, quick: bool) -> Part:
         rows,
         [
             Verdict(
-                "what was not touched is there to the bit, all loss is said, the source is untouched, the file is sound",
+                "what was not touched is there to the bit, all loss is said, the source is untouched, the file sound",
                 not faults,
                 _said(faults, sum(int(row[1]) for row in rows)),
             ),
