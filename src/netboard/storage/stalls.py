@@ -102,7 +102,7 @@ def stalls_part(watched: Watched) -> Part:
     p99 = [float(np.percentile(values, 99)) for values in late.values()]
     return Part(
         "stalls",
-        "How late the server's ticks were, while its logger stood still",
+        "How late the server's ticks were, while its logger stood still; negative: before the deadline",
         ("the logger", "ticks [1]", "50 % [ms]", "99 % [ms]", "99.9 % [ms]", "largest [ms]"),
         [
             (name, len(values), *(float(value) for value in np.percentile(values, (50, 99, 99.9))), float(values.max()))
@@ -120,7 +120,7 @@ def stalls_part(watched: Watched) -> Part:
 
 
 def _between(ticks: dict[str, NDArray[Any]], start_ns: int, stop_ns: int) -> NDArray[np.float64]:
-    """How late the ticks of some time were [ms]."""
+    """How late the ticks of some time were; negative: before their deadline, all samples being there [ms]."""
     inside = (ticks["time_ns"] >= start_ns) & (ticks["time_ns"] < stop_ns)
-    late: NDArray[np.float64] = np.maximum(ticks["late_ns"][inside], 0) * 1e-6
+    late: NDArray[np.float64] = ticks["late_ns"][inside] * 1e-6
     return late
