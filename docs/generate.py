@@ -198,6 +198,12 @@ SOAK = ("records", "memory", "minutes", "costs")
 FAULTS = ("processes", "links", "peers", "devices", "machines")
 """Those of `netboard bench faults`."""
 
+RECOVERY = ("damage", "kills")
+"""Those of `netboard bench recovery`."""
+
+RECORDING = ("size", "headroom", "writing", "stalls", "reading")
+"""Those of `netboard bench recording`."""
+
 VELOCITY = ("estimators", "delays")
 """Those of `netboard bench velocity`."""
 
@@ -241,6 +247,10 @@ GENERATED: dict[str, tuple[str, Callable[[], str]]] = {
     "forces conditions": ("forces.md", study_part("forces", "conditions")),
     "faults machine": ("faults.md", study_machine("faults")),
     **{name: ("faults.md", study_part("faults", name)) for name in FAULTS},
+    "recovery machine": ("recovery.md", study_machine("recovery")),
+    **{f"recovery-{name}": ("recovery.md", study_part("recovery", name)) for name in RECOVERY},
+    "recording machine": ("recording.md", study_machine("recording")),
+    **{f"recording-{name}": ("recording.md", study_part("recording", name)) for name in RECORDING},
 }
 
 

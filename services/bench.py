@@ -210,3 +210,19 @@ def display(
     from netboard.latency import display as study
 
     raise typer.Exit(study.main(settings, output, json, seconds, quick=quick, force=force))
+
+
+@app.command(epilog="Examples:\n\n  netboard bench recovery --quick\n\n  netboard bench recovery -o results")
+def recovery(output: Output = None, quick: Quick = False, force: Force = False, json: Json = None) -> None:
+    """Cut, flip, zero and kill what is being recorded, and check what is recovered of it, to the bit."""
+    from netboard.storage import recovery_bench as study
+
+    raise typer.Exit(study.main(output, json, quick=quick, force=force))
+
+
+@app.command(epilog="Examples:\n\n  netboard bench recording --quick\n\n  netboard bench recording -o results")
+def recording(output: Output = None, quick: Quick = False, force: Force = False, json: Json = None) -> None:
+    """What recording costs: headroom and stalls of the logger, bytes an hour, time to read an hour and a trial."""
+    from netboard.storage import bench as study
+
+    raise typer.Exit(study.main(output, json, quick=quick, force=force))

@@ -81,15 +81,21 @@ def info(recording: RecordingFile) -> None:
 
 
 def recover(
-    recording: Annotated[
-        Path, typer.Argument(metavar="RECORDING", help="What a killed logger left, an .mcap.part file.")
+    recordings: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="FILE...",
+            help="What a killed logger left (.mcap.part), a damaged recording, a server's .spill, or folders of these.",
+        ),
     ],
-    output: Annotated[Path | None, typer.Option("--output", "-o", metavar="FILE", help="The new file.")] = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", metavar="FILE", help="The new file, if it is one.")
+    ] = None,
 ) -> None:
-    """Make a whole recording of an unfinished or damaged one, which is left as it is."""
+    """Make whole recordings of unfinished or damaged ones, which are left as they are."""
     from netboard.services import recover as service
 
-    raise typer.Exit(service.main(recording, output))
+    raise typer.Exit(service.main(recordings, output))
 
 
 def check(
@@ -227,7 +233,7 @@ def add_to(app: typer.Typer) -> None:
         )
     )(replay)
     app.command(epilog=examples("netboard info recordings/S01.mcap"))(info)
-    app.command(epilog=examples("netboard recover recordings/S01.mcap.part"))(recover)
+    app.command(epilog=examples("netboard recover recordings/S01.mcap.part", "netboard recover recordings"))(recover)
     app.command(
         epilog=examples(
             "netboard check recordings/S01.mcap",

@@ -1,28 +1,63 @@
-"""Makes a whole recording of what a killed logger or a damaged disk left."""
+"""Makes whole recordings of what a killed logger, a damaged disk or a server without a logger left."""
 
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import typer
+from rich.console import Console
+from rich.progress import track
 
-from netboard.recording.recovery import recover
+from netboard.errors import ConfigError, NetboardError
+from netboard.recording.recovery import Report
+from netboard.recording.spilled import recover_any
+
+UNFINISHED = ("*.mcap.part", "*.spill")
+"""What in a folder needs recovery."""
 
 
-def main(path: Path, output: Path | None = None) -> int:
+def main(paths: Sequence[Path], output: Path | None = None) -> int:
     """Recover what is sound, and say what was lost.
 
     Parameters
     ----------
-    path : Path
-        The unfinished or damaged file; it is left as it is.
+    paths : sequence of Path
+        Unfinished or damaged files, and folders of such; they are left as they are.
     output : Path or None
-        The new file; None names it after the old one.
+        The new file, if there is one old one; None names it after the old one.
 
     Returns
     -------
     int
-        Exit code.
+        Exit code: 1 if something could not be recovered.
     """
-    report = recover(path, output)
+    files = list(_files(paths))
+    if output is not None and len(files) != 1:
+        raise ConfigError(f"--output names one file, and {len(files)} are to be recovered; leave it out")
+    refused = 0
+    for file in track(files, "recovering", console=Console(stderr=True), transient=True, disable=len(files) < 2):
+        try:
+            for report in recover_any(file, output):
+                _say(report)
+        except NetboardError as error:
+            refused += 1
+            typer.echo(error, err=True)
+    return 1 if refused else 0
+
+
+def _files(paths: Sequence[Path]) -> Iterator[Path]:
+    """Every file that is meant."""
+    for path in paths:
+        if not path.is_dir():
+            yield path
+            continue
+        found = sorted(file for pattern in UNFINISHED for file in path.glob(pattern))
+        if not found:
+            typer.echo(f"{path}: nothing unfinished in it")
+        yield from found
+
+
+def _say(report: Report) -> None:
+    """Say what was recovered, and what was not."""
     ticks = "no ticks" if report.first_tick is None else f"ticks {report.first_tick} to {report.last_tick}"
     missing = sum(gap.count for gap in report.missing)
     typer.echo(f"{report.output}: {ticks}, {missing} missing, {sum(report.messages.values())} messages")
@@ -32,4 +67,3 @@ def main(path: Path, output: Path | None = None) -> int:
         typer.echo(f"  lost: {damage.length} bytes at {damage.offset}, {damage.reason}")
     if not report.has_config:
         typer.echo("  lost: the configuration")
-    return 0

@@ -10,7 +10,7 @@ import pytest
 
 from netboard.faults.rigs import Rig
 from netboard.recording.account import Account, account_of
-from netboard.recording.recovery import recover
+from netboard.recording.spilled import recover_any
 
 pytestmark = [pytest.mark.integration, pytest.mark.slow, pytest.mark.timeout(300)]
 
@@ -110,6 +110,7 @@ def test_what_is_made_while_no_logger_is_there_is_spilled_and_not_lost(rig: Rig)
     assert f"{spill}: netboard recover" in rig.said("server")
     unfinished = sorted((rig.folder / "recordings").glob("*.part"))
     assert len(unfinished) == 2
-    account = account_of([recover(path).output for path in (*unfinished, spill)])
+    reports = (report for path in (*unfinished, spill) for report in recover_any(path))
+    account = account_of([report.output for report in reports])
     check_whole(account)
     assert account.present[0].last > status.tick + 4000

@@ -18,6 +18,7 @@ from netboard.recording.account import Account, Pause, Stretch, account_of, part
 from netboard.recording.container import Container
 from netboard.recording.recovery import recover
 from netboard.recording.spill import Spill
+from netboard.recording.spilled import recover_any
 from netboard.recording.writer import RecordingWriter
 from netboard.tick import TICK
 from netboard.wire.codec import encode
@@ -278,7 +279,7 @@ def test_a_spill_becomes_a_part(tmp_path: Path) -> None:
     spill.close(iter([LogBatch(320, 0, (*frames[320:439], b"junk"))]))
     assert spill._thread is not None
     spill._thread.join(30)
-    report = recover(spill.path)
+    (report,) = recover_any(spill.path)
     assert report.output.name == "S01_D01_3f2a9c1e.recovered.mcap"
     assert (report.chunks, report.damage, report.has_config) == (6, (), True)
     assert sum(report.messages[topic] for topic in ("/ticks", "/event")) == 219
@@ -301,7 +302,7 @@ def test_a_damaged_spill_gives_what_is_sound(tmp_path: Path) -> None:
     data = bytearray(spill.path.read_bytes())
     data[len(data) // 2] ^= 1
     (tmp_path / "b.spill").write_bytes(data[:-100])
-    report = recover(tmp_path / "b.spill")
+    (report,) = recover_any(tmp_path / "b.spill")
     assert [damage.reason for damage in report.damage] == ["a damaged block"] * 2
     assert report.messages["/ticks"] + report.messages["/event"] == 400
     account = account_of([report.output])
@@ -311,7 +312,7 @@ def test_a_damaged_spill_gives_what_is_sound(tmp_path: Path) -> None:
     assert account.unexplained == ()
     (tmp_path / "c.spill").write_bytes(data[:30])
     with pytest.raises(RecordingError, match="the beginning of this spill is damaged"):
-        recover(tmp_path / "c.spill")
+        recover_any(tmp_path / "c.spill")
 
 
 @settings(max_examples=20, deadline=None)

@@ -27,6 +27,7 @@ from samples import (
 
 from netboard.config import Config, Recording
 from netboard.errors import RecordingError
+from netboard.recording.channels import PLOTTED_EVERY
 from netboard.recording.chunks import messages, payloads, unpack_chunk
 from netboard.recording.provenance import config_sha256, next_recording
 from netboard.recording.reader import Recording as Reader
@@ -146,7 +147,7 @@ def test_upstream_reads_everything_in_both_ways(recording: Path) -> None:
             sequences.setdefault(channel.topic, []).append(message.sequence)
         assert ticks == len(ROWS)
         assert sequences["/ticks"][0] == 0
-        assert sequences["/plot"] == list(range(0, len(ROWS), 10))
+        assert sequences["/plot"] == list(range(0, len(ROWS), PLOTTED_EVERY))
         for topic in ("/event", "/clock", "/frame"):
             assert sequences[topic] == list(range(len(ROWS) // 10))
 

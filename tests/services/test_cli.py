@@ -17,7 +17,7 @@ COMMANDS = (
     *("server", "agent", "display", "logger", "replay", "demo", "info", "recover", "config", "simulate", "bench"),
     *("up", "status", "doctor", "keys", "devices"),
 )
-BENCHES = ("physics", "stability", "loop", "servo", "soak", "faults", "fuzz")
+BENCHES = ("physics", "stability", "loop", "servo", "soak", "faults", "fuzz", "recovery", "recording")
 
 
 @pytest.fixture(autouse=True)

@@ -71,3 +71,25 @@ def test_recover_never_writes_over_a_file(writer: RecordingWriter) -> None:
     Path("whole.mcap").write_bytes(b"mine")
     assert runner.invoke(app, ["recover", "S01.mcap.part", "-o", "whole.mcap"]).exit_code == 1
     assert Path("whole.mcap").read_bytes() == b"mine"
+
+
+def test_recover_takes_a_folder_and_goes_on_after_what_it_cannot_read(writer: RecordingWriter) -> None:
+    writer.abandon()
+    Path("torn.mcap.part").write_bytes(b"never was one")
+    result = runner.invoke(app, ["recover", "."])
+    assert result.exit_code == 1
+    assert result.output.startswith(f"S01.recovered.mcap: ticks 0 to {TICKS - 1}, 0 missing")
+    assert "torn.mcap.part: not an MCAP file" in result.stderr
+
+
+def test_recover_cannot_write_several_into_one(writer: RecordingWriter) -> None:
+    writer.abandon()
+    result = runner.invoke(app, ["recover", "S01.mcap.part", "other.mcap.part", "-o", "whole.mcap"])
+    assert result.exit_code == 2
+    assert "--output names one file" in result.stderr
+    assert not Path("whole.mcap").exists()
+
+
+def test_a_folder_with_nothing_to_recover_is_said(tmp_path: Path) -> None:
+    result = runner.invoke(app, ["recover", str(tmp_path)])
+    assert (result.exit_code, result.output) == (0, f"{tmp_path}: nothing unfinished in it\n")

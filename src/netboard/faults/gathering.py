@@ -18,7 +18,7 @@ from netboard.faults.evidence import Pause, between, pauses, pauses_between
 from netboard.faults.sites import Site
 from netboard.recording.account import Account, account_of
 from netboard.recording.reader import Recording
-from netboard.recording.recovery import recover
+from netboard.recording.spilled import recover_any
 from netboard.tick import TICK
 from netboard.wire.messages import EventRecord
 
@@ -156,7 +156,7 @@ def recordings_in(folder: Path) -> list[Path]:
         The folder.
     """
     for unfinished in (*folder.rglob("*.mcap.part"), *folder.rglob("*.spill")):
-        recover(unfinished)
+        recover_any(unfinished)
     return sorted(folder.rglob("*.mcap"))
 
 

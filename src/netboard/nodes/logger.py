@@ -20,15 +20,13 @@ from netboard.config import Recording, parse
 from netboard.errors import NetboardError, WireError
 from netboard.nodes.log_link import BURST, HELLO_NS, SILENT_NS, WAIT_SECONDS, Link
 from netboard.process import NAME, Seldom
-from netboard.recording.channels import Record, record_of
+from netboard.recording.channels import begun, record_of
 from netboard.recording.disk import Space, require_space
 from netboard.recording.provenance import next_recording, provenance
 from netboard.recording.writer import RecordingWriter
 from netboard.wire.codec import decode, encode
 from netboard.wire.messages import (
-    BLOCK_BEGAN,
     PROTOCOL_VERSION,
-    EventRecord,
     Goodbye,
     Hello,
     LogAck,
@@ -71,11 +69,6 @@ def place(batch: LogBatch, expected: int | None) -> tuple[int, int] | None:
     if batch.first - batch.lost <= expected:
         return batch.first - expected, 0
     return None
-
-
-def _begun(record: Record) -> str:
-    """Configuration of the block that begins with a record, empty if none does."""
-    return record.details.get("config", "") if isinstance(record, EventRecord) and record.name == BLOCK_BEGAN else ""
 
 
 class Logger:
@@ -293,7 +286,7 @@ class Logger:
             log.error("record %d cannot be read: %s", number, error)
             writer.note_unreadable(frame, number, str(error), now)
             return
-        if writer.next_record is not None and (config := _begun(record)):
+        if writer.next_record is not None and (config := begun(record)):
             writer = self._begin_another(writer, config)
         writer.write(record, number, self._log_time())
 

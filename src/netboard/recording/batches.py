@@ -2,13 +2,15 @@
 
 A batch holds the columns of its ticks one after the other, and of each column first the lowest byte of all values, then
 the next one, up to the highest: bytes that are alike lie side by side, which halves what is left after compression, and
-whole columns turn into arrays by moving bytes. Every bit survives, a not-a-number's payload too.
+whole columns turn into arrays by moving bytes. Before that, what is smooth is replaced by its differences, several
+times over, of the bits read as integers. Every bit survives, a not-a-number's payload too.
 
 On its way in one tick in `PLOTTED_EVERY` goes into the channel for viewers as well, and what is needed to list the
 attempts is kept, so that nobody has to read an hour to find a trial.
 """
 
 import json
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from math import isnan, nan
 from typing import Any
@@ -18,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.errors import RecordingError
-from netboard.recording.channels import IDS, PLOTTED, PLOTTED_EVERY, Stamped, unpack
+from netboard.recording.channels import IDS, PLOTTED, PLOTTED_EVERY, TICK_FIELDS, Stamped, unpack
 from netboard.recording.partfile import PartFile
 from netboard.recording.summary import Attempt, find_attempts
 from netboard.tick import TICK
@@ -35,6 +37,7 @@ PLACES = np.dtype([("chunk", "<i8"), ("first", "<i8"), ("last", "<i8"), ("count"
 _SHARE_OF_CHUNK = 0.75
 _ROW_BYTES = np.dtype((np.void, TICK.itemsize))
 _WORD = 8
+_BITS = np.dtype("<i8")
 _KEYS = ("phase", "trial", "attempt")
 
 
@@ -46,11 +49,32 @@ def pack(rows: NDArray[Any]) -> bytes:
     rows : ndarray of TICK, shape (n,)
         The ticks.
     """
-    return np.ascontiguousarray(_bytes_of(rows).T).tobytes()
+    words = words_of(rows).T.copy()
+    for smooth in _rounds(_ORDERS):
+        words[smooth, 1:] = np.diff(words[smooth], axis=1)
+    return words.view(np.uint8).reshape(*words.shape, _WORD).transpose(0, 2, 1).tobytes()
 
 
-def _bytes_of(rows: NDArray[Any]) -> NDArray[np.uint8]:
-    return rows.view(np.uint8).reshape(len(rows), TICK.itemsize)
+def words_of(rows: NDArray[Any]) -> NDArray[np.int64]:
+    """Look at ticks as words: shape (n, columns)."""
+    return rows.view(_BITS).reshape(len(rows), TICK.itemsize // _WORD)
+
+
+def _joined(planes: NDArray[np.uint8]) -> NDArray[np.int64]:
+    """Put the planes of columns together to words: two bytes, then four, then eight, which is quicker than bytewise."""
+    words: NDArray[Any] = planes
+    for kind, bits in ((np.uint16, 8), (np.uint32, 16), (np.uint64, 32)):
+        words = words[:, 0::2].astype(kind) | np.left_shift(words[:, 1::2], bits, dtype=kind)
+    return words[:, 0].view(np.int64)
+
+
+def _rounds(orders: NDArray[np.int64]) -> Iterator[NDArray[np.intp]]:
+    """Which columns are differenced once, which twice, and so on."""
+    for times in range(1, 1 + max(orders, default=0)):
+        yield np.flatnonzero(orders >= times)
+
+
+_ORDERS = np.array([field.differences for field in TICK_FIELDS])
 
 
 class Layout:
@@ -69,15 +93,15 @@ class Layout:
 
     def __init__(self, schema: bytes) -> None:
         try:
-            columns = [(str(column["name"]), str(column["type"])) for column in json.loads(schema)["columns"]]
+            columns = json.loads(schema)["columns"]
+            self._names = [str(column["name"]) for column in columns]
+            self._orders = np.array([int(column["differences"]) for column in columns], np.int64)
+            kinds = [str(column["type"]) for column in columns]
         except (ValueError, KeyError, TypeError) as error:
             raise RecordingError(f"the schema of its ticks says nothing of their columns ({error})") from None
-        self._count = len(columns)
-        self._names = [name for name, _ in columns]
-        for name, kind in columns:
+        for name, kind in zip(self._names, kinds, strict=True):
             if name in (TICK.names or ()) and np.dtype(kind) != TICK[name]:
                 raise RecordingError(f"its column {name} has the type {kind}, expected {TICK[name].str}")
-        self._as_here = self._names == list(TICK.names or ())
 
     def planes(self, message: bytes) -> NDArray[np.uint8]:
         """Read a message: the planes of its columns, shape (columns, 8, n).
@@ -89,31 +113,39 @@ class Layout:
         """
         values = unpack(message)
         data, count = values.get("columns"), values.get("count")
-        if not isinstance(data, bytes) or not isinstance(count, int) or len(data) != self._count * _WORD * count:
+        if not isinstance(data, bytes) or not isinstance(count, int) or len(data) != len(self._names) * _WORD * count:
             raise RecordingError("a batch of ticks whose length contradicts what it says of itself")
-        return np.frombuffer(data, np.uint8).reshape(self._count, _WORD, count)
+        return np.frombuffer(data, np.uint8).reshape(len(self._names), _WORD, count)
 
-    def rows(self, planes: NDArray[np.uint8], out: NDArray[Any]) -> None:
-        """Turn planes into ticks; a column that the file does not have is 0.
+    def places(self, names: Sequence[str]) -> NDArray[np.int64]:
+        """Tell which columns of the file have these names, -1 for one it does not have [1]."""
+        return np.array([self._names.index(name) if name in self._names else -1 for name in names], np.int64)
+
+    def read(self, planes: NDArray[np.uint8], places: NDArray[np.int64], out: NDArray[np.int64]) -> None:
+        """Turn planes into values; a column that the file does not have is left as it is.
 
         Parameters
         ----------
         planes : ndarray of uint8, shape (columns, 8, n)
-            The columns.
-        out : ndarray of TICK, shape (n,)
-            Where the ticks go.
+            A batch.
+        places : ndarray of int64, shape (k,)
+            Which columns [1].
+        out : ndarray of int64, shape (n, k)
+            Where the bits of their values go.
         """
-        count = planes.shape[2]
-        if self._as_here:
-            _bytes_of(out)[:] = planes.reshape(-1, count).T
+        if np.array_equal(places, np.arange(len(planes))):
+            # All columns, which are many, need not be picked out first.
+            out[:] = self._summed(planes, self._orders).T
             return
-        for place, name in enumerate(self._names):
-            if name in (TICK.names or ()):
-                out[name] = _values(planes[place], TICK[name])
+        there = np.flatnonzero(places >= 0)
+        out[:, there] = self._summed(planes[places[there]], self._orders[places[there]]).T
 
-
-def _values(planes: NDArray[np.uint8], kind: np.dtype[Any]) -> NDArray[Any]:
-    return np.ascontiguousarray(planes.T).view(kind)[:, 0]
+    @staticmethod
+    def _summed(planes: NDArray[np.uint8], orders: NDArray[np.int64]) -> NDArray[np.int64]:
+        words = _joined(planes)
+        for smooth in _rounds(orders):
+            words[smooth] = np.cumsum(words[smooth], axis=1)
+        return words
 
 
 def told(attempt: Attempt) -> dict[str, Any]:

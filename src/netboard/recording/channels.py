@@ -18,7 +18,7 @@ from netboard.errors import RecordingError, WireError
 from netboard.experiment.machine import Cause, Phase
 from netboard.tick import TICK
 from netboard.wire.codec import decode
-from netboard.wire.messages import ClockRecord, EventRecord, FrameRecord, Safeguard, TickRecord
+from netboard.wire.messages import BLOCK_BEGAN, ClockRecord, EventRecord, FrameRecord, Safeguard, TickRecord
 
 FORMAT_VERSION = "3"
 """Grows when a reader of the version before would misread a file."""
@@ -41,12 +41,15 @@ class Field:
         What it is.
     unit : str
         SI symbol, ``1`` for a pure number, empty for text.
+    differences : int
+        In a batch, so many times over each value is replaced by its difference to the one before [1].
     """
 
     name: str
     kind: str
     text: str
     unit: str
+    differences: int = 0
 
     def schema(self) -> dict[str, Any]:
         """JSON schema of the value; the description ends with the unit."""
@@ -92,7 +95,13 @@ class Channel:
     def schema(self) -> bytes:
         """JSON schema of the channel's messages; of a batch it says under ``columns`` what is in it."""
         columns = [
-            {"name": field.name, "type": _NUMPY[field.kind], "unit": field.unit, "description": field.text}
+            {
+                "name": field.name,
+                "type": _NUMPY[field.kind],
+                "differences": field.differences,
+                "unit": field.unit,
+                "description": field.text,
+            }
             for field in self.columns
         ]
         return json.dumps(
@@ -167,6 +176,24 @@ _SIDE_TEXTS: dict[str, tuple[str, str]] = {
 }
 
 
+_DIFFERENCES = {
+    **dict.fromkeys(("z", "theta", "p", "vp", "coupling", "force", "rendered"), 4),
+    **dict.fromkeys(("vz", "omega"), 2),
+    **dict.fromkeys(("sent_z", "side_z", "used_z", "stamp_ns", "seen_ns"), 1),
+}
+"""What is smooth is small as a difference of this order: measured, as all that makes files smaller."""
+
+_NOISE = frozenset({"late_ns", "loop_ns", "lead_ns", "command", "event"})
+"""Integers whose differences are no smaller than they are."""
+
+
+def _differences(name: str, kind: str) -> int:
+    """How often a column is differenced."""
+    side, _, rest = name.partition("_")
+    quantity = name if side not in ("left", "right") else "side_z" if rest == "z" else rest
+    return _DIFFERENCES.get(quantity, int(kind == "integer" and quantity not in _NOISE))
+
+
 def _tick_field(name: str) -> Field:
     """Describe one column of `netboard.tick.TICK`."""
     side, _, rest = name.partition("_")
@@ -175,7 +202,8 @@ def _tick_field(name: str) -> Field:
         text = text.format(side)
     else:
         text, unit = _TICK_TEXTS[name]
-    return Field(name, "integer" if TICK[name].kind == "i" else "number", text, unit)
+    kind = "integer" if TICK[name].kind == "i" else "number"
+    return Field(name, kind, text, unit, _differences(name, kind))
 
 
 _EVENT_FIELDS = (
@@ -189,7 +217,7 @@ _EVENT_FIELDS = (
 TICK_FIELDS = tuple(_tick_field(name) for name in TICK.names or ())
 """The columns of a tick, in the order of `netboard.tick.TICK`."""
 
-PLOTTED_EVERY = 10
+PLOTTED_EVERY = 20
 """One tick in so many is there for viewers too [1]."""
 
 _PLOTTED = ["tick", "z", "theta", "p", "phase", "target", "trial", "attempt", "late_ns"]
@@ -211,7 +239,12 @@ CHANNELS = (
             Field("first", "integer", "number of the first tick in it", "1"),
             Field("time_ns", "integer", "nominal server time of that tick", "ns"),
             Field("count", "integer", "ticks in it", "1"),
-            Field("columns", "bytes", "their columns, one after the other, each as eight planes of bytes", ""),
+            Field(
+                "columns",
+                "bytes",
+                "their columns, one after the other, differenced, each as eight planes of bytes",
+                "",
+            ),
         ),
         TICK_FIELDS,
     ),
@@ -356,6 +389,17 @@ def record_of(frame: bytes) -> Record:
     if not isinstance(record, Record):
         raise WireError(f"a {type(record).__name__} is not a record")
     return record
+
+
+def begun(record: Record) -> str:
+    """Tell the configuration of the block that begins with a record; empty if none does.
+
+    Parameters
+    ----------
+    record : TickRecord, EventRecord, ClockRecord or FrameRecord
+        The record.
+    """
+    return record.details.get("config", "") if isinstance(record, EventRecord) and record.name == BLOCK_BEGAN else ""
 
 
 def remark(seq: int, name: str, details: dict[str, str], log_time_ns: int) -> Stamped:

@@ -5,7 +5,7 @@ says what is wrong with it and what to do. Every chunk's checksum is verified wh
 """
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property
 from pathlib import Path
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from netboard.errors import RecordingError
 from netboard.recording import older
-from netboard.recording.batches import ATTEMPTS_NAME, PLACES, PLACES_NAME, Layout, heard
+from netboard.recording.batches import ATTEMPTS_NAME, PLACES, PLACES_NAME, Layout, heard, words_of
 from netboard.recording.channels import CHANNELS, FORMAT_VERSION, IDS, unpack
 from netboard.recording.chunks import payloads
 from netboard.recording.container import Container
@@ -188,13 +188,7 @@ class Recording:
             return {name: rows[name] for name in TICK.names or ()}
         if unknown := set(names) - set(TICK.names or ()):
             raise ValueError(f"ticks have no field {', '.join(sorted(unknown))}")
-        places = self._between(first, stop)
-        found = {name: np.empty(int(places["count"].sum()), TICK[name]) for name in {*names, "tick"}}
-        at = 0
-        for rows in self._portions(places, _PORTION):
-            for name, column in found.items():
-                column[at : at + len(rows)] = rows[name]
-            at += len(rows)
+        found = self._some((*names, "tick"), self._between(first, stop))
         wanted = _wanted(found["tick"], first, stop)
         return {name: found[name] if wanted.all() else found[name][wanted] for name in names}
 
@@ -251,24 +245,41 @@ class Recording:
             yield self._rows(places[portions == portion])
 
     def _rows(self, places: NDArray[Any]) -> NDArray[Any]:
+        """Ticks of some places."""
         rows = np.zeros(int(places["count"].sum()), TICK)
 
         def take(at: slice, offset: int) -> None:
             if self._in_batches:
-                self._layout.rows(self._planes(offset), rows[at])
+                self._decode(offset, self._all, words_of(rows[at]))
             else:
                 rows[at] = self._old_rows(offset)
 
         self._each(places, take)
         return rows
 
+    def _some(self, names: Sequence[str], places: NDArray[Any]) -> dict[str, NDArray[Any]]:
+        """Some columns of the ticks of some places."""
+        words = np.zeros((len(names), int(places["count"].sum())), np.int64)
+        found = {name: column.view(TICK[name]) for name, column in zip(names, words, strict=True)}
+        wanted = self._layout.places(names) if self._in_batches else None
+
+        def take(at: slice, offset: int) -> None:
+            if wanted is not None:
+                self._decode(offset, wanted, words[:, at].T)
+                return
+            rows = self._old_rows(offset)
+            for name, column in found.items():
+                column[at] = rows[name]
+
+        self._each(places, take)
+        return found
+
     def _rows_of(self, offset: int) -> NDArray[Any]:
         """Ticks of a chunk of which nobody has said how many it has."""
         if not self._in_batches:
             return self._old_rows(offset)
-        planes = self._planes(offset)
-        rows = np.zeros(planes.shape[2], TICK)
-        self._layout.rows(planes, rows)
+        rows = np.zeros(sum(planes.shape[2] for planes in self._planes(offset)), TICK)
+        self._decode(offset, self._all, words_of(rows))
         return rows
 
     def _each(self, places: NDArray[Any], take: Callable[[slice, int], None]) -> None:
@@ -292,13 +303,29 @@ class Recording:
         with self._file.sound():
             return Layout(self._file.schemas.get(_TICKS, b""))
 
-    def _planes(self, offset: int) -> NDArray[np.uint8]:
-        """Read the columns of the batch in a chunk."""
+    @cached_property
+    def _all(self) -> NDArray[np.int64]:
+        """Where the file has each column of a tick."""
+        return self._layout.places(TICK.names or ())
+
+    def _planes(self, offset: int) -> list[NDArray[np.uint8]]:
+        """Read the batches in a chunk."""
         with self._file.sound():
-            found = [self._layout.planes(message) for message in self._payloads(offset, _TICKS)]
-            if not found:
-                raise RecordingError("its list of places names a chunk without ticks")
-            return found[0] if len(found) == 1 else np.concatenate(found, axis=2)
+            return [self._layout.planes(message) for message in self._payloads(offset, _TICKS)]
+
+    def _decode(self, offset: int, columns: NDArray[np.int64], out: NDArray[np.int64]) -> None:
+        """Put some columns of the batches in a chunk where they belong."""
+        at = 0
+        for planes in self._planes(offset):
+            stop = at + planes.shape[2]
+            if stop > len(out):
+                break
+            self._layout.read(planes, columns, out[at:stop])
+            at = stop
+        else:
+            if at == len(out):
+                return
+        raise RecordingError(f"{self.path}: its list of places contradicts the chunk at {offset}")
 
     def _old_rows(self, offset: int) -> NDArray[Any]:
         with self._file.sound():

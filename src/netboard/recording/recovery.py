@@ -1,4 +1,4 @@
-"""Makes a whole recording of an unfinished or damaged one, or of what a server spilled, without touching it.
+"""Makes a whole recording of an unfinished or damaged one, without touching it.
 
 A chunk is found by its signature and believed by its checksum, so one destroyed length or record costs no more than its
 own chunk. Whatever lies between two sound chunks and is not made of whole records is reported as damage.
@@ -20,11 +20,10 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment, Metadata
 from numpy.typing import NDArray
 
-from netboard.config import parse
-from netboard.errors import RecordingError, WireError
+from netboard.errors import RecordingError
 from netboard.recording import older
-from netboard.recording.batches import Layout, TickStream
-from netboard.recording.channels import CHANNELS, FORMAT_VERSION, IDS, Stamped, record_of, stamped
+from netboard.recording.batches import Layout, TickStream, words_of
+from netboard.recording.channels import CHANNELS, FORMAT_VERSION, IDS, Stamped
 from netboard.recording.chunks import MAGIC, RECORD_HEAD, UNSOUND, messages, unpack_chunk
 from netboard.recording.partfile import PartFile
 from netboard.recording.provenance import (
@@ -35,15 +34,9 @@ from netboard.recording.provenance import (
     METADATA_FIRST,
     METADATA_RECOVERY,
     config_sha256,
-    provenance,
 )
-from netboard.recording.reader import Recording
-from netboard.recording.spill import MAGIC as SPILL_MAGIC
-from netboard.recording.spill import OPENED, read_spill
 from netboard.recording.summary import Gap, find_gaps
-from netboard.recording.writer import RecordingWriter
 from netboard.tick import TICK
-from netboard.wire.messages import ClockRecord, EventRecord, FrameRecord, LogBatch, TickRecord, Welcome
 
 _SIGNATURE = struct.pack("<I", 4) + b"zstd"
 _TO_SIGNATURE = RECORD_HEAD.size + 8 + 8 + 8 + 4
@@ -139,7 +132,7 @@ def recovered_path(path: Path) -> Path:
 
 
 def recover(path: Path, output: Path | None = None) -> Report:
-    """Write a whole recording with everything that is sound in an unfinished or damaged one, or in a spill.
+    """Write a whole recording with everything that is sound in an unfinished or damaged one.
 
     Parameters
     ----------
@@ -154,9 +147,7 @@ def recover(path: Path, output: Path | None = None) -> Report:
         If the source is not MCAP or of another format version, or the output exists or cannot be written.
     """
     target = output or recovered_path(path)
-    with _mapped(path) as data:
-        if data[: len(SPILL_MAGIC)] == SPILL_MAGIC:
-            return _write_down(path, data, target)
+    with mapped(path) as data:
         if data[: len(MAGIC)] != MAGIC:
             raise RecordingError(f"{path}: not an MCAP file; there is nothing to recover")
         chunks = list(_find_chunks(data))
@@ -172,7 +163,7 @@ def recover(path: Path, output: Path | None = None) -> Report:
         if config is not None:
             digest = config_sha256(config.data)
             config = config if found.setdefault("config_sha256", digest) == digest else None
-        account = _account(path, len(data), damage, config is not None)
+        account = account_for(path, len(data), damage, config is not None)
         counts, ticks = _copy(data, chunks, target, metadata, config, account, version)
     return Report(
         source=path,
@@ -190,7 +181,7 @@ def recover(path: Path, output: Path | None = None) -> Report:
 
 
 @contextmanager
-def _mapped(path: Path) -> "Iterator[mmap.mmap | bytes]":
+def mapped(path: Path) -> "Iterator[mmap.mmap | bytes]":
     """Map a file into memory, for reading only."""
     try:
         with path.open("rb") as file:
@@ -283,7 +274,7 @@ def _whole_record(data: mmap.mmap | bytes, span: Span) -> tuple[int, bytes] | st
     return opcode, body
 
 
-def _account(path: Path, size: int, damage: Sequence[Damage], has_config: bool) -> dict[str, str]:
+def account_for(path: Path, size: int, damage: Sequence[Damage], has_config: bool) -> dict[str, str]:
     """Say what the recovered file tells of its own making."""
     return {
         "source": path.name,
@@ -345,86 +336,5 @@ def _rows_of(message: bytes, version: str) -> NDArray[Any]:
         return older.ticks_of([message], version)
     planes = _LAYOUT.planes(message)
     rows = np.zeros(planes.shape[2], TICK)
-    _LAYOUT.rows(planes, rows)
+    _LAYOUT.read(planes, np.arange(len(planes)), words_of(rows))
     return rows
-
-
-def _write_down(path: Path, data: "mmap.mmap | bytes", target: Path) -> Report:
-    """Make a recording of what the server wrote down because no logger took it."""
-    welcome, opened, damage = _introduction(path, data)
-    config = parse(welcome.config, f"{path} (its configuration)")
-    utc_ns = int(opened.details["utc_ns"])
-    writer = RecordingWriter(
-        target,
-        provenance(welcome, config, 0, utc_ns, opened.time_ns) | {"part": "spill"},
-        welcome.config,
-        config.recording,
-        utc_ns,
-        _account(path, len(data), damage, True),
-    )
-    try:
-        now = utc_ns
-        for batch in (message for _, _, message in read_spill(data) if isinstance(message, LogBatch)):
-            now = _write_batch(writer, batch, utc_ns - opened.time_ns, now)
-        writer.finish(now, "no logger took it from the server")
-    except BaseException:
-        writer.abandon()
-        writer.part.unlink(missing_ok=True)
-        raise
-    with Recording(target) as recording:
-        ticks = recording.ticks()["tick"]
-        return Report(
-            source=path,
-            output=target,
-            source_bytes=len(data),
-            chunks=sum(isinstance(message, LogBatch) for _, _, message in read_spill(data)),
-            messages=recording.counts,
-            first_tick=int(ticks.min()) if ticks.size else None,
-            last_tick=int(ticks.max()) if ticks.size else None,
-            missing=find_gaps(ticks),
-            damage=tuple(damage),
-            finished=True,
-            has_config=True,
-        )
-
-
-def _introduction(path: Path, data: "mmap.mmap | bytes") -> tuple[Welcome, EventRecord, list[Damage]]:
-    """Read how a spill begins, and find what is damaged in it."""
-    welcome: Welcome | None = None
-    opened: EventRecord | None = None
-    damage = []
-    for start, stop, message in read_spill(data):
-        match message:
-            case None:
-                damage.append(Damage(start, stop - start, "a damaged block"))
-            case Welcome():
-                welcome = message
-            case EventRecord(name=name) if name == OPENED:
-                opened = message
-    if welcome is None or opened is None:
-        raise RecordingError(f"{path}: the beginning of this spill is damaged; nothing can be made of the rest")
-    return welcome, opened, damage
-
-
-def _write_batch(writer: RecordingWriter, batch: LogBatch, utc_minus_server: int, now: int) -> int:
-    """Write the records of a batch, as a logger would have at the time; return the time after them."""
-    expected = writer.next_record
-    if expected is not None and batch.first > expected:
-        writer.note_lost(expected, batch.first - expected, now)
-    for number, frame in enumerate(batch.records, start=batch.first):
-        try:
-            record = record_of(frame)
-        except WireError as error:
-            writer.note_unreadable(frame, number, str(error), now)
-            continue
-        if not isinstance(record, FrameRecord):  # whose stamp is that of a display
-            now = max(now, _server_ns(record) + utc_minus_server)
-        writer.write(record, number, now)
-    return now
-
-
-def _server_ns(record: TickRecord | EventRecord | ClockRecord) -> int:
-    """Server time of a record."""
-    if isinstance(record, TickRecord):
-        return int(np.frombuffer(record.row, TICK)["time_ns"][0]) if len(record.row) == TICK.itemsize else 0
-    return stamped(record).publish_time_ns

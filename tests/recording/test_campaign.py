@@ -1,0 +1,67 @@
+"""A choice of the recovery campaign: cuts, changed bytes, zeros, and loggers killed over real sockets."""
+
+import os
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from netboard.storage.damage import Harm, cuts, cuts_of_last_chunk, flips, try_one, zeroed
+from netboard.storage.feeding import live_log
+from netboard.storage.kills import kill_one
+from netboard.storage.specimen import Specimen, make_specimen
+
+SEED = 11
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Specimen:
+    return make_specimen(tmp_path_factory.mktemp("whole") / "whole.mcap", 650)
+
+
+@pytest.fixture
+def _careless_disk(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Do not wait for the disk: what is tested is what is in the file, many times over."""
+    monkeypatch.setattr(os, "fsync", lambda handle: None)
+
+
+@pytest.mark.usefixtures("_careless_disk")
+@pytest.mark.slow
+@pytest.mark.parametrize("way", ["last chunk", "cuts", "flips", "zeroed"])
+def test_what_is_damaged_costs_no_more_than_it_touches(tmp_path: Path, whole: Specimen, way: str) -> None:
+    chance = np.random.default_rng(SEED)
+    harms = {
+        "last chunk": lambda: islice(cuts_of_last_chunk(whole, 97), 60),
+        "cuts": lambda: cuts(whole, 40, chance),
+        "flips": lambda: flips(whole, 40, chance),
+        "zeroed": lambda: zeroed(whole, 40, chance),
+    }[way]()
+    found = [try_one(whole, harm, tmp_path) for harm in harms]
+    assert [fault for one in found for fault in one.faults] == []
+    assert any(one.lost for one in found)
+    if way in ("cuts", "flips"):
+        longest = max(stop - first for first, stop in (piece.ticks for piece in whole.pieces))
+        assert max(one.lost for one in found if not one.refused) <= longest
+
+
+def test_a_file_that_says_nothing_of_its_kind_is_refused(tmp_path: Path, whole: Specimen) -> None:
+    found = try_one(whole, Harm(b"\0" * 8 + whole.data[8:], 0, 8), tmp_path)
+    assert (found.refused, found.faults) == (True, ())
+
+
+def test_a_change_that_nobody_told_of_is_noticed(tmp_path: Path, whole: Specimen) -> None:
+    """The judge is not blind: rows other than those that were written are a fault."""
+    other = whole.rows.copy()
+    other["z"][100] += 1e-9
+    found = try_one(Specimen(whole.data, other, whole.pieces), Harm(whole.data, len(whole.data), 0), tmp_path)
+    assert found.faults == ("a tick that is not what it was",)
+
+
+@pytest.mark.slow
+@pytest.mark.integration
+@pytest.mark.skipif(os.name == "nt", reason="needs SIGKILL")
+def test_a_killed_logger_has_on_disk_what_it_acknowledged(tmp_path: Path) -> None:
+    log, chance = live_log(1600), np.random.default_rng(SEED)
+    for _ in range(3):
+        assert kill_one(tmp_path / "killed", log, chance).faults == ()

@@ -1,0 +1,87 @@
+"""A spill of several blocks becomes a recording of each, as a logger would have written them."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from netboard.errors import RecordingError
+from netboard.recording.account import account_of
+from netboard.recording.reader import Recording
+from netboard.recording.spill import Spill
+from netboard.recording.spilled import recover_any
+from netboard.tick import TICK
+from netboard.wire.codec import encode
+from netboard.wire.messages import BLOCK_BEGAN, PROTOCOL_VERSION, EventRecord, LogBatch, TickRecord, Welcome
+
+SESSION = "c0ffee1234567890"
+
+
+def config(block: int) -> str:
+    return f'[session]\nname = "S07"\ndyad = "D03"\n[block]\nnumber = {block}\nblocks = 3\n'
+
+
+def frames(*blocks: tuple[int, int, int]) -> list[bytes]:
+    """The log of some blocks: number, first tick, and the tick after the last."""
+    log = []
+    for block, first, stop in blocks:
+        log.append(encode(EventRecord(block, first, first, BLOCK_BEGAN, {"config": config(block)})))
+        for tick in range(first, stop):
+            row = np.zeros(1, TICK)
+            row["tick"], row["time_ns"], row["z"] = tick, tick * 1_000_000, tick * 1e-6
+            log.append(encode(TickRecord(row.tobytes())))
+    return log
+
+
+def spilled(path: Path, log: list[bytes]) -> Path:
+    """A server's spill of these records, which number from 0."""
+    spill = Spill(path, Welcome(SESSION, PROTOCOL_VERSION, 0, config(1)), 10**8)
+    batches = [LogBatch(first, 0, tuple(log[first : first + 50])) for first in range(0, len(log), 50)]
+    spill.close(iter(batches))
+    assert spill._thread is not None
+    spill._thread.join(30)
+    return path
+
+
+@pytest.fixture
+def three(tmp_path: Path) -> Path:
+    return spilled(tmp_path / "S07.spill", frames((1, 0, 120), (2, 120, 130), (3, 130, 300)))
+
+
+def test_each_block_has_a_recording_with_its_configuration(three: Path) -> None:
+    before = three.read_bytes()
+    reports = recover_any(three)
+    assert three.read_bytes() == before
+    assert [report.output.name for report in reports] == [f"S07_block0{block}.recovered.mcap" for block in (1, 2, 3)]
+    assert [(report.first_tick, report.last_tick) for report in reports] == [(0, 119), (120, 129), (130, 299)]
+    following = 0
+    for block, report in enumerate(reports, start=1):
+        with Recording(report.output) as recording:
+            recording.check()
+            assert recording.config_text == config(block)
+            assert recording.metadata["block"] == str(block)
+            assert [event.details["config"] for event in recording.events()] == [config(block)]
+            assert recording.ticks()["z"].tolist() == [tick * 1e-6 for tick in recording.ticks()["tick"].tolist()]
+            assert recording.first_record == following
+            following = int(recording.end["next_record"])
+    account = account_of([report.output for report in reports])
+    assert (account.sound, account.present[0].first, account.present[-1].last) == (True, 0, 299)
+
+
+def test_the_output_that_is_named_is_the_first_blocks(three: Path, tmp_path: Path) -> None:
+    reports = recover_any(three, tmp_path / "out.mcap")
+    assert [report.output.name for report in reports] == ["out.mcap", "out_block02.mcap", "out_block03.mcap"]
+
+
+def test_where_one_name_is_taken_nothing_is_left(three: Path, tmp_path: Path) -> None:
+    (tmp_path / "S07_block03.recovered.mcap").write_bytes(b"mine")
+    with pytest.raises(RecordingError, match=r"S07_block03\.recovered\.mcap: exists already"):
+        recover_any(three)
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["S07.spill", "S07_block03.recovered.mcap"]
+    assert (tmp_path / "S07_block03.recovered.mcap").read_bytes() == b"mine"
+
+
+def test_a_recording_is_recovered_as_ever(tmp_path: Path) -> None:
+    (tmp_path / "a.mcap.part").write_bytes(b"hello")
+    with pytest.raises(RecordingError, match="not an MCAP file"):
+        recover_any(tmp_path / "a.mcap.part")

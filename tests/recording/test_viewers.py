@@ -1,0 +1,100 @@
+"""What PlotJuggler's and Foxglove's loaders ask of a file, by their rules; and that the upstream library reads it."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import msgpack
+import pytest
+from mcap.reader import make_reader
+from mcap.stream_reader import StreamReader
+from samples import random_rows, write_recording
+
+from netboard.recording.channels import CHANNELS, IDS
+from netboard.tick import TICK
+
+ROWS = random_rows(300, seed=9)
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    rows = ROWS.copy()
+    for name in TICK.names:
+        if TICK[name].kind == "f":
+            rows[name] = rows["tick"] / 7
+    return write_recording(tmp_path_factory.mktemp("viewers") / "a.mcap", rows)
+
+
+@pytest.fixture(scope="module")
+def schemas(recording: Path) -> dict[str, dict[str, Any]]:
+    """Schema of each channel, by topic, from the summary: loaders read nothing else before they list the channels."""
+    with recording.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    assert set(summary.channels) == set(IDS.values())
+    for channel in summary.channels.values():
+        assert channel.schema_id != 0, "PlotJuggler skips a channel without a schema record"
+        assert channel.message_encoding == "msgpack"
+        assert summary.schemas[channel.schema_id].encoding == "jsonschema"
+    return {c.topic: json.loads(summary.schemas[c.schema_id].data) for c in summary.channels.values()}
+
+
+def test_every_schema_is_an_object_that_stands_alone(schemas: dict[str, dict[str, Any]]) -> None:
+    for schema in schemas.values():
+        jsonschema.Draft202012Validator.check_schema(schema)
+        assert schema["type"] == "object"
+        assert all(value.startswith("#") for value in _references(schema))
+
+
+def _references(schema: Any) -> list[str]:
+    if isinstance(schema, dict):
+        own = [schema["$ref"]] if "$ref" in schema else []
+        return own + [found for value in schema.values() for found in _references(value)]
+    return [found for value in schema for found in _references(value)] if isinstance(schema, list) else []
+
+
+def test_everything_that_is_plotted_is_a_number(recording: Path, schemas: dict[str, dict[str, Any]]) -> None:
+    properties = schemas["/plot"]["properties"]
+    assert {field["type"] for field in properties.values()} == {"integer", "number"}
+    with recording.open("rb") as file:
+        plotted = [msgpack.unpackb(m.data) for _, _, m in make_reader(file).iter_messages(topics=["/plot"])]
+    assert len(plotted) == 15
+    for values in plotted:
+        assert list(values) == list(properties)
+        assert all(type(value) in (int, float) for value in values.values())
+        row = ROWS[values["tick"]]
+        assert values["phase"] == row["phase"]
+        assert values["theta"] == values["tick"] / 7
+
+
+def test_the_upstream_library_reads_everything_as_a_file_and_as_a_stream(recording: Path) -> None:
+    counts = dict.fromkeys(IDS, 0)
+    with recording.open("rb") as file:
+        for schema, channel, message in make_reader(file, validate_crcs=True).iter_messages():
+            assert schema is not None
+            jsonschema.Draft202012Validator(json.loads(schema.data)).validate(msgpack.unpackb(message.data))
+            counts[channel.topic] += 1
+    assert all(counts[channel.topic] for channel in CHANNELS if channel.topic != "/logger")
+    with recording.open("rb") as file:
+        kinds = [type(record).__name__ for record in StreamReader(file, validate_crcs=True).records]
+    assert (kinds[0], kinds[-1]) == ("Header", "Footer")
+
+
+def test_summary_and_contents_agree(recording: Path) -> None:
+    """What the `mcap` command's doctor looks at: counts, times, and chunks in the order of their times."""
+    with recording.open("rb") as file:
+        reader = make_reader(file)
+        summary = reader.get_summary()
+        messages = [message for _, _, message in reader.iter_messages(log_time_order=False)]
+    assert summary is not None
+    statistics = summary.statistics
+    assert statistics is not None
+    assert statistics.message_count == len(messages)
+    assert statistics.chunk_count == len(summary.chunk_indexes)
+    assert statistics.channel_count == statistics.schema_count == len(CHANNELS)
+    assert statistics.message_start_time == min(message.log_time for message in messages)
+    assert statistics.message_end_time == max(message.log_time for message in messages)
+    for index in summary.chunk_indexes:
+        assert index.message_start_time <= index.message_end_time
+        assert set(index.message_index_offsets) <= set(summary.channels)
