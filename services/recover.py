@@ -40,7 +40,7 @@ def main(paths: Sequence[Path], output: Path | None = None) -> int:
                 _say(report)
         except NetboardError as error:
             refused += 1
-            typer.echo(error, err=True)
+            typer.secho(f"netboard: {error}", err=True, fg=typer.colors.RED)
     return 1 if refused else 0
 
 

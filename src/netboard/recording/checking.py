@@ -24,7 +24,8 @@ from netboard.recording.clock_check import check_clocks
 from netboard.recording.grade import Finding, Grade, Report, numbers_in_words
 from netboard.recording.planned import journal_findings, plan_findings
 from netboard.recording.reader import Recording
-from netboard.recording.recovery import recover
+from netboard.recording.recovery import Report as Recovered
+from netboard.recording.spilled import recover_any
 from netboard.recording.summary import Gap, find_gaps
 from netboard.recording.trial_check import check_trials
 from netboard.recording.walk import Walk, walk
@@ -73,17 +74,22 @@ def _unreadable(path: Path, why: str) -> Report:
     ticks = 0
     try:
         with TemporaryDirectory() as folder:
-            saved = recover(path, Path(folder) / "recovered.mcap")
+            saved = recover_any(path, Path(folder) / "recovered.mcap")
     except (NetboardError, OSError) as error:
         findings.append(Finding("file", Grade.DAMAGE, f"nothing can be recovered: {error}"))
     else:
-        ticks = saved.messages[TICKS]
-        span = f"{ticks} ticks" + (f", {saved.first_tick} to {saved.last_tick}" if ticks else "")
-        text = f"recoverable: {span}, and {sum(saved.messages.values()) - ticks} other records"
-        lost = f"; {saved.lost_bytes} bytes are lost" if saved.lost_bytes else ""
-        config = "" if saved.has_config else "; the configuration is lost"
-        findings.append(Finding("file", Grade.DAMAGE, f"{text}{lost}{config}"))
+        ticks = sum(one.messages[TICKS] for one in saved)
+        findings += [Finding("file", Grade.DAMAGE, _recoverable(one)) for one in saved]
     return Report(path, tuple(findings), ticks)
+
+
+def _recoverable(saved: Recovered) -> str:
+    """Say what can be saved."""
+    ticks = saved.messages[TICKS]
+    span = f"{ticks} ticks" + (f", {saved.first_tick} to {saved.last_tick}" if ticks else "")
+    text = f"recoverable: {span}, and {sum(saved.messages.values()) - ticks} other records"
+    lost = f"; {saved.lost_bytes} bytes are lost" if saved.lost_bytes else ""
+    return text + lost + ("" if saved.has_config else "; the configuration is lost")
 
 
 def _check(recording: Recording, replay: bool, tell: Tell) -> Report:
