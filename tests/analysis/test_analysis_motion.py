@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from two_hands import minimum_jerk, rolled, two_hands
 
-from netboard.analysis.motion import FAST, SLOW, Motion, Trial, ball_speed, find_completion, motion
+from netboard.analysis.motion import FAST, SLOW, Motion, Trial, ball_speed, find_completion, motion, placements
 from netboard.analysis.signals import derivative
 
 HANDS = two_hands([(0.5, 0.4, 0.01), (1.2, 0.3, -0.012)], [(0.55, 0.4, -0.01), (1.2, 0.3, 0.01)])
@@ -47,7 +47,8 @@ def test_speed_filtered_before_or_after_the_absolute_value() -> None:
 
 def test_a_ball_that_is_put_elsewhere_has_no_speed_from_that() -> None:
     p = np.where(HANDS.times < 1.5, 0.36, -0.15)
-    placed = [int(np.argmax(HANDS.times >= 1.5))]
+    placed = placements(p, HANDS.rate)
+    assert placed.tolist() == [1500]
     still = motion(HANDS.rate, HANDS.left_z, HANDS.right_z, HANDS.theta, p, placed=placed)
     assert np.abs(still.vp).max() < 1e-9
     assert still.speed.max() < 1e-9

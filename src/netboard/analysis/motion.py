@@ -6,14 +6,13 @@ recording is filtered at once and trials are cut out of it afterwards, so that a
 is put somewhere else between two trials: those jumps are told as `placed`, and no filter smears them into a trial.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.analysis.signals import LowPass, derivative, runs
+from netboard.analysis.signals import Breaks, LowPass, derivative, runs
 
 SpeedOrder = Literal["absolute_first", "filter_first"]
 Window = Literal["to_completion", "whole"]
@@ -33,6 +32,9 @@ BALL_RADIUS = 0.025
 
 HOLD = 1.5
 """The ball must stay in the target for so long [s]."""
+
+FASTEST = 2.0
+"""A ball that is faster from one sample to the next did not roll there [m/s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,13 +73,33 @@ class Motion:
     speed: NDArray[np.float64]
 
 
+def placements(p: NDArray[np.float64], rate: float, fastest: float = FASTEST) -> NDArray[np.int64]:
+    """Where a ball was put somewhere else: at 1 kHz, by 2 mm or more.
+
+    Parameters
+    ----------
+    p : ndarray, shape (n,)
+        Ball along the board, as recorded [m].
+    rate : float
+        Samples per second [Hz].
+    fastest : float
+        A ball that is faster from one sample to the next did not roll there [m/s].
+
+    Returns
+    -------
+    ndarray of int64, shape (k,)
+        The first sample at each new place [1].
+    """
+    return 1 + np.flatnonzero(np.abs(np.diff(p)) * rate > fastest)
+
+
 def ball_speed(
     vp: NDArray[np.float64],
     rate: float,
     *,
     order: SpeedOrder = "absolute_first",
     low_pass: LowPass = SLOW,
-    breaks: Sequence[int] = (),
+    breaks: Breaks = (),
 ) -> NDArray[np.float64]:
     """Absolute velocity of the ball, low-pass filtered.
 
@@ -113,7 +135,7 @@ def motion(
     *,
     left_vz: NDArray[np.float64] | None = None,
     right_vz: NDArray[np.float64] | None = None,
-    placed: Sequence[int] = (),
+    placed: Breaks = (),
     fast: LowPass = FAST,
     slow: LowPass = SLOW,
     speed: SpeedOrder = "absolute_first",
@@ -135,7 +157,7 @@ def motion(
     left_vz, right_vz : ndarray, shape (n,), optional
         Rates of the styluses as the devices estimated them, to be filtered and used [m/s].
     placed : sequence of int
-        First samples after the ball was put somewhere [1].
+        First samples after the ball was put somewhere, as `placements` finds them [1].
     fast : LowPass
         The filter of everything.
     slow : LowPass

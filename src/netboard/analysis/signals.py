@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 from scipy.signal import butter, resample_poly, sosfiltfilt
 
+Breaks = Sequence[int] | NDArray[np.int64]
+
 OrderOf = Literal["both_passes", "each_pass"]
 CutoffOf = Literal["design", "both_passes"]
 Padding = Literal["odd", "even", "constant", "none"]
@@ -95,7 +97,7 @@ class LowPass:
             raise ValueError(f"a cutoff of {cutoff:.4g} Hz needs more than {rate:.4g} samples per second")
         return cutoff
 
-    def __call__(self, values: NDArray[np.float64], rate: float, breaks: Sequence[int] = ()) -> NDArray[np.float64]:
+    def __call__(self, values: NDArray[np.float64], rate: float, breaks: Breaks = ()) -> NDArray[np.float64]:
         """Filter a signal.
 
         Parameters
@@ -143,7 +145,7 @@ def runs(mask: NDArray[np.bool_]) -> NDArray[np.int64]:
     return np.flatnonzero(padded[1:] != padded[:-1]).reshape(-1, 2)
 
 
-def _pieces(values: NDArray[np.float64], breaks: Sequence[int]) -> Iterator[slice]:
+def _pieces(values: NDArray[np.float64], breaks: Breaks) -> Iterator[slice]:
     """Yield where a signal is without holes and breaks."""
     inner = sorted({int(at) for at in breaks if 0 < at < values.size})
     for begin, end in zip([0, *inner], [*inner, values.size], strict=True):
@@ -152,7 +154,7 @@ def _pieces(values: NDArray[np.float64], breaks: Sequence[int]) -> Iterator[slic
 
 
 def _piecewise(
-    change: Callable[[NDArray[np.float64]], NDArray[np.float64]], values: NDArray[np.float64], breaks: Sequence[int]
+    change: Callable[[NDArray[np.float64]], NDArray[np.float64]], values: NDArray[np.float64], breaks: Breaks
 ) -> NDArray[np.float64]:
     """Change each piece of a signal by itself."""
     changed = np.full(values.shape, np.nan)
@@ -161,7 +163,7 @@ def _piecewise(
     return changed
 
 
-def derivative(values: NDArray[np.float64], rate: float, breaks: Sequence[int] = ()) -> NDArray[np.float64]:
+def derivative(values: NDArray[np.float64], rate: float, breaks: Breaks = ()) -> NDArray[np.float64]:
     """Rate of change, by central differences; at the ends of a piece by one-sided ones that are as accurate.
 
     Parameters
