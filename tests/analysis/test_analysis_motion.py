@@ -28,6 +28,15 @@ def test_slow_movements_pass_the_filters() -> None:
     assert np.abs(found.omega - HANDS.omega).max() < 0.15 * np.abs(HANDS.omega).max()
 
 
+def test_a_tremor_of_the_board_does_not_turn_it() -> None:
+    """12 Hz pass the filter of 20 Hz, and the angular velocity is filtered at 5 Hz."""
+    tremor = 0.001 * np.sin(2 * np.pi * 12 * HANDS.times)
+    found = motion(HANDS.rate, HANDS.left_z, HANDS.right_z, tremor, BALL)
+    middle = slice(1000, 2000)
+    np.testing.assert_allclose(found.theta[middle], tremor[middle], rtol=0.01, atol=1e-5)
+    assert np.abs(found.omega[middle]).max() < 2e-4 * np.abs(derivative(tremor, HANDS.rate)).max()
+
+
 def test_given_velocities_are_filtered_and_used() -> None:
     found = filtered(left_vz=HANDS.left_vz + 1)
     np.testing.assert_allclose(found.left_vz, FAST(HANDS.left_vz, HANDS.rate) + 1, atol=1e-9)

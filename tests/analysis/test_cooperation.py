@@ -106,6 +106,19 @@ def test_how_far_back_is_searched(back: float, known: bool) -> None:
     assert inside.truncated.all()
 
 
+def test_a_crossing_is_between_two_samples() -> None:
+    """The left hand has its speed within one sample, before the board moves; the right one within it."""
+    left_vz, right_vz = np.zeros(1500), np.zeros(1500)
+    left_vz[900:], right_vz[1100:] = -0.1, 0.1
+    found = delays(one_segment(1000, 1400), TOGETHER, left_vz, right_vz, 1000.0)
+    np.testing.assert_allclose(found.signed, -0.2)
+    missing = left_vz.copy()
+    missing[899] = np.nan
+    cut = delays(one_segment(1000, 1400), TOGETHER, missing, right_vz, 1000.0)
+    assert cut.truncated.all()
+    assert np.isnan(cut.signed).all()
+
+
 def test_a_record_that_begins_too_late_cuts_the_search() -> None:
     """Its first sample is at half of the left hand's peak."""
     left_vz, right_vz = (vz[850:] for vz in ramps(left_from=800, right_from=1000))
@@ -136,6 +149,13 @@ def test_which_movements_are_cooperative(left: float, right: float, cooperative:
     found = measured(hands)
     assert np.isfinite(found.signed).all() == cooperative
     assert np.isfinite(found.left_peak).all() == cooperative
+
+
+@pytest.mark.parametrize("amount", ["net", "path"])
+def test_nine_times_as_much_is_still_cooperative(amount: str) -> None:
+    left, right = np.array([0.0, -9, -18]), np.array([0.0, 1, 2])
+    assert contributions(one_segment(0, 3), left, right, amount=amount).cooperative[0]
+    assert not contributions(one_segment(0, 3), 1.01 * left, right, amount=amount).cooperative[0]
 
 
 def test_there_and_back_counts_by_its_path_and_by_the_majority() -> None:

@@ -33,6 +33,7 @@ def test_minima_are_counted_on_request() -> None:
 def test_small_peaks_are_left_out_on_request() -> None:
     speed = bells([0.8, 1.6, 2.9], [0.3, 0.009, 0.2])
     assert (velocity_peaks(speed).count, velocity_peaks(speed, least_prominence=0.01).count) == (3, 2)
+    assert velocity_peaks(speed, extrema="maxima_and_minima", least_prominence=0.01).count == 3
     assert velocity_peaks(np.zeros(9), least_prominence=0.01).count == 0
 
 
