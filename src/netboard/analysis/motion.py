@@ -101,7 +101,7 @@ def ball_speed(
     low_pass: LowPass = SLOW,
     breaks: Breaks = (),
 ) -> NDArray[np.float64]:
-    """Absolute velocity of the ball, low-pass filtered.
+    """Absolute velocity of the ball, low-pass filtered: where that rings beside a ball at rest, a little below 0.
 
     Parameters
     ----------
