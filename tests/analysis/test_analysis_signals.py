@@ -1,0 +1,190 @@
+"""Filters against their closed form and against the textbook's form of them; derivatives, holes and other rates."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from scipy.signal import butter, filtfilt
+
+from netboard.analysis.signals import LowPass, bridge, by_number, derivative, evenly, resample, runs
+
+RATE = 1000.0
+FAST, SLOW = LowPass(20.0), LowPass(5.0)
+TIMES = np.arange(4000) / RATE
+
+signals = arrays(np.float64, st.integers(50, 400), elements=st.floats(-1, 1, width=16))
+
+
+def closed_form(low_pass: LowPass, frequency: np.ndarray, n: int) -> np.ndarray:
+    """Gain of two passes of an n-th order digital Butterworth filter: 1 / (1 + (tan(pi f/r) / tan(pi c/r))^2n)."""
+    ratio = np.tan(np.pi * frequency / RATE) / np.tan(np.pi * low_pass.pass_cutoff(RATE) / RATE)
+    return 1 / (1 + ratio ** (2 * n))
+
+
+@pytest.mark.parametrize(
+    ("low_pass", "n"),
+    [
+        (SLOW, 5),
+        (FAST, 5),
+        (LowPass(20.0, order_of="each_pass"), 10),
+        (LowPass(5.0, cutoff_of="both_passes"), 5),
+        (LowPass(8.0, order=4), 2),
+    ],
+)
+def test_filter_is_the_closed_form_in_the_frequency_domain(low_pass: LowPass, n: int) -> None:
+    times = np.arange(20_000) / RATE
+    frequencies = np.array([0.3, 1.1, 3.7, 4.9, 7.3, 15.1, 23.9, 61.7])
+    waves = np.sin(2 * np.pi * frequencies[:, None] * times + np.arange(8)[:, None])
+    expected = closed_form(low_pass, frequencies, n) @ waves
+    middle = slice(5000, 15_000)
+    np.testing.assert_allclose(low_pass(waves.sum(axis=0), RATE)[middle], expected[middle], atol=1e-9)
+
+
+def test_filter_is_the_textbooks_where_that_is_stable() -> None:
+    rng = np.random.default_rng(1)
+    walk = np.cumsum(rng.normal(size=4000))
+    b, a = butter(5, 20, fs=RATE)
+    expected = filtfilt(b, a, walk, padlen=1000)
+    np.testing.assert_allclose(FAST(walk, RATE), expected, atol=1e-6)
+
+
+def test_tenth_order_as_one_fraction_is_unstable_at_5_hz_and_ours_is_not() -> None:
+    a = butter(10, 5, fs=RATE)[1]
+    assert np.abs(np.roots(a)).max() > 1
+    filtered = LowPass(5.0, order_of="each_pass")(np.sin(2 * np.pi * TIMES), RATE)
+    assert np.abs(filtered).max() < 1.1
+
+
+@pytest.mark.parametrize("cutoff", [5.0, 20.0])
+def test_gain_at_the_cutoff(cutoff: float) -> None:
+    at = np.array([cutoff])
+    assert closed_form(LowPass(cutoff), at, 5)[0] == pytest.approx(0.5)
+    assert closed_form(LowPass(cutoff, cutoff_of="both_passes"), at, 5)[0] == pytest.approx(1 / np.sqrt(2))
+    assert LowPass(cutoff, cutoff_of="both_passes").pass_cutoff(RATE) / cutoff == pytest.approx(1.0921, abs=5e-4)
+
+
+def test_a_step_keeps_its_time() -> None:
+    filtered = SLOW((TIMES >= 2.0).astype(float), RATE)
+    crossing = np.interp(0.5, filtered[1900:2100], TIMES[1900:2100])
+    assert crossing == pytest.approx(2.0 - 0.5 / RATE, abs=1e-9)
+
+
+@pytest.mark.parametrize("padding", ["odd", "even", "constant", "none"])
+def test_padding(padding: str) -> None:
+    kinds = {"odd": "odd", "even": "even", "constant": "constant", "none": None}
+    ramp = 3 * TIMES + np.sin(2 * np.pi * 0.7 * TIMES)
+    b, a = butter(5, 20, fs=RATE)
+    pad = 0 if padding == "none" else 200
+    expected = filtfilt(b, a, ramp, padtype=kinds[padding], padlen=pad)
+    np.testing.assert_allclose(LowPass(20.0, padding=padding, pad=0.2)(ramp, RATE), expected, atol=1e-5)
+
+
+def test_what_cannot_be_filtered_is_refused() -> None:
+    with pytest.raises(ValueError, match="order 9"):
+        LowPass(5.0, order=9)
+    with pytest.raises(ValueError, match="positive"):
+        LowPass(-5.0)
+    with pytest.raises(ValueError, match="continued"):
+        LowPass(5.0, pad=-1)
+    for cutoff_of in ("design", "both_passes"):
+        with pytest.raises(ValueError, match="samples per second"):
+            LowPass(60.0, cutoff_of=cutoff_of)(TIMES, 100.0)
+    with pytest.raises(ValueError, match="samples per second"):
+        LowPass(48.0, cutoff_of="both_passes", order=2)(TIMES, 96.0)
+
+
+@given(signals, st.floats(-10, 10), st.floats(0.01, 100))
+def test_filter_is_linear_and_passes_constants(x: np.ndarray, constant: float, factor: float) -> None:
+    np.testing.assert_allclose(FAST(factor * x + constant, RATE), factor * FAST(x, RATE) + constant, atol=1e-7 * factor)
+
+
+@given(signals)
+def test_filter_does_not_know_which_way_time_goes_in_the_middle(x: np.ndarray) -> None:
+    padded = np.pad(x, 3000)
+    np.testing.assert_allclose(FAST(padded[::-1], RATE)[::-1], FAST(padded, RATE), atol=1e-9)
+
+
+@given(signals, st.data())
+def test_pieces_are_filtered_and_differentiated_by_themselves(x: np.ndarray, data: st.DataObject) -> None:
+    at = data.draw(st.integers(1, x.size - 1))
+    for change in (FAST, derivative):
+        apart = np.concatenate([change(x[:at], RATE), change(x[at:], RATE)])
+        np.testing.assert_array_equal(change(x, RATE, [at]), apart)
+        holed = x.copy()
+        holed[at] = np.nan
+        apart = np.concatenate([change(x[:at], RATE), [np.nan], change(x[at + 1 :], RATE)])
+        np.testing.assert_array_equal(change(holed, RATE), apart)
+
+
+def test_breaks_outside_change_nothing() -> None:
+    np.testing.assert_array_equal(FAST(TIMES, RATE, [0, 4000, 5000, -3]), FAST(TIMES, RATE))
+
+
+def test_derivative_of_a_parabola_is_exact_to_its_ends() -> None:
+    np.testing.assert_allclose(derivative(3 * TIMES**2 - TIMES, RATE), 6 * TIMES - 1, atol=1e-8)
+    np.testing.assert_array_equal(derivative(np.array([1.0, 3.0]), 10.0), [20.0, 20.0])
+    assert np.isnan(derivative(np.array([1.0]), 10.0)).all()
+    assert derivative(np.empty(0), 10.0).size == 0
+
+
+def test_runs() -> None:
+    mask = np.array([1, 1, 0, 0, 1, 0, 1], bool)
+    np.testing.assert_array_equal(runs(mask), [[0, 2], [4, 5], [6, 7]])
+    assert runs(np.zeros(3, bool)).shape == (0, 2)
+    assert runs(np.zeros(0, bool)).shape == (0, 2)
+
+
+def test_by_number_leaves_holes() -> None:
+    whole = by_number(np.array([7, 8, 11]), np.array([1.0, 2.0, 3.0]))
+    np.testing.assert_array_equal(whole, [1, 2, np.nan, np.nan, 3])
+    assert by_number(np.empty(0, np.int64), np.empty(0)).size == 0
+    with pytest.raises(ValueError, match="rise"):
+        by_number(np.array([1, 1]), np.zeros(2))
+
+
+def test_bridge_fills_short_holes_inside_only() -> None:
+    x = np.array([np.nan, 1, np.nan, 3, np.nan, np.nan, np.nan, 7, np.nan])
+    np.testing.assert_array_equal(bridge(x, RATE, 0.002), [np.nan, 1, 2, 3, np.nan, np.nan, np.nan, 7, np.nan])
+    np.testing.assert_allclose(bridge(x, RATE, 0.003), [np.nan, 1, 2, 3, 4, 5, 6, 7, np.nan])
+    assert np.isnan(bridge(np.full(4, np.nan), RATE)).all()
+
+
+@given(st.integers(20, 120), st.data())
+def test_bridge_gives_a_straight_line_back(n: int, data: st.DataObject) -> None:
+    x = 2.0 * np.arange(n)
+    lost = data.draw(st.lists(st.integers(1, n - 2), max_size=15))
+    holed = x.copy()
+    holed[lost] = np.nan
+    np.testing.assert_allclose(bridge(holed, RATE, 1.0), x, atol=1e-9)
+
+
+@pytest.mark.parametrize("new_rate", [250.0, 500.0, 600.0, 2000.0])
+def test_resampled_slow_waves_are_the_same_waves(new_rate: float) -> None:
+    def wave(times: np.ndarray) -> np.ndarray:
+        return np.sin(2 * np.pi * 3 * times) + 0.4 * times
+
+    found = resample(wave(TIMES), RATE, new_rate)
+    times = np.arange(found.size) / new_rate
+    assert found.size == np.ceil(TIMES.size * new_rate / RATE)
+    middle = (times > 0.5) & (times < 3.5)
+    np.testing.assert_allclose(found[middle], wave(times)[middle], atol=5e-3)
+
+
+def test_resampling_refuses_holes_and_odd_ratios() -> None:
+    with pytest.raises(ValueError, match="holes"):
+        resample(np.array([1.0, np.nan]), RATE, 500.0)
+    with pytest.raises(ValueError, match="ratio"):
+        resample(TIMES, RATE, 1000 * np.pi)
+
+
+@pytest.mark.parametrize(("kind", "tolerance"), [("linear", 2e-2), ("monotone", 4e-3)])
+def test_evenly(kind: str, tolerance: float) -> None:
+    rng = np.random.default_rng(2)
+    times = np.sort(rng.uniform(0, 2, 400))
+    found = evenly(times, np.sin(2 * np.pi * times), 500.0, kind)
+    wanted = times[0] + np.arange(found.size) / 500.0
+    assert times[-1] - 1 / 500.0 < wanted[-1] <= times[-1] + 1e-9
+    np.testing.assert_allclose(found, np.sin(2 * np.pi * wanted), atol=tolerance)
+    with pytest.raises(ValueError, match="rising"):
+        evenly(np.array([0.0, 0.0]), np.zeros(2), 500.0)

@@ -1,0 +1,87 @@
+"""Classes of movement: every case by hand, and what must not matter."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from netboard.analysis.movements import Movement, classify, mean_shares, movement_times, shares
+
+velocities = arrays(np.float64, 40, elements=st.floats(-0.02, 0.02))
+MIRROR = {Movement.LEFT_ONLY: Movement.RIGHT_ONLY, Movement.RIGHT_ONLY: Movement.LEFT_ONLY}
+
+
+def by_the_words(left: float, right: float) -> Movement:
+    """The paper's list, as it is printed."""
+    moves = [abs(left) >= 0.003, abs(right) >= 0.003]
+    if all(moves):
+        return Movement.COOPERATIVE if (left > 0) != (right > 0) else Movement.COMPETITIVE
+    if any(moves):
+        return Movement.LEFT_ONLY if moves[0] else Movement.RIGHT_ONLY
+    return Movement.STILL
+
+
+def test_all_cases() -> None:
+    some = [-0.05, -0.003, -0.0029, 0.0, 0.0029, 0.003, 0.05]
+    left, right = np.array(list(product(some, some))).T
+    assert list(classify(left, right)) == [by_the_words(*pair) for pair in zip(left, right, strict=True)]
+
+
+def test_at_the_limit() -> None:
+    limit, none = np.array([0.003, -0.003]), np.zeros(2)
+    assert list(classify(limit, none)) == [Movement.LEFT_ONLY] * 2
+    assert list(classify(limit, none, at_limit="still")) == [Movement.STILL] * 2
+
+
+def test_what_is_missing_is_unknown() -> None:
+    classes = classify(np.array([np.nan, 0.01, np.nan]), np.array([0.01, np.nan, np.nan]))
+    assert list(classes) == [Movement.UNKNOWN] * 3
+    times = movement_times(classes, 1000.0)
+    assert times.unknown == pytest.approx(0.003)
+    assert np.isnan(times.shares).all()
+
+
+@given(velocities, velocities)
+def test_sides_mirrored(left: np.ndarray, right: np.ndarray) -> None:
+    swapped = classify(right, left)
+    assert list(swapped) == [MIRROR.get(Movement(one), one) for one in classify(left, right)]
+    np.testing.assert_array_equal(classify(-left, -right), classify(left, right))
+
+
+@given(velocities, velocities, st.sampled_from([0.5, 2.0, 1024.0]))
+def test_unit(left: np.ndarray, right: np.ndarray, unit: float) -> None:
+    scaled = classify(unit * left, unit * right, still_below=0.003 * unit)
+    np.testing.assert_array_equal(scaled, classify(left, right))
+
+
+@given(velocities, velocities, st.sampled_from([2, 5]))
+def test_times_and_shares(left: np.ndarray, right: np.ndarray, finer: int) -> None:
+    classes = classify(left, right)
+    times = movement_times(classes, 100.0)
+    assert times.single == pytest.approx(times.left_only + times.right_only)
+    assert times.seconds.sum() + times.unknown == pytest.approx(0.4)
+    assert times.shares.sum() == pytest.approx(1)
+    np.testing.assert_allclose(movement_times(np.repeat(classes, finer), 100.0 * finer).seconds, times.seconds)
+
+
+def test_nothing_has_no_shares() -> None:
+    assert np.isnan(movement_times(np.empty(0, np.int8), 1000.0).shares).all()
+    assert np.isnan(shares(np.zeros((2, 4)))).all()
+
+
+def test_a_long_trial_counts_once_or_by_its_time() -> None:
+    seconds = np.array([[1.0, 0, 0, 0], [0, 9.0, 0, 0]])
+    np.testing.assert_allclose(mean_shares(seconds), [0.5, 0.5, 0, 0])
+    np.testing.assert_allclose(mean_shares(seconds, of="time"), [0.1, 0.9, 0, 0])
+
+
+def test_people_count_the_same_whatever_their_number_of_trials() -> None:
+    seconds = np.array([[1.0, 0, 0, 0]] * 3 + [[0, 1.0, 0, 0]] + [[0, 0, 0, 0]])
+    people = np.array([1, 1, 1, 2, 3])
+    np.testing.assert_allclose(mean_shares(seconds, people), [0.5, 0.5, 0, 0])
+    np.testing.assert_allclose(mean_shares(seconds), [0.75, 0.25, 0, 0])
+    assert np.isnan(mean_shares(np.zeros((0, 4)))).all()
+    assert np.isnan(mean_shares(np.zeros((2, 4)), of="time")).all()

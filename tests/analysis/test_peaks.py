@@ -1,0 +1,91 @@
+"""Numbers of peaks: known ones, scipy's, and what must not matter."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from scipy.signal import argrelmax, argrelmin, find_peaks
+
+from netboard.analysis.motion import ball_speed
+from netboard.analysis.peaks import velocity_peaks
+
+speeds = arrays(np.float64, st.integers(0, 60), elements=st.floats(0, 1))
+TIMES = np.arange(4000) / 1000
+
+
+def bells(centres: list[float], heights: list[float]) -> np.ndarray:
+    return sum(h * np.exp(-(((TIMES - c) / 0.12) ** 2)) for c, h in zip(centres, heights, strict=True))
+
+
+def test_known_peaks() -> None:
+    found = velocity_peaks(bells([0.8, 1.6, 2.9], [0.3, 0.1, 0.2]))
+    assert found.count == 3
+    np.testing.assert_allclose(found.samples, [800, 1600, 2900], atol=1)
+    np.testing.assert_allclose(found.heights, [0.3, 0.1, 0.2], atol=1e-4)
+
+
+def test_minima_are_counted_on_request() -> None:
+    speed = bells([0.8, 1.6, 2.9], [0.3, 0.1, 0.2])
+    assert velocity_peaks(speed, extrema="maxima_and_minima").count == 5
+
+
+def test_small_peaks_are_left_out_on_request() -> None:
+    speed = bells([0.8, 1.6, 2.9], [0.3, 0.009, 0.2])
+    assert (velocity_peaks(speed).count, velocity_peaks(speed, least_prominence=0.01).count) == (3, 2)
+    assert velocity_peaks(speed, extrema="maxima_and_minima", least_prominence=0.01).count == 3
+    assert velocity_peaks(np.zeros(9), least_prominence=0.01).count == 0
+
+
+def test_plateaus_and_ends() -> None:
+    plateau = np.array([0.0, 1, 1, 1, 0])
+    assert velocity_peaks(plateau).samples.tolist() == [1]
+    assert velocity_peaks(plateau, plateau="midpoint").samples.tolist() == [2]
+    shelf = np.array([0.0, 1, 1, 2, 0])
+    assert velocity_peaks(shelf).samples.tolist() == [1, 3]
+    assert velocity_peaks(shelf, plateau="midpoint").samples.tolist() == [3]
+    for ends in ([2.0, 1, 0, 1, 2], [0.0, 1], [1.0], []):
+        assert velocity_peaks(np.array(ends)).count == 0
+
+
+@pytest.mark.parametrize("order", ["absolute_first", "filter_first"])
+def test_swinging_ball_has_a_peak_for_each_swing(order: str) -> None:
+    """A ball that swings at 0.8 Hz for 3 s passes its middle with top speed once in 0.625 s."""
+    speed = ball_speed(0.2 * np.cos(2 * np.pi * 0.8 * np.arange(7000) / 1000), 1000.0, order=order)
+    assert velocity_peaks(speed[2000:5000]).count == np.count_nonzero(
+        (np.arange(20) / 1.6 > 2) & (np.arange(20) / 1.6 < 5)
+    )
+
+
+@given(speeds)
+def test_scipys_peaks(speed: np.ndarray) -> None:
+    np.testing.assert_array_equal(velocity_peaks(speed, plateau="midpoint").samples, find_peaks(speed)[0])
+    distinct = speed + 1e-3 * np.arange(speed.size) ** 2 * np.sqrt(2)
+    if np.all(np.diff(distinct) != 0):
+        for plateau in ("first_sample", "midpoint"):
+            np.testing.assert_array_equal(velocity_peaks(distinct, plateau=plateau).samples, argrelmax(distinct)[0])
+        both = np.sort(np.concatenate([argrelmax(distinct)[0], argrelmin(distinct)[0]]))
+        np.testing.assert_array_equal(velocity_peaks(distinct, extrema="maxima_and_minima").samples, both)
+
+
+@given(speeds, st.floats(0.05, 0.5))
+def test_scipys_prominence(speed: np.ndarray, least: float) -> None:
+    expected = find_peaks(speed, prominence=least)[0]
+    np.testing.assert_array_equal(velocity_peaks(speed, plateau="midpoint", least_prominence=least).samples, expected)
+
+
+@given(speeds, st.sampled_from([0.25, 2.0, 1024.0]), st.integers(1, 5))
+def test_unit_and_time_do_not_matter(speed: np.ndarray, unit: float, shift: int) -> None:
+    found = velocity_peaks(speed).samples
+    np.testing.assert_array_equal(velocity_peaks(unit * speed).samples, found)
+    if speed.size and speed[0] > 0:
+        later = velocity_peaks(np.concatenate([np.full(shift, 2.0), speed])).samples
+        np.testing.assert_array_equal(later[later > shift], found[found > 0] + shift)
+
+
+@given(st.lists(st.floats(0.3, 3.7), min_size=1, max_size=4), st.integers(2, 4))
+def test_rate_does_not_matter(centres: list[float], step: int) -> None:
+    speed = ball_speed(bells(centres, [0.2] * len(centres)), 1000.0)
+    fine = velocity_peaks(speed, least_prominence=1e-4)
+    coarse = velocity_peaks(speed[::step], least_prominence=1e-4)
+    assert abs(coarse.count - fine.count) <= (0 if len(centres) == 1 else 1)

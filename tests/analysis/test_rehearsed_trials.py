@@ -1,0 +1,104 @@
+"""All measures of trials that simulated people do: what the server says, and what must not matter, of real ticks."""
+
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+from netboard.analysis.braking import first_braking
+from netboard.analysis.cooperation import contributions, delays
+from netboard.analysis.motion import Trial, find_completion, motion, placements
+from netboard.analysis.movements import classify, movement_times
+from netboard.analysis.peaks import velocity_peaks
+from netboard.analysis.segments import board_segments
+from netboard.config import Config, Participant
+from netboard.recording.summary import Attempt, find_attempts
+from netboard.rehearsal.block import Rehearsal
+
+pytestmark = pytest.mark.slow
+TARGET = 0.15
+
+
+@cache
+def block(configuration: str) -> tuple[np.ndarray, tuple[Attempt, ...]]:
+    config = replace(Config(), block=replace(Config().block, configuration=configuration, trials=6))
+    rows = np.concatenate([p.copy() for p in Rehearsal(config, {"A": Participant(), "B": Participant()}).pieces()])
+    return rows, find_attempts(rows)
+
+
+def measures(rows: Any, attempts: tuple[Attempt, ...], side: float = 1, step: int = 1) -> dict[str, np.ndarray]:
+    """All measures of every attempt; `side` -1 mirrors the experiment, `step` leaves samples out, also of a hold."""
+    rate = 1000 / step
+    left, right = ("left", "right") if side > 0 else ("right", "left")
+    rows = rows[::step]
+    p = side * rows["p"]
+    found = motion(
+        rate, rows[f"{left}_used_z"], rows[f"{right}_used_z"], side * rows["theta"], p, placed=placements(p, rate)
+    )
+    segments = board_segments(found.omega, found.theta, rate)
+    table: dict[str, list[Any]] = {}
+    for attempt in attempts:
+        release, stop, target = -(-attempt.tick // step), -(-attempt.stop // step), side * attempt.target * TARGET
+        completion = find_completion(p[release:stop], rate, target, hold=1.5 - 2 * (step - 1) / 1000)
+        trial = Trial(release, stop, target, None if completion.sample is None else release + completion.sample)
+        window, own = trial.window(), segments.of_trial(trial)
+        moved = contributions(own, found.left_z, found.right_z)
+        delay = delays(own, moved, found.left_vz, found.right_vz, rate)
+        strategy = first_braking(segments, found.theta, found.p, found.vp, rate, trial)
+        times = movement_times(classify(found.left_vz[window], found.right_vz[window]), rate)
+        for name, value in {
+            "completion": completion.time,
+            "shares": times.shares,
+            "segments": len(own),
+            "cooperative": moved.cooperative.sum(),
+            "delay": np.nanmean(delay.signed) if np.isfinite(delay.signed).any() else np.nan,
+            "peaks": velocity_peaks(found.speed[window], least_prominence=0.005).count,
+            "strategy": [strategy.distance, strategy.velocity, strategy.onset],
+        }.items():
+            table.setdefault(name, []).append(value)
+    return {name: np.array(values) for name, values in table.items()}
+
+
+@pytest.mark.parametrize("configuration", ["dyadic", "bimanual"])
+def test_completion_is_the_servers_less_the_tick_in_which_the_ball_came_in(configuration: str) -> None:
+    rows, attempts = block(configuration)
+    expected = [attempt.completion - 1e-3 for attempt in attempts]
+    np.testing.assert_allclose(measures(rows, attempts)["completion"], expected, atol=1e-9)
+
+
+def test_the_ball_is_put_elsewhere_right_after_an_attempt() -> None:
+    rows, attempts = block("dyadic")
+    assert set(placements(rows["p"], 1000.0)) <= {attempt.stop + 1 for attempt in attempts}
+
+
+@pytest.mark.parametrize("configuration", ["dyadic", "bimanual"])
+def test_left_is_right_mirrored(configuration: str) -> None:
+    rows, attempts = block(configuration)
+    one, other = measures(rows, attempts), measures(rows, attempts, side=-1)
+    np.testing.assert_allclose(other["delay"], -one["delay"], atol=1e-9)
+    for name in one.keys() - {"delay"}:
+        np.testing.assert_allclose(other[name], one[name], atol=1e-9, err_msg=name)
+
+
+@pytest.mark.parametrize("configuration", ["dyadic", "bimanual"])
+def test_half_the_rate_gives_nearly_the_same(configuration: str) -> None:
+    rows, attempts = block(configuration)
+    one, half = measures(rows, attempts), measures(rows, attempts, step=2)
+    for name, tolerance in {"completion": 4e-3, "shares": 0.01, "delay": 4e-3, "peaks": 0, "strategy": 0.01}.items():
+        np.testing.assert_allclose(half[name], one[name], atol=tolerance, err_msg=name)
+
+
+def test_people_do_the_task_as_people_do() -> None:
+    """The ball is braked while it comes to the target, and one person's hands hardly ever move the same way."""
+    found = {name: measures(*block(name)) for name in ("dyadic", "bimanual")}
+    for table in found.values():
+        done = np.isfinite(table["completion"])
+        distance, velocity, onset = table["strategy"][done].T
+        assert (distance > -0.05).all()
+        assert (distance <= 0.301).all()
+        assert (velocity > 0).all()
+        assert (onset > 0.2).all()
+        np.testing.assert_allclose(table["shares"].sum(axis=1), 1)
+    np.testing.assert_array_less(found["bimanual"]["shares"][:, 1], 0.05)
