@@ -34,7 +34,7 @@ def main(paths: Sequence[Path], output: Path | None = None) -> int:
     if output is not None and len(files) != 1:
         raise ConfigError(f"--output names one file, and {len(files)} are to be recovered; leave it out")
     refused = 0
-    for file in track(files, "recovering", console=Console(stderr=True), transient=True):
+    for file in track(files, "recovering", console=Console(stderr=True), transient=True, disable=len(files) < 2):
         try:
             for report in recover_any(file, output):
                 _say(report)
