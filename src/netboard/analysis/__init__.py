@@ -1,0 +1,1 @@
+"""What recordings mean: measures of movements, forces and success as pure functions of arrays."""
