@@ -110,7 +110,7 @@ def lag_of(
     Returns
     -------
     Lag
-        All NaN if a side does not vary; no delay if the best one is at the end of the search, so that none is a maximum.
+        All NaN if a side does not vary; no delay if the best one is at the end of the search, and no maximum.
 
     Raises
     ------
@@ -140,7 +140,7 @@ def windowed_lags(
     longest: float = 0.3,
     relation: Relation = "mirrored",
 ) -> tuple[NDArray[np.float64], tuple[Lag, ...]]:
-    """Follow the delay through a record: the cross-correlation of windows of it (Boker et al., Psychol. Methods 7, 2002).
+    """Follow the delay through a record, window by window (Boker et al., Psychol. Methods 7:338, 2002).
 
     Parameters
     ----------
@@ -172,9 +172,7 @@ def windowed_lags(
     a, b = _pair(left, right)
     size, every = round(window * rate), max(1, round(step * rate))
     starts = range(0, len(a) - size + 1, every)
-    lags = tuple(
-        lag_of(a[i : i + size], b[i : i + size], rate, longest=longest, relation=relation) for i in starts
-    )
+    lags = tuple(lag_of(a[i : i + size], b[i : i + size], rate, longest=longest, relation=relation) for i in starts)
     return (np.array(starts) + (size - 1) / 2) / rate, lags
 
 
@@ -189,7 +187,7 @@ def own_peak_delays(
     """Take the delays between the times at which each side reaches portions of its own peak velocity.
 
     Velocities count in the direction in which a side has moved on the whole. With the paper's one threshold for both
-    sides a side that moves twice as far looks 14 to 34 ms earlier than it is (of minimum jerk in 0.5 s); here it does not.
+    sides, a side that moves twice as far looks 14 to 34 ms earlier than it is (minimum jerk, 0.5 s); here it does not.
 
     Parameters
     ----------
@@ -306,7 +304,7 @@ def _sums(x: NDArray[np.float64], first: NDArray[np.int64], count: NDArray[np.in
 
 
 def _vertex(values: NDArray[np.float64], best: int) -> tuple[float, float]:
-    """Return place and height of the parabola through a maximum and its neighbours; no place at an end [sample, any]."""
+    """Return place and height of the parabola through a maximum and its neighbours; none at an end [sample, any]."""
     if not 0 < best < len(values) - 1 or not np.isfinite(values[best - 1 : best + 2]).all():
         return np.nan, float(values[best])
     before, here, after = values[best - 1 : best + 2]

@@ -5,7 +5,7 @@ to zero is smoother. Neither depends on amplitude or duration of a movement of o
 Balasubramanian, Melendez-Calderon and Burdet (IEEE Trans. Biomed. Eng. 59:2126, 2012) and of Balasubramanian,
 Melendez-Calderon, Roby-Brami and Burdet (J. NeuroEng. Rehabil. 12:112, 2015).
 
-The jerk is a third derivative of the position: it says something of signals that were filtered, and nothing of raw ones.
+The jerk is a third derivative of the position: it says something of filtered signals, and nothing of raw ones.
 """
 
 from typing import Literal
@@ -42,8 +42,8 @@ def spectral_arc_length(
     rate : float
         Samples per second [Hz].
     cutoff : {"adaptive", "fixed"}
-        The curve ends at the last frequency up to `highest` at which the magnitude is above the threshold (SPARC, 2015),
-        or at `highest` (SAL, 2012).
+        The curve ends at the last frequency up to `highest` at which the magnitude is above the threshold (SPARC,
+        2015), or at `highest` (SAL, 2012).
     highest : float
         No frequency above this counts; 10 Hz with SPARC, 20 Hz was usual with SAL [Hz].
     threshold : float
@@ -63,7 +63,9 @@ def spectral_arc_length(
     """
     v = _checked(speed)
     if not 0.0 < highest <= rate / 2.0:
-        raise ValueError(f"the highest frequency lies between 0 and half the rate, {rate / 2:g} Hz; found {highest:g} Hz")
+        raise ValueError(
+            f"the highest frequency lies between 0 and half the rate, {rate / 2:g} Hz; found {highest:g} Hz"
+        )
     if not np.isfinite(v).all() or not v.any():
         return np.nan
     size = 2 ** (int(np.ceil(np.log2(len(v)))) + padding)
@@ -80,7 +82,9 @@ def spectral_arc_length(
 
 
 def dimensionless_jerk(speed: ArrayLike, rate: float, *, scale: Scale = "peak_speed") -> float:
-    """Return the jerk of a movement without dimensions::
+    """Return the jerk of a movement, squared and without dimensions.
+
+    It is::
 
         - T^3 / v^2 * integral of (d2v / dt2)^2 dt
 
