@@ -1,0 +1,172 @@
+"""The inert partner, against closed forms and the whole scene integrated by another library."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+
+from netboard.analysis.passive import (
+    Gains,
+    InertHand,
+    Trial,
+    driven,
+    inert_partner,
+    linear_partner,
+    passive_control,
+    passive_ratio,
+)
+from netboard.analysis.statistics import bootstrap, ratio_of_sums
+from netboard.config import Physics
+from netboard.physics.rendering import gains_of
+from netboard.physics.scene import pack_scene, parts_of
+
+RATE = 1000.0
+LEFT, RIGHT = (Gains(*gains[1:]) for gains in gains_of(parts_of(Physics(), True), pack_scene(Physics())[0]))
+
+
+def steps(heights: list[float], every: float = 0.6, duration: float = 0.4) -> np.ndarray:
+    """Minimum-jerk movements from one height to the next, one each `every` seconds."""
+    t = np.arange(round(every * (len(heights) - 1) * RATE)) / RATE
+    z = np.full(len(t), heights[0])
+    for k, (before, after) in enumerate(pairwise(heights)):
+        s = np.clip((t - k * every) / duration, 0.0, 1.0)
+        z += (after - before) * s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
+    return z
+
+
+def cooperative(left: np.ndarray, right: np.ndarray) -> float:
+    """Share of the samples in which both move, in opposite directions."""
+    a, b = np.gradient(left, 1 / RATE), np.gradient(right, 1 / RATE)
+    return float(np.mean((np.abs(a) >= 0.003) & (np.abs(b) >= 0.003) & (a * b < 0.0)))
+
+
+@pytest.mark.parametrize(("stiffness", "millimetres"), [(50.0, -3.4), (150.0, -1.5), (300.0, -0.8)])
+def test_ten_millimetres_of_the_partner(stiffness: float, millimetres: float) -> None:
+    hand = InertHand(stiffness=stiffness)
+    for gains in (LEFT, RIGHT):
+        assert gains.partner == pytest.approx(25.93, abs=0.01)
+        assert 10.0 * passive_ratio(hand, gains) == pytest.approx(millimetres, abs=0.05)
+    moved = inert_partner(steps([0.0, 0.01, 0.01, 0.01, 0.01]), np.zeros(2400), RATE, hand, LEFT)
+    assert moved[-1] == pytest.approx(0.01 * passive_ratio(hand, LEFT), rel=1e-3)
+    assert moved[0] == 0.0
+
+
+def test_a_driven_hand_in_closed_form() -> None:
+    # A sine force, long after its beginning: amplitude and phase of 1 / (k - m w^2 + i b w).
+    hand, w = InertHand(0.5, 8.0, 150.0), 2 * np.pi * 2.0
+    t = np.arange(0.0, 5.0, 1 / RATE)
+    z = driven(0.3 * np.sin(w * t), RATE, hand)
+    response = 0.3 / (150.0 - 0.5 * w**2 + 8j * w)
+    assert z[3000:] == pytest.approx(np.imag(response * np.exp(1j * w * t[3000:])), abs=1e-7)
+    # A ramp, linear between samples, is exact at any rate: (t - (1 - e^-at) / a) / b without stiffness, a = b / m.
+    free = driven(np.arange(50) / 50.0, 50.0, InertHand(0.5, 8.0, 0.0))
+    s = np.arange(50) / 50.0
+    assert free == pytest.approx((s**2 / 2 - s / 16.0 + (1 - np.exp(-16.0 * s)) / 256.0) / 8.0, abs=1e-9)
+    assert driven([], RATE, hand).shape == (0,)
+
+
+def whole_scene(active: np.ndarray, hand: InertHand, side: int) -> tuple[np.ndarray, np.ndarray]:
+    """The paper's board and ball between a hand that moves as told and one that is inert: heights of it, and ball."""
+    t = np.arange(len(active)) / RATE
+    rate = np.gradient(active, 1 / RATE)
+    y0 = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+
+    def slopes(now: float, y: np.ndarray) -> list[float]:
+        z, vz, theta, omega, p, vp, hand_z, hand_v = y
+        ours = (np.interp(now, t, active), np.interp(now, t, rate))
+        both = [ours, (hand_z, hand_v)] if side else [(hand_z, hand_v), ours]
+        s, c = np.sin(theta), np.cos(theta)
+        left = 200.0 * (both[0][0] - z + 0.25 * s) + 2.0 * (both[0][1] - vz + 0.25 * omega * c)
+        right = 200.0 * (both[1][0] - z - 0.25 * s) + 2.0 * (both[1][1] - vz - 0.25 * omega * c)
+        felt = right if side else left
+        borne = 200.0 / 540.0 * 0.06 * 9.81  # what each coupling bears at rest
+        return [
+            vz,
+            (left + right - 0.01 * 9.81 - 0.05 * 9.81 * c * c - 140.0 * z) / 0.01,
+            omega,
+            ((right - left) * 0.25 * c - 0.05 * 9.81 * p * c) / 0.0004,
+            vp,
+            -9.81 * s,
+            hand_v,
+            (-(felt - borne) - hand.damping * hand_v - hand.stiffness * hand_z) / hand.mass,
+        ]
+
+    y0[0] = -0.06 * 9.81 / 540.0
+    solved = solve_ivp(slopes, (0.0, t[-1]), y0, t_eval=t, rtol=1e-7, atol=1e-9, max_step=0.005)
+    return solved.y[6], solved.y[4]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("side", [0, 1])
+def test_the_linear_partner_is_that_of_the_whole_scene(side: int) -> None:
+    active, hand = steps([0.0, 0.008, -0.004, 0.003, 0.0]), InertHand()
+    there, p = whole_scene(active, hand, side)
+    here = inert_partner(active, p, RATE, hand, (LEFT, RIGHT)[side])
+    assert here == pytest.approx(there, abs=0.12 * np.abs(there).max())
+    assert np.corrcoef(here, there)[0, 1] > 0.995
+    # And by the paper's rule both of them cooperate.
+    assert cooperative(active, here) == pytest.approx(cooperative(active, there), abs=0.05)
+
+
+def trials(seed: int, follow: float) -> list[Trial]:
+    """A left side that tilts to and fro, and a right side that follows it, the other way, by a portion."""
+    source = np.random.default_rng(seed)
+    left = [steps([0.0, *source.uniform(-0.02, 0.02, 6)]) for _ in range(4)]
+    return [Trial(z, -follow * z + 0.0, np.zeros(len(z))) for z in left]
+
+
+def test_a_partner_who_never_acts_is_all_mechanics() -> None:
+    hand = InertHand()
+    respond = linear_partner(RATE, hand, LEFT, RIGHT)
+    off = [trials(seed, 0.0) for seed in range(4)]
+    on = [[Trial(one.left, respond(one.left, one.p, "right"), one.p) for one in dyad] for dyad in off]
+
+    def left_alone(left: np.ndarray, right: np.ndarray) -> float:
+        # What the right hand does when the left one is the active one; the other way round nothing is known of.
+        return cooperative(left, right) if np.ptp(left) > np.ptp(right) else 0.0
+
+    found = passive_control(on, off, respond, left_alone)
+    assert found.effect == pytest.approx([cooperative(*dyad[0][:2]) for dyad in on], abs=0.2)
+    assert found.effect.min() > 0.3
+    assert found.share == pytest.approx(0.5, abs=0.01)
+    assert (found.n, found.unit) == (4, "dyad")
+
+
+def test_still_hands_and_partners_who_act() -> None:
+    respond = linear_partner(RATE, InertHand(), LEFT, RIGHT)
+    off, on = [trials(seed, 0.0) for seed in range(5)], [trials(seed, 0.8) for seed in range(5)]
+
+    def opposed(left: np.ndarray, right: np.ndarray) -> float:
+        return -float(np.cov(left, right)[0, 1]) * 1e6
+
+    found = passive_control(on, off, respond, opposed)
+    assert 0.05 < found.share < 0.35
+    interval = bootstrap([found.passive, found.effect], ratio_of_sums, np.random.default_rng(1))
+    assert interval.value == pytest.approx(found.share)
+    assert interval.low < found.share < interval.high
+    nobody = passive_control(off, off, lambda active, p, side: np.zeros_like(active), opposed)
+    assert np.isnan(nobody.share)
+    assert nobody.passive.tolist() == [0.0] * 5
+
+
+def test_misuse_is_refused() -> None:
+    with pytest.raises(ValueError, match="a mass"):
+        InertHand(mass=0.0)
+    with pytest.raises(ValueError, match="each dyad"):
+        passive_control([trials(0, 0.0)], [], linear_partner(RATE, InertHand(), LEFT, RIGHT), cooperative)
+
+
+@given(st.floats(-5.0, 5.0), st.floats(-0.05, 0.05), st.floats(20.0, 400.0))
+def test_an_inert_partner_is_linear_and_mirrored(scale: float, offset: float, stiffness: float) -> None:
+    active, hand = steps([0.0, 0.01, -0.005, 0.0]), InertHand(stiffness=stiffness)
+    ball = 0.1 * np.sin(np.arange(len(active)) / 300.0)
+    once = inert_partner(active, ball, RATE, hand, LEFT)
+    assert inert_partner(scale * active + offset, scale * ball, RATE, hand, LEFT) == pytest.approx(
+        scale * once, abs=1e-9
+    )
+    assert inert_partner(active, -ball, RATE, hand, RIGHT) == pytest.approx(once, abs=1e-9)
+    twice = inert_partner(active[::2], ball[::2], RATE / 2, hand, LEFT)
+    assert twice == pytest.approx(once[::2], abs=2e-6)

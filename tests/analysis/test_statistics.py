@@ -1,0 +1,251 @@
+"""Intervals, tests and effects, against enumeration, other libraries and published numbers."""
+
+from itertools import combinations, product
+from math import comb
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import stats
+from statsmodels.stats.descriptivestats import sign_test as other_sign_test
+from statsmodels.stats.meta_analysis import effectsize_smd
+from statsmodels.stats.weightstats import DescrStatsW
+
+from netboard.analysis.statistics import (
+    bootstrap,
+    cluster_mean,
+    hedges_factor,
+    hedges_g,
+    paired_effect,
+    permutation_test,
+    permutation_test_between,
+    ratio_of_sums,
+    sign_test,
+    t_interval,
+)
+
+DIFFERENCES = st.lists(st.integers(-20, 20).map(float), min_size=2, max_size=8)
+
+
+def rng() -> np.random.Generator:
+    return np.random.default_rng(5)
+
+
+# Student's own: extra sleep of ten patients under two drugs (Biometrika 6:1, 1908).
+SLEEP = np.array([1.2, 2.4, 1.3, 1.3, 0.0, 1.0, 1.8, 0.8, 4.6, 1.4])
+
+
+def test_students_own_example() -> None:
+    found = t_interval(SLEEP, unit="patient")
+    assert found.value == pytest.approx(1.58)
+    assert (found.low, found.high) == pytest.approx((0.7001142, 2.4598858), abs=1e-7)
+    assert (found.n, found.unit, found.level, found.method) == (10, "patient", 0.95, "t")
+    assert paired_effect(SLEEP).value == pytest.approx(1.58 / 1.229995, rel=1e-6)
+
+
+@given(DIFFERENCES, st.floats(0.5, 0.99))
+def test_t_intervals_are_those_of_another_library(values: list[float], level: float) -> None:
+    found = t_interval(values, level=level)
+    assert (found.low, found.high) == pytest.approx(DescrStatsW(values).tconfint_mean(1.0 - level), rel=1e-9, abs=1e-9)
+
+
+def test_too_few_units_have_no_interval() -> None:
+    for found in (t_interval([3.0]), cluster_mean([[3.0, np.nan]], rng()), cluster_mean([[], [3.0]], rng())):
+        assert found.value == 3.0
+        assert found.n == 1
+        assert np.isnan([found.low, found.high]).all()
+    assert np.isnan(t_interval([]).value)
+    assert np.isnan(cluster_mean([], rng()).value)
+    alike = cluster_mean([[2.0, 4.0], [3.0]], rng())
+    assert (alike.low, alike.value, alike.high) == (3.0, 3.0, 3.0)
+
+
+def test_a_bootstrap_of_few_units_is_all_its_draws() -> None:
+    means = np.array([0.3, -0.1, 0.9, 0.35])
+    draws = np.array([np.mean(draw) for draw in product(means, repeat=4)])
+    low, high = np.percentile(draws, [2.5, 97.5])
+    found = bootstrap([means], lambda x, axis: x.mean(axis=axis), rng(), method="percentile", resamples=40_000)
+    assert (found.low, found.high) == pytest.approx((low, high), abs=0.01)
+    assert found.value == pytest.approx(means.mean())
+    basic = bootstrap([means], lambda x, axis: x.mean(axis=axis), rng(), method="basic", resamples=40_000)
+    assert (basic.low, basic.high) == pytest.approx((2 * means.mean() - high, 2 * means.mean() - low), abs=0.01)
+
+
+def test_clusters_are_drawn_and_not_their_trials() -> None:
+    source = np.random.default_rng(2)
+    dyads = [source.normal(mean, 0.01, count) for mean, count in ((1.0, 50), (2.0, 10), (4.0, 30), (7.0, 10))]
+    units, samples = (cluster_mean(dyads, rng(), weighting=weighting) for weighting in ("units", "samples"))
+    assert units.value == pytest.approx(3.5, abs=0.01)
+    assert samples.value == pytest.approx(np.mean(np.concatenate(dyads)))
+    assert samples.n == 4
+    alone = [np.mean(dyad) for dyad in dyads]
+    assert cluster_mean([[mean] for mean in alone], rng()) == units
+    # With trials as units the interval would be far too short.
+    assert units.high - units.low > 3.0 * 2 * 1.96 * np.std(np.concatenate(dyads)) / np.sqrt(100)
+
+
+def test_a_weighted_mean_by_enumeration() -> None:
+    dyads = [[1.0, 1.2, 0.8], [2.0], [4.0, 3.0], [0.5, 0.6]]
+    draws = [np.mean(np.concatenate(draw)) for draw in product(dyads, repeat=4)]
+    found = cluster_mean(dyads, rng(), weighting="samples", method="percentile", resamples=40_000)
+    assert (found.low, found.high) == pytest.approx(tuple(np.percentile(draws, [2.5, 97.5])), abs=0.02)
+
+
+def test_a_seed_is_a_result() -> None:
+    dyads = [[1.0, 2.0], [2.5], [0.5, 0.1]]
+    assert cluster_mean(dyads, rng()) == cluster_mean(dyads, rng())
+
+
+def test_ratios() -> None:
+    assert ratio_of_sums(np.array([1.0, 2.0]), np.array([2.0, 4.0])) == 0.5
+    found = bootstrap([[1.0, 2.0, 1.5], [2.0, 3.0, 4.0]], ratio_of_sums, rng(), method="percentile")
+    assert found.value == 0.5
+    assert found.low < 0.5 < found.high
+    assert np.isnan(bootstrap([[1.0, 2.0], [1.0, -1.0]], ratio_of_sums, rng()).value)
+    with pytest.raises(ValueError, match="each unit"):
+        bootstrap([[1.0], [1.0, 2.0]], ratio_of_sums, rng())
+
+
+def test_what_four_dyads_can_show() -> None:
+    all_four = sign_test([0.3, 0.1, 0.5, 0.2])
+    assert (all_four.p, all_four.least_p) == (0.125, 0.125)
+    assert sign_test([0.3, 0.1, 0.5, 0.2], alternative="greater").p == 0.0625
+    flips = permutation_test([0.3, 0.1, 0.5, 0.2])
+    assert (flips.p, flips.least_p, flips.exact, flips.n) == (0.125, 0.125, True, 4)
+    assert flips.statistic == pytest.approx(0.275)
+    with_tie = sign_test([0.3, 0.0, np.nan, -0.2])
+    assert (with_tie.n, with_tie.statistic, with_tie.p) == (2, 1.0, 1.0)
+    assert np.isnan(sign_test([]).p)
+    assert np.isnan([permutation_test([]).p, permutation_test([1.0]).p]).all()
+    assert np.isnan(permutation_test_between([1.0], [1.0, 2.0]).p)
+
+
+@given(DIFFERENCES)
+def test_sign_tests_are_those_of_another_library(values: list[float]) -> None:
+    if any(values):
+        assert sign_test(values).p == pytest.approx(other_sign_test(values)[1])
+
+
+@given(DIFFERENCES, st.sampled_from(["two-sided", "greater", "less"]))
+@settings(deadline=None)
+def test_flipped_signs_by_enumeration(values: list[float], alternative: str) -> None:
+    x = np.array(values)
+    sums = np.array(list(product([-1.0, 1.0], repeat=len(x)))) @ x
+    above, below = np.mean(sums >= x.sum()), np.mean(sums <= x.sum())
+    expected = {"greater": above, "less": below, "two-sided": min(1.0, 2.0 * min(above, below))}[alternative]
+    found = permutation_test(values, alternative=alternative)
+    assert found.p == pytest.approx(expected)
+    assert found.p >= found.least_p - 1e-12
+
+
+@given(
+    st.lists(st.integers(-9, 9).map(float), min_size=2, max_size=5),
+    st.lists(st.integers(-9, 9).map(float), min_size=2, max_size=5),
+)
+@settings(deadline=None)
+def test_divisions_by_enumeration(first: list[float], second: list[float]) -> None:
+    x, y = np.array(first), np.array(second)
+    everything = np.concatenate([x, y])
+    sums = np.array([everything[list(chosen)].sum() for chosen in combinations(range(len(everything)), len(x))])
+    assert len(sums) == comb(len(everything), len(x))
+    # A mean of the chosen rises with their sum.
+    above, below = np.mean(sums >= x.sum()), np.mean(sums <= x.sum())
+    found = permutation_test_between(first, second)
+    assert found.p == pytest.approx(min(1.0, 2.0 * min(above, below)))
+    assert permutation_test_between(first, second, alternative="greater").p == pytest.approx(above)
+    assert found.least_p - 1e-12 <= found.p
+    assert found.statistic == pytest.approx(x.mean() - y.mean())
+
+
+def test_many_units_need_a_generator() -> None:
+    source = np.random.default_rng(4)
+    x = source.normal(0.4, 1.0, 40)
+    with pytest.raises(ValueError, match="random generator"):
+        permutation_test(x)
+    found = permutation_test(x, rng=rng(), resamples=20_000)
+    assert not found.exact
+    assert found.p == pytest.approx(stats.ttest_1samp(x, 0.0).pvalue, abs=0.01)
+    between = permutation_test_between(x, source.normal(0.0, 1.0, 40), rng=rng())
+    assert not between.exact
+
+
+def test_the_least_p_is_reached() -> None:
+    assert permutation_test_between([1.0, 2.0], [3.0, 4.0, 5.0], alternative="less").p == pytest.approx(0.1)
+    assert permutation_test_between([1.0, 2.0], [3.0, 4.0, 5.0], alternative="less").least_p == pytest.approx(0.1)
+    even = permutation_test_between([1.0, 2.0, 0.0], [3.0, 4.0, 5.0])
+    assert even.p == even.least_p == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize(("n", "dz"), [(4, 0.8), (8, 1.2), (20, -0.5), (12, 0.0)])
+def test_an_interval_of_an_effect_is_where_t_would_be_as_extreme(n: int, dz: float) -> None:
+    z = stats.zscore(np.arange(n, dtype=float), ddof=1)
+    found = paired_effect(z + dz)
+    assert found.value == pytest.approx(dz, abs=1e-12)
+    t = dz * np.sqrt(n)
+    assert stats.nct.sf(t, n - 1, found.low * np.sqrt(n)) == pytest.approx(0.025, abs=1e-6)
+    assert stats.nct.cdf(t, n - 1, found.high * np.sqrt(n)) == pytest.approx(0.025, abs=1e-6)
+
+
+def test_an_interval_of_a_huge_effect_is_that_of_the_standard_deviation() -> None:
+    z = stats.zscore(np.arange(6.0), ddof=1)
+    near, far = paired_effect(z + 400.0), paired_effect(z + 1e7)
+    assert (far.low / far.value, far.high / far.value) == pytest.approx(
+        (near.low / near.value, near.high / near.value), rel=1e-4
+    )
+    assert paired_effect(z - 1e7).low == pytest.approx(-far.high, rel=1e-6)
+
+
+def test_the_interval_excludes_zero_when_t_does() -> None:
+    for values in (SLEEP, SLEEP - 1.0, SLEEP - 0.7001, SLEEP - 0.7002):
+        excluded = stats.ttest_1samp(values, 0.0).pvalue < 0.05
+        found = paired_effect(values)
+        assert (found.low > 0.0 or found.high < 0.0) == excluded
+
+
+def test_an_effect_between_groups_is_that_of_other_sources() -> None:
+    source = np.random.default_rng(8)
+    x, y = source.normal(1.0, 2.0, 9), source.normal(0.0, 2.0, 14)
+    found = hedges_g(x, y, unit="participant")
+    # The other library has the factor's approximation, 1 - 3 / (4 f - 1).
+    theirs, _ = effectsize_smd(x.mean(), x.std(ddof=1), 9, y.mean(), y.std(ddof=1), 14)
+    assert found.value == pytest.approx(theirs, rel=1e-3)
+    assert (found.n, found.unit) == (23, "participant")
+    plain = hedges_g(x, y, correction="none")
+    assert plain.value * np.sqrt(9 * 14 / 23) == pytest.approx(stats.ttest_ind(x, y).statistic)
+    assert found.low == pytest.approx(plain.low * hedges_factor(21))
+
+
+def test_hedges_factor() -> None:
+    # Table of Hedges (1981): c(2) = 0.5642, c(10) = 0.9228, c(20) = 0.9619.
+    assert [hedges_factor(free) for free in (2, 10, 20)] == pytest.approx([0.5642, 0.9228, 0.9619], abs=1e-4)
+    assert hedges_factor(1) == 0.0
+    assert hedges_factor(100) == pytest.approx(1 - 3 / 399, abs=1e-5)
+    # It takes the bias away.
+    source = np.random.default_rng(11).normal(0.8, 1.0, (40_000, 5))
+    raw = source.mean(axis=1) / source.std(axis=1, ddof=1)
+    assert hedges_factor(4) * raw.mean() == pytest.approx(0.8, abs=0.02)
+
+
+def test_effects_that_do_not_exist() -> None:
+    for found in (paired_effect([1.0]), paired_effect([1.0, 1.0]), hedges_g([1.0], [2.0]), hedges_g([], [1.0, 2.0])):
+        assert np.isnan([found.value, found.low, found.high]).all()
+    assert paired_effect([1.0, np.nan, 3.0]).n == 2
+    with pytest.raises(ValueError, match="shape"):
+        t_interval(np.ones((2, 2)))
+
+
+@given(DIFFERENCES, st.floats(0.1, 100.0))
+@settings(deadline=None)
+def test_tests_and_effects_know_no_unit_of_measurement(values: list[float], scale: float) -> None:
+    x = np.array(values)
+    assert sign_test(scale * x).p == pytest.approx(sign_test(x).p, nan_ok=True)
+    here, there = paired_effect(x), paired_effect(scale * x)
+    assert (there.value, there.low, there.high) == pytest.approx(
+        (here.value, here.low, here.high), nan_ok=True, rel=1e-6
+    )
+    mirrored = paired_effect(-x)
+    assert (mirrored.low, mirrored.high) == pytest.approx((-here.high, -here.low), nan_ok=True, abs=1e-6)
+    assert paired_effect(x, correction="hedges").value == pytest.approx(
+        here.value * hedges_factor(len(x) - 1), nan_ok=True
+    )
