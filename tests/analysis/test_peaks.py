@@ -10,7 +10,7 @@ from scipy.signal import argrelmax, argrelmin, find_peaks
 from netboard.analysis.motion import ball_speed
 from netboard.analysis.peaks import velocity_peaks
 
-speeds = arrays(np.float64, st.integers(0, 60), elements=st.floats(0, 1))
+speeds = arrays(np.float64, st.integers(0, 60), elements=st.floats(0, 1, allow_subnormal=False))
 TIMES = np.arange(4000) / 1000
 
 
