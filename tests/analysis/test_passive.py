@@ -10,8 +10,8 @@ from scipy.integrate import solve_ivp
 
 from netboard.analysis.passive import (
     Gains,
+    Heights,
     InertHand,
-    Trial,
     driven,
     inert_partner,
     linear_partner,
@@ -105,24 +105,23 @@ def test_the_linear_partner_is_that_of_the_whole_scene(side: int) -> None:
     active, hand = steps([0.0, 0.008, -0.004, 0.003, 0.0]), InertHand()
     there, p = whole_scene(active, hand, side)
     here = inert_partner(active, p, RATE, hand, (LEFT, RIGHT)[side])
-    assert here == pytest.approx(there, abs=0.12 * np.abs(there).max())
-    assert np.corrcoef(here, there)[0, 1] > 0.995
+    assert here == pytest.approx(there, abs=0.02 * np.abs(there).max())
     # And by the paper's rule both of them cooperate.
-    assert cooperative(active, here) == pytest.approx(cooperative(active, there), abs=0.05)
+    assert cooperative(active, here) == pytest.approx(cooperative(active, there), abs=0.005)
 
 
-def trials(seed: int, follow: float) -> list[Trial]:
+def trials(seed: int, follow: float) -> list[Heights]:
     """A left side that tilts to and fro, and a right side that follows it, the other way, by a portion."""
     source = np.random.default_rng(seed)
     left = [steps([0.0, *source.uniform(-0.02, 0.02, 6)]) for _ in range(4)]
-    return [Trial(z, -follow * z + 0.0, np.zeros(len(z))) for z in left]
+    return [Heights(z, -follow * z + 0.0, np.zeros(len(z))) for z in left]
 
 
 def test_a_partner_who_never_acts_is_all_mechanics() -> None:
     hand = InertHand()
     respond = linear_partner(RATE, hand, LEFT, RIGHT)
     off = [trials(seed, 0.0) for seed in range(4)]
-    on = [[Trial(one.left, respond(one.left, one.p, "right"), one.p) for one in dyad] for dyad in off]
+    on = [[Heights(one.left, respond(one.left, one.p, "right"), one.p) for one in dyad] for dyad in off]
 
     def left_alone(left: np.ndarray, right: np.ndarray) -> float:
         # What the right hand does when the left one is the active one; the other way round nothing is known of.

@@ -312,8 +312,7 @@ def _pairings(n: int, rng: np.random.Generator, most: int) -> NDArray[np.int64]:
     own = np.arange(n)
     if n <= MOST_UNITS:
         everything = np.array(list(permutations(range(n))))
-        others: NDArray[np.int64] = everything[(everything != own).all(axis=1)]
-        return others
+        return np.asarray(everything[(everything != own).all(axis=1)])
     found: list[NDArray[np.int64]] = []
     while len(found) < most:
         drawn = rng.permutation(n)
@@ -359,12 +358,10 @@ def _nearest(e: _Embedded, k: int) -> float:
 def _within(points: NDArray[np.float64], distance: NDArray[np.float64]) -> NDArray[np.int64]:
     """Count the points nearer than a distance, the point itself counted in."""
     nearer = np.nextafter(distance, 0.0)
-    near: NDArray[np.int64] = KDTree(points).query_ball_point(points, nearer, p=np.inf, return_length=True)
-    return np.maximum(near, 1)
+    return np.asarray(np.maximum(1, KDTree(points).query_ball_point(points, nearer, p=np.inf, return_length=True)))
 
 
 def _standard(columns: NDArray[np.float64]) -> NDArray[np.float64]:
     """Bring variables to one scale."""
     spread = columns.std(axis=0)
-    scaled: NDArray[np.float64] = (columns - columns.mean(axis=0)) / np.where(spread > 0.0, spread, 1.0)
-    return scaled
+    return np.asarray((columns - columns.mean(axis=0)) / np.where(spread > 0.0, spread, 1.0))

@@ -214,8 +214,7 @@ def own_peak_delays(
     if not all(0.0 < portion < 1.0 for portion in portions):
         raise ValueError(f"portions of a peak are between 0 and 1, found {tuple(portions)}")
     rises = [[_rise(side, portion, crossing) for portion in portions] for side in (_forward(a), _forward(b))]
-    delays: NDArray[np.float64] = (np.array(rises[0]) - np.array(rises[1])) / rate
-    return delays
+    return np.asarray((np.array(rises[0]) - np.array(rises[1])) / rate)
 
 
 def peak_delay(left: ArrayLike, right: ArrayLike, rate: float) -> float:

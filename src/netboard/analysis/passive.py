@@ -63,8 +63,8 @@ class Gains(NamedTuple):
     ball: float
 
 
-class Trial(NamedTuple):
-    """What was recorded of one trial.
+class Heights(NamedTuple):
+    """What was recorded of one trial: where both styluses and the ball were.
 
     Attributes
     ----------
@@ -206,8 +206,8 @@ def linear_partner(rate: float, hand: InertHand, left: Gains, right: Gains) -> R
 
 
 def passive_control(
-    with_forces: Sequence[Sequence[Trial]],
-    without: Sequence[Sequence[Trial]],
+    with_forces: Sequence[Sequence[Heights]],
+    without: Sequence[Sequence[Heights]],
     respond: Respond,
     measure: Measure,
     *,
@@ -222,7 +222,7 @@ def passive_control(
 
     Parameters
     ----------
-    with_forces, without : sequence of sequence of Trial
+    with_forces, without : sequence of sequence of Heights
         For each dyad, its trials with and without forces.
     respond : callable
         The inert partner: takes the height of the active stylus, the ball, and the inert side; returns a height.
@@ -250,12 +250,12 @@ def passive_control(
     return PassiveControl(effect, passive, float(passive.sum()) / total if total else np.nan, len(effect), unit)
 
 
-def _mean_of(trials: Sequence[Trial], measure: Measure) -> float:
+def _mean_of(trials: Sequence[Heights], measure: Measure) -> float:
     """Average a measure over trials."""
     return float(np.mean([measure(trial.left, trial.right) for trial in trials]))
 
 
-def _passive(trial: Trial, respond: Respond, measure: Measure) -> float:
+def _passive(trial: Heights, respond: Respond, measure: Measure) -> float:
     """Measure what forces do to an inert partner, at either side."""
     still = np.zeros_like(trial.p)
     of_right = measure(trial.left, respond(trial.left, trial.p, "right")) - measure(trial.left, still)

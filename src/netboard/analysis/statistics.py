@@ -441,8 +441,7 @@ def _finite(values: ArrayLike) -> NDArray[np.float64]:
     x = np.asarray(values, dtype=float)
     if x.ndim != 1:
         raise ValueError(f"one value of each unit is expected, found shape {x.shape}")
-    known: NDArray[np.float64] = x[np.isfinite(x)]
-    return known
+    return np.asarray(x[np.isfinite(x)])
 
 
 def _mean(x: NDArray[np.float64]) -> float:
