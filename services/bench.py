@@ -45,9 +45,10 @@ def stability(
 @app.command(epilog="Examples:\n\n  netboard bench velocity --quick\n\n  netboard bench velocity -o results")
 def velocity(output: Output = None, quick: Quick = False, force: Force = False, json: Json = None) -> None:
     """How the velocity of a stylus is told from its positions: lag, noise, time, and the delay that each way leaves."""
-    from netboard.endurance import velocity_bench as study
+    from netboard.endurance.velocity_bench import study
+    from netboard.studies.running import run_named
 
-    raise typer.Exit(study.main(output, json, quick=quick, force=force))
+    run_named("velocity", study, output, json, quick=quick, force=force)
 
 
 @app.command(
@@ -146,17 +147,19 @@ def soak(
 @app.command(epilog="Examples:\n\n  netboard bench coupling --quick\n\n  netboard bench coupling -o results")
 def coupling(output: Output = None, quick: Quick = False, force: Force = False, json: Json = None) -> None:
     """Over what delay a hand can be coupled to the board: theory beside the simulated service, and what helps."""
-    from netboard.coupling import bench as study
+    from netboard.coupling.bench import study
+    from netboard.studies.running import run_named
 
-    raise typer.Exit(study.main(output, json, quick=quick, force=force))
+    run_named("coupling", study, output, json, quick=quick, force=force)
 
 
 @app.command(epilog="Examples:\n\n  netboard bench forces --quick\n\n  netboard bench forces -o results")
 def forces(output: Output = None, quick: Quick = False, force: Force = False, json: Json = None) -> None:
     """What both hands feel of one movement under each of the five force conditions, as a figure and a table."""
-    from netboard.studies import forces as study
+    from netboard.studies.forces import study
+    from netboard.studies.running import run_named
 
-    raise typer.Exit(study.main(output, json, quick=quick, force=force))
+    run_named("forces", study, output, json, quick=quick, force=force)
 
 
 @app.command(epilog="Examples:\n\n  netboard bench fuzz --quick\n\n  netboard bench fuzz --frames 1000000 -o results")
@@ -215,14 +218,17 @@ def display(
 @app.command(epilog="Examples:\n\n  netboard bench recovery --quick\n\n  netboard bench recovery -o results")
 def recovery(output: Output = None, quick: Quick = False, force: Force = False, json: Json = None) -> None:
     """Cut, flip, zero and kill what is being recorded, and check what is recovered of it, to the bit."""
-    from netboard.storage import recovery_bench as study
+    from netboard.storage.recovery_bench import study
+    from netboard.studies.running import run_named
 
-    raise typer.Exit(study.main(output, json, quick=quick, force=force))
+    verdicts = run_named("recovery", study, output, json, quick=quick, force=force)
+    raise typer.Exit(0 if all(verdict.holds for verdict in verdicts) else 1)
 
 
 @app.command(epilog="Examples:\n\n  netboard bench recording --quick\n\n  netboard bench recording -o results")
 def recording(output: Output = None, quick: Quick = False, force: Force = False, json: Json = None) -> None:
     """What recording costs: headroom and stalls of the logger, bytes an hour, time to read an hour and a trial."""
-    from netboard.storage import bench as study
+    from netboard.storage.bench import study
+    from netboard.studies.running import run_named
 
-    raise typer.Exit(study.main(output, json, quick=quick, force=force))
+    run_named("recording", study, output, json, quick=quick, force=force)

@@ -8,7 +8,6 @@ import pytest
 
 from netboard.devices.velocity import KINDS
 from netboard.endurance.velocity import RAMP, REACH, SLOW, errors_of, follow, time_of
-from netboard.endurance.velocity_bench import main
 from netboard.endurance.velocity_loop import (
     IDEAL,
     TOUCH,
@@ -19,6 +18,7 @@ from netboard.endurance.velocity_loop import (
     radius_of,
     settles,
 )
+from netboard.studies.running import run_named
 
 BARE = Loop(0.045, 0.0, 200.0, 2.0)
 LINEAR = sorted(set(KINDS) - {"adaptive"})
@@ -90,7 +90,7 @@ def test_an_update_takes_some_time() -> None:
 
 @pytest.mark.slow
 def test_the_study_in_short(tmp_path: Path) -> None:
-    assert main(tmp_path / "found", tmp_path / "copy.json", quick=True, force=False) == 0
+    run_named("velocity", study, tmp_path / "found", tmp_path / "copy.json", quick=True, force=False)
     found = json.loads((tmp_path / "copy.json").read_text())
     assert [part["name"] for part in found["parts"]] == ["estimators", "delays"]
     assert all(verdict["holds"] for part in found["parts"] for verdict in part["verdicts"])

@@ -9,11 +9,12 @@ import pytest
 from netboard.config import Config
 from netboard.experiment.machine import Cause
 from netboard.studies import forces
+from netboard.studies.running import run_named
 
 
 @pytest.mark.slow
 def test_the_short_form_writes_its_results_and_every_verdict_holds(tmp_path: Path) -> None:
-    assert forces.main(tmp_path / "found", tmp_path / "found.json", quick=True, force=False) == 0
+    run_named("forces", forces.study, tmp_path / "found", tmp_path / "found.json", quick=True, force=False)
     found = json.loads((tmp_path / "found.json").read_text())
     (part,) = found["parts"]
     assert [row[0] for row in part["rows"]] == list(forces.CONDITIONS)

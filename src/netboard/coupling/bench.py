@@ -7,7 +7,6 @@ for how long it takes.
 import math
 from collections.abc import Iterator, Sequence
 from importlib.util import find_spec
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,38 +15,14 @@ from netboard.config import Physics
 from netboard.coupling import boundary, releases, remedies
 from netboard.coupling.boundary import HANDS, MAPS, STIFFEST, Found
 from netboard.methods.delay import ruled_stiffness
-from netboard.studies.results import Folder, Part, new_folder
-from netboard.studies.running import Tell, run
+from netboard.studies.results import Folder, Part
+from netboard.studies.running import Tell
 
 QUICK_HANDS = ("bare stylus", "hand")
 
 REMEDY_WAYS, QUICK_REMEDY_WAYS = (0, 5, 10, 20, 30), (20,)
 FELT_WAYS, QUICK_FELT_WAYS = (0, 1, 5, 20), (20,)
 EVERYDAY_WAYS, QUICK_EVERYDAY_WAYS = (0, 1, 5), (0,)
-
-
-def main(output: Path | None, json: Path | None, *, quick: bool, force: bool) -> int:
-    """Run the study.
-
-    Parameters
-    ----------
-    output : Path or None
-        Folder of the results; None for a new one here.
-    json : Path or None
-        File that gets the results too.
-    quick : bool
-        The short form.
-    force : bool
-        The folder may be there already.
-
-    Returns
-    -------
-    int
-        Exit code: 0, also if verdicts fail, for that is a result.
-    """
-    folder = Folder(output or new_folder("bench-coupling"), force=force)
-    run(folder, {"study": "coupling", "quick": quick}, lambda tell: study(folder, tell, quick=quick), json)
-    return 0
 
 
 def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:

@@ -2,40 +2,15 @@
 
 from collections.abc import Iterator
 from importlib.util import find_spec
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from netboard.devices.velocity import KINDS
 from netboard.endurance.velocity import REACH, SINE, delays, errors_of, figures
-from netboard.studies.results import Folder, Part, new_folder
-from netboard.studies.running import Tell, run
+from netboard.studies.results import Folder, Part
+from netboard.studies.running import Tell
 from netboard.tick import TICK_SECONDS
-
-
-def main(output: Path | None, json: Path | None, *, quick: bool, force: bool) -> int:
-    """Run the study.
-
-    Parameters
-    ----------
-    output : Path or None
-        Folder of the results; None for a new one here.
-    json : Path or None
-        File that gets the results too.
-    quick : bool
-        The short form.
-    force : bool
-        The folder may be there already.
-
-    Returns
-    -------
-    int
-        Exit code: 0, also if verdicts fail, for that is a result.
-    """
-    folder = Folder(output or new_folder("velocity"), force=force)
-    run(folder, {"study": "velocity", "quick": quick}, lambda tell: study(folder, tell, quick=quick), json)
-    return 0
 
 
 def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:

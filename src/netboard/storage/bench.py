@@ -26,8 +26,8 @@ from netboard.storage.hours import (
     write_messages,
 )
 from netboard.storage.stalls import stalls_part, watch
-from netboard.studies.results import Folder, Part, Value, Verdict, new_folder
-from netboard.studies.running import Tell, run
+from netboard.studies.results import Folder, Part, Value, Verdict
+from netboard.studies.running import Tell
 
 QUICK_TICKS = 150_000
 MINUTE = 60_000
@@ -70,58 +70,34 @@ class Effort:
 QUICK = Effort(QUICK_TICKS, QUICK_STALL_SECONDS, QUICK_LOAD_SECONDS, QUICK_RATES)
 
 
-def main(output: Path | None, json: Path | None, *, quick: bool, force: bool) -> int:
-    """Run the study.
-
-    Parameters
-    ----------
-    output : Path or None
-        Folder of the results; None for a new one here.
-    json : Path or None
-        File that gets the results too.
-    quick : bool
-        The short form.
-    force : bool
-        The folder may be there already.
-
-    Returns
-    -------
-    int
-        Exit code: 0, also if verdicts fail, for that is a result.
-    """
-    folder = Folder(output or new_folder("bench-recording"), force=force)
-    effort = QUICK if quick else Effort()
-    run(folder, {"study": "recording", "quick": quick}, lambda tell: study(folder.path, effort, tell), json)
-    return 0
-
-
-def study(folder: Path, effort: Effort, tell: Tell) -> Iterator[Part]:
+def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
     """Measure everything.
 
     Parameters
     ----------
-    folder : Path
+    folder : Folder
         Where everything is written: on the disk that is asked about.
-    effort : Effort
-        How much.
     tell : callable
         Hears how far it is.
+    quick : bool
+        The short form.
 
     Yields
     ------
     Part
         What was found.
     """
-    (folder / "session").mkdir(exist_ok=True)
-    watched = watch(folder / "session", effort.stall_seconds, tell)
+    place, effort = folder.path, QUICK if quick else Effort()
+    (place / "session").mkdir(exist_ok=True)
+    watched = watch(place / "session", effort.stall_seconds, tell)
     yield stalls_part(watched)
-    yield headroom_part(folder / "headroom", live_log(5000), effort.rates, effort.load_seconds, tell)
+    yield headroom_part(place / "headroom", live_log(5000), effort.rates, effort.load_seconds, tell)
     session = Session(watched.path)
-    yield size_part(session, folder, min(MINUTE, effort.ticks), tell)
-    path = folder / "hour.mcap"
+    yield size_part(session, place, min(MINUTE, effort.ticks), tell)
+    path = place / "hour.mcap"
     path.unlink(missing_ok=True)
     yield writing_part(write_hour(session, path, effort.ticks, tell))
-    yield reading_part(session, path, folder, effort.ticks, tell)
+    yield reading_part(session, path, place, effort.ticks, tell)
     path.unlink()
 
 

@@ -16,8 +16,8 @@ from netboard.storage.damage import Found, Harm, cuts, cuts_of_last_chunk, flips
 from netboard.storage.feeding import live_log
 from netboard.storage.kills import LONGEST, Killed, kill_one
 from netboard.storage.specimen import Specimen, make_specimen
-from netboard.studies.results import Folder, Part, Value, Verdict, new_folder
-from netboard.studies.running import Tell, run
+from netboard.studies.results import Folder, Part, Value, Verdict
+from netboard.studies.running import Tell
 from netboard.tick import TICK_SECONDS
 
 TICKS, QUICK_TICKS = 1250, 650
@@ -37,37 +37,12 @@ COLUMNS = (
 )
 
 
-def main(output: Path | None, json: Path | None, *, quick: bool, force: bool) -> int:
-    """Run the campaign.
-
-    Parameters
-    ----------
-    output : Path or None
-        Folder of the results; None for a new one here.
-    json : Path or None
-        File that gets the results too.
-    quick : bool
-        The short form.
-    force : bool
-        The folder may be there already.
-
-    Returns
-    -------
-    int
-        Exit code: 1 if there was a fault.
-    """
-    folder = Folder(output or new_folder("bench-recovery"), force=force)
-    about = {"study": "recovery", "quick": quick, "seed": SEED}
-    verdicts = run(folder, about, lambda tell: study(folder.path, tell, quick=quick), json)
-    return 0 if all(verdict.holds for verdict in verdicts) else 1
-
-
-def study(folder: Path, tell: Tell, *, quick: bool) -> Iterator[Part]:
+def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
     """Damage, kill, recover.
 
     Parameters
     ----------
-    folder : Path
+    folder : Folder
         Loggers that are killed write there: on the disk that is asked about.
     tell : callable
         Hears how far it is.
@@ -82,7 +57,7 @@ def study(folder: Path, tell: Tell, *, quick: bool) -> Iterator[Part]:
     # What is in a damaged file does not depend on where it is: thousands of them need not wait for a disk.
     with TemporaryDirectory(dir=_MEMORY if _MEMORY.exists() else None) as scratch:
         yield damage_part(Path(scratch), tell, quick=quick)
-    yield kills_part(folder / "killed", tell, QUICK_KILLS if quick else KILLS)
+    yield kills_part(folder.path / "killed", tell, QUICK_KILLS if quick else KILLS)
 
 
 def damage_part(scratch: Path, tell: Tell, *, quick: bool) -> Part:

@@ -9,7 +9,6 @@ by other hands.
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
-from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -18,8 +17,8 @@ from numpy.typing import NDArray
 from netboard.config import SIDES, Config
 from netboard.experiment.machine import BALL_FREE, Cause, Phase
 from netboard.stage import make_stage
-from netboard.studies.results import Folder, Part, Value, Verdict, new_folder
-from netboard.studies.running import Tell, run
+from netboard.studies.results import Folder, Part, Value, Verdict
+from netboard.studies.running import Tell
 from netboard.tick import STATE, TICK, TICK_NS, TICK_SECONDS
 
 Rows = NDArray[Any]
@@ -56,30 +55,6 @@ class Movement:
 
 
 MINE, OTHERS = Movement(0.7, 0.008, 0.45, 2.4), Movement(0.4, -0.012, 0.7, 1.7)
-
-
-def main(output: Path | None, json: Path | None, *, quick: bool, force: bool) -> int:
-    """Run the study.
-
-    Parameters
-    ----------
-    output : Path or None
-        Folder of the results; None for a new one here.
-    json : Path or None
-        File that gets the results too.
-    quick : bool
-        The short form.
-    force : bool
-        The folder may be there already.
-
-    Returns
-    -------
-    int
-        Exit code: 0, also if verdicts fail, for that is a result.
-    """
-    folder = Folder(output or new_folder("bench-forces"), force=force)
-    run(folder, {"study": "forces", "quick": quick}, lambda tell: study(folder, tell, quick=quick), json)
-    return 0
 
 
 def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:

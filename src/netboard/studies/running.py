@@ -6,19 +6,55 @@ What is written after each part is whole, so a study that is interrupted has lef
 import shutil
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from netboard.studies.machine import describe
-from netboard.studies.results import Folder, Part, Verdict, show
+from netboard.studies.results import Folder, Part, Verdict, new_folder, show
 
 Tell = Callable[[str, float], object]
 """Hears what is being done, and which share of it is."""
 
 WIDTH = 160
 """Tables are this wide at the least [characters]."""
+
+
+class Study(Protocol):
+    """What is run: it makes its parts one after the other, and may leave files in the folder of its results."""
+
+    def __call__(self, folder: Folder, tell: Tell, *, quick: bool) -> Iterable[Part]:
+        """Make the parts; in the short form if it is to be quick."""
+
+
+def run_named(
+    name: str, study: Study, output: Path | None, json: Path | None, *, quick: bool, force: bool
+) -> list[Verdict]:
+    """Run a study as a command does.
+
+    Parameters
+    ----------
+    name : str
+        Its name.
+    study : Study
+        What is run.
+    output : Path or None
+        Folder of the results; None for a new one here.
+    json : Path or None
+        File that gets the results too.
+    quick : bool
+        The short form.
+    force : bool
+        The folder may be there already.
+
+    Returns
+    -------
+    list of Verdict
+        All verdicts; one that fails is a result, not an error.
+    """
+    folder = Folder(output or new_folder(f"bench-{name}"), force=force)
+    return run(folder, {"study": name, "quick": quick}, lambda tell: study(folder, tell, quick=quick), json)
 
 
 def run(
