@@ -8,6 +8,7 @@ import pytest
 
 from netboard.devices.velocity import KINDS
 from netboard.endurance.velocity import RAMP, REACH, SLOW, errors_of, follow, time_of
+from netboard.endurance.velocity_bench import study
 from netboard.endurance.velocity_loop import (
     IDEAL,
     TOUCH,
