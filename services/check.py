@@ -12,8 +12,8 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from netboard.errors import RecordingError
-from netboard.recording.checking import check
-from netboard.recording.grade import EXIT_CODES, VERDICTS, Grade, Report
+from netboard.proof.checking import check
+from netboard.proof.grade import EXIT_CODES, VERDICTS, Grade, Report
 from netboard.tick import TICK_SECONDS
 
 COLOURS = {Grade.SOUND: "green", Grade.LOSS: "yellow", Grade.DAMAGE: "red"}

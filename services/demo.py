@@ -19,8 +19,8 @@ from netboard.errors import NetboardError
 from netboard.nodes.launcher import Launcher, free_port
 from netboard.nodes.operator import Operator
 from netboard.process import Stopping
+from netboard.proof.verification import verify_recording
 from netboard.recording.reader import Recording
-from netboard.recording.verification import verify_recording
 from netboard.report.tables import summary_of, summary_tables, verdict_line
 from netboard.services.planned import Wanted
 from netboard.stage import make_stage

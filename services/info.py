@@ -9,8 +9,8 @@ from rich.table import Table
 from netboard.config import parse
 from netboard.errors import RecordingError
 from netboard.experiment.quality import WORDS, Verdict
-from netboard.recording.account import Stretch, account_of, parts_of
-from netboard.recording.quality import judged
+from netboard.proof.account import Stretch, account_of, parts_of
+from netboard.proof.quality import judged
 from netboard.recording.reader import Recording
 from netboard.report.tables import summary_of, summary_tables
 

@@ -160,7 +160,7 @@ def sessions(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON array.")] = False,
 ) -> None:
     """List the recordings below a folder: whose they are, trials done, losses, and a verdict on each."""
-    from netboard.recording.catalogue import Filter
+    from netboard.proof.catalogue import Filter
     from netboard.services import configuration
     from netboard.services import sessions as service
 

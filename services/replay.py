@@ -9,8 +9,8 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from netboard import keys, sockets
 from netboard.config import Config, Side
 from netboard.process import Stopping, speak
+from netboard.proof.verification import verify_recording
 from netboard.recording.reader import Recording
-from netboard.recording.verification import verify_recording
 from netboard.replay.loading import load
 from netboard.replay.pairing import Sync
 from netboard.replay.reel import Reel

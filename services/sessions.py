@@ -12,8 +12,8 @@ from rich.progress import track
 from rich.table import Table
 
 from netboard.errors import RecordingError
-from netboard.recording.catalogue import Entry, Filter, entry_of, files_in, in_order, with_check, with_trials
-from netboard.recording.grade import VERDICTS, Grade
+from netboard.proof.catalogue import Entry, Filter, entry_of, files_in, in_order, with_check, with_trials
+from netboard.proof.grade import VERDICTS, Grade
 
 COLOURS = {VERDICTS[Grade.SOUND]: "green", VERDICTS[Grade.LOSS]: "yellow", VERDICTS[Grade.DAMAGE]: "red"}
 """Of each verdict on a terminal."""

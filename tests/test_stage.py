@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from netboard.config import Config, parse
 from netboard.experiment.machine import BALL_FREE, TABLE, Cause, Phase
-from netboard.recording.verification import state_of, verify
+from netboard.proof.verification import state_of, verify
 from netboard.stage import Stage, make_stage, told_forces
 from netboard.tick import INPUT, OUTPUT, SERVICE, STATE, TICK, TICK_NS
 

@@ -28,8 +28,8 @@ from netboard.faults.checks import (
 from netboard.faults.devices import TRACE
 from netboard.faults.evidence import Pause
 from netboard.faults.gathering import Evidence, Taken, Window
-from netboard.recording.account import Account, Stretch
-from netboard.recording.account import Pause as Told
+from netboard.proof.account import Account, Stretch
+from netboard.proof.account import Pause as Told
 from netboard.tick import TICK
 from netboard.wire.messages import EventRecord, Safeguard
 

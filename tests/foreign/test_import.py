@@ -17,9 +17,9 @@ from netboard.errors import ConfigError, RecordingError
 from netboard.export.formats import export
 from netboard.foreign import reading
 from netboard.foreign.importing import Wishes, import_table
-from netboard.recording.account import account_of, parts_of
+from netboard.proof.account import account_of, parts_of
+from netboard.proof.verification import verify_recording
 from netboard.recording.reader import Recording
-from netboard.recording.verification import verify_recording
 from netboard.rehearsal.block import Rehearsal
 from netboard.rehearsal.keeping import Keeper
 from netboard.services.cli import app

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from netboard.faults.rigs import Rig
-from netboard.recording.account import Account, account_of
+from netboard.proof.account import Account, account_of
 from netboard.recording.spilled import recover_any
 
 pytestmark = [pytest.mark.integration, pytest.mark.slow, pytest.mark.timeout(300)]

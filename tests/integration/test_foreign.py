@@ -16,8 +16,8 @@ from foreign_clients import ROOT, run
 
 from netboard.experiment.machine import Phase
 from netboard.faults.rigs import Rig
+from netboard.proof.verification import verify_recording
 from netboard.recording.reader import Recording
-from netboard.recording.verification import verify_recording
 from netboard.wire.codec import decode
 from netboard.wire.messages import Status
 

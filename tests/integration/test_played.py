@@ -21,8 +21,8 @@ from netboard.config import Config
 from netboard.experiment.machine import Phase
 from netboard.faults.rigs import Rig
 from netboard.process import WITH_PARENT
+from netboard.proof.verification import verify_recording
 from netboard.recording.reader import Recording
-from netboard.recording.verification import verify_recording
 from netboard.wire.codec import decode
 from netboard.wire.messages import Status, View
 

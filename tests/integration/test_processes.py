@@ -15,9 +15,9 @@ from netboard import sockets
 from netboard.config import parse
 from netboard.experiment.machine import Cause, Phase
 from netboard.faults.rigs import Rig
+from netboard.proof.verification import verify_recording
 from netboard.recording.reader import Recording
 from netboard.recording.recovery import recover
-from netboard.recording.verification import verify_recording
 from netboard.wire.messages import Safeguard
 
 pytestmark = [pytest.mark.integration, pytest.mark.slow, pytest.mark.timeout(240)]

@@ -19,8 +19,8 @@ from netboard.experiment.entries import AttemptBegan, AttemptEnded, BlockBegan, 
 from netboard.faults.rigs import Rig
 from netboard.nodes.operator import Operator
 from netboard.nodes.programme import Programme
+from netboard.proof.verification import verify_recording
 from netboard.recording.reader import Recording
-from netboard.recording.verification import verify_recording
 from netboard.wire.messages import Safeguard, Status
 
 pytestmark = [pytest.mark.integration, pytest.mark.slow, pytest.mark.timeout(600)]

@@ -19,8 +19,8 @@ import pytest
 from netboard import keys
 from netboard.config import SIDES, parse
 from netboard.experiment.machine import Phase
+from netboard.proof.verification import verify_recording
 from netboard.recording.reader import Recording
-from netboard.recording.verification import verify_recording
 
 pytestmark = [pytest.mark.integration, pytest.mark.slow, pytest.mark.timeout(300)]
 

@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from fakes import FakeClock, FakeLogLink, FakeLogServer
 from netboard.config import Recording as Settings
 from netboard.nodes.logger import Logger, place
+from netboard.proof.account import Stretch, account_of
 from netboard.recording import partfile
-from netboard.recording.account import Stretch, account_of
 from netboard.recording.reader import Recording
 from netboard.recording.recovery import recover
 from netboard.tick import TICK

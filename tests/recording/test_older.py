@@ -11,11 +11,11 @@ import pytest
 
 from netboard.config import parse
 from netboard.errors import RecordingError
+from netboard.proof.verification import verify_recording
 from netboard.recording import older
 from netboard.recording.channels import FORMAT_VERSION
 from netboard.recording.reader import READABLE, Recording
 from netboard.recording.recovery import recover
-from netboard.recording.verification import verify_recording
 from netboard.tick import TICK
 
 GOLDEN = Path(__file__).parent.parent / "data" / "recordings"

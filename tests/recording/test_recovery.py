@@ -256,7 +256,7 @@ while True:
 @pytest.mark.parametrize("flushes", [1, 7, 30])
 def test_kill_9_leaves_everything_up_to_the_last_flush(tmp_path: Path, flushes: int) -> None:
     path = tmp_path / "a.mcap"
-    arguments = [sys.executable, "-c", KILLED, str(path), str(Path(__file__).parent)]
+    arguments = [sys.executable, "-c", KILLED, str(path), str(Path(__file__).parents[1])]
     with subprocess.Popen(arguments, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         for _ in range(flushes):

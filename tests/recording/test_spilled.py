@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from netboard.errors import RecordingError
-from netboard.recording.account import account_of
+from netboard.proof.account import account_of
 from netboard.recording.reader import Recording
 from netboard.recording.spill import Spill
 from netboard.recording.spilled import recover_any

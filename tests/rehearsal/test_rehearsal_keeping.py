@@ -8,9 +8,9 @@ import pytest
 
 from netboard.config import Config, Participant
 from netboard.errors import RecordingError
+from netboard.proof.verification import verify_recording
 from netboard.recording.reader import Recording
 from netboard.recording.summary import find_attempts
-from netboard.recording.verification import verify_recording
 from netboard.rehearsal.block import Rehearsal
 from netboard.rehearsal.keeping import Keeper
 

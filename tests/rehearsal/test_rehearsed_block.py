@@ -9,7 +9,7 @@ import pytest
 from netboard.config import Config, Participant, VirtualDevice
 from netboard.errors import ConfigError
 from netboard.experiment.machine import Cause, Phase
-from netboard.recording.verification import verify
+from netboard.proof.verification import verify
 from netboard.rehearsal import block as rehearsed
 from netboard.rehearsal.block import START_TICK, Rehearsal, Summary, person_at
 from netboard.stage import make_stage

@@ -8,8 +8,8 @@ import pytest
 
 from netboard.config import Config
 from netboard.errors import NetboardError
+from netboard.proof.verification import verify_recording
 from netboard.recording.reader import Recording
-from netboard.recording.verification import verify_recording
 from netboard.services import rehearsal
 
 

@@ -8,9 +8,9 @@ import pytest
 
 import proofs
 from netboard.config import Config
-from netboard.recording.checking import check
+from netboard.proof.checking import check
+from netboard.proof.verification import verify
 from netboard.recording.reader import Recording
-from netboard.recording.verification import verify
 from netboard.stage import make_stage
 from netboard.studies.what_if import attempts_of, most_telling, what_if
 from netboard.studies.what_if_figure import draw

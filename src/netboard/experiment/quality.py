@@ -2,7 +2,7 @@
 
 A `Referee` is shown the rows of the ticks, in any portions, and the frames that the displays have painted. At the tick
 that ends an attempt it gives a `Verdict`: the words of `WORDS` that are true of it. The server does this live, and
-`netboard.recording.quality` does it over a recording, with the same outcome.
+`netboard.proof.quality` does it over a recording, with the same outcome.
 
 An attempt is what lies between the release of the ball and its end, the hold included. What is counted is in one record
 of `TALLY`, which begins anew at every release.

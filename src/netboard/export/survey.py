@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from netboard.export.formats import Progress
 from netboard.export.task import HAPPENED
-from netboard.recording.quality import judged
+from netboard.proof.quality import judged
 from netboard.recording.reader import Recording
 from netboard.recording.summary import Attempt, attempts_along
 from netboard.tick import TICK_NS

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.config import Config, parse
+from netboard.proof.quality import judged
 from netboard.recording.channels import CHANNELS, Field
-from netboard.recording.quality import judged
 from netboard.recording.reader import Recording
 from netboard.recording.summary import Attempt, attempts_along
 from netboard.settings import tables as settings_tables

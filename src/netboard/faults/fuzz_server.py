@@ -21,8 +21,8 @@ from netboard.faults.rigs import Rig, tampered
 from netboard.faults.sites import PACE
 from netboard.faults.watching import look, memory, memory_part
 from netboard.nodes.session import LATE_NS
+from netboard.proof.verification import verify_recording
 from netboard.recording.reader import Recording
-from netboard.recording.verification import verify_recording
 from netboard.studies.results import Part, Value, Verdict
 from netboard.studies.running import Tell
 from netboard.tick import TICK_NS

@@ -16,7 +16,7 @@ from netboard.config import SIDES, Safety, Side
 from netboard.faults.devices import read_traces
 from netboard.faults.evidence import Pause, between, pauses, pauses_between
 from netboard.faults.sites import Site
-from netboard.recording.account import Account, account_of
+from netboard.proof.account import Account, account_of
 from netboard.recording.reader import Recording
 from netboard.recording.spilled import recover_any
 from netboard.tick import TICK

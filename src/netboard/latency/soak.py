@@ -18,9 +18,9 @@ from netboard.latency.played import closed_loops
 from netboard.latency.rig import Rig, own_configs
 from netboard.latency.spreads import HEADS, Times, in_milliseconds
 from netboard.latency.usage import Usage
+from netboard.proof.verification import verify_recording
 from netboard.recording.reader import Recording
 from netboard.recording.summary import spread
-from netboard.recording.verification import verify_recording
 from netboard.studies.results import Part, Value, Verdict
 from netboard.studies.running import Tell
 from netboard.tick import LATE_NS

@@ -4,9 +4,9 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from netboard.proof.verification import Verdict
 from netboard.recording.reader import Recording
 from netboard.recording.summary import Attempt, Spread, Summary, summarise
-from netboard.recording.verification import Verdict
 from netboard.replay.playback import clock
 from netboard.replay.reel import Reel
 

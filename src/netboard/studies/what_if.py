@@ -18,8 +18,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from netboard.proof.verification import as_words, runs, state_of
 from netboard.recording.summary import Attempt, find_attempts
-from netboard.recording.verification import as_words, runs, state_of
 from netboard.stage import Stage
 from netboard.tick import TICK_SECONDS
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import proofs
-from netboard.recording.catalogue import Filter, entry_of, files_in, in_order, with_check, with_trials
+from netboard.proof.catalogue import Filter, entry_of, files_in, in_order, with_check, with_trials
 
 pytestmark = pytest.mark.slow
 

@@ -15,9 +15,9 @@ from netboard.config import Block, Config
 from netboard.experiment.entries import AttemptEnded, Entry
 from netboard.experiment.machine import Cause, Phase, first_target, ticks
 from netboard.experiment.quality import Verdict
-from netboard.recording.grade import Finding, Grade
+from netboard.proof.grade import Finding, Grade
+from netboard.proof.walk import Walk
 from netboard.recording.summary import Attempt
-from netboard.recording.walk import Walk
 
 _ENDS = (Cause.LAST, Cause.STOP)
 _COMPARED = ("success", "fell", "timed_out")

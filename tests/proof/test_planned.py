@@ -10,9 +10,9 @@ from netboard.config import Config
 from netboard.design.plan import Plan, config_of, digest, plan_of, seated
 from netboard.design.study import paper_study, resolve_study
 from netboard.experiment.entries import Header, line_of
-from netboard.recording.grade import Grade
+from netboard.proof.grade import Grade
+from netboard.proof.planned import plan_findings
 from netboard.recording.journal import journal_path
-from netboard.recording.planned import plan_findings
 
 STUDY = paper_study()
 

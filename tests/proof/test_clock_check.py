@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import proofs
-from netboard.recording.clock_check import check_clocks, contradicts, line_through, stepped
-from netboard.recording.grade import Grade, worst
+from netboard.proof.clock_check import check_clocks, contradicts, line_through, stepped
+from netboard.proof.grade import Grade, worst
 from netboard.wire.messages import ClockRecord
 from netboard.wire.session import ClockEstimator
 

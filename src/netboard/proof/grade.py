@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.recording.verification import Verdict
+from netboard.proof.verification import Verdict
 
 EXIT_CODES = (0, 3, 1)
 """Exit code of each `Grade`: losses that a file lists are no damage, and still not nothing [1]."""

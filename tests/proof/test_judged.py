@@ -4,19 +4,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from samples import MS, OPENED_NS
 from typer.testing import CliRunner
 
 from netboard.config import Config, Quality, Recording, resolve
 from netboard.experiment.machine import Cause, Phase
 from netboard.experiment.quality import Referee, Verdict
+from netboard.proof.quality import judged
 from netboard.recording.provenance import provenance
-from netboard.recording.quality import judged
 from netboard.recording.reader import Recording as OpenRecording
 from netboard.recording.writer import RecordingWriter
 from netboard.services.cli import app
 from netboard.tick import TICK, TICK_SECONDS
 from netboard.wire.messages import FrameRecord, Safeguard, TickRecord, Welcome
+from samples import MS, OPENED_NS
 
 LENGTH = 2000
 CONFIG = Config(quality=Quality(late_ticks=3, clipped_share=0.01))

@@ -12,8 +12,8 @@ from mcap.reader import make_reader
 import proofs
 from netboard.config import resolve
 from netboard.experiment.entries import AttemptBegan, AttemptEnded, BlockBegan, Entry, Header, Opened, line_of
-from netboard.recording.checking import check
-from netboard.recording.grade import Grade, Report
+from netboard.proof.checking import check
+from netboard.proof.grade import Grade, Report
 from netboard.recording.journal import journal_path
 from netboard.recording.reader import Recording
 from netboard.recording.recovery import recover

@@ -16,12 +16,12 @@ from netboard.design.plan import Plan, config_of, digest, plan_of
 from netboard.design.study import parse_study, resolve_study
 from netboard.errors import ConfigError, RecordingError
 from netboard.experiment.entries import Header, Lines, read_lines
-from netboard.recording.grade import Finding, Grade
+from netboard.proof.grade import Finding, Grade
+from netboard.proof.quality import judged
+from netboard.proof.trial_check import check_journal, check_plan
+from netboard.proof.walk import Walk
 from netboard.recording.journal import journal_path
-from netboard.recording.quality import judged
 from netboard.recording.reader import Recording
-from netboard.recording.trial_check import check_journal, check_plan
-from netboard.recording.walk import Walk
 
 
 def journal_of(path: Path, config: Config) -> Lines | None:

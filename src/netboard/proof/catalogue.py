@@ -1,7 +1,7 @@
 """The catalogue of a folder: what each recording, unfinished file, spill and journal is, without reading it whole.
 
 An entry is made of what a file says at its ends: metadata, configuration, end record. Trials are counted in the
-attempts. Its verdict is a quick one, of what the file says of itself, unless `netboard.recording.checking` is asked.
+attempts. Its verdict is a quick one, of what the file says of itself, unless `netboard.proof.checking` is asked.
 Nothing here raises because of what is in a file: what is wrong with it is in its entry.
 """
 
@@ -17,9 +17,9 @@ from mcap.stream_reader import StreamReader
 from netboard.config import Config, parse
 from netboard.errors import NetboardError
 from netboard.experiment.entries import AttemptEnded, BlockEnded, Lines, read_lines
-from netboard.recording.checking import check
+from netboard.proof.checking import check
+from netboard.proof.grade import VERDICTS, Grade
 from netboard.recording.chunks import UNSOUND
-from netboard.recording.grade import VERDICTS, Grade
 from netboard.recording.provenance import CONFIG_NAME, METADATA
 from netboard.recording.reader import Recording
 from netboard.recording.spill import read_spill
@@ -60,7 +60,7 @@ class Entry:
     lost : int
         Records that the logger never got [1].
     verdict : str
-        One of `netboard.recording.grade.VERDICTS`.
+        One of `netboard.proof.grade.VERDICTS`.
     why : str
         Why it is not complete.
     """

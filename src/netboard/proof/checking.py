@@ -18,17 +18,17 @@ from numpy.typing import NDArray
 
 from netboard.config import Config, parse
 from netboard.errors import ConfigError, NetboardError, RecordingError
-from netboard.recording.account import OF_THE_SERVER, Stretch, cause_of_loss, parts_of
+from netboard.proof.account import OF_THE_SERVER, Stretch, cause_of_loss, parts_of
+from netboard.proof.clock_check import check_clocks
+from netboard.proof.grade import Finding, Grade, Report, numbers_in_words
+from netboard.proof.planned import journal_findings, plan_findings
+from netboard.proof.trial_check import check_trials
+from netboard.proof.walk import Walk, walk
 from netboard.recording.channels import CHANNELS, FORMAT_VERSION
-from netboard.recording.clock_check import check_clocks
-from netboard.recording.grade import Finding, Grade, Report, numbers_in_words
-from netboard.recording.planned import journal_findings, plan_findings
 from netboard.recording.reader import Recording
 from netboard.recording.recovery import Report as Recovered
 from netboard.recording.spilled import recover_any
 from netboard.recording.summary import Gap, find_gaps
-from netboard.recording.trial_check import check_trials
-from netboard.recording.walk import Walk, walk
 from netboard.stage import Stage, make_stage
 from netboard.wire.messages import BLOCK_BEGAN, ClockRecord, EventRecord, FrameRecord
 

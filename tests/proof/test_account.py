@@ -9,12 +9,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from samples import CONFIG_TEXT, MS, OPENED_NS, metadata
 
 from netboard.config import Recording as Settings
 from netboard.errors import RecordingError
 from netboard.experiment.machine import Cause
-from netboard.recording.account import Account, Pause, Stretch, account_of, parts_of
+from netboard.proof.account import Account, Pause, Stretch, account_of, parts_of
 from netboard.recording.container import Container
 from netboard.recording.recovery import recover
 from netboard.recording.spill import Spill
@@ -23,6 +22,7 @@ from netboard.recording.writer import RecordingWriter
 from netboard.tick import TICK
 from netboard.wire.codec import encode
 from netboard.wire.messages import BLOCK_BEGAN, EventRecord, LogBatch, TickRecord, Welcome
+from samples import CONFIG_TEXT, MS, OPENED_NS, metadata
 
 Log = list[TickRecord | EventRecord]
 

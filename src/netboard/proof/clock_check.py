@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import theilslopes
 
-from netboard.recording.grade import Finding, Grade
+from netboard.proof.grade import Finding, Grade
 from netboard.wire.messages import ClockRecord
 from netboard.wire.session import ClockEstimator
 

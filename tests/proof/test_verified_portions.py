@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from samples import random_rows
 
 import proofs
+from netboard.proof.verification import SLICE, verify, verify_portions
+from netboard.proof.walk import walk
 from netboard.recording.summary import Gap, find_attempts
-from netboard.recording.verification import SLICE, verify, verify_portions
-from netboard.recording.walk import walk
 from netboard.stage import make_stage
+from samples import random_rows
 
 pytestmark = pytest.mark.slow
 

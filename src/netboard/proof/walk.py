@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from netboard.config import Block
 from netboard.experiment.machine import Phase, is_active
+from netboard.proof.verification import Verdict, Verifier
 from netboard.recording.summary import Attempt, Gap, find_attempts
-from netboard.recording.verification import Verdict, Verifier
 from netboard.stage import Stage
 from netboard.tick import TICK, TICK_NS
 
