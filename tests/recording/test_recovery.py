@@ -17,7 +17,6 @@ from mcap.reader import make_reader
 from mcap.records import Chunk, Message
 from mcap.stream_reader import breakup_chunk
 from numpy.typing import NDArray
-from samples import CONFIG_TEXT, OPENED_NS, fill, metadata, new_writer, random_rows, records, write_recording
 
 from netboard.config import Recording as Settings
 from netboard.errors import RecordingError
@@ -25,6 +24,7 @@ from netboard.recording.reader import Recording
 from netboard.recording.recovery import Report, recover, recovered_path
 from netboard.recording.summary import Gap
 from netboard.tick import TICK
+from samples import CONFIG_TEXT, OPENED_NS, fill, metadata, new_writer, random_rows, records, write_recording
 
 ROWS = random_rows(60, seed=2)
 
