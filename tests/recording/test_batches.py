@@ -10,7 +10,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from mcap.reader import make_reader
-from samples import CONFIG_TEXT, OPENED_NS, metadata, random_rows
 
 from netboard.config import Recording as Settings
 from netboard.errors import RecordingError
@@ -22,6 +21,7 @@ from netboard.recording.summary import find_attempts
 from netboard.recording.writer import RecordingWriter
 from netboard.tick import TICK
 from netboard.wire.messages import TickRecord
+from samples import CONFIG_TEXT, OPENED_NS, metadata, random_rows
 
 SCHEMA = CHANNELS[0].schema()
 GOLDEN = Path(__file__).parent.parent / "data" / "recordings" / "format-2.mcap"

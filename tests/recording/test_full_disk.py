@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from samples import MS, OPENED_NS, fill, new_writer, random_rows, records
 
 from netboard.config import Recording as Settings
 from netboard.errors import RecordingError
@@ -26,6 +25,7 @@ from netboard.recording.disk import (
 )
 from netboard.recording.reader import Recording
 from netboard.recording.recovery import recover
+from samples import MS, OPENED_NS, fill, new_writer, random_rows, records
 
 ROWS = random_rows(3000)
 MEGABYTE = 2**20

@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mcap.writer import Writer
-from samples import CONFIG_TEXT, MS, OPENED_NS, fill, metadata, new_writer, random_rows, records, write_recording
 
 from netboard.config import Recording as Settings
 from netboard.errors import RecordingError
@@ -16,6 +15,7 @@ from netboard.recording.summary import Gap
 from netboard.recording.writer import RecordingWriter
 from netboard.tick import TICK
 from netboard.wire.messages import ClockRecord, EventRecord, FrameRecord
+from samples import CONFIG_TEXT, MS, OPENED_NS, fill, metadata, new_writer, random_rows, records, write_recording
 
 ROWS = random_rows(200, seed=1)
 

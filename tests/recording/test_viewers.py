@@ -9,10 +9,10 @@ import msgpack
 import pytest
 from mcap.reader import make_reader
 from mcap.stream_reader import StreamReader
-from samples import random_rows, write_recording
 
 from netboard.recording.channels import CHANNELS, IDS
 from netboard.tick import TICK
+from samples import random_rows, write_recording
 
 ROWS = random_rows(300, seed=9)
 

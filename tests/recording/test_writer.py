@@ -12,6 +12,15 @@ import pytest
 from mcap.reader import NonSeekingReader, make_reader
 from mcap.records import Chunk, Message
 from mcap.stream_reader import StreamReader
+
+from netboard.config import Config, Recording
+from netboard.errors import RecordingError
+from netboard.recording.channels import PLOTTED_EVERY
+from netboard.recording.chunks import messages, payloads, unpack_chunk
+from netboard.recording.provenance import config_sha256, next_recording
+from netboard.recording.reader import Recording as Reader
+from netboard.tick import TICK
+from netboard.wire.messages import TickRecord
 from samples import (
     CONFIG_TEXT,
     MS,
@@ -24,15 +33,6 @@ from samples import (
     records,
     write_recording,
 )
-
-from netboard.config import Config, Recording
-from netboard.errors import RecordingError
-from netboard.recording.channels import PLOTTED_EVERY
-from netboard.recording.chunks import messages, payloads, unpack_chunk
-from netboard.recording.provenance import config_sha256, next_recording
-from netboard.recording.reader import Recording as Reader
-from netboard.tick import TICK
-from netboard.wire.messages import TickRecord
 
 ROWS = random_rows(300)
 
