@@ -57,7 +57,7 @@ def test_a_moving_board_is_drawn_beyond_the_newest_view_and_settles_there(app, m
     for number, sent_ns in ((1, now - 40 * MS), (2, now)):
         showing.take(replace(VIEW, seq=number, tick=40 * number, sent_ns=sent_ns, z=0.01 * number), now)
     assert until(app, lambda: make.board.picture.handles[0][1] > 0.0205)
-    assert until(app, lambda: make.board.picture.handles[0][1] == pytest.approx(0.02, abs=1e-4))
+    assert until(app, lambda: make.board.picture.handles[0][1] == pytest.approx(0.02, abs=1e-12))
     painted = showing.tally.painted
     assert not until(app, lambda: showing.tally.painted > painted, seconds=0.2)
 
