@@ -1,5 +1,6 @@
 """Views, ticks, a waiting loop and a small server for the tests of the display."""
 
+import os
 import socket
 from collections.abc import Callable
 from dataclasses import replace
@@ -52,6 +53,14 @@ def until(app, true: Callable[[], bool], seconds: float = 10.0) -> bool:
     loop.exec()
     look.stop()
     return true()
+
+
+def bytes_from(terminal: int, count: int) -> list[int]:
+    """Read so many bytes from a terminal, which hands them on when it gets to it."""
+    came = b""
+    while len(came) < count:
+        came += os.read(terminal, count)
+    return list(came)
 
 
 def free_ports(count: int = 6) -> int:

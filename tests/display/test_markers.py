@@ -4,6 +4,7 @@ import os
 import sys
 
 import pytest
+from display_parts import bytes_from
 
 from netboard.display.markers import CODES, NoMarkers, open_markers
 from netboard.errors import ConfigError, NetboardError
@@ -31,10 +32,7 @@ def test_a_serial_port_gets_one_byte_for_each_event():
     markers = open_markers(os.ttyname(theirs), "left")
     for event in CODES:
         markers.mark(event)
-    came = b""
-    while len(came) < len(CODES):  # a terminal hands its bytes on when it gets to it
-        came += os.read(ours, 100)
-    assert list(came) == list(CODES.values())
+    assert bytes_from(ours, len(CODES)) == list(CODES.values())
     markers.close()
     os.close(theirs)
     os.close(ours)

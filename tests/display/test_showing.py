@@ -5,7 +5,7 @@ import sys
 from dataclasses import replace
 
 import pytest
-from display_parts import VIEW, WORDS, until
+from display_parts import VIEW, WORDS, bytes_from, until
 
 from netboard.clock import now_ns
 from netboard.config import Config, Display
@@ -58,6 +58,7 @@ def test_a_moving_board_is_drawn_beyond_the_newest_view_and_settles_there(app, m
         showing.take(replace(VIEW, seq=number, tick=40 * number, sent_ns=sent_ns, z=0.01 * number), now)
     assert until(app, lambda: make.board.picture.handles[0][1] > 0.0205)
     assert until(app, lambda: make.board.picture.handles[0][1] == pytest.approx(0.02, abs=1e-12))
+    until(app, lambda: False, seconds=0.1)  # what has been handed over is painted
     painted = showing.tally.painted
     assert not until(app, lambda: showing.tally.painted > painted, seconds=0.2)
 
@@ -105,7 +106,7 @@ def test_a_serial_port_hears_of_a_trial(app, make):
     for number, phase in enumerate(("levelling", "running", "holding")):
         take(showing, number, phase=phase, p=0.15)
         assert until(app, lambda: showing.tally.painted > number)  # noqa: B023  (it is asked at once)
-    assert list(os.read(ours, 10)) == [CODES["levelling"], CODES["running"], CODES["holding"]]
+    assert bytes_from(ours, 3) == [CODES["levelling"], CODES["running"], CODES["holding"]]
     showing.close()
     os.close(theirs)
     os.close(ours)
