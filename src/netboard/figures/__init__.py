@@ -1,0 +1,1 @@
+"""Pictures of a study, for the screen, for print and for people who do not see all colours."""

@@ -1,0 +1,121 @@
+"""What a picture is, and how all of them look: one style, colours that all eyes tell apart, fonts that can be edited.
+
+Pictures are made without a screen and without global state: `new_figure` gives a figure of its own.
+"""
+
+from dataclasses import dataclass
+from io import BytesIO
+from typing import Any
+
+import matplotlib as mpl
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+WIDTH = 7.0
+"""Of a picture over the whole page [in]."""
+
+DPI = 200
+"""Of a picture as PNG."""
+
+BLUE, ORANGE, GREEN, PINK, SKY, VERMILION, YELLOW, BLACK = (
+    "#0072B2",
+    "#E69F00",
+    "#009E73",
+    "#CC79A7",
+    "#56B4E9",
+    "#D55E00",
+    "#F0E442",
+    "#000000",
+)
+"""Colours of Okabe and Ito, which people with any colour vision tell apart."""
+
+COLOURS = {"bimanual": BLUE, "dyadic": VERMILION}
+"""Of a configuration, in all pictures."""
+
+CLASSES = {"cooperative": GREEN, "competitive": VERMILION, "single": ORANGE, "still": "#BBBBBB"}
+"""Of a class of movement, in all pictures."""
+
+STYLE: Any = {
+    "font.size": 8.0,
+    "axes.titlesize": 8.5,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.linewidth": 0.6,
+    "lines.linewidth": 1.2,
+    "legend.frameon": False,
+    "legend.fontsize": 7.5,
+    "svg.fonttype": "none",
+    "svg.hashsalt": "netboard",
+    "pdf.fonttype": 42,
+    "figure.constrained_layout.use": True,
+}
+"""What differs from matplotlib's defaults."""
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """A picture with its words.
+
+    Attributes
+    ----------
+    name : str
+        Name of its file: letters, digits and ``-``.
+    title : str
+        What it shows, in a few words.
+    caption : str
+        What is plotted, in a sentence or two, with n and the unit of replication, and what bars and bands are; or,
+        where there is no picture, why.
+    figure : Figure or None
+        The picture; None where the study has nothing to show.
+    """
+
+    name: str
+    title: str
+    caption: str
+    figure: Figure | None
+
+
+def new_figure(height: float, columns: int = 1, rows: int = 1, width: float = WIDTH) -> tuple[Figure, list[Axes]]:
+    """Begin a picture.
+
+    Parameters
+    ----------
+    height : float
+        Its height [in].
+    columns, rows : int
+        How many axes lie beside and below each other [1].
+    width : float
+        Its width [in].
+
+    Returns
+    -------
+    Figure
+        The empty figure.
+    list of Axes
+        Its axes, row by row.
+    """
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(width, height))
+        axes = figure.subplots(rows, columns, squeeze=False)
+    return figure, list(axes.ravel())
+
+
+def as_bytes(figure: Figure, kind: str) -> bytes:
+    """Write a picture.
+
+    Parameters
+    ----------
+    figure : Figure
+        The picture.
+    kind : {"svg", "pdf", "png"}
+        As what. The same picture gives the same bytes.
+
+    Returns
+    -------
+    bytes
+        The file.
+    """
+    undated = {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {"Software": None}}
+    with mpl.rc_context(STYLE), BytesIO() as file:
+        figure.savefig(file, format=kind, dpi=DPI, metadata=undated[kind])
+        return file.getvalue()

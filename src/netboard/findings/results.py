@@ -1,0 +1,81 @@
+"""A number that is reported, and the tidy table of all of them: none without its n and its unit of replication."""
+
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
+
+import pandas as pd
+
+from netboard.measuring.tables import count, number, words
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """A reported number.
+
+    Attributes
+    ----------
+    topic : str
+        What it belongs to, such as ``learning``: one word, that of its picture.
+    quantity : str
+        What it is, such as ``completion time``.
+    group : str
+        Of whom and when, such as ``bimanual, first 30``.
+    value : float
+        The number; NaN where there is none [its unit].
+    low, high : float
+        Ends of its interval; NaN without one [its unit].
+    unit : str
+        Its SI unit.
+    interval : str
+        What the interval is, such as ``95 % t`` or ``SD``; empty without one.
+    n : int
+        Of how many it is made [1].
+    of : str
+        Of what, such as ``trial``, ``participant`` or ``dyad``.
+    note : str
+        What must be known to read it; may be empty.
+    """
+
+    topic: str
+    quantity: str
+    group: str
+    value: float
+    low: float
+    high: float
+    unit: str
+    interval: str
+    n: int
+    of: str
+    note: str = ""
+
+
+RESULTS = (
+    words("topic", "what it belongs to: the name of a picture"),
+    words("quantity", "what it is"),
+    words("group", "of whom and when"),
+    number("value", "the number", "in column unit"),
+    number("low", "lower end of its interval", "in column unit"),
+    number("high", "upper end of its interval", "in column unit"),
+    words("unit", "SI unit of the three"),
+    words("interval", "what the interval is; empty without one"),
+    count("n", "of how many it is made"),
+    words("of", "of what: the unit of replication"),
+    words("note", "what must be known to read it"),
+)
+"""Columns of the table of results."""
+
+
+def table_of(results: Iterable[Result]) -> pd.DataFrame:
+    """Make the tidy table.
+
+    Parameters
+    ----------
+    results : iterable of Result
+        The rows.
+
+    Returns
+    -------
+    DataFrame
+        The columns of `RESULTS`.
+    """
+    return pd.DataFrame([asdict(result) for result in results], columns=[field.name for field in RESULTS])

@@ -1,0 +1,186 @@
+"""All tables of one recording: what was done in it, every attempt with its measures, every movement, every path.
+
+A recording gives the same tables with the same readings, whoever computes them and where. Nothing is left out here:
+what does not count is marked later (`netboard.measuring.exclusions`).
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from netboard.config import Side
+from netboard.export.runs import Run
+from netboard.measuring.details import MOVEMENTS, PATHS, movements, path
+from netboard.measuring.modern import MODERN
+from netboard.measuring.paper import PAPER
+from netboard.measuring.readings import Readings
+from netboard.measuring.tables import DTYPES, PLACE, Columns, columns_of, count, number, words
+from netboard.measuring.take import RATE, Block, Take
+from netboard.proof.quality import judged
+from netboard.recording.reader import Recording
+
+BLOCKS = (
+    words("recording", "name of the recording"),
+    words("dyad", "pseudonym of the dyad"),
+    words("session", "name of the session"),
+    words("study", "name of the study"),
+    count("pilot", "1: not to be counted"),
+    count("block", "number of the block in the dyad's plan, from 1"),
+    count("part", "number of the recording in its block, from 1"),
+    words("configuration", "dyadic: two people with one hand each; bimanual: one with both"),
+    words("force", "what the hands felt: full, partner_only, environment_only, none or unrelated"),
+    count("haptics", "1: they felt something"),
+    words("performer", "who performed: the pseudonym of the participant, or of the dyad for both"),
+    words("left_by", "who moved the left stylus; still or robot if nobody did"),
+    words("right_by", "who moved the right stylus"),
+    count("simulated", "1: no person held a device"),
+    words("opened_utc", "when the recording was begun, UTC"),
+    number("duration", "from the first tick to the last", "s"),
+    count("ticks", "how many there are"),
+    count("missing", "how many are not there"),
+    count("trials", "successful trials planned for the block"),
+    count("repaired", "1: a recording that was damaged, and recovered"),
+    words("netboard", "version of netboard that recorded it"),
+    words("config_sha256", "SHA-256 of its configuration"),
+)
+"""Columns of the table of blocks: one row a recording."""
+
+_GROUPS = (*PAPER, *MODERN)
+
+TRIALS = (
+    *PLACE,
+    words("outcome", "success, fell or timed_out"),
+    count("target", "side of the target: -1 left, +1 right"),
+    number("release", "when the ball was released, from the first tick of the recording on", "s"),
+    number("duration", "from there to the end, the hold included", "s"),
+    count("catch", "1: a catch trial, in which nothing was felt"),
+    words("flags", "marks of quality, with spaces between"),
+    *(field for group in _GROUPS for field in group.fields),
+)
+"""Columns of the table of trials: one row an attempt."""
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """The tables of a recording.
+
+    Attributes
+    ----------
+    blocks, trials, movements, paths : dict of ndarray
+        Columns as in `BLOCKS`, `TRIALS`, `MOVEMENTS` and `PATHS` [SI].
+    """
+
+    blocks: Columns
+    trials: Columns
+    movements: Columns
+    paths: Columns
+
+
+FIELDS = {"blocks": BLOCKS, "trials": TRIALS, "movements": MOVEMENTS, "paths": PATHS}
+"""Columns of each table of `Measured`."""
+
+
+def measure(run: Run, readings: Readings) -> Measured:
+    """Measure a recording.
+
+    Parameters
+    ----------
+    run : Run
+        The recording, and whose it is.
+    readings : Readings
+        How it is measured.
+
+    Returns
+    -------
+    Measured
+        Its tables.
+
+    Raises
+    ------
+    RecordingError
+        If it cannot be read, or has no ticks or no ball.
+    """
+    name = run.path.stem
+    with Recording(run.path) as recording:
+        flags = {verdict.release: verdict.flags for verdict in judged(recording)}
+        block = Block(recording, run.config, readings)
+        repaired = bool(recording.recovery)
+    takes = list(block.takes())
+    places: list[dict[str, Any]] = [
+        {"recording": name, "trial": take.attempt.trial, "attempt": take.attempt.attempt} for take in takes
+    ]
+    trials = [place | _attempt(take, flags) for place, take in zip(places, takes, strict=True)]
+    turns = [place | dict(row) for place, take in zip(places, takes, strict=True) for row in movements(take)]
+    return Measured(
+        columns_of(BLOCKS, [_block(run, block, repaired)]),
+        columns_of(TRIALS, trials),
+        columns_of(MOVEMENTS, turns),
+        _paths(places, takes),
+    )
+
+
+def _attempt(take: Take, flags: Mapping[int, tuple[str, ...]]) -> dict[str, Any]:
+    """Measure one attempt."""
+    attempt, config = take.attempt, take.block.config
+    row: dict[str, Any] = {
+        "outcome": attempt.outcome,
+        "target": attempt.target,
+        "release": (attempt.tick - take.block.first) / RATE,
+        "duration": attempt.duration,
+        "catch": int(attempt.trial in config.block.catch),
+        "flags": " ".join(flags.get(attempt.tick, ())),
+    }
+    for group in _GROUPS:
+        row |= group.measure(take)
+    return row
+
+
+def _paths(places: list[dict[str, Any]], takes: list[Take]) -> Columns:
+    """Put the paths of all attempts one after the other."""
+    parts = [path(take) for take in takes]
+    lengths = [len(part["time"]) for part in parts]
+    whole: Columns = {}
+    for field in PATHS:
+        if field.name in ("recording", "trial", "attempt"):
+            values = np.array([place[field.name] for place in places], DTYPES[field.kind])
+            whole[field.name] = np.repeat(values, lengths)
+        else:
+            whole[field.name] = np.concatenate([np.empty(0), *(part[field.name] for part in parts)])
+    return whole
+
+
+def _block(run: Run, block: Block, repaired: bool) -> dict[str, Any]:
+    """Say what was done in a recording."""
+    said, config = run.metadata, run.config
+    return {
+        "recording": run.path.stem,
+        "dyad": config.session.dyad,
+        "session": config.session.name,
+        "study": config.session.study,
+        "pilot": int(config.session.pilot),
+        "block": config.block.number,
+        "part": int(said["part"]),
+        "configuration": config.block.configuration,
+        "force": config.block.force,
+        "haptics": int(config.block.haptics),
+        "performer": run.people[0].label if config.block.configuration == "bimanual" else config.session.dyad,
+        "left_by": _mover(run, "left"),
+        "right_by": _mover(run, "right"),
+        "simulated": int(all(person.simulated for person in run.people)),
+        "opened_utc": said["opened_utc"],
+        "duration": block.samples / RATE,
+        "ticks": block.samples - block.missing,
+        "missing": block.missing,
+        "trials": config.block.trials,
+        "repaired": int(repaired),
+        "netboard": said["netboard"],
+        "config_sha256": said["config_sha256"],
+    }
+
+
+def _mover(run: Run, side: Side) -> str:
+    """Name who moved a stylus."""
+    kind: str = getattr(run.config.block, side)
+    return next((person.label for person in run.people if side in person.sides), kind)

@@ -1,0 +1,129 @@
+"""A study in memory: the tables of all its recordings, joined, in the order in which things were done."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, fields
+
+import pandas as pd
+
+from netboard.analysis.performance import running_number
+from netboard.measuring.exclusions import excluded
+from netboard.measuring.readings import Readings
+from netboard.measuring.recordings import FIELDS, Measured
+from netboard.measuring.tables import count, words
+
+PLACE_IN_STUDY = (
+    words("dyad", "pseudonym of the dyad"),
+    words("performer", "who performed: the pseudonym of the participant, or of the dyad for both"),
+    words("configuration", "dyadic or bimanual"),
+    words("force", "what the hands felt"),
+    count("haptics", "1: they felt something"),
+    words("condition", "configuration and force, and who the partner was if none of the two people"),
+    count("block", "number of the block in the dyad's plan, from 1"),
+    count("counts", "1: a successful trial that is not excluded"),
+    count("order", "its number among the performer's that count in the condition, from 1; 0 if it does not count"),
+)
+"""Columns that the tables of trials and movements have in a study besides their own."""
+
+_SHARED = tuple(field.name for field in PLACE_IN_STUDY)
+_KEYS = ["recording", "trial", "attempt"]
+
+
+@dataclass(frozen=True, slots=True)
+class Study:
+    """All tables of a study.
+
+    Attributes
+    ----------
+    readings : Readings
+        How it was measured, and what counts.
+    blocks, trials, movements, paths : DataFrame
+        As in `netboard.measuring.recordings`; trials and movements with the columns of `PLACE_IN_STUDY`.
+    exclusions : DataFrame
+        As in `netboard.measuring.exclusions`.
+    """
+
+    readings: Readings
+    blocks: pd.DataFrame
+    trials: pd.DataFrame
+    movements: pd.DataFrame
+    paths: pd.DataFrame
+    exclusions: pd.DataFrame
+
+    @property
+    def counted(self) -> pd.DataFrame:
+        """The successful trials that count, in the order in which they were done within each dyad."""
+        return self.trials[self.trials["counts"] == 1]
+
+    @property
+    def dyads(self) -> list[str]:
+        """Pseudonyms of the dyads, sorted."""
+        return sorted(self.blocks["dyad"].unique())
+
+
+def study_of(measured: Iterable[Measured], readings: Readings) -> Study:
+    """Join the tables of recordings.
+
+    Parameters
+    ----------
+    measured : iterable of Measured
+        The tables of each recording, in any order.
+    readings : Readings
+        The readings they were measured with; their exclusions are applied here.
+
+    Returns
+    -------
+    Study
+        The study.
+
+    Raises
+    ------
+    ConfigError
+        If the exclusions name a trial that is not there.
+    """
+    all_of = list(measured)
+    tables = {
+        field.name: pd.concat([pd.DataFrame(getattr(one, field.name)) for one in all_of], ignore_index=True)
+        for field in fields(Measured)
+    }
+    blocks = tables["blocks"].sort_values(["dyad", "block", "part", "recording"], ignore_index=True)
+    blocks["condition"] = _conditions(blocks)
+    place = pd.Series(blocks.index, blocks["recording"])
+    for name in ("trials", "movements", "paths"):
+        tables[name] = tables[name].sort_values("recording", key=place.get, kind="stable", ignore_index=True)
+    left_out = excluded(blocks, tables["trials"], readings.exclusions)
+    trials = _placed(tables["trials"], blocks, left_out, readings)
+    movements = tables["movements"].merge(trials[[*_KEYS, *_SHARED]], on=_KEYS, how="left", validate="many_to_one")
+    return Study(readings, blocks, trials, movements, tables["paths"], left_out)
+
+
+def _conditions(blocks: pd.DataFrame) -> pd.Series:
+    """Name the condition of each block."""
+    partner = [
+        "".join(f", {kind} partner" for kind in ("robot", "still") if kind in movers)
+        for movers in zip(blocks["left_by"], blocks["right_by"], strict=True)
+    ]
+    return blocks["configuration"] + ", " + blocks["force"] + pd.Series(partner, blocks.index, dtype=object)
+
+
+def _placed(trials: pd.DataFrame, blocks: pd.DataFrame, left_out: pd.DataFrame, readings: Readings) -> pd.DataFrame:
+    """Say of each attempt whose it is, whether it counts, and the how manyth it is."""
+    known = [name for name in _SHARED if name not in ("counts", "order")]
+    joined = trials.merge(blocks[["recording", *known]], on="recording", how="left", validate="many_to_one")
+    out = pd.MultiIndex.from_frame(left_out[_KEYS])
+    kept = ~pd.MultiIndex.from_frame(joined[_KEYS]).isin(out)
+    joined["counts"] = ((joined["outcome"] == "success") & kept).astype("int64")
+    joined["order"] = 0
+    counted = joined["counts"] == 1
+    labels = ["dyad", "performer", "configuration"]
+    if readings.summaries.numbering == "condition":
+        labels.append("condition")
+    if counted.any():
+        columns = [joined.loc[counted, name].to_numpy() for name in labels]
+        joined.loc[counted, "order"] = running_number(*columns)
+    return joined
+
+
+FIELDS_IN_STUDY = {
+    name: (*own, *PLACE_IN_STUDY) if name in ("trials", "movements") else own for name, own in FIELDS.items()
+} | {"blocks": (*FIELDS["blocks"], words("condition", "configuration and force, and the partner if not a person"))}
+"""Columns of each table of a study."""

@@ -1,0 +1,290 @@
+"""One recording as the measures see it: filtered as the readings say, and cut into its attempts.
+
+Samples are numbered from the recording's first tick; a tick that is missing is not a number, and nothing is computed
+across it. Only the columns that are needed are read.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.analysis.motion import Motion, Trial, find_completion, motion, placements
+from netboard.analysis.segments import Segments, board_segments
+from netboard.analysis.signals import LowPass, by_number
+from netboard.config import SIDES, Config
+from netboard.errors import RecordingError
+from netboard.measuring.readings import Readings
+from netboard.recording.reader import Recording
+from netboard.recording.summary import Attempt
+from netboard.tick import TICK_SECONDS
+
+RATE = 1 / TICK_SECONDS
+"""Samples per second [Hz]."""
+
+_PLACES = ("theta", "p", "left_used_z", "right_used_z")
+_FORCES = ("left_coupling", "right_coupling")
+_RATES = ("left_used_vz", "right_used_vz")
+
+
+class Block:
+    """A recording in memory.
+
+    Parameters
+    ----------
+    recording : Recording
+        The recording, open; it is read here and not needed afterwards.
+    config : Config
+        Its configuration.
+    readings : Readings
+        How it is to be measured.
+
+    Attributes
+    ----------
+    config : Config
+        Its configuration.
+    readings : Readings
+        How it is measured.
+    attempts : tuple of Attempt
+        All attempts, with ticks counted from `first`.
+    first : int
+        Number of the first tick [1].
+    missing : int
+        Ticks that are not there [1].
+
+    Raises
+    ------
+    RecordingError
+        If it has no ticks, or no ball.
+    """
+
+    def __init__(self, recording: Recording, config: Config, readings: Readings) -> None:
+        if not recording.counts["/ticks"]:
+            raise RecordingError(f"{recording.path}: has no ticks, so there is nothing to analyse; leave it out")
+        if config.physics.balls == 0:
+            raise RecordingError(f"{recording.path}: its scene has no ball, so it has no trials; leave it out")
+        self.config, self.readings = config, readings
+        names = (*_PLACES, *_FORCES, *(_RATES if readings.filters.velocity == "device" else ()))
+        columns = recording.columns("tick", *names)
+        ticks = columns["tick"]
+        self.first = int(ticks[0])
+        whole = int(ticks[-1]) + 1 - self.first
+        self.missing = whole - ticks.size
+        self._columns = {
+            name: by_number(ticks, columns[name]) if self.missing else np.asarray(columns[name]) for name in names
+        }
+        self.attempts: tuple[Attempt, ...] = recording.attempts()
+
+    @property
+    def samples(self) -> int:
+        """How many samples there are, missing ones counted in [1]."""
+        return self.raw("p").size
+
+    def raw(self, name: str) -> NDArray[np.float64]:
+        """Return a column as recorded, shape (n,) [SI].
+
+        Parameters
+        ----------
+        name : str
+            Name of the column, as in the recording.
+        """
+        return self._columns[name]
+
+    @cached_property
+    def placed(self) -> NDArray[np.int64]:
+        """First samples after the ball was put somewhere else, shape (k,) [1]."""
+        return placements(self.raw("p"), RATE)
+
+    @cached_property
+    def fast(self) -> LowPass:
+        """The filter of all force and kinematic data."""
+        return self._low_pass(self.readings.filters.fast)
+
+    @cached_property
+    def slow(self) -> LowPass:
+        """The filter of the board's angular velocity and of the ball's speed."""
+        return self._low_pass(self.readings.filters.slow)
+
+    def _low_pass(self, cutoff: float) -> LowPass:
+        how = self.readings.filters
+        return LowPass(cutoff, how.order, how.order_of, how.cutoff_of, how.padding, how.pad)
+
+    def filtered(self, part: slice) -> Motion:
+        """Filter a part of the recording.
+
+        Parameters
+        ----------
+        part : slice
+            Its samples.
+        """
+        how = self.readings.filters
+        theta, p, left, right = (self.raw(name)[part] for name in _PLACES)
+        rates = [self.raw(name)[part] for name in _RATES] if how.velocity == "device" else (None, None)
+        placed = self.placed[(self.placed > part.start) & (self.placed < part.stop)] - part.start
+        return motion(
+            RATE,
+            left,
+            right,
+            theta,
+            p,
+            left_vz=rates[0],
+            right_vz=rates[1],
+            placed=placed,
+            fast=self.fast,
+            slow=self.slow,
+            speed=how.speed,
+        )
+
+    @cached_property
+    def whole(self) -> Motion:
+        """All of the recording, filtered."""
+        return self.filtered(slice(0, self.samples))
+
+    @cached_property
+    def forces(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Forces of the left and the right hand on the board, filtered, shape (n,) each [N]."""
+        left, right = (self.fast(self.raw(name), RATE) for name in _FORCES)
+        return left, right
+
+    def segments(self, found: Motion) -> Segments:
+        """Movements of the board.
+
+        Parameters
+        ----------
+        found : Motion
+            The recording or a part of it, filtered.
+        """
+        how = self.readings.segments
+        return board_segments(
+            found.omega,
+            found.theta,
+            RATE,
+            turning=how.turning,
+            angle=how.angle,
+            least_rate=float(np.radians(how.least_rate_deg)),
+            shortest=how.shortest,
+            least_angle=float(np.radians(how.least_angle_deg)),
+        )
+
+    @cached_property
+    def _turns(self) -> Segments:
+        return self.segments(self.whole)
+
+    def takes(self) -> Iterator["Take"]:
+        """Yield the attempts that ended with a success, a fall or the end of their time, in order.
+
+        Yields
+        ------
+        Take
+            The next one.
+        """
+        for attempt in self.attempts:
+            if attempt.outcome in ("success", "fell", "timed_out"):
+                yield self._take(attempt)
+
+    def _take(self, attempt: Attempt) -> "Take":
+        """Cut an attempt out."""
+        release, stop = attempt.tick - self.first, attempt.stop - self.first
+        how, sizes = self.readings, self.config.geometry
+        target = attempt.target * sizes.target_distance
+        completion = find_completion(
+            self.raw("p")[release:stop],
+            RATE,
+            target,
+            inside=how.completion.inside,
+            half_width=sizes.target_width / 2,
+            radius=sizes.ball_radius,
+            hold=self.config.task.hold_time,
+        )
+        done = None if completion.sample is None else release + completion.sample
+        trial, part = Trial(release, stop, target, done), slice(0, self.samples)
+        found, turns = self.whole, self._turns
+        if how.filters.unit == "trial":
+            part = slice(release, stop)
+            trial = Trial(0, stop - release, target, completion.sample)
+            found = self.filtered(part)
+            turns = self.segments(found)
+        elif how.segments.ends == "trial":
+            turns = _shifted(self.segments(_cut(found, trial)), release)
+        return Take(self, attempt, part, trial, found, turns, completion.time, completion.entries)
+
+
+@dataclass(frozen=True)
+class Take:
+    """An attempt, and where it lies.
+
+    Attributes
+    ----------
+    block : Block
+        The recording.
+    attempt : Attempt
+        The attempt, as the recording knows it.
+    part : slice
+        The samples of the recording that `found` is of.
+    trial : Trial
+        The attempt within these.
+    found : Motion
+        The filtered movement.
+    turns : Segments
+        Movements of the board in it.
+    completion : float
+        Completion time; NaN without one [s].
+    entries : int
+        How often the ball came into the target [1].
+    """
+
+    block: Block
+    attempt: Attempt
+    part: slice
+    trial: Trial
+    found: Motion
+    turns: Segments
+    completion: float
+    entries: int
+
+    def raw(self, name: str) -> NDArray[np.float64]:
+        """Return a column of `part`, as recorded, shape (n,) [SI].
+
+        Parameters
+        ----------
+        name : str
+            Name of the column.
+        """
+        return self.block.raw(name)[self.part]
+
+    def force(self, side: Literal["left", "right"], window: slice) -> NDArray[np.float64]:
+        """Force of a hand on the board, filtered [N].
+
+        Parameters
+        ----------
+        side : {"left", "right"}
+            Whose.
+        window : slice
+            Samples of `part`.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            The force, + = up [N].
+        """
+        return self.block.forces[SIDES.index(side)][self.part][window]
+
+    @cached_property
+    def own_turns(self) -> Segments:
+        """Movements of the board that begin in the attempt."""
+        return self.turns.of_trial(self.trial)
+
+
+def _cut(found: Motion, trial: Trial) -> Motion:
+    """Keep the samples of a trial only."""
+    inside = trial.window("whole")
+    arrays = {name: getattr(found, name)[inside] for name in Motion.__slots__ if name != "rate"}
+    return Motion(rate=found.rate, **arrays)
+
+
+def _shifted(turns: Segments, by: int) -> Segments:
+    """Count movements from an earlier sample."""
+    return Segments(turns.first + by, turns.stop + by, turns.angle, turns.cut)
