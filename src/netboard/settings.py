@@ -15,7 +15,7 @@ import tomllib
 from collections.abc import Callable, Iterator, Sequence
 from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
-from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic import ConfigDict, Field, StrictStr, TypeAdapter, ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
@@ -177,12 +177,19 @@ def _kind_words(kind: Any) -> str:
     if get_origin(kind) is Literal:
         return " or ".join(f'"{choice}"' for choice in get_args(kind))
     if get_origin(kind) is tuple:
-        return "a list of texts" if get_args(kind)[0] is str else "a list of whole numbers"
+        return f"a list of {_many(get_args(kind)[0])}"
     if get_origin(kind) is dict:
         return _kind_words(get_args(kind)[1])
     if kind is Any or dataclasses.is_dataclass(kind):
         return "a table"
     return _KINDS.get(kind, "text, a number, true or false")
+
+
+def _many(kind: Any) -> str:
+    """Say what several values of a type are."""
+    if get_origin(kind) is Literal:
+        return ", ".join(f'"{choice}"' for choice in get_args(kind))
+    return "texts" if kind in (str, StrictStr) else "whole numbers"
 
 
 # --- reading -----------------------------------------------------------------------------------------------------

@@ -68,7 +68,7 @@ class Keeper:
         text = resolve(config)
         self.path = folder / name_of(config, session)
         welcome = Welcome(session, PROTOCOL_VERSION, start_ns, text)
-        metadata = provenance(welcome, config, config.block.number, utc_ns, start_ns) | dict(said)
+        metadata = provenance(welcome, config, 1, utc_ns, start_ns) | dict(said)
         self._log_time_minus_server = utc_ns - start_ns
         self._writer = RecordingWriter(self.path, metadata, text, config.recording, utc_ns)
         self._events = self._records = 0

@@ -1,0 +1,119 @@
+"""A study is its recordings in the order of its plan, less what is excluded, and every exclusion is told."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from netboard.errors import ConfigError
+from netboard.measuring.exclusions import excluded
+from netboard.measuring.readings import Exclusions, Readings, parse
+from netboard.measuring.study import FIELDS_IN_STUDY, Study, study_of
+from rehearsed_study import measured, rehearse
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    where = tmp_path_factory.mktemp("study")
+    rehearse(where)
+    return where
+
+
+def study(folder: Path, *words: str) -> Study:
+    readings = parse("", overrides=words)
+    return study_of(measured(folder, Readings()), readings)
+
+
+def blocks(**columns: object) -> pd.DataFrame:
+    return pd.DataFrame({"recording": ["r"], "pilot": [0], "simulated": [0]} | columns)
+
+
+def trials(**columns: object) -> pd.DataFrame:
+    base = {"recording": "r", "trial": [1, 2, 3], "attempt": 1, "catch": 0, "flags": ""}
+    return pd.DataFrame(base | columns)
+
+
+@pytest.mark.slow
+def test_trials_are_numbered_within_each_performer_and_condition(folder: Path) -> None:
+    found = study(folder)
+    assert found.dyads == ["D01", "D02"]
+    for _, own in found.counted.groupby(["performer", "condition"]):
+        assert list(own["order"]) == list(range(1, len(own) + 1))
+    assert set(found.counted["condition"]) == {
+        f"{who}, {force}" for who in ("bimanual", "dyadic") for force in ("full", "none")
+    }
+    assert (found.trials.loc[found.trials["outcome"] != "success", "counts"] == 0).all()
+    for name in ("blocks", "trials", "movements"):
+        assert set(getattr(found, name)) == {field.name for field in FIELDS_IN_STUDY[name]}
+
+
+@pytest.mark.slow
+def test_the_order_of_recordings_does_not_matter(folder: Path) -> None:
+    one, other = (study_of(m, Readings()) for m in (measured(folder, Readings()), measured(folder, Readings())[::-1]))
+    for name in ("blocks", "trials", "movements", "paths"):
+        pd.testing.assert_frame_equal(getattr(one, name), getattr(other, name))
+
+
+@pytest.mark.slow
+def test_numbering_over_a_configuration_goes_on_across_conditions(folder: Path) -> None:
+    found = study(folder, "summaries.numbering=configuration")
+    dyads = found.counted[found.counted["configuration"] == "dyadic"]
+    assert dyads["order"].max() == 2 * study(folder).counted["order"].max()
+
+
+@pytest.mark.slow
+def test_what_is_excluded_does_not_count_and_is_listed(folder: Path) -> None:
+    first = study(folder).blocks["recording"][0]
+    found = study(folder, "exclusions.warm_up=1", f'exclusions.trials=["{first}/3: the phone rang"]')
+    assert (found.counted["trial"] > 1).all()
+    assert found.exclusions["why"].value_counts()["excluded by the experimenter: the phone rang"] == 1
+    assert len(found.counted) == 8 * 2 - 1
+
+
+@pytest.mark.parametrize(
+    ("change", "rules", "why"),
+    [
+        ({"flags": ["", "clipped too_long", ""]}, Exclusions(), ["a force was at its limit for too much of the time"]),
+        ({"flags": ["too_long", "", ""]}, Exclusions(), []),
+        (
+            {"flags": ["stuck_left", "", ""]},
+            Exclusions(),
+            ["the height of the left stylus did not change for too long"],
+        ),
+        ({"catch": [0, 1, 0]}, Exclusions(), ["a catch trial"]),
+        ({"catch": [0, 1, 0]}, Exclusions(catch=False), []),
+        ({}, Exclusions(warm_up=2), ["one of the first 2 trials of the block"] * 2),
+    ],
+)
+def test_each_rule_excludes_what_it_names(change: dict[str, object], rules: Exclusions, why: list[str]) -> None:
+    assert list(excluded(blocks(), trials(**change), rules)["why"]) == why
+
+
+def test_a_simulated_hand_may_be_still() -> None:
+    assert excluded(blocks(simulated=[1]), trials(flags="stuck_left"), Exclusions()).empty
+
+
+def test_an_attempt_has_all_its_reasons() -> None:
+    found = excluded(blocks(), trials(flags=["clipped lost_samples", "", ""]), Exclusions(warm_up=1))
+    assert len(found) == 3
+    assert set(found["trial"]) == {1}
+
+
+@pytest.mark.parametrize(("pilots", "count"), [("unless_all", 1), ("always", 1), ("never", 0)])
+def test_pilots_do_not_count_beside_others(pilots: str, count: int) -> None:
+    both = pd.DataFrame({"recording": ["r", "s"], "pilot": [0, 1], "simulated": 0})
+    rows = trials(recording=["r", "r", "s"])
+    assert len(excluded(both, rows, Exclusions(pilots=pilots))) == count  # type: ignore[arg-type]
+    alone = excluded(blocks(pilot=[1]), trials(), Exclusions(pilots=pilots))  # type: ignore[arg-type]
+    assert len(alone) == (3 if pilots == "always" else 0)
+
+
+@pytest.mark.parametrize("word", ["r/9: late", "q/1: late", "r/1", "r/one: late", "r/1:"])
+def test_a_trial_that_is_not_there_cannot_be_excluded(word: str) -> None:
+    with pytest.raises(ConfigError, match=r"exclusions\] trials"):
+        excluded(blocks(), trials(), Exclusions(trials=(word,)))
+
+
+def test_nan_is_no_flag() -> None:
+    assert np.array_equal(excluded(blocks(), trials(), Exclusions()).shape, (0, 4))

@@ -1,0 +1,27 @@
+"""A small study to analyse: simulated people do the first blocks of the paper's plan, and recordings are kept."""
+
+from functools import cache
+from pathlib import Path
+
+from netboard.config import Config
+from netboard.export.runs import runs_of
+from netboard.measuring.readings import Readings
+from netboard.measuring.recordings import Measured, measure
+from netboard.services.rehearsal import in_turn, jobs_of, shortened
+from netboard.services.session import blocks_of
+
+
+def rehearse(folder: Path, dyads: int = 2, blocks: tuple[int, ...] = (1, 2, 9, 10), trials: int = 3) -> list[Path]:
+    """Write recordings of some blocks of each dyad; with the default all four conditions are there."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for dyad in range(1, dyads + 1):
+        plan = list(shortened(blocks_of(Config(), "paper", 1, dyad), None, trials))
+        chosen = [config for config in plan if config.block.number in blocks]
+        in_turn(jobs_of(chosen, 1, dyad, folder, fast=True))
+    return sorted(folder.glob("*.mcap"))
+
+
+@cache
+def measured(folder: Path, readings: Readings) -> tuple[Measured, ...]:
+    """All recordings of a folder, measured; kept for the next test that asks."""
+    return tuple(measure(run, readings) for run in runs_of(sorted(folder.glob("*.mcap"))))
