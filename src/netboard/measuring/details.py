@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from netboard.analysis.cooperation import PORTIONS, contributions, delays
+from netboard.analysis.cooperation import PORTIONS, Contributions, Delays, contributions, delays
 from netboard.config import SIDES
 from netboard.measuring.tables import PLACE, Columns, count, number
 from netboard.measuring.take import RATE, Take
@@ -50,18 +50,20 @@ PATHS = (
 """Columns of the table of paths."""
 
 
-def movements(take: Take) -> Iterator[Mapping[str, Any]]:
-    """Yield the rows of the movements of the board that begin in an attempt, but for its place.
+def delays_of(take: Take) -> tuple[Contributions, Delays, Delays]:
+    """Find the delays in the movements of the board that begin in an attempt.
 
     Parameters
     ----------
     take : Take
         The attempt.
 
-    Yields
-    ------
-    dict
-        The next row [SI].
+    Returns
+    -------
+    moved : Contributions
+        What each side did in them.
+    as_set, of_own : Delays
+        Delays as set, and at portions of each side's own peak.
     """
     own, found, how = take.own_turns, take.found, take.block.readings.delays
     moved = contributions(
@@ -77,7 +79,24 @@ def movements(take: Take) -> Iterator[Mapping[str, Any]]:
         search=how.search,
         velocity=how.velocity,
     )
-    of_own = delays(own, moved, found.left_vz, found.right_vz, RATE, threshold="own_peak")
+    return moved, as_set, delays(own, moved, found.left_vz, found.right_vz, RATE, threshold="own_peak")
+
+
+def movements(take: Take) -> Iterator[Mapping[str, Any]]:
+    """Yield the rows of the movements of the board that begin in an attempt, but for its place.
+
+    Parameters
+    ----------
+    take : Take
+        The attempt.
+
+    Yields
+    ------
+    dict
+        The next row [SI].
+    """
+    own = take.own_turns
+    moved, as_set, of_own = delays_of(take)
     for k in range(len(own)):
         yield {
             "movement": k + 1,

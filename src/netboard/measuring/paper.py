@@ -1,10 +1,66 @@
 """The paper's measures of an attempt, each by the function of `netboard.analysis` and the reading that are set."""
 
-from netboard.analysis.braking import first_braking
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.analysis.braking import Braking, Strategy, first_braking
+from netboard.analysis.motion import Window
 from netboard.analysis.movements import classify, movement_times
-from netboard.analysis.peaks import velocity_peaks
+from netboard.analysis.peaks import Peaks, velocity_peaks
 from netboard.measuring.tables import Group, count, number
 from netboard.measuring.take import RATE, Take
+
+
+def peaks_of(take: Take, window: Window) -> Peaks:
+    """Find the velocity peaks of the ball, as set.
+
+    Parameters
+    ----------
+    take : Take
+        The attempt.
+    window : {"to_completion", "whole"}
+        Where.
+    """
+    how = take.block.readings.peaks
+    return velocity_peaks(
+        take.found.speed[take.trial.window(window)],
+        extrema=how.extrema,
+        plateau=how.plateau,
+        least_prominence=how.least_prominence,
+    )
+
+
+def classes_of(take: Take) -> NDArray[np.int8]:
+    """Classify the movement of the styluses at each sample of the window that is set.
+
+    Parameters
+    ----------
+    take : Take
+        The attempt.
+
+    Returns
+    -------
+    ndarray of int8, shape (n,)
+        A `netboard.analysis.movements.Movement` each [1].
+    """
+    how = take.block.readings.movements
+    window = take.trial.window(how.window)
+    left, right = take.found.left_vz[window], take.found.right_vz[window]
+    return classify(left, right, still_below=how.still_below, at_limit=how.at_limit)
+
+
+def strategy_of(take: Take, braking: Braking) -> Strategy:
+    """Find the first braking movement.
+
+    Parameters
+    ----------
+    take : Take
+        The attempt.
+    braking : {"tilt", "rotation"}
+        What brakes.
+    """
+    found = take.found
+    return first_braking(take.turns, found.theta, found.p, found.vp, RATE, take.trial, braking=braking)
 
 
 def _completion(take: Take) -> dict[str, float]:
@@ -12,36 +68,23 @@ def _completion(take: Take) -> dict[str, float]:
 
 
 def _peaks(take: Take) -> dict[str, float]:
-    how = take.block.readings.peaks
-    counts = {
-        name: velocity_peaks(
-            take.found.speed[take.trial.window(window)],
-            extrema=how.extrema,
-            plateau=how.plateau,
-            least_prominence=how.least_prominence,
-        ).count
-        for name, window in (("peaks", how.window), ("peaks_whole", "whole"))
+    return {
+        "peaks": peaks_of(take, take.block.readings.peaks.window).count,
+        "peaks_whole": peaks_of(take, "whole").count,
     }
-    return dict(counts)
 
 
 def _movements(take: Take) -> dict[str, float]:
-    how = take.block.readings.movements
-    window = take.trial.window(how.window)
-    classes = classify(
-        take.found.left_vz[window], take.found.right_vz[window], still_below=how.still_below, at_limit=how.at_limit
-    )
-    times = movement_times(classes, RATE)
+    times = movement_times(classes_of(take), RATE)
     return {name: getattr(times, name) for name in times.__slots__}
 
 
 def _strategy(take: Take) -> dict[str, float]:
     how = take.block.readings.strategy
+    kinds: dict[str, Braking] = {"braking": how.braking, "turning_back": "rotation"}
     values: dict[str, float] = {}
-    for prefix, braking in (("braking", how.braking), ("turning_back", "rotation")):
-        found = first_braking(
-            take.turns, take.found.theta, take.found.p, take.found.vp, RATE, take.trial, braking=braking
-        )
+    for prefix, braking in kinds.items():
+        found = strategy_of(take, braking)
         distance = found.distance if how.distance == "signed" else found.absolute_distance
         values |= {f"{prefix}_distance": distance, f"{prefix}_velocity": found.velocity, f"{prefix}_onset": found.onset}
         values |= {"initial_onset": found.initial, "wrong_way": found.wrong_way}
