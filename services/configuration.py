@@ -5,12 +5,15 @@ Commands that read it take `ConfigFile` and `Overrides`.
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from netboard.config import Config, digest, parse, resolve, template
 from netboard.errors import ConfigError
+
+if TYPE_CHECKING:
+    from netboard.measuring.readings import Readings
 
 DEFAULT_FILE = Path("netboard.toml")
 
@@ -50,13 +53,44 @@ def load(file: Path | None, overrides: Sequence[str] = ()) -> Config:
         if not DEFAULT_FILE.exists():
             return parse("", "defaults", overrides)
         file = DEFAULT_FILE
+    return parse(_text_of(file, f"netboard config init {file}"), str(file), overrides)
+
+
+def load_readings(file: Path | None, overrides: Sequence[str] = ()) -> "Readings":
+    """Read the settings of an analysis.
+
+    Parameters
+    ----------
+    file : Path or None
+        The file; None takes the defaults.
+    overrides : sequence of str
+        Settings as ``table.key=value`` that go before those of the file.
+
+    Returns
+    -------
+    Readings
+        The settings.
+
+    Raises
+    ------
+    ConfigError
+        If the file cannot be read, or what is in it is wrong.
+    """
+    from netboard.measuring import readings  # with all of the analysis, which other commands do not need
+
+    if file is None:
+        return readings.parse("", "defaults", overrides)
+    return readings.parse(_text_of(file, f"netboard analyse --template {file}"), str(file), overrides)
+
+
+def _text_of(file: Path, make: str) -> str:
+    """Read a file of settings; `make` is the command that makes one."""
     try:
-        text = file.read_text(encoding="utf-8")
+        return file.read_text(encoding="utf-8")
     except FileNotFoundError:
-        raise ConfigError(f"{file}: no such file; make one with: netboard config init {file}") from None
+        raise ConfigError(f"{file}: no such file; make one with: {make}") from None
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(f"{file}: cannot be read: {error}") from error
-    return parse(text, str(file), overrides)
 
 
 def check(file: Path | None, overrides: Sequence[str]) -> str:

@@ -143,6 +143,25 @@ def whatif(
     raise typer.Exit(service.main(recording, changes, output=output, figure=figure, trial=trial, as_json=as_json))
 
 
+def explain(
+    recording: RecordingFile,
+    trial: Annotated[int, typer.Option(min=1, help="Number of the trial in its block.")],
+    attempt: Annotated[int | None, typer.Option(min=1, help="Number of the attempt at it; else the last one.")] = None,
+    settings: Annotated[
+        Path | None, typer.Option("--settings", metavar="FILE", help="How the paper is read: a TOML file.")
+    ] = None,
+    overrides: Overrides = None,
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="FILE", help="The new picture: .png, .svg or .pdf.")
+    ] = Path("trial.png"),
+) -> None:
+    """Draw how each number of one trial is computed: its traces, with all that the measures find in them."""
+    from netboard.services import explain as service
+
+    readings = configuration.load_readings(settings, overrides or ())
+    raise typer.Exit(service.main(recording, trial, attempt, readings, output))
+
+
 def sessions(
     folder: Annotated[
         Path | None, typer.Argument(metavar="[DIR]", help="Folder; else that of the configuration's [recording].")
@@ -248,6 +267,12 @@ def add_to(app: typer.Typer) -> None:
             "netboard whatif S01.mcap --model lagrangian --output S01-lagrangian.mcap",
         )
     )(whatif)
+    app.command(
+        epilog=examples(
+            "netboard explain S01.mcap --trial 12 -o trial12.png",
+            "netboard explain S01.mcap --trial 12 --set peaks.window=whole -o trial12.svg",
+        )
+    )(explain)
     app.command(
         epilog=examples(
             "netboard sessions",

@@ -13,7 +13,8 @@ from netboard.measuring.take import RATE, Take
 STEP = 20
 """Samples from one row of a path to the next: 20 ms. The filtered movement has nothing above 20 Hz that matters [1]."""
 
-_PERCENT = tuple(round(100 * portion) for portion in PORTIONS)
+PERCENT = tuple(round(100 * portion) for portion in PORTIONS)
+"""Portions of a peak at which delays are taken [%]."""
 
 MOVEMENTS = (
     *PLACE,
@@ -29,10 +30,10 @@ MOVEMENTS = (
     number("right_peak", "peak velocity of the right one", "m/s"),
     *(
         number(f"delay_{q}", f"delay at {q} % of the peak that is set, left less right: + = right first", "s")
-        for q in _PERCENT
+        for q in PERCENT
     ),
-    *(count(f"truncated_{q}", f"1: a side was above {q} % already where the search ended") for q in _PERCENT),
-    *(number(f"own_delay_{q}", f"delay at {q} % of each side's own peak, left less right", "s") for q in _PERCENT),
+    *(count(f"truncated_{q}", f"1: a side was above {q} % already where the search ended") for q in PERCENT),
+    *(number(f"own_delay_{q}", f"delay at {q} % of each side's own peak, left less right", "s") for q in PERCENT),
 )
 """Columns of the table of movements."""
 
@@ -109,9 +110,9 @@ def movements(take: Take) -> Iterator[Mapping[str, Any]]:
             "cooperative": int(moved.cooperative[k]),
             "left_peak": as_set.left_peak[k],
             "right_peak": as_set.right_peak[k],
-            **{f"delay_{q}": as_set.signed[k, j] for j, q in enumerate(_PERCENT)},
-            **{f"truncated_{q}": int(as_set.truncated[k, j]) for j, q in enumerate(_PERCENT)},
-            **{f"own_delay_{q}": of_own.signed[k, j] for j, q in enumerate(_PERCENT)},
+            **{f"delay_{q}": as_set.signed[k, j] for j, q in enumerate(PERCENT)},
+            **{f"truncated_{q}": int(as_set.truncated[k, j]) for j, q in enumerate(PERCENT)},
+            **{f"own_delay_{q}": of_own.signed[k, j] for j, q in enumerate(PERCENT)},
         }
 
 

@@ -95,8 +95,9 @@ class Block:
 
     @cached_property
     def placed(self) -> NDArray[np.int64]:
-        """First samples after the ball was put somewhere else, shape (k,) [1]."""
-        return placements(self.raw("p"), RATE)
+        """First samples after the ball was put somewhere else, or stopped where it was, shape (k,) [1]."""
+        ends = [attempt.stop + 1 - self.first for attempt in self.attempts]
+        return np.union1d(placements(self.raw("p"), RATE), np.array(ends, np.int64))
 
     @cached_property
     def fast(self) -> LowPass:

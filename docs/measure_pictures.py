@@ -1,0 +1,40 @@
+"""Draw the pictures of docs/analysis.md: one trial of simulated people, measured as every trial is.
+
+    python docs/measure_pictures.py
+
+A block of the paper's plan is rehearsed, recorded and read back; nothing in the pictures is drawn by hand. Trials
+differ a little from one kind of processor to another, and so do the pictures.
+"""
+
+import tempfile
+from pathlib import Path
+
+from netboard.config import Config
+from netboard.export.runs import runs_of
+from netboard.figures.picture import as_bytes
+from netboard.figures.trial import PANELS, panel
+from netboard.measuring.readings import Readings
+from netboard.measuring.take import Block
+from netboard.recording.reader import Recording
+from netboard.services.rehearsal import in_turn, jobs_of, shortened
+from netboard.services.session import blocks_of
+
+IMAGES = Path(__file__).parent / "images"
+BLOCK, TRIAL = 9, 4
+
+
+def main() -> None:
+    """Write a picture for each part of the sheet of a trial."""
+    plan = shortened(blocks_of(Config(), "paper", 1, 2), BLOCK, TRIAL)
+    with tempfile.TemporaryDirectory() as name:
+        (sheet,) = in_turn(jobs_of(list(plan)[-1:], 1, 2, Path(name), fast=True))
+        (run,) = runs_of([Path(sheet.recording)])
+        with Recording(run.path) as recording:
+            block = Block(recording, run.config, Readings())
+    take = next(take for take in block.takes() if take.attempt.trial == TRIAL and take.attempt.outcome == "success")
+    for part in PANELS:
+        (IMAGES / f"measure-{part}.png").write_bytes(as_bytes(panel(take, part), "png"))
+
+
+if __name__ == "__main__":
+    main()

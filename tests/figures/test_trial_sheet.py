@@ -1,0 +1,109 @@
+"""The sheet of a trial shows what the tables say of it."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.axes import Axes
+
+from netboard.errors import NetboardError
+from netboard.export.runs import runs_of
+from netboard.figures.picture import as_bytes
+from netboard.figures.trial import PANELS, panel, sheet
+from netboard.measuring.readings import Readings
+from netboard.measuring.recordings import Measured
+from netboard.measuring.take import Block, Take
+from netboard.recording.reader import Recording
+from netboard.services import explain
+from rehearsed_study import measured, rehearse
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    where = tmp_path_factory.mktemp("study")
+    rehearse(where, dyads=1, blocks=(10,))
+    return where
+
+
+@pytest.fixture(scope="module")
+def takes(folder: Path) -> list[Take]:
+    (run,) = runs_of(sorted(folder.glob("*.mcap")))
+    with Recording(run.path) as recording:
+        return list(Block(recording, run.config, Readings()).takes())
+
+
+@pytest.fixture(scope="module")
+def tables(folder: Path) -> Measured:
+    return measured(folder, Readings())[0]
+
+
+def axes_of(take: Take, name: str) -> Axes:
+    return panel(take, name).axes[0]
+
+
+def test_every_axis_has_a_unit_and_every_part_its_words(takes: list[Take]) -> None:
+    for take in takes:
+        figure = sheet(take).figure
+        assert figure is not None
+        assert len(figure.axes) == len(PANELS)
+        for axes in figure.axes:
+            assert axes.get_xlabel() == "time from the release (s)"
+            assert axes.get_ylabel().endswith(")")
+            assert ": " in axes.get_title(loc="left")
+
+
+def test_the_words_are_the_numbers_of_the_tables(takes: list[Take], tables: Measured) -> None:
+    for row, take in enumerate(takes):
+        said = {name: axes_of(take, name).get_title(loc="left") for name in PANELS}
+        number = {name: column[row] for name, column in tables.trials.items()}
+        if np.isfinite(number["completion"]):
+            assert f"{number['completion']:.3f} s" in said["completion"]
+        assert f"{number['peaks']} to the completion, {number['peaks_whole']} with" in said["peaks"]
+        total = sum(number[name] for name in ("cooperative", "competitive", "single", "still"))
+        assert f"cooperative {number['cooperative'] / total:.0%}" in said["classes"]
+        if np.isfinite(number["braking_onset"]):
+            assert f"at {number['braking_onset']:.3f} s" in said["braking"]
+
+
+def test_peaks_are_drawn_where_they_are(takes: list[Take], tables: Measured) -> None:
+    for row, take in enumerate(takes):
+        drawn = [line for line in axes_of(take, "peaks").lines if line.get_marker() == "o"]
+        assert [len(line.get_xdata()) for line in drawn] == [
+            tables.trials["peaks_whole"][row],
+            tables.trials["peaks"][row],
+        ]
+
+
+def test_the_same_trial_gives_the_same_bytes(takes: list[Take]) -> None:
+    one, other = (as_bytes(panel(takes[0], "peaks"), "svg") for _ in range(2))
+    assert one == other
+    assert b"<text" in one
+
+
+def test_the_command_writes_a_sheet_once(folder: Path, tmp_path: Path) -> None:
+    (path,) = folder.glob("*.mcap")
+    output = tmp_path / "trial.png"
+    assert explain.main(path, 1, None, Readings(), output) == 0
+    assert output.read_bytes().startswith(b"\x89PNG")
+    with pytest.raises(NetboardError, match="is there already"):
+        explain.main(path, 1, None, Readings(), output)
+
+
+@pytest.mark.parametrize(
+    ("trial", "attempt", "name", "said"),
+    [
+        (99, None, "a.png", "trials 1 to 3 are there"),
+        (1, 9, "a.png", "attempt 9 at trial 1"),
+        (1, None, "a.gif", "expected a file that ends with .png"),
+        (1, None, "nowhere/a.png", "cannot be written"),
+    ],
+)
+def test_what_cannot_be_drawn_is_told(
+    folder: Path, tmp_path: Path, trial: int, attempt: int | None, name: str, said: str
+) -> None:
+    (path,) = folder.glob("*.mcap")
+    with pytest.raises(NetboardError, match=said):
+        explain.main(path, trial, attempt, Readings(), tmp_path / name)
+    assert list(tmp_path.iterdir()) == []
