@@ -190,6 +190,31 @@ def test_a_twitch_the_other_way_counts_as_a_magnitude_only() -> None:
     assert magnitude == pytest.approx(1.070 - 1.010, abs=1e-3)
 
 
+def test_the_last_rise_before_the_peak_is_not_that_of_a_twitch() -> None:
+    """The left hand twitches 300 ms before both move together; each reaches 20 % of its peak of 0.1 m/s 20 ms later."""
+    left_vz, right_vz = ramps(left_from=1350, right_from=1350)
+    left_vz[1030:1060] = -0.05
+    segment = one_segment(1000, 1490)
+    first, last = (
+        delays(segment, TOGETHER, left_vz, right_vz, 1000.0, search=search) for search in ("back", "before_peak")
+    )
+    assert first.signed[0, 1] == pytest.approx(-0.34, abs=1e-3)
+    np.testing.assert_allclose(last.signed, 0.0, atol=1e-12)
+    assert not last.truncated.any()
+    early = ramps(left_from=800, right_from=1000)
+    np.testing.assert_allclose(
+        delays(one_segment(1000, 1400), TOGETHER, *early, 1000.0, search="before_peak").signed[0], [-0.2] * 4
+    )
+    late = delays(one_segment(1000, 1400), TOGETHER, *early, 1000.0, search="before_peak", search_back=0.18)
+    np.testing.assert_array_equal(late.truncated, [[True, False, False, False]])
+
+
+def test_a_portion_is_of_the_peak() -> None:
+    for portion in (0.0, 1.01, np.nan):
+        with pytest.raises(ValueError, match="at most 1"):
+            delays(one_segment(1000, 1400), TOGETHER, *ramps(left_from=1000, right_from=1000), 1e3, portions=(portion,))
+
+
 def test_no_movements() -> None:
     hands = two_hands([], [])
     found = measured(hands)

@@ -5,16 +5,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import pearsonr
+from two_hands import minimum_jerk_rate
 
-from netboard.analysis.lags import lag_of, leadership, own_peak_delays, peak_delay, windowed_lags
+from netboard.analysis.lags import lag_of, leadership, peak_delay, windowed_lags
 
 RATE = 1000.0
-PORTIONS = np.array([0.1, 0.2, 0.3, 0.4])
 
 
 def minimum_jerk(start: float, duration: float, distance: float, rate: float = RATE, record: float = 1.5) -> np.ndarray:
-    s = np.clip((np.arange(round(record * rate)) / rate - start) / duration, 0.0, 1.0)
-    return distance / duration * 30.0 * s**2 * (1.0 - s) ** 2
+    return minimum_jerk_rate(np.arange(round(record * rate)) / rate, start, duration, distance)
 
 
 def swept(delay: float, record: float = 6.0, seed: int = 3) -> np.ndarray:
@@ -27,30 +26,13 @@ def swept(delay: float, record: float = 6.0, seed: int = 3) -> np.ndarray:
 
 @pytest.mark.parametrize("ratio", [1.0, 2.0, 9.0])
 @pytest.mark.parametrize("lag", [0.0, 0.04, 0.08, -0.0613])
-def test_own_peaks_give_the_lag_whatever_the_amplitudes(lag: float, ratio: float) -> None:
+def test_peaks_give_the_lag_whatever_the_amplitudes(lag: float, ratio: float) -> None:
     left, right = minimum_jerk(0.3 + lag, 0.4, 0.01 * ratio), -minimum_jerk(0.3, 0.4, 0.01)
-    assert own_peak_delays(left, right, RATE) == pytest.approx(lag, abs=2e-5)
     assert peak_delay(left, right, RATE) == pytest.approx(lag, abs=1e-6)
 
 
-def test_a_rise_is_where_its_closed_form_has_it() -> None:
-    # Minimum jerk reaches f of its peak at (1 - sqrt(1 - sqrt f)) / 2 of its duration.
-    left, right = minimum_jerk(0.2, 0.4, 0.01), minimum_jerk(0.2, 0.8, 0.01)
-    share = (1.0 - np.sqrt(1.0 - np.sqrt(PORTIONS))) / 2.0
-    assert own_peak_delays(left, right, RATE) == pytest.approx(share * (0.4 - 0.8), abs=2e-5)
-
-
-def test_the_last_rise_before_the_peak_is_not_the_first() -> None:
-    left = minimum_jerk(0.1, 0.3, 0.005) + minimum_jerk(0.6, 0.4, 0.02)
-    right = minimum_jerk(0.6, 0.4, 0.02)
-    assert own_peak_delays(left, right, RATE) == pytest.approx(0.0, abs=1e-9)
-    assert own_peak_delays(left, right, RATE, portions=(0.2,), crossing="first")[0] < -0.4
-
-
-def test_a_side_that_moves_from_the_start_or_not_at_all_has_no_delay() -> None:
-    cut = minimum_jerk(-0.15, 0.4, 0.01)
-    assert np.isnan(own_peak_delays(cut, minimum_jerk(0.1, 0.4, 0.01), RATE)).all()
-    assert np.isnan(own_peak_delays(np.zeros(100), minimum_jerk(0.01, 0.05, 0.01)[:100], RATE)).all()
+def test_a_peak_at_an_end_is_none() -> None:
+    assert np.isnan(peak_delay([], [], RATE))
     assert np.isnan(peak_delay(np.linspace(0, 1, 50), minimum_jerk(0.01, 0.03, 0.01)[:50], RATE))
 
 
@@ -104,8 +86,6 @@ def test_misuse_is_refused() -> None:
         lag_of(np.ones(3), np.ones(4), RATE)
     with pytest.raises(ValueError, match="samples"):
         lag_of(np.ones(100), np.ones(100), RATE)
-    with pytest.raises(ValueError, match="between 0 and 1"):
-        own_peak_delays(np.ones(9), np.ones(9), RATE, portions=(1.0,))
 
 
 @given(
@@ -117,10 +97,10 @@ def test_misuse_is_refused() -> None:
 def test_delays_do_not_know_scale_shift_or_side(lag: float, ratio: float, duration: float, later: float) -> None:
     left = minimum_jerk(0.3 + lag + later, duration, 0.01 * ratio)
     right = -minimum_jerk(0.3 + later, duration, 0.01)
-    delays = own_peak_delays(left, right, RATE)
-    assert delays == pytest.approx(lag, abs=5e-5)
-    assert own_peak_delays(right, left, RATE) == pytest.approx(-delays, abs=1e-12)
-    assert own_peak_delays(-1000.0 * left, 1000.0 * right, RATE) == pytest.approx(delays, abs=1e-9)
+    delay = peak_delay(left, right, RATE)
+    assert delay == pytest.approx(lag, abs=5e-5)
+    assert peak_delay(right, left, RATE) == pytest.approx(-delay, abs=1e-12)
+    assert peak_delay(-1000.0 * left, 1000.0 * right, RATE) == pytest.approx(delay, abs=1e-9)
     found = lag_of(left, right, RATE)
     assert found.delay == pytest.approx(lag, abs=1e-4)
     assert lag_of(right, left, RATE).delay == pytest.approx(-found.delay, abs=1e-9)
@@ -130,5 +110,5 @@ def test_delays_do_not_know_scale_shift_or_side(lag: float, ratio: float, durati
 @given(st.sampled_from([250.0, 500.0, 2000.0]), st.floats(-0.1, 0.1))
 def test_delays_hardly_know_the_rate(rate: float, lag: float) -> None:
     left, right = minimum_jerk(0.3 + lag, 0.4, 0.01, rate), -minimum_jerk(0.3, 0.4, 0.02, rate)
-    assert own_peak_delays(left, right, rate) == pytest.approx(lag, abs=3e-4)
+    assert peak_delay(left, right, rate) == pytest.approx(lag, abs=3e-4)
     assert lag_of(left, right, rate).delay == pytest.approx(lag, abs=3e-4)

@@ -14,7 +14,7 @@ from fractions import Fraction
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import PchipInterpolator
 from scipy.signal import butter, resample_poly, sosfiltfilt
 
@@ -143,6 +143,30 @@ def runs(mask: NDArray[np.bool_]) -> NDArray[np.int64]:
     """
     padded = np.concatenate([[False], mask, [False]])
     return np.flatnonzero(padded[1:] != padded[:-1]).reshape(-1, 2)
+
+
+def paired(left: ArrayLike, right: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Take two signals that go together, sample by sample.
+
+    Parameters
+    ----------
+    left, right : array_like, shape (n,)
+        The signals [any].
+
+    Returns
+    -------
+    left, right : ndarray of float64, shape (n,)
+        The same [as given].
+
+    Raises
+    ------
+    ValueError
+        If they are not of one length.
+    """
+    a, b = np.asarray(left, dtype=float), np.asarray(right, dtype=float)
+    if a.ndim != 1 or a.shape != b.shape:
+        raise ValueError(f"two signals of one length are expected, found shapes {a.shape} and {b.shape}")
+    return a, b
 
 
 def _pieces(values: NDArray[np.float64], breaks: Breaks) -> Iterator[slice]:
@@ -302,7 +326,7 @@ def evenly(
     ValueError
         If there are fewer than two samples or their times do not rise.
     """
-    if times.size < 2 or np.any(np.diff(times) <= 0):
+    if times.size < 2 or not np.all(np.diff(times) > 0):
         raise ValueError("to sample evenly takes two samples or more, with rising times")
     count = int(np.floor((times[-1] - times[0]) * rate * (1 + 1e-12) + 1e-9)) + 1
     wanted = times[0] + np.arange(count) / rate
