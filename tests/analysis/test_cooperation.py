@@ -45,6 +45,7 @@ def closed_form(lag: float, ratio: float, duration: float = 0.4) -> np.ndarray:
     )
 
 
+@pytest.mark.evidence("truth", delays)
 @pytest.mark.parametrize("lag", [0.0, 0.02, 0.04, 0.08])
 @pytest.mark.parametrize("ratio", [1.0, 2.0, 0.5, 4.0])
 def test_delays_are_the_closed_form(lag: float, ratio: float) -> None:
@@ -56,6 +57,7 @@ def test_delays_are_the_closed_form(lag: float, ratio: float) -> None:
     np.testing.assert_allclose(own.signed, lag, atol=5e-5)
 
 
+@pytest.mark.evidence("truth", delays)
 def test_one_threshold_makes_the_larger_movement_earlier() -> None:
     """Without any lag: a bias that grows with the threshold, as known for movements of 0.5 s."""
     for ratio, expected in ((2.0, (14, 21, 28, 34)), (9.0, (30, 45, 58, 71))):
@@ -94,6 +96,7 @@ def ramps(*, left_from: int, right_from: int) -> tuple[np.ndarray, np.ndarray]:
     return tuple(sign * np.clip(samples - at, 0, 100) / 1000 for sign, at in ((-1, left_from), (1, right_from)))
 
 
+@pytest.mark.evidence("truth", delays)
 @pytest.mark.parametrize(("back", "known"), [(0.3, True), (0.18, False), (0.19, True)])
 def test_how_far_back_is_searched(back: float, known: bool) -> None:
     """The left hand has had 10 % of the peak 190 ms before the board moves, and the right one 10 ms after."""
@@ -127,6 +130,7 @@ def test_a_record_that_begins_too_late_cuts_the_search() -> None:
     assert np.isnan(found.signed).all()
 
 
+@pytest.mark.evidence("truth", contributions)
 @pytest.mark.parametrize(
     ("left", "right", "cooperative"),
     [
@@ -151,6 +155,7 @@ def test_which_movements_are_cooperative(left: float, right: float, cooperative:
     assert np.isfinite(found.left_peak).all() == cooperative
 
 
+@pytest.mark.evidence("truth", contributions)
 @pytest.mark.parametrize("amount", ["net", "path"])
 def test_nine_times_as_much_is_still_cooperative(amount: str) -> None:
     left, right = np.array([0.0, -9, -18]), np.array([0.0, 1, 2])
@@ -158,6 +163,7 @@ def test_nine_times_as_much_is_still_cooperative(amount: str) -> None:
     assert not contributions(one_segment(0, 3), 1.01 * left, right, amount=amount).cooperative[0]
 
 
+@pytest.mark.evidence("truth", contributions)
 def test_there_and_back_counts_by_its_path_and_by_the_majority() -> None:
     """The left hand goes 10 mm up; the right one 10 mm down and 9 mm back, or 4 mm down and 6 mm back."""
     left = np.linspace(0, 0.010, 1001)
@@ -190,6 +196,7 @@ def test_a_twitch_the_other_way_counts_as_a_magnitude_only() -> None:
     assert magnitude == pytest.approx(1.070 - 1.010, abs=1e-3)
 
 
+@pytest.mark.evidence("truth", delays)
 def test_the_last_rise_before_the_peak_is_not_that_of_a_twitch() -> None:
     """The left hand twitches 300 ms before both move together; each reaches 20 % of its peak of 0.1 m/s 20 ms later."""
     left_vz, right_vz = ramps(left_from=1350, right_from=1350)
@@ -222,6 +229,7 @@ def test_no_movements() -> None:
     assert len(measured(hands, portions=(0.5,), opposite="majority", amount="path").signed) == 0
 
 
+@pytest.mark.evidence("disturbance", delays, of="holes")
 def test_holes_are_not_known() -> None:
     hands = opposed(0.04)
     segments = board_segments(hands.omega, hands.theta, hands.rate)
@@ -234,6 +242,7 @@ def test_holes_are_not_known() -> None:
 lags, ratios, durations = st.floats(-0.1, 0.1), st.floats(0.2, 5), st.floats(0.3, 0.8)
 
 
+@pytest.mark.evidence("properties", delays, of="unit")
 @given(lags, ratios, durations)
 def test_own_peaks_give_the_lag_whatever_the_amplitudes(lag: float, ratio: float, duration: float) -> None:
     found = measured(opposed(lag, ratio, duration), threshold="own_peak", portions=(0.2, 0.4))
@@ -241,6 +250,7 @@ def test_own_peaks_give_the_lag_whatever_the_amplitudes(lag: float, ratio: float
     np.testing.assert_allclose(found.signed, lag, atol=2e-4)
 
 
+@pytest.mark.evidence("properties", delays, of="mirror")
 @given(lags, ratios, st.sampled_from(["slower_side", "own_peak"]), st.sampled_from(["back", "inside"]))
 def test_swapped_sides_have_the_opposite_delay(lag: float, ratio: float, threshold: str, search: str) -> None:
     hands = opposed(lag, ratio)
@@ -249,6 +259,7 @@ def test_swapped_sides_have_the_opposite_delay(lag: float, ratio: float, thresho
     np.testing.assert_allclose(measured(swapped, **options).signed, -measured(hands, **options).signed)
 
 
+@pytest.mark.evidence("properties", delays, contributions, of=("time", "constant"))
 @given(lags, ratios, st.integers(1, 500), st.floats(-0.05, 0.05))
 def test_time_and_height_have_no_origin(lag: float, ratio: float, shift: int, height: float) -> None:
     hands = opposed(lag, ratio)
@@ -263,6 +274,7 @@ def test_time_and_height_have_no_origin(lag: float, ratio: float, shift: int, he
     np.testing.assert_allclose(measured(later).signed, measured(hands).signed, atol=1e-9)
 
 
+@pytest.mark.evidence("properties", delays, contributions, of="rate")
 @given(lags, ratios)
 def test_rate_hardly_matters(lag: float, ratio: float) -> None:
     coarse, fine = (measured(opposed(lag, ratio, rate=rate)).signed for rate in (500.0, 2000.0))

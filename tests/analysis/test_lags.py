@@ -24,6 +24,7 @@ def swept(delay: float, record: float = 6.0, seed: int = 3) -> np.ndarray:
     return np.sin(2 * np.pi * f * t[:, None] + phase).sum(axis=1)
 
 
+@pytest.mark.evidence("truth", peak_delay)
 @pytest.mark.parametrize("ratio", [1.0, 2.0, 9.0])
 @pytest.mark.parametrize("lag", [0.0, 0.04, 0.08, -0.0613])
 def test_peaks_give_the_lag_whatever_the_amplitudes(lag: float, ratio: float) -> None:
@@ -36,6 +37,7 @@ def test_a_peak_at_an_end_is_none() -> None:
     assert np.isnan(peak_delay(np.linspace(0, 1, 50), minimum_jerk(0.01, 0.03, 0.01)[:50], RATE))
 
 
+@pytest.mark.evidence("truth", lag_of)
 @pytest.mark.parametrize("overlap", ["pearson", "full"])
 @pytest.mark.parametrize("delay", [0.0, 0.037, -0.0904, 0.1207])
 def test_correlation_finds_a_delay_between_samples(delay: float, overlap: str) -> None:
@@ -46,6 +48,7 @@ def test_correlation_finds_a_delay_between_samples(delay: float, overlap: str) -
         assert found.coefficient == pytest.approx(1.0, abs=1e-4)
 
 
+@pytest.mark.evidence("independent", lag_of, by="scipy")
 def test_coefficients_are_those_of_another_library() -> None:
     rng = np.random.default_rng(1)
     left, right = rng.normal(size=200), rng.normal(size=200)
@@ -63,6 +66,7 @@ def test_a_best_delay_at_the_end_of_the_search_is_none() -> None:
     assert np.isnan([still.delay, still.coefficient, still.at_once]).all()
 
 
+@pytest.mark.evidence("truth", windowed_lags)
 def test_a_lead_that_changes_hands_is_followed() -> None:
     left = np.concatenate([swept(0.05, 3.0), swept(-0.08, 3.0, seed=4)])
     right = -np.concatenate([swept(0.0, 3.0), swept(0.0, 3.0, seed=4)])
@@ -72,6 +76,8 @@ def test_a_lead_that_changes_hands_is_followed() -> None:
     assert [lag.delay for lag in lags[-4:]] == pytest.approx([-0.08] * 4, abs=5e-4)
 
 
+@pytest.mark.evidence("disturbance", leadership, of="holes")
+@pytest.mark.evidence("truth", leadership)
 def test_leadership_counts() -> None:
     found = leadership([0.05, -0.02, 0.03, 0.001, np.nan], tolerance=0.005)
     assert (found.left_first, found.right_first, found.together, found.n) == (1, 2, 1, 4)
@@ -88,6 +94,8 @@ def test_misuse_is_refused() -> None:
         lag_of(np.ones(100), np.ones(100), RATE)
 
 
+@pytest.mark.evidence("properties", lag_of, of=("mirror", "constant"))
+@pytest.mark.evidence("properties", peak_delay, of=("unit", "time", "mirror"))
 @given(
     st.floats(-0.1, 0.1),
     st.floats(0.2, 5.0),
@@ -107,6 +115,7 @@ def test_delays_do_not_know_scale_shift_or_side(lag: float, ratio: float, durati
     assert lag_of(left + 0.2, right - 0.1, RATE).delay == pytest.approx(found.delay, abs=1e-6)
 
 
+@pytest.mark.evidence("properties", lag_of, peak_delay, of="rate")
 @given(st.sampled_from([250.0, 500.0, 2000.0]), st.floats(-0.1, 0.1))
 def test_delays_hardly_know_the_rate(rate: float, lag: float) -> None:
     left, right = minimum_jerk(0.3 + lag, 0.4, 0.01, rate), -minimum_jerk(0.3, 0.4, 0.02, rate)
