@@ -36,6 +36,7 @@ WITHOUT = {
     ("task.falls", "disturbance"): "takes words",
     ("passive.passive_ratio", "disturbance"): NO_SAMPLES,
     ("statistics.hedges_factor", "disturbance"): NO_SAMPLES,
+    ("statistics.hedges_factor", "properties"): "takes one whole number",
 }
 """What a function has no evidence of, and why it needs none."""
 
@@ -95,9 +96,9 @@ def _evidence_in(path: Path) -> list[Evidence]:
 
 
 def table() -> str:
-    """Write the matrix, a section for each module and a row for each function."""
+    """Write the matrix: how many functions have what, then a section for each module and a row for each function."""
     evidence = all_evidence()
-    sections = []
+    sections = [_counts(evidence)]
     for module, names in public_functions().items():
         lines = [f"## {module}", "", "| | " + " | ".join(KINDS) + " |", "|---|" + "---|" * len(KINDS)]
         for name in names:
@@ -105,6 +106,14 @@ def table() -> str:
             lines.append(f"| **`{name}`** | " + " | ".join(cells) + " |")
         sections.append("\n".join(lines))
     return "\n\n".join(sections)
+
+
+def _counts(evidence: list[Evidence]) -> str:
+    """Say how many functions have each kind of evidence, and from how many tests."""
+    functions = sum(map(len, public_functions().values()))
+    having = [f"{len({one.function for one in evidence if one.kind == kind})} have {kind}" for kind in KINDS]
+    tests = len({(one.file, one.test) for one in evidence})
+    return f"{functions} functions: {', '.join(having)}; by {tests} tests."
 
 
 def _cell(function: str, kind: str, evidence: list[Evidence]) -> str:

@@ -4,6 +4,10 @@ from collections import Counter
 
 import pytest
 from analysis_evidence import KINDS, SAYING, WITHOUT, all_evidence, public_functions, table
+from hypothesis import settings
+
+PROFILE = settings.default
+"""That in force where the modules of this folder are imported."""
 
 FUNCTIONS = [f"{module}.{name}" for module, names in public_functions().items() for name in names]
 EVIDENCE = all_evidence()
@@ -35,3 +39,8 @@ def test_the_table_has_a_row_for_each_function() -> None:
     assert [line.split("`")[1] for line in table().splitlines() if line.startswith("| **`")] == [
         function.partition(".")[2] for function in FUNCTIONS
     ]
+
+
+def test_examples_are_the_same_each_time() -> None:
+    assert PROFILE.derandomize
+    assert PROFILE.database is None

@@ -82,6 +82,20 @@ def test_a_search_inside_is_cut_off_by_the_beginning_of_the_movement() -> None:
     np.testing.assert_array_equal(found.truncated, [[True, False, False, False]])
 
 
+@pytest.mark.evidence("truth", delays)
+@pytest.mark.parametrize(
+    ("lag", "ratio", "expected"),
+    [(0.04, 1.0, (31, 40, 40, 40)), (0.04, 2.0, (22, 23, 18, 13)), (0.08, 2.0, (50, 61, 58, 53))],
+)
+def test_two_movements_by_the_papers_rule_to_the_letter(lag: float, ratio: float, expected: tuple[int, ...]) -> None:
+    """10 mm in 0.4 s and the side that is later goes `ratio` times as far; the search ends where the board begins."""
+    found = measured_after_filtering(opposed(lag, ratio), search="inside")
+    np.testing.assert_allclose(1e3 * found.signed, [expected], atol=0.6)
+    for search in ("back", "before_peak"):
+        own = measured_after_filtering(opposed(lag, ratio), threshold="own_peak", search=search)
+        np.testing.assert_allclose(own.signed, lag, atol=1e-4)
+
+
 def one_segment(first: int, stop: int) -> Segments:
     return Segments(np.array([first]), np.array([stop]), np.array([0.1]), np.array([False]))
 

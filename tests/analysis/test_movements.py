@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from two_hands import time_to_portion, two_hands
 
 from netboard.analysis.movements import Movement, classify, mean_shares, movement_times, shares
 
@@ -59,6 +60,19 @@ def test_sides_mirrored(left: np.ndarray, right: np.ndarray) -> None:
 def test_unit(left: np.ndarray, right: np.ndarray, unit: float) -> None:
     scaled = classify(unit * left, unit * right, still_below=0.003 * unit)
     np.testing.assert_array_equal(scaled, classify(left, right))
+
+
+@pytest.mark.evidence("truth", movement_times)
+@pytest.mark.parametrize(("way", "together"), [(-1, "cooperative"), (1, "competitive")])
+def test_times_of_two_movements_in_closed_form(way: int, together: str) -> None:
+    """10 mm in 0.4 s each, the right one 0.2 s later: how long a minimum-jerk movement is slow has a closed form."""
+    hands = two_hands([(0.5, 0.4, way * 0.01)], [(0.7, 0.4, 0.01)], length=2.0)
+    slow = time_to_portion(0.003 / (1.875 * 0.01 / 0.4), 0.4)
+    found = movement_times(classify(hands.left_vz, hands.right_vz), hands.rate)
+    assert getattr(found, together) == pytest.approx(0.2 - 2 * slow, abs=2e-3)
+    assert found.left_only == pytest.approx(0.2, abs=2e-3)
+    assert found.right_only == pytest.approx(0.2, abs=2e-3)
+    assert found.still == pytest.approx(2.0 - 0.6 + 2 * slow, abs=2e-3)
 
 
 @pytest.mark.evidence("properties", movement_times, of=("rate", "balance"))
