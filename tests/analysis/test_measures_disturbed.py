@@ -344,7 +344,7 @@ def test_a_movement_with_a_hole_is_whole_or_no_cooperation(at: int, length: int,
     np.testing.assert_array_equal(found.left[known], whole.left[known])
     touched = (at < clean.stop) & (at + length > clean.first)
     assert not (found.cooperative & ~whole.cooperative).any()
-    if "path" in (amount,) or opposite == "majority":
+    if amount == "path" or opposite == "majority":
         assert not (found.cooperative & touched).any()
     one, other = (
         delays(clean, moved, vz, HANDS.right_vz, RATE).signed

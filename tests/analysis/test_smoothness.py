@@ -46,6 +46,21 @@ def test_the_same_as_the_authors_program(count: int, seed: int) -> None:
     assert log_dimensionless_jerk(speed, 200.0) == pytest.approx(oracle.log_dimensionless_jerk(speed, 200.0), rel=1e-12)
 
 
+@pytest.mark.evidence("independent", spectral_arc_length, by="numpy")
+@pytest.mark.parametrize("rate", [100.0, 1000.0])
+@pytest.mark.parametrize("n", [60, 1000, 4001, 4096])
+def test_the_frequencies_that_count_are_those_of_the_padded_record(n: int, rate: float) -> None:
+    # A ball's speed, filtered, is a little below zero here and there.
+    speed = np.abs(np.convolve(np.random.default_rng(n).normal(size=n + 40), np.hanning(41), "valid")) - 1e-3
+    size = 2 ** (int(np.ceil(np.log2(n))) + 4)
+    frequencies, magnitude = np.fft.rfftfreq(size, 1 / rate), np.abs(np.fft.rfft(speed, size))
+    within = frequencies <= 20.0
+    step = np.diff(frequencies[within]) / frequencies[within][-1]
+    expected = -np.hypot(step, np.diff(magnitude[within] / magnitude.max())).sum()
+    assert spectral_arc_length(speed, rate, cutoff="fixed", highest=20.0) == pytest.approx(expected, rel=1e-10)
+    assert spectral_arc_length(speed, rate) == pytest.approx(oracle.sparc(speed, rate)[0], rel=1e-10)
+
+
 @pytest.mark.evidence("truth", dimensionless_jerk, log_dimensionless_jerk)
 @pytest.mark.parametrize(("scale", "jerk"), [("peak_speed", 720.0 / 1.875**2), ("mean_speed", 720.0)])
 def test_minimum_jerk_in_closed_form(scale: str, jerk: float) -> None:
