@@ -6,7 +6,8 @@
 A page holds generated text between ``<!-- generated: NAME -->`` and ``<!-- end of NAME -->``; the rest is written by
 hand. The state diagram comes from the trial machine's table, the configuration reference from the dataclasses, the
 command reference from the command itself, so none of them can say what the program does not do. Tables of measurements
-come from what `netboard bench` wrote, copied to docs/data/ as it was.
+come from what `netboard bench` wrote, copied to docs/data/ as it was, and the evidence for the measures from the marks
+of their tests.
 """
 
 import json
@@ -15,6 +16,7 @@ import sys
 from collections.abc import Callable, Iterator
 from dataclasses import fields
 from importlib import import_module
+from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from typing import Any
 
@@ -224,6 +226,19 @@ def device_models() -> str:
 COUPLING = ("delays", "limits", "releases", "remedies", "transparency", "everyday")
 """Those of `netboard bench coupling`."""
 
+
+def analysis_evidence() -> str:
+    """Write what the tests show of each measure, as their marks say."""
+    path = DOCS.parent / "tests" / "analysis" / "analysis_evidence.py"
+    spec = spec_from_file_location(path.stem, path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = module_from_spec(spec)
+    sys.modules[path.stem] = module  # its dataclass looks there
+    spec.loader.exec_module(module)
+    return str(module.table())
+
+
 GENERATED: dict[str, tuple[str, Callable[[], str]]] = {
     "state diagram": ("trial-machine.md", state_diagram),
     "edge table": ("trial-machine.md", edge_table),
@@ -250,6 +265,7 @@ GENERATED: dict[str, tuple[str, Callable[[], str]]] = {
     "recovery machine": ("recovery.md", study_machine("recovery")),
     **{f"recovery-{name}": ("recovery.md", study_part("recovery", name)) for name in RECOVERY},
     "recording machine": ("recording.md", study_machine("recording")),
+    "analysis evidence": ("analysis-evidence.md", analysis_evidence),
     **{f"recording-{name}": ("recording.md", study_part("recording", name)) for name in RECORDING},
 }
 

@@ -17,6 +17,7 @@ def filtered(**options: object) -> Motion:
     return motion(HANDS.rate, HANDS.left_z, HANDS.right_z, HANDS.theta, BALL, **options)  # type: ignore[arg-type]
 
 
+@pytest.mark.evidence("truth", motion)
 def test_slow_movements_pass_the_filters() -> None:
     found = filtered()
     np.testing.assert_allclose(found.left_z, HANDS.left_z, atol=2e-5)
@@ -28,6 +29,7 @@ def test_slow_movements_pass_the_filters() -> None:
     assert np.abs(found.omega - HANDS.omega).max() < 0.15 * np.abs(HANDS.omega).max()
 
 
+@pytest.mark.evidence("disturbance", motion, of="noise")
 def test_a_tremor_of_the_board_does_not_turn_it() -> None:
     """12 Hz pass the filter of 20 Hz, and the angular velocity is filtered at 5 Hz."""
     tremor = 0.001 * np.sin(2 * np.pi * 12 * HANDS.times)
@@ -44,6 +46,7 @@ def test_given_velocities_are_filtered_and_used() -> None:
     np.testing.assert_array_equal(filtered(right_vz=HANDS.right_vz).right_vz, FAST(HANDS.right_vz, HANDS.rate))
 
 
+@pytest.mark.evidence("truth", ball_speed)
 def test_speed_filtered_before_or_after_the_absolute_value() -> None:
     wave = np.sin(2 * np.pi * HANDS.times)
     first = ball_speed(wave, HANDS.rate)
@@ -54,6 +57,7 @@ def test_speed_filtered_before_or_after_the_absolute_value() -> None:
     assert first[middle].min() > 0.05 > after[middle].min()
 
 
+@pytest.mark.evidence("truth", placements, motion)
 def test_a_ball_that_is_put_elsewhere_has_no_speed_from_that() -> None:
     p = np.where(HANDS.times < 1.5, 0.36, -0.15)
     placed = placements(p, HANDS.rate)
@@ -93,6 +97,8 @@ def comes_in(at: float, rate: float, stay: float, leave: float = 0.0) -> np.ndar
     return np.where((times > at + stay) & (times < at + stay + leave), 0.0, p) if leave else p
 
 
+@pytest.mark.evidence("properties", find_completion, of="rate")
+@pytest.mark.evidence("truth", find_completion)
 @pytest.mark.parametrize("rate", [100.0, 1000.0, 4000.0])
 def test_completion_is_the_beginning_of_the_hold(rate: float) -> None:
     found = find_completion(comes_in(2.0, rate, 10), rate, 0.15)
@@ -102,6 +108,7 @@ def test_completion_is_the_beginning_of_the_hold(rate: float) -> None:
     assert found.entries == 2
 
 
+@pytest.mark.evidence("truth", find_completion)
 def test_a_hold_takes_its_whole_time() -> None:
     inside = np.full(1501, 0.15)
     assert find_completion(inside, 1000.0, 0.15).time == 0
@@ -111,6 +118,7 @@ def test_a_hold_takes_its_whole_time() -> None:
     assert find_completion(inside[1:], 1000.0, 0.15, hold=1.4).time == 0
 
 
+@pytest.mark.evidence("truth", find_completion)
 def test_edge_of_the_target_is_in_it_and_the_whole_ball_needs_more() -> None:
     at_edge = np.full(2000, 0.25)
     assert find_completion(at_edge, 1000.0, 0.125, half_width=0.125).time == 0
@@ -122,6 +130,7 @@ def test_edge_of_the_target_is_in_it_and_the_whole_ball_needs_more() -> None:
     assert p[ball.sample] == pytest.approx(0.140, abs=1e-3)
 
 
+@pytest.mark.evidence("properties", find_completion, of=("time", "mirror", "constant"))
 @given(st.floats(0.1, 3), st.floats(0.1, 1.3), st.floats(0.1, 1), st.floats(-1, 1))
 def test_completion_has_no_left_and_right_and_no_origin(at: float, stay: float, leave: float, origin: float) -> None:
     p = comes_in(at, 200.0, stay, leave) + 1e-4

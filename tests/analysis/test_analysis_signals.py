@@ -22,6 +22,7 @@ def closed_form(low_pass: LowPass, frequency: np.ndarray, n: int) -> np.ndarray:
     return 1 / (1 + ratio ** (2 * n))
 
 
+@pytest.mark.evidence("truth", LowPass)
 @pytest.mark.parametrize(
     ("low_pass", "n"),
     [
@@ -41,6 +42,7 @@ def test_filter_is_the_closed_form_in_the_frequency_domain(low_pass: LowPass, n:
     np.testing.assert_allclose(low_pass(waves.sum(axis=0), RATE)[middle], expected[middle], atol=1e-9)
 
 
+@pytest.mark.evidence("independent", LowPass, by="scipy")
 def test_filter_is_the_textbooks_where_that_is_stable() -> None:
     rng = np.random.default_rng(1)
     walk = np.cumsum(rng.normal(size=4000))
@@ -64,12 +66,14 @@ def test_gain_at_the_cutoff(cutoff: float) -> None:
     assert LowPass(cutoff, cutoff_of="both_passes").pass_cutoff(RATE) / cutoff == pytest.approx(1.0921, abs=5e-4)
 
 
+@pytest.mark.evidence("truth", LowPass)
 def test_a_step_keeps_its_time() -> None:
     filtered = SLOW((TIMES >= 2.0).astype(float), RATE)
     crossing = np.interp(0.5, filtered[1900:2100], TIMES[1900:2100])
     assert crossing == pytest.approx(2.0 - 0.5 / RATE, abs=1e-9)
 
 
+@pytest.mark.evidence("independent", LowPass, by="scipy")
 @pytest.mark.parametrize("padding", ["odd", "even", "constant", "none"])
 def test_padding(padding: str) -> None:
     kinds = {"odd": "odd", "even": "even", "constant": "constant", "none": None}
@@ -94,17 +98,20 @@ def test_what_cannot_be_filtered_is_refused() -> None:
         LowPass(48.0, cutoff_of="both_passes", order=2)(TIMES, 96.0)
 
 
+@pytest.mark.evidence("properties", LowPass, of=("unit", "constant"))
 @given(signals, st.floats(-10, 10), st.floats(0.01, 100))
 def test_filter_is_linear_and_passes_constants(x: np.ndarray, constant: float, factor: float) -> None:
     np.testing.assert_allclose(FAST(factor * x + constant, RATE), factor * FAST(x, RATE) + constant, atol=1e-7 * factor)
 
 
+@pytest.mark.evidence("properties", LowPass, of="time")
 @given(signals)
 def test_filter_does_not_know_which_way_time_goes_in_the_middle(x: np.ndarray) -> None:
     padded = np.pad(x, 3000)
     np.testing.assert_allclose(FAST(padded[::-1], RATE)[::-1], FAST(padded, RATE), atol=1e-9)
 
 
+@pytest.mark.evidence("disturbance", LowPass, derivative, of="holes")
 @given(signals, st.data())
 def test_pieces_are_filtered_and_differentiated_by_themselves(x: np.ndarray, data: st.DataObject) -> None:
     at = data.draw(st.integers(1, x.size - 1))
@@ -121,6 +128,7 @@ def test_breaks_outside_change_nothing() -> None:
     np.testing.assert_array_equal(FAST(TIMES, RATE, [0, 4000, 5000, -3]), FAST(TIMES, RATE))
 
 
+@pytest.mark.evidence("truth", derivative)
 def test_derivative_of_a_parabola_is_exact_to_its_ends() -> None:
     np.testing.assert_allclose(derivative(3 * TIMES**2 - TIMES, RATE), 6 * TIMES - 1, atol=1e-8)
     np.testing.assert_array_equal(derivative(np.array([1.0, 3.0]), 10.0), [20.0, 20.0])
@@ -128,6 +136,7 @@ def test_derivative_of_a_parabola_is_exact_to_its_ends() -> None:
     assert derivative(np.empty(0), 10.0).size == 0
 
 
+@pytest.mark.evidence("truth", runs)
 def test_runs() -> None:
     mask = np.array([1, 1, 0, 0, 1, 0, 1], bool)
     np.testing.assert_array_equal(runs(mask), [[0, 2], [4, 5], [6, 7]])
@@ -135,6 +144,8 @@ def test_runs() -> None:
     assert runs(np.zeros(0, bool)).shape == (0, 2)
 
 
+@pytest.mark.evidence("disturbance", by_number, of="holes")
+@pytest.mark.evidence("truth", by_number)
 def test_by_number_leaves_holes() -> None:
     whole = by_number(np.array([7, 8, 11]), np.array([1.0, 2.0, 3.0]))
     np.testing.assert_array_equal(whole, [1, 2, np.nan, np.nan, 3])
@@ -143,6 +154,8 @@ def test_by_number_leaves_holes() -> None:
         by_number(np.array([1, 1]), np.zeros(2))
 
 
+@pytest.mark.evidence("disturbance", bridge, of="holes")
+@pytest.mark.evidence("truth", bridge)
 def test_bridge_fills_short_holes_inside_only() -> None:
     x = np.array([np.nan, 1, np.nan, 3, np.nan, np.nan, np.nan, 7, np.nan])
     np.testing.assert_array_equal(bridge(x, RATE, 0.002), [np.nan, 1, 2, 3, np.nan, np.nan, np.nan, 7, np.nan])
@@ -150,6 +163,7 @@ def test_bridge_fills_short_holes_inside_only() -> None:
     assert np.isnan(bridge(np.full(4, np.nan), RATE)).all()
 
 
+@pytest.mark.evidence("truth", bridge)
 @given(st.integers(20, 120), st.data())
 def test_bridge_gives_a_straight_line_back(n: int, data: st.DataObject) -> None:
     x = 2.0 * np.arange(n)
@@ -159,6 +173,7 @@ def test_bridge_gives_a_straight_line_back(n: int, data: st.DataObject) -> None:
     np.testing.assert_allclose(bridge(holed, RATE, 1.0), x, atol=1e-9)
 
 
+@pytest.mark.evidence("truth", resample)
 @pytest.mark.parametrize("new_rate", [250.0, 500.0, 600.0, 2000.0])
 def test_resampled_slow_waves_are_the_same_waves(new_rate: float) -> None:
     def wave(times: np.ndarray) -> np.ndarray:
@@ -171,6 +186,7 @@ def test_resampled_slow_waves_are_the_same_waves(new_rate: float) -> None:
     np.testing.assert_allclose(found[middle], wave(times)[middle], atol=5e-3)
 
 
+@pytest.mark.evidence("disturbance", resample, of="holes")
 def test_resampling_refuses_holes_and_odd_ratios() -> None:
     with pytest.raises(ValueError, match="holes"):
         resample(np.array([1.0, np.nan]), RATE, 500.0)
@@ -178,6 +194,7 @@ def test_resampling_refuses_holes_and_odd_ratios() -> None:
         resample(TIMES, RATE, 1000 * np.pi)
 
 
+@pytest.mark.evidence("truth", evenly)
 @pytest.mark.parametrize(("kind", "tolerance"), [("linear", 2e-2), ("monotone", 4e-3)])
 def test_evenly(kind: str, tolerance: float) -> None:
     rng = np.random.default_rng(2)

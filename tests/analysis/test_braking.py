@@ -38,6 +38,7 @@ START = (0.7, 0.3, -3.0)
 BRAKE = (1.3, 0.4, 5.0)
 
 
+@pytest.mark.evidence("truth", first_braking)
 @pytest.mark.parametrize("side", [-1, 1])
 def test_distance_and_velocity_at_the_onset(side: float) -> None:
     found = strategy(START, BRAKE, side=side)
@@ -50,12 +51,14 @@ def test_distance_and_velocity_at_the_onset(side: float) -> None:
     assert found.wrong_way == 0
 
 
+@pytest.mark.evidence("truth", first_braking)
 def test_wrong_way_first() -> None:
     found = strategy((0.6, 0.2, 2.0), (0.9, 0.3, -5.0), BRAKE)
     assert found.wrong_way == 1
     assert (found.initial, found.onset) == pytest.approx((0.4, 0.8), abs=0.03)
 
 
+@pytest.mark.evidence("truth", first_braking)
 def test_levelling_brakes_by_rotation_only() -> None:
     level_then_brake = (START, (1.1, 0.3, 2.5), (1.6, 0.3, 4.0))
     assert strategy(*level_then_brake).onset == pytest.approx(1.1, abs=0.03)
@@ -69,6 +72,7 @@ def test_another_movement_towards_the_target_is_no_brake() -> None:
     assert found.wrong_way == 1
 
 
+@pytest.mark.evidence("truth", first_braking)
 def test_a_ball_behind_the_midpoint_has_a_negative_distance() -> None:
     found = strategy((0.7, 0.3, -8.0), (1.7, 0.4, 12.0))
     assert found.distance < 0 < found.velocity
@@ -111,6 +115,7 @@ courses = st.lists(st.floats(-8, 8), min_size=1, max_size=5).map(
 )
 
 
+@pytest.mark.evidence("properties", first_braking, of="mirror")
 @given(courses, st.sampled_from(["tilt", "rotation"]))
 def test_left_is_right_mirrored(course: list[Movement], braking: str) -> None:
     left, right = (strategy(*course, side=side, braking=braking) for side in (-1, 1))

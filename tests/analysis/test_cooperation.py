@@ -45,6 +45,7 @@ def closed_form(lag: float, ratio: float, duration: float = 0.4) -> np.ndarray:
     )
 
 
+@pytest.mark.evidence("truth", delays)
 @pytest.mark.parametrize("lag", [0.0, 0.02, 0.04, 0.08])
 @pytest.mark.parametrize("ratio", [1.0, 2.0, 0.5, 4.0])
 def test_delays_are_the_closed_form(lag: float, ratio: float) -> None:
@@ -56,6 +57,7 @@ def test_delays_are_the_closed_form(lag: float, ratio: float) -> None:
     np.testing.assert_allclose(own.signed, lag, atol=5e-5)
 
 
+@pytest.mark.evidence("truth", delays)
 def test_one_threshold_makes_the_larger_movement_earlier() -> None:
     """Without any lag: a bias that grows with the threshold, as known for movements of 0.5 s."""
     for ratio, expected in ((2.0, (14, 21, 28, 34)), (9.0, (30, 45, 58, 71))):
@@ -80,6 +82,20 @@ def test_a_search_inside_is_cut_off_by_the_beginning_of_the_movement() -> None:
     np.testing.assert_array_equal(found.truncated, [[True, False, False, False]])
 
 
+@pytest.mark.evidence("truth", delays)
+@pytest.mark.parametrize(
+    ("lag", "ratio", "expected"),
+    [(0.04, 1.0, (31, 40, 40, 40)), (0.04, 2.0, (22, 23, 18, 13)), (0.08, 2.0, (50, 61, 58, 53))],
+)
+def test_two_movements_by_the_papers_rule_to_the_letter(lag: float, ratio: float, expected: tuple[int, ...]) -> None:
+    """10 mm in 0.4 s and the side that is later goes `ratio` times as far; the search ends where the board begins."""
+    found = measured_after_filtering(opposed(lag, ratio), search="inside")
+    np.testing.assert_allclose(1e3 * found.signed, [expected], atol=0.6)
+    for search in ("back", "before_peak"):
+        own = measured_after_filtering(opposed(lag, ratio), threshold="own_peak", search=search)
+        np.testing.assert_allclose(own.signed, lag, atol=1e-4)
+
+
 def one_segment(first: int, stop: int) -> Segments:
     return Segments(np.array([first]), np.array([stop]), np.array([0.1]), np.array([False]))
 
@@ -94,6 +110,7 @@ def ramps(*, left_from: int, right_from: int) -> tuple[np.ndarray, np.ndarray]:
     return tuple(sign * np.clip(samples - at, 0, 100) / 1000 for sign, at in ((-1, left_from), (1, right_from)))
 
 
+@pytest.mark.evidence("truth", delays)
 @pytest.mark.parametrize(("back", "known"), [(0.3, True), (0.18, False), (0.19, True)])
 def test_how_far_back_is_searched(back: float, known: bool) -> None:
     """The left hand has had 10 % of the peak 190 ms before the board moves, and the right one 10 ms after."""
@@ -127,6 +144,7 @@ def test_a_record_that_begins_too_late_cuts_the_search() -> None:
     assert np.isnan(found.signed).all()
 
 
+@pytest.mark.evidence("truth", contributions)
 @pytest.mark.parametrize(
     ("left", "right", "cooperative"),
     [
@@ -151,6 +169,7 @@ def test_which_movements_are_cooperative(left: float, right: float, cooperative:
     assert np.isfinite(found.left_peak).all() == cooperative
 
 
+@pytest.mark.evidence("truth", contributions)
 @pytest.mark.parametrize("amount", ["net", "path"])
 def test_nine_times_as_much_is_still_cooperative(amount: str) -> None:
     left, right = np.array([0.0, -9, -18]), np.array([0.0, 1, 2])
@@ -158,6 +177,7 @@ def test_nine_times_as_much_is_still_cooperative(amount: str) -> None:
     assert not contributions(one_segment(0, 3), 1.01 * left, right, amount=amount).cooperative[0]
 
 
+@pytest.mark.evidence("truth", contributions)
 def test_there_and_back_counts_by_its_path_and_by_the_majority() -> None:
     """The left hand goes 10 mm up; the right one 10 mm down and 9 mm back, or 4 mm down and 6 mm back."""
     left = np.linspace(0, 0.010, 1001)
@@ -190,6 +210,32 @@ def test_a_twitch_the_other_way_counts_as_a_magnitude_only() -> None:
     assert magnitude == pytest.approx(1.070 - 1.010, abs=1e-3)
 
 
+@pytest.mark.evidence("truth", delays)
+def test_the_last_rise_before_the_peak_is_not_that_of_a_twitch() -> None:
+    """The left hand twitches 300 ms before both move together; each reaches 20 % of its peak of 0.1 m/s 20 ms later."""
+    left_vz, right_vz = ramps(left_from=1350, right_from=1350)
+    left_vz[1030:1060] = -0.05
+    segment = one_segment(1000, 1490)
+    first, last = (
+        delays(segment, TOGETHER, left_vz, right_vz, 1000.0, search=search) for search in ("back", "before_peak")
+    )
+    assert first.signed[0, 1] == pytest.approx(-0.34, abs=1e-3)
+    np.testing.assert_allclose(last.signed, 0.0, atol=1e-12)
+    assert not last.truncated.any()
+    early = ramps(left_from=800, right_from=1000)
+    np.testing.assert_allclose(
+        delays(one_segment(1000, 1400), TOGETHER, *early, 1000.0, search="before_peak").signed[0], [-0.2] * 4
+    )
+    late = delays(one_segment(1000, 1400), TOGETHER, *early, 1000.0, search="before_peak", search_back=0.18)
+    np.testing.assert_array_equal(late.truncated, [[True, False, False, False]])
+
+
+def test_a_portion_is_of_the_peak() -> None:
+    for portion in (0.0, 1.01, np.nan):
+        with pytest.raises(ValueError, match="at most 1"):
+            delays(one_segment(1000, 1400), TOGETHER, *ramps(left_from=1000, right_from=1000), 1e3, portions=(portion,))
+
+
 def test_no_movements() -> None:
     hands = two_hands([], [])
     found = measured(hands)
@@ -197,6 +243,7 @@ def test_no_movements() -> None:
     assert len(measured(hands, portions=(0.5,), opposite="majority", amount="path").signed) == 0
 
 
+@pytest.mark.evidence("disturbance", delays, of="holes")
 def test_holes_are_not_known() -> None:
     hands = opposed(0.04)
     segments = board_segments(hands.omega, hands.theta, hands.rate)
@@ -209,6 +256,7 @@ def test_holes_are_not_known() -> None:
 lags, ratios, durations = st.floats(-0.1, 0.1), st.floats(0.2, 5), st.floats(0.3, 0.8)
 
 
+@pytest.mark.evidence("properties", delays, of="unit")
 @given(lags, ratios, durations)
 def test_own_peaks_give_the_lag_whatever_the_amplitudes(lag: float, ratio: float, duration: float) -> None:
     found = measured(opposed(lag, ratio, duration), threshold="own_peak", portions=(0.2, 0.4))
@@ -216,6 +264,7 @@ def test_own_peaks_give_the_lag_whatever_the_amplitudes(lag: float, ratio: float
     np.testing.assert_allclose(found.signed, lag, atol=2e-4)
 
 
+@pytest.mark.evidence("properties", delays, of="mirror")
 @given(lags, ratios, st.sampled_from(["slower_side", "own_peak"]), st.sampled_from(["back", "inside"]))
 def test_swapped_sides_have_the_opposite_delay(lag: float, ratio: float, threshold: str, search: str) -> None:
     hands = opposed(lag, ratio)
@@ -224,6 +273,7 @@ def test_swapped_sides_have_the_opposite_delay(lag: float, ratio: float, thresho
     np.testing.assert_allclose(measured(swapped, **options).signed, -measured(hands, **options).signed)
 
 
+@pytest.mark.evidence("properties", delays, contributions, of=("time", "constant"))
 @given(lags, ratios, st.integers(1, 500), st.floats(-0.05, 0.05))
 def test_time_and_height_have_no_origin(lag: float, ratio: float, shift: int, height: float) -> None:
     hands = opposed(lag, ratio)
@@ -238,6 +288,7 @@ def test_time_and_height_have_no_origin(lag: float, ratio: float, shift: int, he
     np.testing.assert_allclose(measured(later).signed, measured(hands).signed, atol=1e-9)
 
 
+@pytest.mark.evidence("properties", delays, contributions, of="rate")
 @given(lags, ratios)
 def test_rate_hardly_matters(lag: float, ratio: float) -> None:
     coarse, fine = (measured(opposed(lag, ratio, rate=rate)).signed for rate in (500.0, 2000.0))

@@ -33,6 +33,7 @@ def well_shaped(points: np.ndarray) -> bool:
     return bool(values[1] > 1e-6 and values[1] > 1.01 * values[0] and abs(vectors[0, 1]) > 1e-3)
 
 
+@pytest.mark.evidence("truth", ellipse)
 def test_normal_distribution() -> None:
     """Of known standard deviations the quantiles are known, and with them every extent but that of the range."""
     points = cloud(200_000)
@@ -45,6 +46,7 @@ def test_normal_distribution() -> None:
     assert found.area == pytest.approx(np.pi * norm.ppf(0.95) ** 2 * SPREAD.prod(), rel=0.02)
 
 
+@pytest.mark.evidence("independent", ellipse, by="scikit-learn")
 @given(clouds)
 def test_components_are_scikit_learns(points: np.ndarray) -> None:
     assume(well_shaped(points))
@@ -63,6 +65,7 @@ def test_components_are_scikit_learns(points: np.ndarray) -> None:
         np.testing.assert_allclose([sized.width, sized.height], [of(s) for s in scores.T], atol=1e-5)
 
 
+@pytest.mark.evidence("independent", ellipse, by="numpy")
 @given(clouds)
 def test_components_are_the_eigenvectors_of_the_covariance(points: np.ndarray) -> None:
     assume(well_shaped(points))
@@ -79,6 +82,7 @@ def test_components_are_a_right_handed_turn(points: np.ndarray) -> None:
     np.testing.assert_allclose(found.components, turned(found.rotation), atol=1e-9)
 
 
+@pytest.mark.evidence("independent", ellipse, by="scikit-learn")
 def test_standardised() -> None:
     points = cloud(300)
     scaled = StandardScaler().fit_transform(points) * np.sqrt(299 / 300)
@@ -93,6 +97,7 @@ def test_standardised() -> None:
     assert np.isfinite(same.width)
 
 
+@pytest.mark.evidence("truth", ellipse)
 @pytest.mark.parametrize("scaling", ["si", "standardised"])
 def test_outline_holds_most_points(scaling: str) -> None:
     points = cloud(20_000)
@@ -106,6 +111,7 @@ def test_outline_holds_most_points(scaling: str) -> None:
     assert inside.mean() == pytest.approx(1 - np.exp(-(norm.ppf(0.95) ** 2) / 2), abs=0.01)
 
 
+@pytest.mark.evidence("properties", ellipse, of=("unit", "constant"))
 @given(clouds, st.sampled_from(EXTENTS), arrays(np.float64, 2, elements=st.floats(-5, 5)), st.floats(0.1, 10))
 def test_place_and_size(points: np.ndarray, extent: str, place: np.ndarray, factor: float) -> None:
     assume(well_shaped(points))
@@ -115,6 +121,8 @@ def test_place_and_size(points: np.ndarray, extent: str, place: np.ndarray, fact
     np.testing.assert_allclose([moved.width, moved.height], [factor * found.width, factor * found.height], atol=1e-4)
 
 
+@pytest.mark.evidence("disturbance", ellipse, of="holes")
+@pytest.mark.evidence("properties", ellipse, of="order")
 @given(clouds, st.sampled_from(["middle_90", "twice_p90", "p10_to_p90", "nine_tenths"]), st.randoms())
 def test_order_and_missing_points_do_not_matter(points: np.ndarray, extent: str, chance: object) -> None:
     assume(well_shaped(points))
@@ -132,10 +140,12 @@ def test_too_few_points() -> None:
     assert np.isnan([found.width, found.height, found.area, found.rotation, *found.centre]).all()
 
 
+@pytest.mark.evidence("truth", groups_of)
 def test_groups() -> None:
     np.testing.assert_array_equal(groups_of(np.array([1, 30, 31, 60, 61, 180])), [0, 0, 1, 1, 2, 5])
 
 
+@pytest.mark.evidence("independent", convergence, by="scikit-learn")
 def test_convergence() -> None:
     """Six groups of 30, each spread two thirds as far as the one before."""
     sizes = (2 / 3) ** np.repeat(np.arange(6), 30)
@@ -153,6 +163,7 @@ def test_convergence() -> None:
     assert (np.diff(found.variance, axis=0) < 0).all()
 
 
+@pytest.mark.evidence("disturbance", convergence, of="holes")
 def test_a_group_with_too_few_trials_has_no_variance() -> None:
     found = convergence(np.array([[0.0, 1], [1, 2], [np.nan, 3], [0, 0], [1, 0], [0, 1]]), np.array([0, 0, 0, 1, 1, 1]))
     assert np.isnan([*found.variance[0], found.generalised[0], found.areas[0]]).all()

@@ -23,6 +23,7 @@ def coupled(n: int, strength: float, seed: int, noise: float = 1.0) -> tuple[np.
     return x, y
 
 
+@pytest.mark.evidence("independent", granger, by="statsmodels")
 @pytest.mark.parametrize("order", [1, 2, 4])
 @pytest.mark.parametrize("seed", range(3))
 def test_granger_is_that_of_another_library(order: int, seed: int) -> None:
@@ -36,6 +37,7 @@ def test_granger_is_that_of_another_library(order: int, seed: int) -> None:
     assert found.n == 300 - order
 
 
+@pytest.mark.evidence("truth", transfer_entropy)
 @pytest.mark.parametrize("strength", [0.0, 0.5, 1.0, 2.0])
 def test_transfer_entropy_in_closed_form(strength: float) -> None:
     # Of normal variables: half the logarithm of the variances without and with the source, 1 + c^2 and 1.
@@ -46,6 +48,7 @@ def test_transfer_entropy_in_closed_form(strength: float) -> None:
     assert abs(transfer_entropy([y], [x], past=ONE, estimator="nearest")) < 0.03
 
 
+@pytest.mark.evidence("truth", transfer_entropy)
 def test_binned_transfer_entropy_of_symbols_in_closed_form() -> None:
     # A coin that is copied with probability 1 - e: ln 2 less the entropy of the error.
     rng = np.random.default_rng(3)
@@ -60,6 +63,7 @@ def test_binned_transfer_entropy_of_symbols_in_closed_form() -> None:
     )
 
 
+@pytest.mark.evidence("truth", transfer_entropy)
 def test_a_square_is_not_seen_by_a_linear_model() -> None:
     rng = np.random.default_rng(5)
     x = rng.normal(size=4000)
@@ -70,6 +74,7 @@ def test_a_square_is_not_seen_by_a_linear_model() -> None:
     assert transfer_entropy([x], [y], past=ONE, estimator="binned") > 0.2
 
 
+@pytest.mark.evidence("truth", granger)
 def test_the_delay_is_where_the_influence_is() -> None:
     rng = np.random.default_rng(9)
     x = rng.normal(size=6000)
@@ -79,6 +84,7 @@ def test_the_delay_is_where_the_influence_is() -> None:
     assert int(np.argmax(strengths)) == 11
 
 
+@pytest.mark.evidence("truth", granger, transfer_entropy)
 def test_what_both_follow_is_no_influence_once_it_is_given() -> None:
     rng = np.random.default_rng(1)
     ball = rng.normal(size=5000)
@@ -138,6 +144,7 @@ def dyads(count: int, strength: float, task: float, seed: int = 0) -> tuple[list
     return sources, targets
 
 
+@pytest.mark.evidence("truth", chance_level)
 @pytest.mark.parametrize(("count", "pairings"), [(3, 2), (4, 9), (6, 265)])
 def test_true_dyads_stand_out_of_all_exchanges(count: int, pairings: int) -> None:
     found = chance_level(*dyads(count, 0.5, 0.0), strength_of, np.random.default_rng(1))
@@ -148,6 +155,7 @@ def test_true_dyads_stand_out_of_all_exchanges(count: int, pairings: int) -> Non
     assert (found.n, found.unit, found.exact) == (count, "dyad", True)
 
 
+@pytest.mark.evidence("truth", chance_level)
 def test_what_the_task_does_is_the_level_of_chance() -> None:
     found = chance_level(*dyads(6, 0.0, 1.0), strength_of, np.random.default_rng(1))
     assert found.value > 0.1
@@ -156,6 +164,7 @@ def test_what_the_task_does_is_the_level_of_chance() -> None:
     assert found.p > 0.05
 
 
+@pytest.mark.evidence("disturbance", chance_level, of="noise")
 def test_chance_finds_an_effect_by_chance() -> None:
     p = [chance_level(*dyads(4, 0.0, 0.5, seed), strength_of, np.random.default_rng(seed)).p for seed in range(100)]
     assert np.mean(np.array(p) <= 0.1) <= 0.2
@@ -173,6 +182,7 @@ def test_many_dyads_are_sampled_with_a_seed() -> None:
     assert first.p == pytest.approx(1 / 21)
 
 
+@pytest.mark.evidence("properties", transfer_entropy, of=("unit", "constant", "mirror"))
 @given(st.floats(0.1, 100.0), st.floats(-5.0, 5.0), st.integers(0, 50))
 @settings(max_examples=20, deadline=None)
 def test_influence_knows_no_unit_and_no_sign(scale: float, offset: float, seed: int) -> None:

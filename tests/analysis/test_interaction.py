@@ -28,6 +28,7 @@ RATE = 1000.0
 FORCES = arrays(float, 20, elements=st.floats(-4.0, 4.0).map(lambda force: round(force, 3)))
 
 
+@pytest.mark.evidence("truth", supports)
 @pytest.mark.parametrize("p", [-0.15, 0.0, 0.31])
 def test_supports_are_what_the_scene_at_rest_needs(p: float) -> None:
     # Without the spring to the origin, and with the styluses where the board is then level.
@@ -39,6 +40,7 @@ def test_supports_are_what_the_scene_at_rest_needs(p: float) -> None:
     assert rest.theta == pytest.approx(0.0, abs=1e-12)
 
 
+@pytest.mark.evidence("truth", interaction)
 def test_two_who_pull_against_each_other() -> None:
     left, right = np.array([2.0, -2.0, 1.0, 0.0]), np.array([0.5, 0.5, 1.0, 1.0])
     heave = interaction(left, right, axis="heave")
@@ -54,6 +56,7 @@ def test_two_who_pull_against_each_other() -> None:
     assert half.left_external.tolist() == half.right_external.tolist()
 
 
+@pytest.mark.evidence("properties", interaction, of=("mirror", "unit", "balance"))
 @given(FORCES, FORCES, st.sampled_from(["tilt", "heave"]), st.sampled_from(["opposing", "half_difference"]))
 def test_nothing_is_lost_and_sides_are_alike(left: np.ndarray, right: np.ndarray, axis: str, rule: str) -> None:
     found = interaction(left, right, axis=axis, rule=rule)
@@ -68,6 +71,7 @@ def test_nothing_is_lost_and_sides_are_alike(left: np.ndarray, right: np.ndarray
     assert scaled.between == pytest.approx(1000.0 * found.between)
 
 
+@pytest.mark.evidence("independent", interaction, by="scipy")
 @given(st.floats(-4.0, 4.0), st.floats(-4.0, 4.0))
 def test_opposing_forces_are_the_least_that_make_externals_agree(a: float, b: float) -> None:
     found = interaction([a], [b], axis="heave")
@@ -77,6 +81,7 @@ def test_opposing_forces_are_the_least_that_make_externals_agree(a: float, b: fl
     assert found.left_external[0] * found.right_external[0] >= 0.0
 
 
+@pytest.mark.evidence("truth", work, effort)
 def test_work_of_sines_in_closed_form() -> None:
     t = np.arange(0.0, 2.0 + 1e-9, 1.0 / RATE)
     in_phase = work(3.0 * np.sin(2 * np.pi * t), 0.1 * np.sin(2 * np.pi * t), RATE)
@@ -93,6 +98,7 @@ def test_work_of_sines_in_closed_form() -> None:
     assert effort(3.0 * np.sin(2 * np.pi * t), RATE, kind="rms") == pytest.approx(3.0 / np.sqrt(2.0), rel=1e-3)
 
 
+@pytest.mark.evidence("truth", exchanged)
 def test_what_passes_from_one_to_the_other() -> None:
     left, right = np.array([2.0, 2.0, 2.0, 2.0]), np.array([-0.5, -0.5, -0.5, -0.5])
     assert exchanged(left, right, 1.0) == (1.5, 0.0)
@@ -100,6 +106,7 @@ def test_what_passes_from_one_to_the_other() -> None:
     assert exchanged(left, left, 1.0) == (0.0, 0.0)
 
 
+@pytest.mark.evidence("truth", force_share)
 def test_shares() -> None:
     assert force_share([1.0, -1.0], [3.0, 3.0]) == 0.75
     assert force_share([1.0, -1.0], [3.0, 3.0], kind="squared") == 0.9
@@ -108,6 +115,7 @@ def test_shares() -> None:
         force_share([1.0, 2.0], [1.0])
 
 
+@pytest.mark.evidence("properties", force_share, of=("mirror", "unit", "balance"))
 @given(FORCES, FORCES)
 def test_a_share_and_that_of_the_other_make_one(left: np.ndarray, right: np.ndarray) -> None:
     share = force_share(left, right)
@@ -117,6 +125,7 @@ def test_a_share_and_that_of_the_other_make_one(left: np.ndarray, right: np.ndar
         assert force_share(-5.0 * left, 5.0 * right) == pytest.approx(share)
 
 
+@pytest.mark.evidence("truth", work, point_velocities)
 @pytest.mark.slow
 def test_work_is_that_of_the_simulated_scene() -> None:
     physics = Physics()

@@ -5,16 +5,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import pearsonr
+from two_hands import minimum_jerk_rate
 
-from netboard.analysis.lags import lag_of, leadership, own_peak_delays, peak_delay, windowed_lags
+from netboard.analysis.lags import lag_of, leadership, peak_delay, windowed_lags
 
 RATE = 1000.0
-PORTIONS = np.array([0.1, 0.2, 0.3, 0.4])
 
 
 def minimum_jerk(start: float, duration: float, distance: float, rate: float = RATE, record: float = 1.5) -> np.ndarray:
-    s = np.clip((np.arange(round(record * rate)) / rate - start) / duration, 0.0, 1.0)
-    return distance / duration * 30.0 * s**2 * (1.0 - s) ** 2
+    return minimum_jerk_rate(np.arange(round(record * rate)) / rate, start, duration, distance)
 
 
 def swept(delay: float, record: float = 6.0, seed: int = 3) -> np.ndarray:
@@ -25,35 +24,20 @@ def swept(delay: float, record: float = 6.0, seed: int = 3) -> np.ndarray:
     return np.sin(2 * np.pi * f * t[:, None] + phase).sum(axis=1)
 
 
+@pytest.mark.evidence("truth", peak_delay)
 @pytest.mark.parametrize("ratio", [1.0, 2.0, 9.0])
 @pytest.mark.parametrize("lag", [0.0, 0.04, 0.08, -0.0613])
-def test_own_peaks_give_the_lag_whatever_the_amplitudes(lag: float, ratio: float) -> None:
+def test_peaks_give_the_lag_whatever_the_amplitudes(lag: float, ratio: float) -> None:
     left, right = minimum_jerk(0.3 + lag, 0.4, 0.01 * ratio), -minimum_jerk(0.3, 0.4, 0.01)
-    assert own_peak_delays(left, right, RATE) == pytest.approx(lag, abs=2e-5)
     assert peak_delay(left, right, RATE) == pytest.approx(lag, abs=1e-6)
 
 
-def test_a_rise_is_where_its_closed_form_has_it() -> None:
-    # Minimum jerk reaches f of its peak at (1 - sqrt(1 - sqrt f)) / 2 of its duration.
-    left, right = minimum_jerk(0.2, 0.4, 0.01), minimum_jerk(0.2, 0.8, 0.01)
-    share = (1.0 - np.sqrt(1.0 - np.sqrt(PORTIONS))) / 2.0
-    assert own_peak_delays(left, right, RATE) == pytest.approx(share * (0.4 - 0.8), abs=2e-5)
-
-
-def test_the_last_rise_before_the_peak_is_not_the_first() -> None:
-    left = minimum_jerk(0.1, 0.3, 0.005) + minimum_jerk(0.6, 0.4, 0.02)
-    right = minimum_jerk(0.6, 0.4, 0.02)
-    assert own_peak_delays(left, right, RATE) == pytest.approx(0.0, abs=1e-9)
-    assert own_peak_delays(left, right, RATE, portions=(0.2,), crossing="first")[0] < -0.4
-
-
-def test_a_side_that_moves_from_the_start_or_not_at_all_has_no_delay() -> None:
-    cut = minimum_jerk(-0.15, 0.4, 0.01)
-    assert np.isnan(own_peak_delays(cut, minimum_jerk(0.1, 0.4, 0.01), RATE)).all()
-    assert np.isnan(own_peak_delays(np.zeros(100), minimum_jerk(0.01, 0.05, 0.01)[:100], RATE)).all()
+def test_a_peak_at_an_end_is_none() -> None:
+    assert np.isnan(peak_delay([], [], RATE))
     assert np.isnan(peak_delay(np.linspace(0, 1, 50), minimum_jerk(0.01, 0.03, 0.01)[:50], RATE))
 
 
+@pytest.mark.evidence("truth", lag_of)
 @pytest.mark.parametrize("overlap", ["pearson", "full"])
 @pytest.mark.parametrize("delay", [0.0, 0.037, -0.0904, 0.1207])
 def test_correlation_finds_a_delay_between_samples(delay: float, overlap: str) -> None:
@@ -64,6 +48,7 @@ def test_correlation_finds_a_delay_between_samples(delay: float, overlap: str) -
         assert found.coefficient == pytest.approx(1.0, abs=1e-4)
 
 
+@pytest.mark.evidence("independent", lag_of, by="scipy")
 def test_coefficients_are_those_of_another_library() -> None:
     rng = np.random.default_rng(1)
     left, right = rng.normal(size=200), rng.normal(size=200)
@@ -81,6 +66,7 @@ def test_a_best_delay_at_the_end_of_the_search_is_none() -> None:
     assert np.isnan([still.delay, still.coefficient, still.at_once]).all()
 
 
+@pytest.mark.evidence("truth", windowed_lags)
 def test_a_lead_that_changes_hands_is_followed() -> None:
     left = np.concatenate([swept(0.05, 3.0), swept(-0.08, 3.0, seed=4)])
     right = -np.concatenate([swept(0.0, 3.0), swept(0.0, 3.0, seed=4)])
@@ -90,6 +76,8 @@ def test_a_lead_that_changes_hands_is_followed() -> None:
     assert [lag.delay for lag in lags[-4:]] == pytest.approx([-0.08] * 4, abs=5e-4)
 
 
+@pytest.mark.evidence("disturbance", leadership, of="holes")
+@pytest.mark.evidence("truth", leadership)
 def test_leadership_counts() -> None:
     found = leadership([0.05, -0.02, 0.03, 0.001, np.nan], tolerance=0.005)
     assert (found.left_first, found.right_first, found.together, found.n) == (1, 2, 1, 4)
@@ -104,10 +92,10 @@ def test_misuse_is_refused() -> None:
         lag_of(np.ones(3), np.ones(4), RATE)
     with pytest.raises(ValueError, match="samples"):
         lag_of(np.ones(100), np.ones(100), RATE)
-    with pytest.raises(ValueError, match="between 0 and 1"):
-        own_peak_delays(np.ones(9), np.ones(9), RATE, portions=(1.0,))
 
 
+@pytest.mark.evidence("properties", lag_of, of=("mirror", "constant"))
+@pytest.mark.evidence("properties", peak_delay, of=("unit", "time", "mirror"))
 @given(
     st.floats(-0.1, 0.1),
     st.floats(0.2, 5.0),
@@ -117,18 +105,19 @@ def test_misuse_is_refused() -> None:
 def test_delays_do_not_know_scale_shift_or_side(lag: float, ratio: float, duration: float, later: float) -> None:
     left = minimum_jerk(0.3 + lag + later, duration, 0.01 * ratio)
     right = -minimum_jerk(0.3 + later, duration, 0.01)
-    delays = own_peak_delays(left, right, RATE)
-    assert delays == pytest.approx(lag, abs=5e-5)
-    assert own_peak_delays(right, left, RATE) == pytest.approx(-delays, abs=1e-12)
-    assert own_peak_delays(-1000.0 * left, 1000.0 * right, RATE) == pytest.approx(delays, abs=1e-9)
+    delay = peak_delay(left, right, RATE)
+    assert delay == pytest.approx(lag, abs=5e-5)
+    assert peak_delay(right, left, RATE) == pytest.approx(-delay, abs=1e-12)
+    assert peak_delay(-1000.0 * left, 1000.0 * right, RATE) == pytest.approx(delay, abs=1e-9)
     found = lag_of(left, right, RATE)
     assert found.delay == pytest.approx(lag, abs=1e-4)
     assert lag_of(right, left, RATE).delay == pytest.approx(-found.delay, abs=1e-9)
     assert lag_of(left + 0.2, right - 0.1, RATE).delay == pytest.approx(found.delay, abs=1e-6)
 
 
+@pytest.mark.evidence("properties", lag_of, peak_delay, of="rate")
 @given(st.sampled_from([250.0, 500.0, 2000.0]), st.floats(-0.1, 0.1))
 def test_delays_hardly_know_the_rate(rate: float, lag: float) -> None:
     left, right = minimum_jerk(0.3 + lag, 0.4, 0.01, rate), -minimum_jerk(0.3, 0.4, 0.02, rate)
-    assert own_peak_delays(left, right, rate) == pytest.approx(lag, abs=3e-4)
+    assert peak_delay(left, right, rate) == pytest.approx(lag, abs=3e-4)
     assert lag_of(left, right, rate).delay == pytest.approx(lag, abs=3e-4)

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from two_hands import time_to_portion, two_hands
 
 from netboard.analysis.movements import Movement, classify, mean_shares, movement_times, shares
 
@@ -24,6 +25,7 @@ def by_the_words(left: float, right: float) -> Movement:
     return Movement.STILL
 
 
+@pytest.mark.evidence("truth", classify)
 def test_all_cases() -> None:
     some = [-0.05, -0.003, -0.0029, 0.0, 0.0029, 0.003, 0.05]
     left, right = np.array(list(product(some, some))).T
@@ -36,6 +38,7 @@ def test_at_the_limit() -> None:
     assert list(classify(limit, none, at_limit="still")) == [Movement.STILL] * 2
 
 
+@pytest.mark.evidence("disturbance", classify, movement_times, of="holes")
 def test_what_is_missing_is_unknown() -> None:
     classes = classify(np.array([np.nan, 0.01, np.nan]), np.array([0.01, np.nan, np.nan]))
     assert list(classes) == [Movement.UNKNOWN] * 3
@@ -44,6 +47,7 @@ def test_what_is_missing_is_unknown() -> None:
     assert np.isnan(times.shares).all()
 
 
+@pytest.mark.evidence("properties", classify, of="mirror")
 @given(velocities, velocities)
 def test_sides_mirrored(left: np.ndarray, right: np.ndarray) -> None:
     swapped = classify(right, left)
@@ -51,12 +55,27 @@ def test_sides_mirrored(left: np.ndarray, right: np.ndarray) -> None:
     np.testing.assert_array_equal(classify(-left, -right), classify(left, right))
 
 
+@pytest.mark.evidence("properties", classify, of="unit")
 @given(velocities, velocities, st.sampled_from([0.5, 2.0, 1024.0]))
 def test_unit(left: np.ndarray, right: np.ndarray, unit: float) -> None:
     scaled = classify(unit * left, unit * right, still_below=0.003 * unit)
     np.testing.assert_array_equal(scaled, classify(left, right))
 
 
+@pytest.mark.evidence("truth", movement_times)
+@pytest.mark.parametrize(("way", "together"), [(-1, "cooperative"), (1, "competitive")])
+def test_times_of_two_movements_in_closed_form(way: int, together: str) -> None:
+    """10 mm in 0.4 s each, the right one 0.2 s later: how long a minimum-jerk movement is slow has a closed form."""
+    hands = two_hands([(0.5, 0.4, way * 0.01)], [(0.7, 0.4, 0.01)], length=2.0)
+    slow = time_to_portion(0.003 / (1.875 * 0.01 / 0.4), 0.4)
+    found = movement_times(classify(hands.left_vz, hands.right_vz), hands.rate)
+    assert getattr(found, together) == pytest.approx(0.2 - 2 * slow, abs=2e-3)
+    assert found.left_only == pytest.approx(0.2, abs=2e-3)
+    assert found.right_only == pytest.approx(0.2, abs=2e-3)
+    assert found.still == pytest.approx(2.0 - 0.6 + 2 * slow, abs=2e-3)
+
+
+@pytest.mark.evidence("properties", movement_times, of=("rate", "balance"))
 @given(velocities, velocities, st.sampled_from([2, 5]))
 def test_times_and_shares(left: np.ndarray, right: np.ndarray, finer: int) -> None:
     classes = classify(left, right)
@@ -67,17 +86,20 @@ def test_times_and_shares(left: np.ndarray, right: np.ndarray, finer: int) -> No
     np.testing.assert_allclose(movement_times(np.repeat(classes, finer), 100.0 * finer).seconds, times.seconds)
 
 
+@pytest.mark.evidence("disturbance", shares, of="holes")
 def test_nothing_has_no_shares() -> None:
     assert np.isnan(movement_times(np.empty(0, np.int8), 1000.0).shares).all()
     assert np.isnan(shares(np.zeros((2, 4)))).all()
 
 
+@pytest.mark.evidence("truth", mean_shares)
 def test_a_long_trial_counts_once_or_by_its_time() -> None:
     seconds = np.array([[1.0, 0, 0, 0], [0, 9.0, 0, 0]])
     np.testing.assert_allclose(mean_shares(seconds), [0.5, 0.5, 0, 0])
     np.testing.assert_allclose(mean_shares(seconds, of="time"), [0.1, 0.9, 0, 0])
 
 
+@pytest.mark.evidence("truth", mean_shares)
 def test_people_count_the_same_whatever_their_number_of_trials() -> None:
     seconds = np.array([[1.0, 0, 0, 0]] * 3 + [[0, 1.0, 0, 0]] + [[0, 0, 0, 0]])
     people = np.array([1, 1, 1, 2, 3])

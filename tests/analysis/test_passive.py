@@ -43,6 +43,7 @@ def cooperative(left: np.ndarray, right: np.ndarray) -> float:
     return float(np.mean((np.abs(a) >= 0.003) & (np.abs(b) >= 0.003) & (a * b < 0.0)))
 
 
+@pytest.mark.evidence("truth", passive_ratio, inert_partner)
 @pytest.mark.parametrize(("stiffness", "millimetres"), [(50.0, -3.4), (150.0, -1.5), (300.0, -0.8)])
 def test_ten_millimetres_of_the_partner(stiffness: float, millimetres: float) -> None:
     hand = InertHand(stiffness=stiffness)
@@ -54,6 +55,7 @@ def test_ten_millimetres_of_the_partner(stiffness: float, millimetres: float) ->
     assert moved[0] == 0.0
 
 
+@pytest.mark.evidence("truth", driven)
 def test_a_driven_hand_in_closed_form() -> None:
     # A sine force, long after its beginning: amplitude and phase of 1 / (k - m w^2 + i b w).
     hand, w = InertHand(0.5, 8.0, 150.0), 2 * np.pi * 2.0
@@ -99,6 +101,7 @@ def whole_scene(active: np.ndarray, hand: InertHand, side: int) -> tuple[np.ndar
     return solved.y[6], solved.y[4]
 
 
+@pytest.mark.evidence("independent", inert_partner, by="scipy")
 @pytest.mark.slow
 @pytest.mark.parametrize("side", [0, 1])
 def test_the_linear_partner_is_that_of_the_whole_scene(side: int) -> None:
@@ -117,6 +120,7 @@ def trials(seed: int, follow: float) -> list[Heights]:
     return [Heights(z, -follow * z + 0.0, np.zeros(len(z))) for z in left]
 
 
+@pytest.mark.evidence("truth", passive_control, linear_partner)
 def test_a_partner_who_never_acts_is_all_mechanics() -> None:
     hand = InertHand()
     respond = linear_partner(RATE, hand, LEFT, RIGHT)
@@ -158,6 +162,7 @@ def test_misuse_is_refused() -> None:
         passive_control([trials(0, 0.0)], [], linear_partner(RATE, InertHand(), LEFT, RIGHT), cooperative)
 
 
+@pytest.mark.evidence("properties", inert_partner, of=("unit", "constant", "mirror", "rate"))
 @given(st.floats(-5.0, 5.0), st.floats(-0.05, 0.05), st.floats(20.0, 400.0))
 def test_an_inert_partner_is_linear_and_mirrored(scale: float, offset: float, stiffness: float) -> None:
     active, hand = steps([0.0, 0.01, -0.005, 0.0]), InertHand(stiffness=stiffness)

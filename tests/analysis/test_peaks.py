@@ -18,6 +18,7 @@ def bells(centres: list[float], heights: list[float]) -> np.ndarray:
     return sum(h * np.exp(-(((TIMES - c) / 0.12) ** 2)) for c, h in zip(centres, heights, strict=True))
 
 
+@pytest.mark.evidence("truth", velocity_peaks)
 def test_known_peaks() -> None:
     found = velocity_peaks(bells([0.8, 1.6, 2.9], [0.3, 0.1, 0.2]))
     assert found.count == 3
@@ -37,6 +38,7 @@ def test_small_peaks_are_left_out_on_request() -> None:
     assert velocity_peaks(np.zeros(9), least_prominence=0.01).count == 0
 
 
+@pytest.mark.evidence("truth", velocity_peaks)
 def test_plateaus_and_ends() -> None:
     plateau = np.array([0.0, 1, 1, 1, 0])
     assert velocity_peaks(plateau).samples.tolist() == [1]
@@ -48,6 +50,7 @@ def test_plateaus_and_ends() -> None:
         assert velocity_peaks(np.array(ends)).count == 0
 
 
+@pytest.mark.evidence("truth", velocity_peaks, ball_speed)
 @pytest.mark.parametrize("order", ["absolute_first", "filter_first"])
 def test_swinging_ball_has_a_peak_for_each_swing(order: str) -> None:
     """A ball that swings at 0.8 Hz for 3 s passes its middle with top speed once in 0.625 s."""
@@ -57,6 +60,7 @@ def test_swinging_ball_has_a_peak_for_each_swing(order: str) -> None:
     )
 
 
+@pytest.mark.evidence("independent", velocity_peaks, by="scipy")
 @given(speeds)
 def test_scipys_peaks(speed: np.ndarray) -> None:
     np.testing.assert_array_equal(velocity_peaks(speed, plateau="midpoint").samples, find_peaks(speed)[0])
@@ -68,12 +72,14 @@ def test_scipys_peaks(speed: np.ndarray) -> None:
         np.testing.assert_array_equal(velocity_peaks(distinct, extrema="maxima_and_minima").samples, both)
 
 
+@pytest.mark.evidence("independent", velocity_peaks, by="scipy")
 @given(speeds, st.floats(0.05, 0.5))
 def test_scipys_prominence(speed: np.ndarray, least: float) -> None:
     expected = find_peaks(speed, prominence=least)[0]
     np.testing.assert_array_equal(velocity_peaks(speed, plateau="midpoint", least_prominence=least).samples, expected)
 
 
+@pytest.mark.evidence("properties", velocity_peaks, of=("unit", "time"))
 @given(speeds, st.sampled_from([0.25, 2.0, 1024.0]), st.integers(1, 5))
 def test_unit_and_time_do_not_matter(speed: np.ndarray, unit: float, shift: int) -> None:
     found = velocity_peaks(speed).samples
@@ -83,6 +89,7 @@ def test_unit_and_time_do_not_matter(speed: np.ndarray, unit: float, shift: int)
         np.testing.assert_array_equal(later[later > shift], found[found > 0] + shift)
 
 
+@pytest.mark.evidence("properties", velocity_peaks, of="rate")
 @given(st.lists(st.floats(0.3, 3.7), min_size=1, max_size=4), st.integers(2, 4))
 def test_rate_does_not_matter(centres: list[float], step: int) -> None:
     speed = ball_speed(bells(centres, [0.2] * len(centres)), 1000.0)

@@ -24,6 +24,8 @@ NAN = float("nan")
 values = st.lists(st.floats(0.1, 60), min_size=2, max_size=50)
 
 
+@pytest.mark.evidence("disturbance", summarise, of="holes")
+@pytest.mark.evidence("independent", summarise, by="statistics")
 @given(values)
 def test_summary_is_the_statistics_modules(some: list[float]) -> None:
     found = summarise(np.array([*some, NAN]))
@@ -32,6 +34,7 @@ def test_summary_is_the_statistics_modules(some: list[float]) -> None:
     assert found.count == len(some)
 
 
+@pytest.mark.evidence("truth", summarise)
 def test_summary_of_people() -> None:
     found = summarise(np.array([1.0, 2, 3, 10, NAN]), np.array(["A", "A", "A", "B", "C"]))
     assert (found.mean, found.count) == (6.0, 2)
@@ -39,6 +42,7 @@ def test_summary_of_people() -> None:
     assert np.isnan([summarise(np.array([NAN])).mean, summarise(np.array([1.0])).deviation]).all()
 
 
+@pytest.mark.evidence("truth", running_number)
 def test_running_number() -> None:
     people = np.array(list("ABABAABB"))
     haptics = np.array([1, 1, 0, 1, 1, 0, 0, 1], bool)
@@ -58,6 +62,8 @@ def test_running_number_counts(labels: list[tuple[int, bool]]) -> None:
     np.testing.assert_array_equal(running_number(person, haptics), expected)
 
 
+@pytest.mark.evidence("disturbance", trial_times, of="holes")
+@pytest.mark.evidence("truth", trial_times)
 def test_trial_times() -> None:
     trials = np.array([1, 1, 2, 3, 3, 3, 4])
     durations = np.array([7.0, 4.5, 5.0, 1.0, 2.0, 6.0, 9.0])
@@ -69,6 +75,7 @@ def test_trial_times() -> None:
     np.testing.assert_array_equal(all_of_it, [10.0, 3.5, 7.5, NAN])
 
 
+@pytest.mark.evidence("truth", first_and_last)
 def test_first_and_last_of_two_conditions_together() -> None:
     """Each condition goes from 5 s by steps of 10 ms down."""
     order = np.concatenate([np.arange(1, 181)] * 2)
@@ -92,6 +99,8 @@ def test_first_and_last_must_not_overlap() -> None:
     assert np.isnan(first_and_last(np.zeros(0), np.zeros(0, np.int64)).change)
 
 
+@pytest.mark.evidence("disturbance", learning_curve, of="holes")
+@pytest.mark.evidence("truth", learning_curve)
 def test_learning_curve() -> None:
     order = np.array([1, 2, 3, 1, 2, 4])
     found = learning_curve(np.array([5.0, 4, NAN, 7, 2, 1]), order)
@@ -101,6 +110,8 @@ def test_learning_curve() -> None:
     np.testing.assert_array_equal(found.count, [2, 2, 0, 1])
 
 
+@pytest.mark.evidence("disturbance", level, of="holes")
+@pytest.mark.evidence("truth", level)
 def test_level() -> None:
     times = np.array([9.0, 3, NAN, 3, 1])
     assert level(times) == 4
@@ -110,6 +121,7 @@ def test_level() -> None:
     assert np.isnan(level(np.array([NAN]), of="median"))
 
 
+@pytest.mark.evidence("truth", relative_performance)
 def test_relative_performance_by_the_papers_words() -> None:
     """Alone 3 s and 5 s, together 3.5 s: worse than the better one, better than their mean."""
     better, worse = relative_performance(3, 5, 3.5), relative_performance(5, 3, 3.5)
@@ -118,6 +130,7 @@ def test_relative_performance_by_the_papers_words() -> None:
     assert better.gain == worse.gain == 0.5
 
 
+@pytest.mark.evidence("properties", relative_performance, of=("mirror", "constant"))
 @given(*[st.floats(0.5, 30)] * 4)
 def test_both_partners_have_one_gain(own: float, partner: float, dyad: float, added: float) -> None:
     one, other = relative_performance(own, partner, dyad), relative_performance(partner, own, dyad)
@@ -128,12 +141,15 @@ def test_both_partners_have_one_gain(own: float, partner: float, dyad: float, ad
     np.testing.assert_allclose([later.against_partner, later.of_dyad], [one.against_partner, one.of_dyad], atol=1e-9)
 
 
+@pytest.mark.evidence("disturbance", better_dyads, of="holes")
+@pytest.mark.evidence("truth", better_dyads)
 def test_dyads_that_are_better() -> None:
     points = [RelativePerformance(0.5, -0.1), RelativePerformance(-0.5, 0.1), RelativePerformance(0.0, NAN)]
     assert better_dyads(points) == (1, 2)
     assert better_dyads([]) == (0, 0)
 
 
+@pytest.mark.evidence("properties", first_and_last, of="unit")
 @given(arrays(np.float64, st.integers(60, 200), elements=st.floats(0.5, 30)), st.floats(0.1, 10))
 def test_unit(times: np.ndarray, unit: float) -> None:
     order = 1 + np.arange(times.size)

@@ -73,6 +73,7 @@ def test_the_ball_is_put_elsewhere_right_after_an_attempt() -> None:
     assert set(placements(rows["p"], 1000.0)) <= {attempt.stop + 1 for attempt in attempts}
 
 
+@pytest.mark.evidence("properties", motion, board_segments, contributions, velocity_peaks, movement_times, of="mirror")
 @pytest.mark.parametrize("configuration", ["dyadic", "bimanual"])
 def test_left_is_right_mirrored(configuration: str) -> None:
     rows, attempts = block(configuration)
@@ -82,6 +83,7 @@ def test_left_is_right_mirrored(configuration: str) -> None:
         np.testing.assert_allclose(other[name], one[name], atol=1e-9, err_msg=name)
 
 
+@pytest.mark.evidence("properties", motion, first_braking, of="rate")
 @pytest.mark.parametrize("configuration", ["dyadic", "bimanual"])
 def test_half_the_rate_gives_nearly_the_same(configuration: str) -> None:
     rows, attempts = block(configuration)

@@ -40,6 +40,7 @@ def limits(segments: Segments) -> list[tuple[int, int]]:
     return list(zip(segments.first.tolist(), segments.stop.tolist(), strict=True))
 
 
+@pytest.mark.evidence("truth", board_segments)
 def test_fast_long_and_far_enough() -> None:
     omega, theta = board((0.2, 0.5, 4), (1.0, 0.099, 30), (1.3, 1.2, 0.9), (2.6, 0.3, -5))
     found = board_segments(omega, theta, 1000.0)
@@ -76,6 +77,7 @@ def test_kinds_of_angle() -> None:
     np.testing.assert_allclose(other.angle / DEGREE, [2.4, -4.0], atol=0.05)
 
 
+@pytest.mark.evidence("disturbance", board_segments, of="holes")
 def test_cut_movements_are_marked() -> None:
     omega, theta = board((0.0, 0.5, 4), (1.0, 0.5, 4), (2.0, 1.0, 4))
     omega[1500] = np.nan
@@ -104,6 +106,7 @@ def test_lengths_must_agree() -> None:
         board_segments(np.zeros(3), np.zeros(4), 1000.0)
 
 
+@pytest.mark.evidence("truth", board_segments)
 def test_limits_of_a_minimum_jerk_movement() -> None:
     """Both hands 10 mm in 0.4 s: the board turns by 2.29 degrees; it is at 1 degree/s at a root of the rate."""
     hands = two_hands([(1.0, 0.4, -0.01)], [(1.0, 0.4, 0.01)])
@@ -118,6 +121,7 @@ def test_limits_of_a_minimum_jerk_movement() -> None:
 moves = st.lists(st.tuples(st.floats(0.1, 2), st.floats(0.2, 0.8), st.floats(-0.02, 0.02)), min_size=1, max_size=4)
 
 
+@pytest.mark.evidence("truth", board_segments)
 @given(moves, moves)
 def test_any_movement_by_the_papers_sentence(left: list, right: list) -> None:
     hands = two_hands(left, right, rate=250.0)
@@ -129,6 +133,7 @@ def mirrored(hands: TwoHands) -> TwoHands:
     return TwoHands(hands.rate, hands.times, hands.right_z, hands.left_z, hands.right_vz, hands.left_vz)
 
 
+@pytest.mark.evidence("properties", board_segments, of=("mirror", "time"))
 @given(moves, moves, st.integers(1, 300), st.sampled_from(["net", "range", "integral"]))
 def test_mirror_shift_and_level(left: list, right: list, shift: int, angle: str) -> None:
     hands = two_hands(left, right, rate=250.0)
@@ -142,6 +147,7 @@ def test_mirror_shift_and_level(left: list, right: list, shift: int, angle: str)
     assert limits(later) == [(a + shift, b + shift) for a, b in limits(found)]
 
 
+@pytest.mark.evidence("properties", board_segments, of="rate")
 @given(st.floats(0.2, 0.8), st.floats(0.008, 0.03))
 def test_rate_does_not_matter(duration: float, distance: float) -> None:
     at = {}

@@ -36,6 +36,7 @@ def rng() -> np.random.Generator:
 SLEEP = np.array([1.2, 2.4, 1.3, 1.3, 0.0, 1.0, 1.8, 0.8, 4.6, 1.4])
 
 
+@pytest.mark.evidence("truth", t_interval, paired_effect)
 def test_students_own_example() -> None:
     found = t_interval(SLEEP, unit="patient")
     assert found.value == pytest.approx(1.58)
@@ -44,12 +45,14 @@ def test_students_own_example() -> None:
     assert paired_effect(SLEEP).value == pytest.approx(1.58 / 1.229995, rel=1e-6)
 
 
+@pytest.mark.evidence("independent", t_interval, by="statsmodels")
 @given(DIFFERENCES, st.floats(0.5, 0.99))
 def test_t_intervals_are_those_of_another_library(values: list[float], level: float) -> None:
     found = t_interval(values, level=level)
     assert (found.low, found.high) == pytest.approx(DescrStatsW(values).tconfint_mean(1.0 - level), rel=1e-9, abs=1e-9)
 
 
+@pytest.mark.evidence("disturbance", t_interval, cluster_mean, of="holes")
 def test_too_few_units_have_no_interval() -> None:
     for found in (t_interval([3.0]), cluster_mean([[3.0, np.nan]], rng()), cluster_mean([[], [3.0]], rng())):
         assert found.value == 3.0
@@ -61,6 +64,7 @@ def test_too_few_units_have_no_interval() -> None:
     assert (alike.low, alike.value, alike.high) == (3.0, 3.0, 3.0)
 
 
+@pytest.mark.evidence("truth", bootstrap)
 def test_a_bootstrap_of_few_units_is_all_its_draws() -> None:
     means = np.array([0.3, -0.1, 0.9, 0.35])
     draws = np.array([np.mean(draw) for draw in product(means, repeat=4)])
@@ -72,6 +76,7 @@ def test_a_bootstrap_of_few_units_is_all_its_draws() -> None:
     assert (basic.low, basic.high) == pytest.approx((2 * means.mean() - high, 2 * means.mean() - low), abs=0.01)
 
 
+@pytest.mark.evidence("truth", cluster_mean)
 def test_clusters_are_drawn_and_not_their_trials() -> None:
     source = np.random.default_rng(2)
     dyads = [source.normal(mean, 0.01, count) for mean, count in ((1.0, 50), (2.0, 10), (4.0, 30), (7.0, 10))]
@@ -85,6 +90,7 @@ def test_clusters_are_drawn_and_not_their_trials() -> None:
     assert units.high - units.low > 3.0 * 2 * 1.96 * np.std(np.concatenate(dyads)) / np.sqrt(100)
 
 
+@pytest.mark.evidence("truth", cluster_mean)
 def test_a_weighted_mean_by_enumeration() -> None:
     dyads = [[1.0, 1.2, 0.8], [2.0], [4.0, 3.0], [0.5, 0.6]]
     draws = [np.mean(np.concatenate(draw)) for draw in product(dyads, repeat=4)]
@@ -97,6 +103,7 @@ def test_a_seed_is_a_result() -> None:
     assert cluster_mean(dyads, rng()) == cluster_mean(dyads, rng())
 
 
+@pytest.mark.evidence("truth", ratio_of_sums)
 def test_ratios() -> None:
     assert ratio_of_sums(np.array([1.0, 2.0]), np.array([2.0, 4.0])) == 0.5
     found = bootstrap([[1.0, 2.0, 1.5], [2.0, 3.0, 4.0]], ratio_of_sums, rng(), method="percentile")
@@ -107,6 +114,8 @@ def test_ratios() -> None:
         bootstrap([[1.0], [1.0, 2.0]], ratio_of_sums, rng())
 
 
+@pytest.mark.evidence("disturbance", sign_test, of="holes")
+@pytest.mark.evidence("truth", sign_test, permutation_test)
 def test_what_four_dyads_can_show() -> None:
     all_four = sign_test([0.3, 0.1, 0.5, 0.2])
     assert (all_four.p, all_four.least_p) == (0.125, 0.125)
@@ -121,12 +130,14 @@ def test_what_four_dyads_can_show() -> None:
     assert np.isnan(permutation_test_between([1.0], [1.0, 2.0]).p)
 
 
+@pytest.mark.evidence("independent", sign_test, by="statsmodels")
 @given(DIFFERENCES)
 def test_sign_tests_are_those_of_another_library(values: list[float]) -> None:
     if any(values):
         assert sign_test(values).p == pytest.approx(other_sign_test(values)[1])
 
 
+@pytest.mark.evidence("truth", permutation_test)
 @given(DIFFERENCES, st.sampled_from(["two-sided", "greater", "less"]))
 @settings(deadline=None)
 def test_flipped_signs_by_enumeration(values: list[float], alternative: str) -> None:
@@ -139,6 +150,7 @@ def test_flipped_signs_by_enumeration(values: list[float], alternative: str) -> 
     assert found.p >= found.least_p - 1e-12
 
 
+@pytest.mark.evidence("truth", permutation_test_between)
 @given(
     st.lists(st.integers(-9, 9).map(float), min_size=2, max_size=5),
     st.lists(st.integers(-9, 9).map(float), min_size=2, max_size=5),
@@ -177,6 +189,7 @@ def test_the_least_p_is_reached() -> None:
     assert even.p == even.least_p == pytest.approx(0.1)
 
 
+@pytest.mark.evidence("independent", paired_effect, by="scipy")
 @pytest.mark.parametrize(("n", "dz"), [(4, 0.8), (8, 1.2), (20, -0.5), (12, 0.0)])
 def test_an_interval_of_an_effect_is_where_t_would_be_as_extreme(n: int, dz: float) -> None:
     z = stats.zscore(np.arange(n, dtype=float), ddof=1)
@@ -203,6 +216,7 @@ def test_the_interval_excludes_zero_when_t_does() -> None:
         assert (found.low > 0.0 or found.high < 0.0) == excluded
 
 
+@pytest.mark.evidence("independent", hedges_g, by="statsmodels")
 def test_an_effect_between_groups_is_that_of_other_sources() -> None:
     source = np.random.default_rng(8)
     x, y = source.normal(1.0, 2.0, 9), source.normal(0.0, 2.0, 14)
@@ -216,6 +230,7 @@ def test_an_effect_between_groups_is_that_of_other_sources() -> None:
     assert found.low == pytest.approx(plain.low * hedges_factor(21))
 
 
+@pytest.mark.evidence("truth", hedges_factor)
 def test_hedges_factor() -> None:
     # Table of Hedges (1981): c(2) = 0.5642, c(10) = 0.9228, c(20) = 0.9619.
     assert [hedges_factor(free) for free in (2, 10, 20)] == pytest.approx([0.5642, 0.9228, 0.9619], abs=1e-4)
@@ -227,6 +242,7 @@ def test_hedges_factor() -> None:
     assert hedges_factor(4) * raw.mean() == pytest.approx(0.8, abs=0.02)
 
 
+@pytest.mark.evidence("disturbance", paired_effect, of="holes")
 def test_effects_that_do_not_exist() -> None:
     for found in (paired_effect([1.0]), paired_effect([1.0, 1.0]), hedges_g([1.0], [2.0]), hedges_g([], [1.0, 2.0])):
         assert np.isnan([found.value, found.low, found.high]).all()
@@ -235,6 +251,8 @@ def test_effects_that_do_not_exist() -> None:
         t_interval(np.ones((2, 2)))
 
 
+@pytest.mark.evidence("properties", paired_effect, of="mirror")
+@pytest.mark.evidence("properties", sign_test, paired_effect, of="unit")
 @given(DIFFERENCES, st.floats(0.1, 100.0))
 @settings(deadline=None)
 def test_tests_and_effects_know_no_unit_of_measurement(values: list[float], scale: float) -> None:

@@ -20,6 +20,7 @@ def damped(record: float = 12.0) -> tuple[np.ndarray, np.ndarray]:
     return t, 0.15 - 0.3 * np.exp(-0.4 * t) * np.cos(np.pi * t)
 
 
+@pytest.mark.evidence("truth", overshoots, time_in_target)
 def test_a_damped_swing_in_closed_form() -> None:
     t, p = damped()
     # Its excursions at 1, 2, 3 ... s are 0.3 exp(-0.4 t) up to a tilt of the extrema, atan(0.4 / pi) earlier.
@@ -39,6 +40,7 @@ def test_a_damped_swing_in_closed_form() -> None:
     assert inside.first == pytest.approx(t[np.abs(p - 0.15) <= 0.035][0])
 
 
+@pytest.mark.evidence("truth", time_in_target)
 @given(PLACES)
 def test_stays_are_those_of_a_plain_count(places: list[float]) -> None:
     found = time_in_target(places, 10.0, centre=0.15, half_width=0.0351)
@@ -51,12 +53,14 @@ def test_stays_are_those_of_a_plain_count(places: list[float]) -> None:
     assert np.isnan(found.first) == (not stays)
 
 
+@pytest.mark.evidence("properties", time_in_target, of="mirror")
 @given(PLACES)
 def test_left_is_as_right(places: list[float]) -> None:
     there, here = (time_in_target(way * np.array(places), 10.0, centre=way * 0.15) for way in (-1.0, 1.0))
     assert astuple(there) == pytest.approx(astuple(here), nan_ok=True)
 
 
+@pytest.mark.evidence("properties", overshoots, of=("mirror", "unit"))
 @given(PLACES)
 def test_every_overshoot_is_outside(places: list[float]) -> None:
     found = overshoots(places, 10.0, centre=0.15)
@@ -79,6 +83,7 @@ def test_nothing_recorded() -> None:
         overshoots([], RATE, centre=0.15)
 
 
+@pytest.mark.evidence("truth", falls, fall_time)
 def test_falls() -> None:
     t = np.arange(0.0, 2.0, 1 / RATE)
     assert fall_time(0.15 + 0.5 * 0.8 * t**2, RATE) == pytest.approx(np.sqrt(0.2 / 0.4), abs=1e-3)
@@ -93,6 +98,7 @@ def movement(onset: float, peak: float, duration: float = 0.4) -> np.ndarray:
     return peak / 1.875 * 30.0 * s**2 * (1.0 - s) ** 2
 
 
+@pytest.mark.evidence("truth", reaction)
 @pytest.mark.parametrize("peak", [0.02, 0.1, -0.5])
 def test_a_reaction_is_where_the_closed_form_has_it(peak: float) -> None:
     # Minimum jerk reaches f of its peak at (1 - sqrt(1 - sqrt f)) / 2 of its duration.
@@ -120,6 +126,7 @@ def test_what_is_no_reaction() -> None:
     assert reaction(twitch, RATE, hold=0.01).time == pytest.approx(0.2)
 
 
+@pytest.mark.evidence("properties", reaction, of=("time", "mirror"))
 @given(st.floats(0.15, 1.0), st.floats(0.05, 1.0), st.integers(0, 400))
 def test_a_later_release_is_an_earlier_reaction(onset: float, peak: float, wait: int) -> None:
     velocity = movement(onset, peak)

@@ -19,7 +19,7 @@ Braking = Literal["tilt", "rotation"]
 
 @dataclass(frozen=True, slots=True)
 class Strategy:
-    """First braking movement of a trial; NaN throughout where there is none.
+    """First braking movement of a trial; NaN throughout where there is none, or where a hole may hide an earlier one.
 
     Attributes
     ----------
@@ -31,7 +31,7 @@ class Strategy:
         When it begins, from the release on [s].
     initial : float
         When the initial movement begins, from the release on; NaN where there is none [s].
-    wrong_way : int
+    wrong_way : float
         Movements of the board before that, which turn it the wrong way [1].
     """
 
@@ -39,7 +39,7 @@ class Strategy:
     velocity: float
     onset: float
     initial: float
-    wrong_way: int
+    wrong_way: float
 
     @property
     def absolute_distance(self) -> float:
@@ -78,10 +78,15 @@ def first_braking(
         from the target, or turn it back at all, so that levelling it counts.
     """
     own = segments.of_trial(trial)
+    holes = np.flatnonzero(np.isnan(theta[trial.release : trial.stop]))
+    if holes.size:  # whatever comes after one need not be the first
+        own = own.where(own.first < trial.release + holes[0])
     back = own.direction == trial.side  # the end at the target goes up
     towards = np.flatnonzero(own.direction == -trial.side)
     if towards.size == 0:
-        return Strategy(float("nan"), float("nan"), float("nan"), float("nan"), len(own))
+        return Strategy(
+            float("nan"), float("nan"), float("nan"), float("nan"), float("nan") if holes.size else len(own)
+        )
     initial = int(towards[0])
     brakes = back & (np.arange(len(own)) > initial)
     if braking == "tilt":

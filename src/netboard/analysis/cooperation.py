@@ -19,7 +19,7 @@ from netboard.analysis.segments import Segments
 Opposite = Literal["net", "majority"]
 Amount = Literal["net", "path"]
 Threshold = Literal["slower_side", "own_peak"]
-Search = Literal["back", "inside"]
+Search = Literal["back", "inside", "before_peak"]
 Velocity = Literal["own_direction", "magnitude"]
 
 PORTIONS = (0.1, 0.2, 0.3, 0.4)
@@ -69,7 +69,8 @@ def contributions(
     opposite : {"net", "majority"}
         What must be opposite: the displacements over the movement, or the directions in more than half of its samples.
     amount : {"net", "path"}
-        What is compared with nine times that of the other: displacement, or length of path.
+        What is compared with nine times that of the other: displacement, or length of path. Neither directions nor a
+        path are known of a movement with a hole: it is not cooperative then.
     largest_ratio : float
         The nine [1].
     """
@@ -77,14 +78,21 @@ def contributions(
     left, right = left_z[ends] - left_z[segments.first], right_z[ends] - right_z[segments.first]
     opposed = left * right < 0
     if opposite == "majority":
-        against = np.concatenate([[0], np.cumsum(np.diff(left_z) * np.diff(right_z) < 0)])
-        opposed = against[ends] - against[segments.first] > (ends - segments.first) / 2
+        against = np.diff(left_z) * np.diff(right_z) < 0
+        opposed = _summed(against, segments) > (ends - segments.first) / 2
     amounts = np.abs([left, right])
     if amount == "path":
-        paths = np.concatenate([np.zeros((2, 1)), np.nancumsum(np.abs(np.diff([left_z, right_z])), axis=1)], axis=1)
-        amounts = paths[:, ends] - paths[:, segments.first]
+        amounts = np.array([_summed(np.abs(np.diff(z)), segments) for z in (left_z, right_z)])
+    if opposite == "majority" or amount == "path":
+        opposed &= _summed(np.isnan(np.diff(left_z) + np.diff(right_z)), segments) == 0
     balanced = (amounts.max(axis=0) <= largest_ratio * amounts.min(axis=0)) & (amounts.min(axis=0) > 0)
     return Contributions(left, right, opposed & balanced)
+
+
+def _summed(steps: NDArray[np.bool_] | NDArray[np.float64], segments: Segments) -> NDArray[np.float64]:
+    """Add up what is known of each step from one sample to the next, over each movement."""
+    total = np.concatenate([[0.0], np.nancumsum(steps)])
+    return np.asarray(total[segments.stop - 1] - total[segments.first])
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,18 +150,26 @@ def delays(
         Portions of the peak, q of them [1].
     threshold : {"slower_side", "own_peak"}
         Of which peak: that of the slower side for both, or that of each side for itself.
-    search : {"back", "inside"}
-        Where a side that is above the threshold when the movement begins has reached it: where it did before, up to
-        `search_back` earlier, and nowhere if it did not; or at the beginning of the movement.
+    search : {"back", "inside", "before_peak"}
+        Where a side has reached the threshold: where it did first in the movement. If it is above it when the movement
+        begins: where it did before, up to `search_back` earlier, and nowhere if it did not; or at the beginning of the
+        movement. Or where it did last before its peak, which a twitch before the movement proper does not change.
     velocity : {"own_direction", "magnitude"}
         What must reach the threshold: the velocity in the direction in which that side went, or its magnitude.
     search_back : float
         How long before a movement is searched [s].
+
+    Raises
+    ------
+    ValueError
+        If a portion is not above 0 and up to 1.
     """
+    if not all(0 < portion <= 1 for portion in portions):
+        raise ValueError(f"a portion of a peak is above 0 and at most 1, found {tuple(portions)}")
     shape = (len(segments), len(portions))
     signed, truncated = np.full(shape, np.nan), np.zeros(shape, bool)
     peaks = np.full((2, len(segments)), np.nan)
-    back = round(search_back * rate) if search == "back" else 0
+    back = 0 if search == "inside" else round(search_back * rate)
     for row in np.flatnonzero(moved.cooperative):
         begin = max(int(segments.first[row]) - back, 0)
         start, stop = int(segments.first[row]) - begin, int(segments.stop[row])
@@ -176,6 +192,8 @@ def _reached(u: NDArray[np.float64], level: float, start: int, search: Search) -
     """Sample at which a velocity rises to a level in a movement that begins at `start`, and whether that is cut off."""
     if not level > 0:
         return float("nan"), False
+    if search == "before_peak":
+        start += int(np.argmax(u[start:]))
     if u[start] < level:
         above = start + int(np.argmax(u[start:] >= level))
     elif search == "inside":

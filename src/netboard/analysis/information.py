@@ -1,8 +1,8 @@
 """Who influences whom: Granger causality, transfer entropy, and surrogate dyads as the level of chance.
 
 Both ask whether the past of one partner helps to foretell the other beyond the other's own past. Trials are embedded
-one by one, and no past reaches over the beginning of a trial. The past is taken at every `step` samples: neighbours
-at 1 kHz say the same, and only what is some reaction time old can be an answer.
+one by one, and no past reaches over the beginning of a trial or has a hole. The past is taken at every `step` samples:
+neighbours at 1 kHz say the same, and only what is some reaction time old can be an answer.
 
 Partners who watch one ball are alike without any influence. Three things guard against that: give what both see as
 `given`; compare with surrogate dyads, in which everybody is with somebody else's partner in the same task; and do not
@@ -94,7 +94,7 @@ class Chance:
     excess : float
         The one less the other [its own].
     p : float
-        Share of all pairings, the true one counted in, of which the mean is at least as large [1].
+        Share of all pairings, the true one counted in, of which the mean is at least as large; NaN if one has none [1].
     surrogates : ndarray of float64, shape (m,)
         Mean of each pairing [its own].
     n : int
@@ -261,7 +261,7 @@ def chance_level(
     true = float(np.mean([values[i, i] for i in range(n)]))
     surrogates = np.array([np.mean([values[i, int(j)] for i, j in enumerate(pairing)]) for pairing in pairings])
     level = float(surrogates.mean())
-    p = (1 + int((surrogates >= true).sum())) / (1 + len(surrogates))
+    p = (1 + int((surrogates >= true).sum())) / (1 + len(surrogates)) if np.isfinite(true + level) else np.nan
     return Chance(true, level, true - level, p, surrogates, n, unit, n <= MOST_UNITS)
 
 
@@ -293,7 +293,9 @@ def _embedded_trial(
     now = np.arange(first, len(target), past.step)
     own = now[:, None] - past.step * np.arange(1, past.own + 1)
     other = now[:, None] - past.delay - past.step * np.arange(past.other)
-    return _Embedded(target[now], np.concatenate([signal[own] for signal in (target, *given)], axis=1), source[other])
+    e = _Embedded(target[now], np.concatenate([signal[own] for signal in (target, *given)], axis=1), source[other])
+    known = np.isfinite(np.column_stack(e)).all(axis=1)
+    return _Embedded(*(part[known] for part in e))
 
 
 def _matched(

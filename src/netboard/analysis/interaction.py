@@ -15,6 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import trapezoid
 
+from netboard.analysis.signals import paired
+
 Axis = Literal["tilt", "heave"]
 Rule = Literal["opposing", "half_difference"]
 Effort = Literal["squared", "absolute", "rms"]
@@ -113,13 +115,14 @@ def interaction(left: ArrayLike, right: ArrayLike, *, axis: Axis = "tilt", rule:
     ValueError
         If the forces have no equal shape.
     """
-    a, b = _pair(left, right)
+    a, b = paired(left, right)
     if axis == "tilt":
         a = -a
     if rule == "half_difference":
         between = (a - b) / 2.0
     else:
-        between = np.where(a * b < 0.0, np.sign(a) * np.minimum(np.abs(a), np.abs(b)), 0.0)
+        # Asked this way round, what is missing stays so.
+        between = np.where(a * b >= 0.0, 0.0, np.sign(a) * np.minimum(np.abs(a), np.abs(b)))
     return Interaction(a + b, between, a - between, b + between)
 
 
@@ -174,7 +177,7 @@ def work(force: ArrayLike, velocity: ArrayLike, rate: float) -> Work:
     ValueError
         If force and velocity have no equal shape.
     """
-    f, v = _pair(force, velocity)
+    f, v = paired(force, velocity)
     given, received = _integral(np.maximum(f * v, 0.0), rate), _integral(np.maximum(-f * v, 0.0), rate)
     return Work(given - received, given, received)
 
@@ -202,7 +205,7 @@ def exchanged(left_power: ArrayLike, right_power: ArrayLike, rate: float) -> tup
     ValueError
         If the powers have no equal shape.
     """
-    a, b = _pair(left_power, right_power)
+    a, b = paired(left_power, right_power)
     to_right = np.minimum(np.maximum(a, 0.0), np.maximum(-b, 0.0))
     to_left = np.minimum(np.maximum(b, 0.0), np.maximum(-a, 0.0))
     return _integral(to_right, rate), _integral(to_left, rate)
@@ -253,17 +256,9 @@ def force_share(left: ArrayLike, right: ArrayLike, *, kind: Weighing = "absolute
     ValueError
         If the forces have no equal shape.
     """
-    a, b = (np.abs(side) ** (2 if kind == "squared" else 1) for side in _pair(left, right))
+    a, b = (np.abs(side) ** (2 if kind == "squared" else 1) for side in paired(left, right))
     total = a.sum() + b.sum()
     return float(b.sum() / total) if total > 0.0 else np.nan
-
-
-def _pair(left: ArrayLike, right: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Check that two signals go together."""
-    a, b = np.asarray(left, dtype=float), np.asarray(right, dtype=float)
-    if a.ndim != 1 or a.shape != b.shape:
-        raise ValueError(f"two signals of one length are expected, found shapes {a.shape} and {b.shape}")
-    return a, b
 
 
 def _integral(values: NDArray[np.float64], rate: float) -> float:

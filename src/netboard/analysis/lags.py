@@ -4,11 +4,9 @@ A delay is the time of the left side less that of the right one: positive where 
 tilt the board move in opposite directions, so by default the left side is compared with the mirrored right one. Delays
 are found between samples: a millisecond is too coarse for a difference of a few.
 
-Thresholds of a side's own peak have no bias from unequal amplitudes; one threshold for both sides, as in the paper,
-makes the larger movement look earlier.
+Delays by thresholds, the paper's, are those of `netboard.analysis.cooperation`.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -16,12 +14,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.signal import correlate
 
-Relation = Literal["mirrored", "alike"]
-Crossing = Literal["before_peak", "first"]
-Overlap = Literal["pearson", "full"]
+from netboard.analysis.signals import paired
 
-PORTIONS = (0.1, 0.2, 0.3, 0.4)
-"""Portions of the peak at which delays are taken [1]."""
+Relation = Literal["mirrored", "alike"]
+Overlap = Literal["pearson", "full"]
 
 _SIGNS = {"mirrored": -1.0, "alike": 1.0}
 
@@ -117,7 +113,7 @@ def lag_of(
     ValueError
         If the sides have no equal length, or fewer than two samples overlap at the longest delay.
     """
-    a, b = _pair(left, right)
+    a, b = paired(left, right)
     b = _SIGNS[relation] * b
     reach = round(longest * rate)
     if reach < 1 or len(a) - reach < 2:
@@ -169,52 +165,11 @@ def windowed_lags(
     ValueError
         If the sides have no equal length, or the window is too short for the delay.
     """
-    a, b = _pair(left, right)
+    a, b = paired(left, right)
     size, every = round(window * rate), max(1, round(step * rate))
     starts = range(0, len(a) - size + 1, every)
     lags = tuple(lag_of(a[i : i + size], b[i : i + size], rate, longest=longest, relation=relation) for i in starts)
     return (np.array(starts) + (size - 1) / 2) / rate, lags
-
-
-def own_peak_delays(
-    left: ArrayLike,
-    right: ArrayLike,
-    rate: float,
-    *,
-    portions: Sequence[float] = PORTIONS,
-    crossing: Crossing = "before_peak",
-) -> NDArray[np.float64]:
-    """Take the delays between the times at which each side reaches portions of its own peak velocity.
-
-    Velocities count in the direction in which a side has moved on the whole. With the paper's one threshold for both
-    sides, a side that moves twice as far looks 14 to 34 ms earlier than it is (minimum jerk, 0.5 s); here it does not.
-
-    Parameters
-    ----------
-    left, right : array_like, shape (n,)
-        Velocities of both sides in one movement [m/s].
-    rate : float
-        Samples per second [Hz].
-    portions : sequence of float
-        Portions of the peak, between 0 and 1 [1].
-    crossing : {"before_peak", "first"}
-        The last time at which the velocity rose through the threshold before its peak, or the first one at all.
-
-    Returns
-    -------
-    ndarray of float64, shape (len(portions),)
-        Left less right, + = right first; NaN where a side was above the threshold from the start, or did not move [s].
-
-    Raises
-    ------
-    ValueError
-        If the sides have no equal length, or a portion is not between 0 and 1.
-    """
-    a, b = _pair(left, right)
-    if not all(0.0 < portion < 1.0 for portion in portions):
-        raise ValueError(f"portions of a peak are between 0 and 1, found {tuple(portions)}")
-    rises = [[_rise(side, portion, crossing) for portion in portions] for side in (_forward(a), _forward(b))]
-    return np.asarray((np.array(rises[0]) - np.array(rises[1])) / rate)
 
 
 def peak_delay(left: ArrayLike, right: ArrayLike, rate: float) -> float:
@@ -230,14 +185,18 @@ def peak_delay(left: ArrayLike, right: ArrayLike, rate: float) -> float:
     Returns
     -------
     float
-        Left less right, + = right first; NaN where a side has its largest velocity at the first or last sample [s].
+        Left less right, + = right first; NaN where a side has its largest velocity at the first or last sample, or one
+        is missing [s].
 
     Raises
     ------
     ValueError
         If the sides have no equal length.
     """
-    places = [_vertex(side, int(np.argmax(side)))[0] for side in map(_forward, _pair(left, right))]
+    sides = [_forward(side) for side in paired(left, right)]
+    if not len(sides[0]):
+        return np.nan
+    places = [_vertex(side, int(np.argmax(side)))[0] for side in sides]
     return float((places[0] - places[1]) / rate)
 
 
@@ -271,14 +230,6 @@ def leadership(delays: ArrayLike, *, tolerance: float = 0.0, unit: str = "moveme
         n=len(signed),
         unit=unit,
     )
-
-
-def _pair(left: ArrayLike, right: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Check that two signals go together."""
-    a, b = np.asarray(left, dtype=float), np.asarray(right, dtype=float)
-    if a.ndim != 1 or a.shape != b.shape or not len(a):
-        raise ValueError(f"two sides are two signals of one length, found shapes {a.shape} and {b.shape}")
-    return a, b
 
 
 def _correlations(a: NDArray[np.float64], b: NDArray[np.float64], reach: int, overlap: Overlap) -> NDArray[np.float64]:
@@ -316,14 +267,3 @@ def _vertex(values: NDArray[np.float64], best: int) -> tuple[float, float]:
 def _forward(velocity: NDArray[np.float64]) -> NDArray[np.float64]:
     """Count a velocity in the direction of the whole movement."""
     return velocity if velocity.sum() >= 0.0 else -velocity
-
-
-def _rise(speed: NDArray[np.float64], portion: float, crossing: Crossing) -> float:
-    """Find where a speed rises through a portion of its peak [sample]."""
-    peak = int(np.argmax(speed))
-    level = portion * speed[peak]
-    below = np.flatnonzero(speed[: peak + 1] < level)
-    if not speed[peak] > 0.0 or not len(below) or (crossing == "first" and speed[0] >= level):
-        return np.nan
-    i = int(below[-1]) if crossing == "before_peak" else int(np.flatnonzero(speed >= level)[0]) - 1
-    return float(i + (level - speed[i]) / (speed[i + 1] - speed[i]))

@@ -6,7 +6,7 @@ recording is filtered at once and trials are cut out of it afterwards, so that a
 is put somewhere else between two trials: those jumps are told as `placed`, and no filter smears them into a trial.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -234,16 +234,17 @@ class Completion:
     Attributes
     ----------
     time : float
-        From the release to the beginning of the hold; NaN without one [s].
+        From the release to the beginning of the hold; NaN without one, or if a hole may hide when it began [s].
     sample : int or None
-        Sample at which the hold began; None without one [1].
-    entries : int
-        How often the ball came into the target, the last time included; all times, without a hold [1].
+        Sample at which the hold began; None without one, or if a hole may hide when that was [1].
+    entries : float
+        How often the ball came into the target, the last time included; all times, without a hold; NaN if a hole may
+        hide some [1].
     """
 
     time: float
     sample: int | None
-    entries: int
+    entries: float
 
 
 def find_completion(
@@ -278,8 +279,18 @@ def find_completion(
         How long it must stay [s].
     """
     reach = half_width if inside == "centre" else half_width - radius
-    found = runs(np.abs(p - target) <= reach)
-    held = np.flatnonzero(found[:, 1] - 1 - found[:, 0] >= hold * rate * (1 - 1e-9))
+    away, least = np.abs(p - target), hold * rate * (1 - 1e-9)
+    # Where a sample is missing, the ball was in the target or it was not: what depends on that is not known.
+    found, other = _first_hold(away <= reach, least, rate), _first_hold(~(away > reach), least, rate)
+    if found.sample != other.sample:
+        return Completion(float("nan"), None, float("nan"))
+    return found if not np.isnan(away[: found.sample]).any() else replace(found, entries=float("nan"))
+
+
+def _first_hold(within: NDArray[np.bool_], least: float, rate: float) -> Completion:
+    """Find the first stay in the target that is long enough."""
+    found = runs(within)
+    held = np.flatnonzero(found[:, 1] - 1 - found[:, 0] >= least)
     if held.size == 0:
         return Completion(float("nan"), None, len(found))
     sample = int(found[held[0], 0])

@@ -25,15 +25,18 @@ class Peaks:
         Where they are, counted from the beginning of what was looked at [1].
     heights : ndarray, shape (k,)
         The speed there [m/s].
+    whole : bool
+        Whether no sample of the speed is missing.
     """
 
     samples: NDArray[np.int64]
     heights: NDArray[np.float64]
+    whole: bool = True
 
     @property
-    def count(self) -> int:
-        """How many there are: the paper's NP [1]."""
-        return len(self.samples)
+    def count(self) -> float:
+        """How many there are: the paper's NP; NaN if a hole may hide one [1]."""
+        return len(self.samples) if self.whole else float("nan")
 
 
 def velocity_peaks(
@@ -61,7 +64,7 @@ def velocity_peaks(
     samples = _maxima(speed, plateau, least_prominence)
     if extrema == "maxima_and_minima":
         samples = np.sort(np.concatenate([samples, _maxima(-speed, plateau, least_prominence)]))
-    return Peaks(samples, speed[samples])
+    return Peaks(samples, speed[samples], not np.isnan(speed).any())
 
 
 def _maxima(speed: NDArray[np.float64], plateau: Plateau, least_prominence: float) -> NDArray[np.int64]:

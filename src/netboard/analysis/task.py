@@ -1,7 +1,8 @@
 """How well a trial went, beyond its completion time: time in the target, overshoots, falls, and the time to react.
 
 Positions are the ball's along the board, + = right, from the release on; the target may be at either side. Times are
-those of samples: a sample stands for the time until the next one.
+those of samples: a sample stands for the time until the next one. Of a record with a hole nothing is known that the
+hole could change: bridge short ones first (`netboard.analysis.signals.bridge`).
 """
 
 from collections.abc import Iterable
@@ -11,13 +12,17 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from netboard.analysis.motion import HALF_WIDTH
+from netboard.analysis.movements import STILL_BELOW
+from netboard.analysis.signals import runs
+
 Beyond = Literal["far_edge", "centre"]
 Onset = Literal["sustained", "before_peak"]
 
 
 @dataclass(frozen=True, slots=True)
 class InTarget:
-    """The ball's stays in the target.
+    """The ball's stays in the target; NaN throughout if a sample is missing.
 
     Attributes
     ----------
@@ -25,7 +30,7 @@ class InTarget:
         All of them together [s].
     share : float
         Of the record; NaN for an empty one [1].
-    visits : int
+    visits : float
         How many there are [1].
     longest : float
         The longest of them [s].
@@ -35,18 +40,18 @@ class InTarget:
 
     time: float
     share: float
-    visits: int
+    visits: float
     longest: float
     first: float
 
 
 @dataclass(frozen=True, slots=True)
 class Overshoots:
-    """How often and how far the ball went too far.
+    """How often and how far the ball went too far; NaN throughout if a sample is missing.
 
     Attributes
     ----------
-    count : int
+    count : float
         How often it passed the limit, away from where it came from [1].
     largest : float
         How far beyond the limit it came; 0 without an overshoot [m].
@@ -54,7 +59,7 @@ class Overshoots:
         How long it was beyond [s].
     """
 
-    count: int
+    count: float
     largest: float
     time: float
 
@@ -88,7 +93,7 @@ class Reaction:
     Attributes
     ----------
     time : float
-        From the release; NaN if it never did, or was moving already [s].
+        From the release; NaN if it never did, was moving already, or may have begun in a hole [s].
     anticipated : bool
         It was moving at the release, or began sooner than anybody reacts.
     """
@@ -97,7 +102,7 @@ class Reaction:
     anticipated: bool
 
 
-def time_in_target(p: ArrayLike, rate: float, *, centre: float, half_width: float = 0.035) -> InTarget:
+def time_in_target(p: ArrayLike, rate: float, *, centre: float, half_width: float = HALF_WIDTH) -> InTarget:
     """Find the ball's stays in the target.
 
     Parameters
@@ -116,8 +121,11 @@ def time_in_target(p: ArrayLike, rate: float, *, centre: float, half_width: floa
     InTarget
         Their time, share, number, and the longest.
     """
-    inside = np.abs(np.asarray(p, dtype=float) - centre) <= half_width
-    starts, stops = _runs(inside)
+    ball = np.asarray(p, dtype=float)
+    if np.isnan(ball).any():
+        return InTarget(np.nan, np.nan, np.nan, np.nan, np.nan)
+    inside = np.abs(ball - centre) <= half_width
+    starts, stops = runs(inside).T
     lengths = stops - starts
     return InTarget(
         time=float(lengths.sum() / rate),
@@ -129,7 +137,7 @@ def time_in_target(p: ArrayLike, rate: float, *, centre: float, half_width: floa
 
 
 def overshoots(
-    p: ArrayLike, rate: float, *, centre: float, half_width: float = 0.035, beyond: Beyond = "far_edge"
+    p: ArrayLike, rate: float, *, centre: float, half_width: float = HALF_WIDTH, beyond: Beyond = "far_edge"
 ) -> Overshoots:
     """Find where the ball went too far: past the target, seen from where it was at first.
 
@@ -161,9 +169,11 @@ def overshoots(
     ball = np.asarray(p, dtype=float)
     if not len(ball):
         raise ValueError("where the ball came from is not known without a sample")
+    if np.isnan(ball).any():
+        return Overshoots(np.nan, np.nan, np.nan)
     way = np.sign(centre - ball[0]) or np.sign(centre)
     excess = way * (ball - centre) - (half_width if beyond == "far_edge" else 0.0)
-    starts, stops = _runs(excess > 0.0)
+    starts, stops = runs(excess > 0.0).T
     return Overshoots(len(starts), float(np.max(excess, initial=0.0)), float((stops - starts).sum() / rate))
 
 
@@ -182,10 +192,11 @@ def fall_time(p: ArrayLike, rate: float, *, edge: float = 0.35) -> float:
     Returns
     -------
     float
-        Time from the first sample; NaN if it stayed on the board [s].
+        Time from the first sample; NaN if it stayed on the board, or may have fallen in a hole [s].
     """
-    off = np.flatnonzero(np.abs(np.asarray(p, dtype=float)) > edge)
-    return float(off[0] / rate) if len(off) else np.nan
+    ball = np.asarray(p, dtype=float)
+    off = np.flatnonzero(~(np.abs(ball) <= edge))
+    return float(off[0] / rate) if len(off) and not np.isnan(ball[off[0]]) else np.nan
 
 
 def falls(outcomes: Iterable[str]) -> Falls:
@@ -212,7 +223,7 @@ def reaction(
     rate: float,
     *,
     onset: Onset = "sustained",
-    threshold: float = 0.003,
+    threshold: float = STILL_BELOW,
     hold: float = 0.03,
     portion: float = 0.05,
     soonest: float = 0.1,
@@ -243,11 +254,14 @@ def reaction(
         The time of the onset, and whether it was anticipated.
     """
     speed = np.abs(np.asarray(velocity, dtype=float))
-    starts, stops = _runs(speed >= threshold)
-    lasting = np.flatnonzero(stops - starts >= max(1, round(hold * rate)))
+    least = max(1, round(hold * rate))
+    starts, stops = runs(speed >= threshold).T
+    lasting = np.flatnonzero(stops - starts >= least)
     if not len(lasting):
         return Reaction(np.nan, anticipated=False)
     begin, end = int(starts[lasting[0]]), int(stops[lasting[0]])
+    if np.isnan(speed[: begin + least if onset == "sustained" else end + 1]).any():
+        return Reaction(np.nan, anticipated=False)
     if begin == 0:
         return Reaction(np.nan, anticipated=True)
     if onset == "before_peak":
@@ -261,9 +275,3 @@ def _rise_to_first_peak(speed: NDArray[np.float64], begin: int, end: int, portio
     peak = begin + int(falling[0]) if len(falling) else end - 1
     below = np.flatnonzero(speed[:peak] < portion * speed[peak])
     return int(below[-1]) + 1 if len(below) else 0
-
-
-def _runs(condition: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return first samples of all runs in which a condition holds, and those after their last."""
-    edges = np.diff(np.concatenate([[False], condition, [False]]).astype(np.int8))
-    return np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)

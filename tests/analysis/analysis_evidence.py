@@ -1,0 +1,133 @@
+"""What shows that each measure can be trusted, as the tests say by their marks; read from the source, nothing is run.
+
+    @pytest.mark.evidence("truth", delays)
+    @pytest.mark.evidence("independent", lag_of, by="scipy")
+    @pytest.mark.evidence("properties", delays, contributions, of=("time", "mirror"))
+    @pytest.mark.evidence("disturbance", delays)
+
+The page docs/analysis-evidence.md is made of this, and test_analysis_evidence.py fails where something is missing.
+"""
+
+import ast
+from dataclasses import dataclass
+from pathlib import Path
+
+TESTS = Path(__file__).parent
+PACKAGE = TESTS.parent.parent / "src" / "netboard" / "analysis"
+
+KINDS = {
+    "truth": (),
+    "independent": ("numpy", "scipy", "scikit-learn", "statsmodels", "pandas", "monalysa", "statistics"),
+    "properties": ("time", "mirror", "unit", "constant", "rate", "order", "balance"),
+    "disturbance": ("noise", "holes"),
+}
+"""Kinds of evidence, and the words that say more of each."""
+
+SAYING = {"independent": "by", "properties": "of", "disturbance": "of"}
+"""Name of the argument that says more."""
+
+CHECKS = "checks what it is given, and computes nothing"
+NO_SAMPLES = "takes no samples"
+WITHOUT = {
+    **{("signals.paired", kind): CHECKS for kind in ("truth", "properties", "disturbance")},
+    ("signals.runs", "disturbance"): "takes what is true or false; what of a hole is neither, the caller says",
+    ("performance.running_number", "disturbance"): "takes labels",
+    ("ellipses.groups_of", "disturbance"): "takes numbers of trials",
+    ("task.falls", "disturbance"): "takes words",
+    ("passive.passive_ratio", "disturbance"): NO_SAMPLES,
+    ("statistics.hedges_factor", "disturbance"): NO_SAMPLES,
+    ("statistics.hedges_factor", "properties"): "takes one whole number",
+}
+"""What a function has no evidence of, and why it needs none."""
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """That a test shows something of a function."""
+
+    function: str
+    kind: str
+    words: tuple[str, ...]
+    file: str
+    test: str
+
+
+def public_functions() -> dict[str, list[str]]:
+    """What there is to be shown, by module: public functions, and classes whose instances are called."""
+    found = {}
+    for path in sorted(PACKAGE.glob("*.py")):
+        nodes = ast.parse(path.read_text(encoding="utf-8")).body
+        names = [node.name for node in nodes if _is_measure(node)]  # type: ignore[attr-defined]
+        if names:
+            found[path.stem] = names
+    return found
+
+
+def _is_measure(node: ast.stmt) -> bool:
+    if isinstance(node, ast.ClassDef):
+        return any(isinstance(item, ast.FunctionDef) and item.name == "__call__" for item in node.body)
+    return isinstance(node, ast.FunctionDef) and not node.name.startswith("_")
+
+
+def all_evidence() -> list[Evidence]:
+    """All marks of all tests of this folder."""
+    return [one for path in sorted(TESTS.glob("test_*.py")) for one in _evidence_in(path)]
+
+
+def _evidence_in(path: Path) -> list[Evidence]:
+    """Marks of the tests in one file."""
+    nodes = ast.parse(path.read_text(encoding="utf-8")).body
+    modules = {
+        alias.asname or alias.name: f"{node.module.removeprefix('netboard.analysis.')}.{alias.name}"
+        for node in nodes
+        if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("netboard.analysis.")
+        for alias in node.names
+    }
+    found = []
+    for node in nodes:
+        for mark in node.decorator_list if isinstance(node, ast.FunctionDef) else ():
+            if isinstance(mark, ast.Call) and ast.unparse(mark.func) == "pytest.mark.evidence":
+                kind, *functions = mark.args
+                of = ast.literal_eval(kind)
+                said = [ast.literal_eval(keyword.value) for keyword in mark.keywords if keyword.arg == SAYING.get(of)]
+                words = tuple(word for one in said for word in ([one] if isinstance(one, str) else one))
+                found += [Evidence(modules[ast.unparse(one)], of, words, path.name, node.name) for one in functions]
+    return found
+
+
+def table() -> str:
+    """Write the matrix: how many functions have what, then a section for each module and a row for each function."""
+    evidence = all_evidence()
+    sections = [_counts(evidence)]
+    for module, names in public_functions().items():
+        lines = [f"## {module}", "", "| | " + " | ".join(KINDS) + " |", "|---|" + "---|" * len(KINDS)]
+        for name in names:
+            cells = [_cell(f"{module}.{name}", kind, evidence) for kind in KINDS]
+            lines.append(f"| **`{name}`** | " + " | ".join(cells) + " |")
+        sections.append("\n".join(lines))
+    return "\n\n".join(sections)
+
+
+def _counts(evidence: list[Evidence]) -> str:
+    """Say how many functions have each kind of evidence, and from how many tests."""
+    functions = sum(map(len, public_functions().values()))
+    having = [f"{len({one.function for one in evidence if one.kind == kind})} have {kind}" for kind in KINDS]
+    tests = len({(one.file, one.test) for one in evidence})
+    return f"{functions} functions: {', '.join(having)}; by {tests} tests."
+
+
+def _cell(function: str, kind: str, evidence: list[Evidence]) -> str:
+    """Name the tests that show something of a function, after what they show."""
+    own = [one for one in evidence if (one.function, one.kind) == (function, kind)]
+    if not own:
+        return WITHOUT.get((function, kind), "-")
+    return "; ".join(f"{_words(one)}[{_sentence(one.test)}](../tests/analysis/{one.file})" for one in own)
+
+
+def _words(one: Evidence) -> str:
+    return f"**{', '.join(one.words)}**: " if one.words else ""
+
+
+def _sentence(test: str) -> str:
+    """A test's name is a sentence."""
+    return test.removeprefix("test_").replace("_", " ")
