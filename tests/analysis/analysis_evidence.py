@@ -28,8 +28,16 @@ SAYING = {"independent": "by", "properties": "of", "disturbance": "of"}
 
 CHECKS = "checks what it is given, and computes nothing"
 NO_SAMPLES = "takes no samples"
+PART = "is a part of the models, and shown with them"
 WITHOUT = {
     **{("signals.paired", kind): CHECKS for kind in ("truth", "properties", "disturbance")},
+    **{
+        (name, kind): PART
+        for name in ("effects.effects_of", "effects.said", "effects.diagnose", "factors.design_of", "factors.cells_of")
+        for kind in ("truth", "properties", "disturbance")
+    },
+    ("contrasts.holm", "properties"): "takes a few probabilities, in the order in which they come back",
+    ("contrasts.holm", "disturbance"): NO_SAMPLES,
     ("signals.runs", "disturbance"): "takes what is true or false; what of a hole is neither, the caller says",
     ("performance.running_number", "disturbance"): "takes labels",
     ("ellipses.groups_of", "disturbance"): "takes numbers of trials",

@@ -25,6 +25,7 @@ def contrast(first: np.ndarray, second: np.ndarray, names: list[str]) -> Contras
     return condition_contrast(np.r_[first, second], [*names, *names], condition, rng(), name="haptics", resamples=999)
 
 
+@pytest.mark.evidence("truth", condition_contrast)
 def test_it_is_everything_that_can_be_said_of_the_differences() -> None:
     found = contrast(WITH, WITHOUT, NAMES)
     gaps = WITH - WITHOUT
@@ -49,6 +50,7 @@ def test_a_unit_counts_once_however_many_values_it_has() -> None:
     assert found.difference.value == pytest.approx(float((WITH - WITHOUT).mean()))
 
 
+@pytest.mark.evidence("properties", condition_contrast, of="order")
 @given(st.permutations(range(8)))
 def test_the_order_of_rows_changes_nothing(by: list[int]) -> None:
     values, units, condition = np.r_[WITH, WITHOUT], np.array([*NAMES, *NAMES]), np.repeat([True, False], 4)
@@ -56,6 +58,7 @@ def test_the_order_of_rows_changes_nothing(by: list[int]) -> None:
     assert found == condition_contrast(values, units, condition, rng(), name="haptics", resamples=99)
 
 
+@pytest.mark.evidence("properties", condition_contrast, of="mirror")
 def test_conditions_change_places() -> None:
     one, other = contrast(WITH, WITHOUT, NAMES), contrast(WITHOUT, WITH, NAMES)
     assert other.differences == pytest.approx([-gap for gap in one.differences])
@@ -64,6 +67,7 @@ def test_conditions_change_places() -> None:
     assert (one.t.p, one.signs.p, one.permutation.p) == (other.t.p, other.signs.p, other.permutation.p)
 
 
+@pytest.mark.evidence("disturbance", condition_contrast, of="holes")
 def test_a_unit_without_one_of_the_conditions_is_named() -> None:
     found = contrast(WITH, np.array([3.6, np.nan, 4.9, 3.4]), NAMES)
     assert (found.n, found.labels, found.left_out) == (3, ("D01", "D03", "D04"), ("D02",))
@@ -101,16 +105,27 @@ def test_labels_must_be_as_many_as_values() -> None:
         condition_contrast([1.0, 2.0], ["D01"], [True, False], rng(), name="haptics")
 
 
+@pytest.mark.evidence("properties", paired_t_test, of=("mirror", "unit"))
+def test_a_t_test_knows_neither_sign_nor_unit() -> None:
+    found, turned = paired_t_test([1.0, 2.0, 4.0]), paired_t_test([-1e3, -2e3, -4e3])
+    assert turned.p == pytest.approx(found.p)
+    assert turned.statistic == pytest.approx(-found.statistic)
+
+
+@pytest.mark.evidence("independent", paired_t_test, by="scipy")
+@pytest.mark.evidence("disturbance", paired_t_test, of="holes")
 def test_a_t_test_leaves_out_what_is_missing() -> None:
     assert paired_t_test([1.0, np.nan, 2.0, 4.0]) == paired_t_test([1.0, 2.0, 4.0])
     assert paired_t_test([1.0, 2.0, 4.0]).p == pytest.approx(stats.ttest_1samp([1.0, 2.0, 4.0], 0.0).pvalue)
 
 
+@pytest.mark.evidence("independent", holm, by="statsmodels")
 @given(st.lists(st.floats(0.0, 1.0), min_size=1, max_size=12))
 def test_holms_correction_is_that_of_another_library(p: list[float]) -> None:
     assert holm(p) == pytest.approx(multipletests(p, method="holm")[1], rel=1e-12, abs=1e-300)
 
 
+@pytest.mark.evidence("truth", holm)
 def test_holms_correction_by_hand() -> None:
     assert holm([0.01, 0.04, 0.03, 0.005]) == pytest.approx([0.03, 0.06, 0.06, 0.02])
     assert holm([0.01, np.nan, 0.03]) == pytest.approx([0.02, np.nan, 0.03], nan_ok=True)

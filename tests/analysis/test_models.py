@@ -113,6 +113,7 @@ def one_condition(dyads: int, performers: int, trials: int) -> Labels:
     return {"dyads": dyad, "performers": performer, "haptics": always, "dyadic": always, "order": always.astype(int)}
 
 
+@pytest.mark.evidence("truth", log_time_model)
 def test_balanced_dyads_have_the_estimates_of_an_analysis_of_variance() -> None:
     labels = one_condition(6, 1, 8)
     source = np.random.default_rng(3)
@@ -145,6 +146,7 @@ def test_balanced_performers_within_dyads_have_the_estimates_of_an_analysis_of_v
     assert (found.trials, found.performers, found.dyads) == (105, 21, 7)
 
 
+@pytest.mark.evidence("independent", log_time_model, by="scipy")
 def test_of_a_balanced_design_haptics_is_the_paired_t_test_of_dyads() -> None:
     labels = kept(plan(5, 12), plan(5, 12)["dyadic"])
     times = times_of(labels, Truth(dyad_slope=0.3), 1)
@@ -160,6 +162,7 @@ def test_of_a_balanced_design_haptics_is_the_paired_t_test_of_dyads() -> None:
 # --- the mixed model: other ways ---------------------------------------------------------------------------------
 
 
+@pytest.mark.evidence("independent", log_time_model, by="statsmodels")
 def test_a_formula_says_the_same() -> None:
     labels = plan(10, 10)
     truth = Truth(dyad=0.5, performer=0.4, dyad_slope=0.4)
@@ -277,6 +280,7 @@ def mancl_derouen(labels: Labels, values: NDArray[np.float64], model: Model, pow
     return bread @ meat @ bread
 
 
+@pytest.mark.evidence("truth", count_model)
 def test_errors_of_counts_are_mancl_and_derouens() -> None:
     labels = plan(5, 8)
     counts = counts_of(labels, Truth(), 1)
@@ -286,6 +290,7 @@ def test_errors_of_counts_are_mancl_and_derouens() -> None:
     assert found.effect("haptics").free == 4.0
 
 
+@pytest.mark.evidence("truth", share_model)
 def test_errors_of_shares_are_mancl_and_derouens() -> None:
     labels = plan(5, 12)
     failed = failures_of(labels, Truth(), 1)
@@ -294,6 +299,7 @@ def test_errors_of_shares_are_mancl_and_derouens() -> None:
     assert errors == pytest.approx(np.sqrt(np.diag(mancl_derouen(labels, failed, found, 2))), rel=1e-6)
 
 
+@pytest.mark.evidence("independent", count_model, by="statsmodels")
 def test_dyads_of_one_trial_are_a_generalised_linear_model() -> None:
     labels = plan(8, 3)
     labels["dyads"] = labels["performers"] = np.arange(len(labels["order"]))
@@ -361,6 +367,7 @@ def test_effects_of_many_dyads_are_recovered(model: Any, sample: Any) -> None:
 # --- invariances -------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.evidence("properties", log_time_model, of="unit")
 def test_another_unit_of_time_shifts_the_intercept_only() -> None:
     labels = plan(4, 8)
     times = times_of(labels, Truth(), 5)
@@ -372,6 +379,7 @@ def test_another_unit_of_time_shifts_the_intercept_only() -> None:
     assert variances(milliseconds) == pytest.approx(variances(seconds), rel=1e-4, abs=1e-8)
 
 
+@pytest.mark.evidence("properties", log_time_model, count_model, share_model, of="order")
 @pytest.mark.slow
 @every_model
 def test_names_of_dyads_and_the_order_of_rows_change_nothing(model: Any, sample: Any) -> None:
@@ -396,6 +404,7 @@ def test_performers_belong_to_their_dyad(model: Any, sample: Any) -> None:
     assert alone.performers == 12
 
 
+@pytest.mark.evidence("properties", log_time_model, count_model, share_model, of="mirror")
 @every_model
 def test_conditions_change_places(model: Any, sample: Any) -> None:
     labels = plan(4, 10)
@@ -423,6 +432,7 @@ def test_t_and_z_differ_in_their_quantile_only(model: Any, sample: Any) -> None:
 # --- what is missing, and what cannot be ---------------------------------------------------------------------------
 
 
+@pytest.mark.evidence("disturbance", log_time_model, count_model, share_model, of="holes")
 @every_model
 def test_missing_values_are_left_out_and_counted(model: Any, sample: Any) -> None:
     labels = plan(4, 10)

@@ -148,7 +148,7 @@ MODERN = (
     Group(
         (
             number("in_target", "time of the ball in the target before the hold", "s"),
-            count("overshoots", "how often the ball went past the target"),
+            number("overshoots", "how often the ball went past the target", "1"),
             number("overshoot", "how far at most", "m"),
         ),
         _stays,

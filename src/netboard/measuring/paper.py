@@ -7,7 +7,7 @@ from netboard.analysis.braking import Braking, Strategy, first_braking
 from netboard.analysis.motion import Window
 from netboard.analysis.movements import classify, movement_times
 from netboard.analysis.peaks import Peaks, velocity_peaks
-from netboard.measuring.tables import Group, count, number
+from netboard.measuring.tables import Group, number
 from netboard.measuring.take import RATE, Take
 
 
@@ -95,14 +95,14 @@ PAPER = (
     Group(
         (
             number("completion", "completion time: from the release to the beginning of the hold", "s"),
-            count("entries", "how often the ball came into the target"),
+            number("entries", "how often the ball came into the target", "1"),
         ),
         _completion,
     ),
     Group(
         (
-            count("peaks", "number of velocity peaks (NP) of the ball"),
-            count("peaks_whole", "the same with the hold"),
+            number("peaks", "number of velocity peaks (NP) of the ball", "1"),
+            number("peaks_whole", "the same with the hold", "1"),
         ),
         _peaks,
     ),
@@ -127,7 +127,7 @@ PAPER = (
             number("turning_back_velocity", "the same velocity there", "m/s"),
             number("turning_back_onset", "when that was, from the release on", "s"),
             number("initial_onset", "when the initial movement towards the target began", "s"),
-            count("wrong_way", "movements of the board before it, in the wrong direction"),
+            number("wrong_way", "movements of the board before it, in the wrong direction", "1"),
         ),
         _strategy,
     ),

@@ -1,7 +1,7 @@
 """One recording as the measures see it: filtered as the readings say, and cut into its attempts.
 
-Samples are numbered from the recording's first tick; a tick that is missing is not a number, and nothing is computed
-across it. Only the columns that are needed are read.
+Samples are numbered from the recording's first tick. A short hole of missing ticks is bridged, as the readings say;
+what is still missing is not a number, and nothing is computed across it. Only the columns that are needed are read.
 """
 
 from collections.abc import Iterator
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from netboard.analysis.motion import Motion, Trial, find_completion, motion, placements
 from netboard.analysis.segments import Segments, board_segments
-from netboard.analysis.signals import LowPass, by_number
+from netboard.analysis.signals import LowPass, bridge, by_number
 from netboard.config import SIDES, Config
 from netboard.errors import RecordingError
 from netboard.measuring.readings import Readings
@@ -53,7 +53,7 @@ class Block:
     first : int
         Number of the first tick [1].
     missing : int
-        Ticks that are not there [1].
+        Ticks that are not there, bridged or not [1].
 
     Raises
     ------
@@ -73,8 +73,10 @@ class Block:
         self.first = int(ticks[0])
         whole = int(ticks[-1]) + 1 - self.first
         self.missing = whole - ticks.size
+        longest = readings.filters.bridge
         self._columns = {
-            name: by_number(ticks, columns[name]) if self.missing else np.asarray(columns[name]) for name in names
+            name: bridge(by_number(ticks, columns[name]), RATE, longest) if self.missing else np.asarray(columns[name])
+            for name in names
         }
         self.attempts: tuple[Attempt, ...] = recording.attempts()
 
