@@ -235,7 +235,7 @@ class Take:
         Movements of the board in it.
     completion : float
         Completion time; NaN without one [s].
-    entries : int
+    entries : float
         How often the ball came into the target [1].
     """
 
@@ -246,7 +246,7 @@ class Take:
     found: Motion
     turns: Segments
     completion: float
-    entries: int
+    entries: float
 
     def raw(self, name: str) -> NDArray[np.float64]:
         """Return a column of `part`, as recorded, shape (n,) [SI].
