@@ -18,7 +18,7 @@ from netboard.display.language import load_words
 from netboard.display.scene import Picture
 from netboard.display.screens import blank, compose
 from netboard.display.window import BoardWindow, application
-from netboard.wire.messages import View
+from netboard.wire.views import View
 
 SHEET = Path(__file__).parent / "images" / "display-states.png"
 WIDTH, HEIGHT, COLUMNS, TITLE, GAP = 960, 560, 3, 40, 16

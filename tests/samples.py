@@ -10,7 +10,8 @@ from netboard.config import Config, Recording
 from netboard.recording.provenance import provenance
 from netboard.recording.writer import RecordingWriter
 from netboard.tick import TICK
-from netboard.wire.messages import ClockRecord, EventRecord, FrameRecord, TickRecord, Welcome
+from netboard.wire.meeting import Welcome
+from netboard.wire.records import ClockRecord, EventRecord, FrameRecord, TickRecord
 
 SESSION = "3f2a9c1e00000000"
 CONFIG_TEXT = '[session]\nname = "S01"\n'

@@ -18,8 +18,12 @@ from netboard import doors, fastpath, sockets
 from netboard.config import Network
 from netboard.errors import NetboardError
 from netboard.nodes.launcher import free_port
-from netboard.wire.codec import KINDS
-from netboard.wire.messages import Command, Frames, Goodbye, Hello, LogAck, LogRequest, Pong, Stylus
+from netboard.wire.control import Command
+from netboard.wire.meeting import Goodbye, Hello, Pong
+from netboard.wire.messages import KINDS
+from netboard.wire.motion import Stylus
+from netboard.wire.records import LogAck, LogRequest
+from netboard.wire.views import Frames
 
 pytestmark = pytest.mark.integration
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from netboard.config import SIDES, Block, Config, Side
 from netboard.experiment.machine import Phase, ticks
 from netboard.tick import TICK
-from netboard.wire.messages import View
+from netboard.wire.views import View
 
 AGAIN = "again"
 """The notice before another attempt at the same trial; a display has a line for it in its language."""

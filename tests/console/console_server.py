@@ -17,23 +17,10 @@ from netboard.config import Network
 from netboard.nodes.alarm import LACKING, RELEASE, STOP
 from netboard.nodes.launcher import free_port
 from netboard.wire.codec import decode, encode
-from netboard.wire.messages import (
-    PROTOCOL_VERSION,
-    Command,
-    Goodbye,
-    Hello,
-    Message,
-    Outcomes,
-    OutcomesRequest,
-    Refusal,
-    Reply,
-    Safeguard,
-    Status,
-    StatusRequest,
-    Trace,
-    TraceRequest,
-    Welcome,
-)
+from netboard.wire.control import Command, Outcomes, OutcomesRequest, Reply, Status, StatusRequest, Trace, TraceRequest
+from netboard.wire.meeting import Goodbye, Hello, Refusal, Welcome
+from netboard.wire.messages import PROTOCOL_VERSION, Message
+from netboard.wire.motion import Safeguard
 
 ARMED = int(Safeguard.ARMED)
 MINE = version("netboard")

@@ -18,7 +18,8 @@ from netboard.participants.submovement import Submovement
 from netboard.recording.provenance import provenance
 from netboard.recording.writer import RecordingWriter
 from netboard.tick import TICK
-from netboard.wire.messages import TickRecord, Welcome
+from netboard.wire.meeting import Welcome
+from netboard.wire.records import TickRecord
 
 S = 1000 * MS
 TURN = 2.0 * np.pi

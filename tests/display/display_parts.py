@@ -13,7 +13,7 @@ from netboard.clock import now_ns
 from netboard.config import Config, Display, Network
 from netboard.display.language import load_words
 from netboard.wire.codec import decode, encode
-from netboard.wire.messages import View
+from netboard.wire.views import View
 
 WORDS = load_words("en")
 VIEW = View(

@@ -10,7 +10,9 @@ from netboard import sockets
 from netboard.config import Block, Config, Display, Geometry, resolve
 from netboard.display.scene import Mood
 from netboard.errors import NetboardError
-from netboard.wire.messages import PROTOCOL_VERSION, Frames, Goodbye, Hello, Refusal, Welcome
+from netboard.wire.meeting import Goodbye, Hello, Refusal, Welcome
+from netboard.wire.messages import PROTOCOL_VERSION
+from netboard.wire.views import Frames
 
 WIDE = Geometry(board_length=0.8)
 

@@ -9,7 +9,7 @@ from display_parts import VIEW, WORDS, SmallServer, free_ports, local_config, un
 from netboard import sockets
 from netboard.config import Agent, Agents
 from netboard.wire.codec import decode, encode
-from netboard.wire.messages import Felt, Pointer
+from netboard.wire.motion import Felt, Pointer
 
 pytestmark = pytest.mark.integration
 

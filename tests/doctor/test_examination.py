@@ -18,7 +18,7 @@ from netboard.doctor.timing import Woken
 from netboard.errors import NetboardError
 from netboard.recording.provenance import doctor_report_path, provenance
 from netboard.services.cli import app
-from netboard.wire.messages import Welcome
+from netboard.wire.meeting import Welcome
 
 SHORT = Effort(timer_seconds=0.2, exchanges=5, chunks=2)
 runner = CliRunner()

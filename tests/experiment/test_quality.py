@@ -24,7 +24,7 @@ from netboard.experiment.quality import (
 from netboard.recording.summary import find_attempts
 from netboard.stage import make_stage
 from netboard.tick import LATE_NS, TICK
-from netboard.wire.messages import Safeguard
+from netboard.wire.motion import Safeguard
 
 LEVEL, LENGTH, AFTER = 20, 3000, 10
 NAN = float("nan")

@@ -31,7 +31,8 @@ from netboard.faults.gathering import Evidence, Taken, Window
 from netboard.proof.account import Account, Stretch
 from netboard.proof.account import Pause as Told
 from netboard.tick import TICK
-from netboard.wire.messages import EventRecord, Safeguard
+from netboard.wire.motion import Safeguard
+from netboard.wire.records import EventRecord
 
 MS = 1_000_000
 START = 1000 * MS

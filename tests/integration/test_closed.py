@@ -20,19 +20,11 @@ from netboard.faults.rigs import PATIENCE, Rig
 from netboard.recording.reader import Recording
 from netboard.services.cli import app
 from netboard.wire.codec import decode, encode
-from netboard.wire.messages import (
-    PROTOCOL_VERSION,
-    Command,
-    Frames,
-    Hello,
-    Message,
-    Refusal,
-    Status,
-    StatusRequest,
-    Stylus,
-    View,
-    Welcome,
-)
+from netboard.wire.control import Command, Status, StatusRequest
+from netboard.wire.meeting import Hello, Refusal, Welcome
+from netboard.wire.messages import PROTOCOL_VERSION, Message
+from netboard.wire.motion import Stylus
+from netboard.wire.views import Frames, View
 
 pytestmark = [pytest.mark.integration, pytest.mark.slow, pytest.mark.timeout(300)]
 

@@ -20,7 +20,9 @@ from netboard.faults.rigs import Rig
 from netboard.recording.reader import Recording
 from netboard.tick import TICK
 from netboard.wire.codec import decode, encode
-from netboard.wire.messages import PROTOCOL_VERSION, Goodbye, Hello, Message, Ping, View, Welcome
+from netboard.wire.meeting import Goodbye, Hello, Ping, Welcome
+from netboard.wire.messages import PROTOCOL_VERSION, Message
+from netboard.wire.views import View
 
 pytestmark = [pytest.mark.integration, pytest.mark.slow, pytest.mark.timeout(300)]
 

@@ -24,7 +24,8 @@ from netboard.process import WITH_PARENT
 from netboard.proof.verification import verify_recording
 from netboard.recording.reader import Recording
 from netboard.wire.codec import decode
-from netboard.wire.messages import Status, View
+from netboard.wire.control import Status
+from netboard.wire.views import View
 
 pytestmark = [pytest.mark.integration, pytest.mark.slow, pytest.mark.timeout(300)]
 

@@ -18,7 +18,7 @@ from netboard.faults.rigs import Rig
 from netboard.proof.verification import verify_recording
 from netboard.recording.reader import Recording
 from netboard.recording.recovery import recover
-from netboard.wire.messages import Safeguard
+from netboard.wire.motion import Safeguard
 
 pytestmark = [pytest.mark.integration, pytest.mark.slow, pytest.mark.timeout(240)]
 

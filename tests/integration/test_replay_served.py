@@ -16,7 +16,7 @@ from netboard.faults.rigs import PATIENCE, Rig
 from netboard.replay.loading import load
 from netboard.replay.reel import Reel
 from netboard.wire.codec import decode
-from netboard.wire.messages import View
+from netboard.wire.views import View
 
 pytestmark = [pytest.mark.integration, pytest.mark.slow, pytest.mark.timeout(240)]
 

@@ -21,7 +21,8 @@ from netboard.nodes.operator import Operator
 from netboard.nodes.programme import Programme
 from netboard.proof.verification import verify_recording
 from netboard.recording.reader import Recording
-from netboard.wire.messages import Safeguard, Status
+from netboard.wire.control import Status
+from netboard.wire.motion import Safeguard
 
 pytestmark = [pytest.mark.integration, pytest.mark.slow, pytest.mark.timeout(600)]
 

@@ -14,23 +14,10 @@ from netboard.nodes.launcher import free_port
 from netboard.tick import TICK, TICK_NS
 from netboard.wire import fixed
 from netboard.wire.codec import decode, encode
-from netboard.wire.messages import (
-    PROTOCOL_VERSION,
-    Beat,
-    EventRecord,
-    Force,
-    Hello,
-    LogAck,
-    LogBatch,
-    LogRequest,
-    Message,
-    Ping,
-    Pong,
-    Safeguard,
-    Stylus,
-    TickRecord,
-    Welcome,
-)
+from netboard.wire.meeting import Hello, Ping, Pong, Welcome
+from netboard.wire.messages import PROTOCOL_VERSION, Message
+from netboard.wire.motion import Beat, Force, Safeguard, Stylus
+from netboard.wire.records import EventRecord, LogAck, LogBatch, LogRequest, TickRecord
 
 PATIENCE = 10.0
 WELCOME = Welcome("session", PROTOCOL_VERSION, 0, "")

@@ -3,7 +3,8 @@
 from collections import deque
 
 from netboard.wire.codec import decode, encode
-from netboard.wire.messages import PROTOCOL_VERSION, Hello, Message, Welcome
+from netboard.wire.meeting import Hello, Welcome
+from netboard.wire.messages import PROTOCOL_VERSION, Message
 
 WELCOME = Welcome("session", PROTOCOL_VERSION, 0, "")
 

@@ -15,7 +15,9 @@ from netboard.devices.base import Device, DeviceInfo, Reading
 from netboard.errors import DeviceLost, DeviceNotFound
 from netboard.nodes.agent import Agent
 from netboard.wire.codec import decode, encode
-from netboard.wire.messages import PROTOCOL_VERSION, Beat, Goodbye, Hello, Message, Safeguard, Stylus, Welcome
+from netboard.wire.meeting import Goodbye, Hello, Welcome
+from netboard.wire.messages import PROTOCOL_VERSION, Message
+from netboard.wire.motion import Beat, Safeguard, Stylus
 
 
 @final

@@ -11,7 +11,9 @@ from netboard.clock import now_ns
 from netboard.nodes.motion_link import REMEMBERED, Link
 from netboard.wire import fixed
 from netboard.wire.codec import decode, encode
-from netboard.wire.messages import PROTOCOL_VERSION, Beat, Force, Hello, Message, Point, Welcome
+from netboard.wire.meeting import Hello, Welcome
+from netboard.wire.messages import PROTOCOL_VERSION, Message
+from netboard.wire.motion import Beat, Force, Point
 
 TIMEOUT_NS = 50_000_000
 HELLO = Hello("agent", "left", PROTOCOL_VERSION, "here:1", "0", {})

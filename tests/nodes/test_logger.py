@@ -20,17 +20,9 @@ from netboard.recording.reader import Recording
 from netboard.recording.recovery import recover
 from netboard.tick import TICK
 from netboard.wire.codec import encode
-from netboard.wire.messages import (
-    BLOCK_BEGAN,
-    PROTOCOL_VERSION,
-    EventRecord,
-    LogBatch,
-    LogEnd,
-    Ping,
-    Refusal,
-    TickRecord,
-    Welcome,
-)
+from netboard.wire.meeting import Ping, Refusal, Welcome
+from netboard.wire.messages import PROTOCOL_VERSION
+from netboard.wire.records import BLOCK_BEGAN, EventRecord, LogBatch, LogEnd, TickRecord
 
 CONFIG = '[session]\nname = "S07"\ndyad = "D03"\n'
 UTC_NS = 1_790_000_000_000_000_000

@@ -21,7 +21,9 @@ from netboard.sockets import LARGEST_REQUEST
 from netboard.tick import TICK, TICK_NS
 from netboard.wire import fixed
 from netboard.wire.codec import encode
-from netboard.wire.messages import Beat, Force, Goodbye, Point, Refusal, Safeguard, StatusRequest, Stylus, Welcome
+from netboard.wire.control import StatusRequest
+from netboard.wire.meeting import Goodbye, Refusal, Welcome
+from netboard.wire.motion import Beat, Force, Point, Safeguard, Stylus
 
 MS = 1_000_000
 A, B = b"agent.left@1", b"agent.right@2"

@@ -11,7 +11,9 @@ from netboard.nodes import operator
 from netboard.nodes.launcher import free_port
 from netboard.nodes.operator import Operator
 from netboard.wire.codec import decode, encode
-from netboard.wire.messages import PROTOCOL_VERSION, Hello, Message, StatusRequest, Welcome
+from netboard.wire.control import StatusRequest
+from netboard.wire.meeting import Hello, Welcome
+from netboard.wire.messages import PROTOCOL_VERSION, Message
 
 TRIES = 100
 

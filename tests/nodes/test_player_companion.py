@@ -13,7 +13,9 @@ from netboard.devices.mouse import MouseStylus
 from netboard.nodes.companion import Player, companion_of
 from netboard.nodes.launcher import free_port
 from netboard.wire.codec import decode, encode
-from netboard.wire.messages import Felt, Goodbye, Message, Pointer
+from netboard.wire.meeting import Goodbye
+from netboard.wire.messages import Message
+from netboard.wire.motion import Felt, Pointer
 
 pytestmark = pytest.mark.integration
 

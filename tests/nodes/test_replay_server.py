@@ -14,20 +14,12 @@ from netboard.curtain import make_curtain, view_of
 from netboard.nodes.launcher import free_port
 from netboard.nodes.operator import Operator
 from netboard.nodes.replay_server import MOST_LETTERS, ReplayServer
-from netboard.wire.codec import COMMANDS, REPLAY_COMMANDS, decode, encode
-from netboard.wire.messages import (
-    PROTOCOL_VERSION,
-    EventRecord,
-    Goodbye,
-    Hello,
-    LogRequest,
-    Message,
-    Refusal,
-    Reply,
-    Status,
-    View,
-    Welcome,
-)
+from netboard.wire.codec import decode, encode
+from netboard.wire.control import COMMANDS, REPLAY_COMMANDS, Reply, Status
+from netboard.wire.meeting import Goodbye, Hello, Refusal, Welcome
+from netboard.wire.messages import PROTOCOL_VERSION, Message
+from netboard.wire.records import EventRecord, LogRequest
+from netboard.wire.views import View
 
 TRIES = 2000
 JUDGED = EventRecord(0, 4100, 0, "attempt_ended", {"trial": "1", "attempt": "1", "outcome": "success", "flags": "late"})

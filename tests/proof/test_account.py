@@ -21,7 +21,8 @@ from netboard.recording.spilled import recover_any
 from netboard.recording.writer import RecordingWriter
 from netboard.tick import TICK
 from netboard.wire.codec import encode
-from netboard.wire.messages import BLOCK_BEGAN, EventRecord, LogBatch, TickRecord, Welcome
+from netboard.wire.meeting import Welcome
+from netboard.wire.records import BLOCK_BEGAN, EventRecord, LogBatch, TickRecord
 from samples import CONFIG_TEXT, MS, OPENED_NS, metadata
 
 Log = list[TickRecord | EventRecord]

@@ -15,7 +15,9 @@ from netboard.recording.reader import Recording as OpenRecording
 from netboard.recording.writer import RecordingWriter
 from netboard.services.cli import app
 from netboard.tick import TICK, TICK_SECONDS
-from netboard.wire.messages import FrameRecord, Safeguard, TickRecord, Welcome
+from netboard.wire.meeting import Welcome
+from netboard.wire.motion import Safeguard
+from netboard.wire.records import FrameRecord, TickRecord
 from samples import MS, OPENED_NS
 
 LENGTH = 2000

@@ -20,7 +20,7 @@ from netboard.recording.reader import Recording
 from netboard.recording.summary import find_attempts
 from netboard.recording.writer import RecordingWriter
 from netboard.tick import TICK
-from netboard.wire.messages import TickRecord
+from netboard.wire.records import TickRecord
 from samples import CONFIG_TEXT, OPENED_NS, metadata, random_rows
 
 SCHEMA = CHANNELS[0].schema()

@@ -14,7 +14,7 @@ from netboard.recording.reader import Recording
 from netboard.recording.summary import Gap
 from netboard.recording.writer import RecordingWriter
 from netboard.tick import TICK
-from netboard.wire.messages import ClockRecord, EventRecord, FrameRecord
+from netboard.wire.records import ClockRecord, EventRecord, FrameRecord
 from samples import CONFIG_TEXT, MS, OPENED_NS, fill, metadata, new_writer, random_rows, records, write_recording
 
 ROWS = random_rows(200, seed=1)

@@ -20,7 +20,7 @@ from netboard.recording.chunks import messages, payloads, unpack_chunk
 from netboard.recording.provenance import config_sha256, next_recording
 from netboard.recording.reader import Recording as Reader
 from netboard.tick import TICK
-from netboard.wire.messages import TickRecord
+from netboard.wire.records import TickRecord
 from samples import (
     CONFIG_TEXT,
     MS,

@@ -12,7 +12,7 @@ from netboard.experiment.machine import Phase
 from netboard.participants.submovement import Submovement
 from netboard.rehearsal.body import LEAD_NS, Body
 from netboard.tick import TICK, TICK_NS
-from netboard.wire.messages import Safeguard
+from netboard.wire.motion import Safeguard
 
 T0 = 1_000_000_000
 

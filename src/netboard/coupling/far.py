@@ -24,7 +24,7 @@ from netboard.nodes import seats
 from netboard.stage import Stage, make_stage
 from netboard.tick import TICK, TICK_NS
 from netboard.wire import fixed
-from netboard.wire.messages import Force, Point, Safeguard, Stylus
+from netboard.wire.motion import Force, Point, Safeguard, Stylus
 
 START_NS = 1_000_000_000
 """Simulated time begins here: a stamp of 0 would mean that there is none [ns]."""

@@ -22,7 +22,7 @@ from math import hypot, isfinite
 from typing import NamedTuple
 
 from netboard import config
-from netboard.wire.messages import Safeguard
+from netboard.wire.motion import Safeguard
 
 LONGEST_STEP_NS = 2_000_000
 """Steps further apart than this count as this long where the force may grow [ns]."""

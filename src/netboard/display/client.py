@@ -31,7 +31,9 @@ from netboard.display.window import BoardWindow, application
 from netboard.errors import ConfigError, NetboardError, WireError
 from netboard.process import NAME, Seldom
 from netboard.wire.codec import decode, encode
-from netboard.wire.messages import PROTOCOL_VERSION, Goodbye, Hello, Message, Ping, Pong, Refusal, View, Welcome
+from netboard.wire.meeting import Goodbye, Hello, Ping, Pong, Refusal, Welcome
+from netboard.wire.messages import PROTOCOL_VERSION, Message
+from netboard.wire.views import View
 
 log = logging.getLogger(__name__)
 

@@ -18,7 +18,8 @@ from netboard.display.scene import Grip
 from netboard.display.window import BoardWindow
 from netboard.errors import WireError
 from netboard.wire.codec import decode, encode
-from netboard.wire.messages import Felt, Pointer, View
+from netboard.wire.motion import Felt, Pointer
+from netboard.wire.views import View
 
 ALIVE_MS = 50
 """The agent is told where the pointer is at least this often: that is how it knows that the window is there [ms]."""

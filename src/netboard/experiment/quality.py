@@ -279,7 +279,7 @@ class Verdict:
 
     @property
     def outcome(self) -> str:
-        """What has become of the attempt, as in `netboard.wire.messages.Outcomes`."""
+        """What has become of the attempt, as in `netboard.wire.control.Outcomes`."""
         return _OUTCOMES.get(self.cause, "skipped")
 
 

@@ -15,18 +15,11 @@ from netboard.errors import NetboardError
 from netboard.faults import zmtp
 from netboard.faults.mutants import Mutants, parse, true_frames
 from netboard.wire.codec import encode
-from netboard.wire.messages import (
-    PROTOCOL_VERSION,
-    Command,
-    EventRecord,
-    Goodbye,
-    Hello,
-    LogAck,
-    LogRequest,
-    Message,
-    Safeguard,
-    Stylus,
-)
+from netboard.wire.control import Command
+from netboard.wire.meeting import Goodbye, Hello
+from netboard.wire.messages import PROTOCOL_VERSION, Message
+from netboard.wire.motion import Safeguard, Stylus
+from netboard.wire.records import EventRecord, LogAck, LogRequest
 
 RATE_HZ = 1500.0
 """Malformed messages for each socket, somewhat fewer than the log channel takes [Hz]."""

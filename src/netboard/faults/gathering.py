@@ -20,7 +20,7 @@ from netboard.proof.account import Account, account_of
 from netboard.recording.reader import Recording
 from netboard.recording.spilled import recover_any
 from netboard.tick import TICK
-from netboard.wire.messages import EventRecord
+from netboard.wire.records import EventRecord
 
 BEFORE_NS = 5_000_000
 """What the devices were handed just before a fault belongs to it: the last force before it is among it [ns]."""

@@ -26,7 +26,9 @@ from netboard.faults.sites import START_S, Site, side_of
 from netboard.nodes import alarm
 from netboard.nodes.launcher import CHANNELS
 from netboard.wire.codec import decode, encode
-from netboard.wire.messages import PROTOCOL_VERSION, Hello, Refusal, Stylus
+from netboard.wire.meeting import Hello, Refusal
+from netboard.wire.messages import PROTOCOL_VERSION
+from netboard.wire.motion import Stylus
 
 Facts: TypeAlias = Mapping[str, str]
 Act: TypeAlias = Callable[[Site], Facts]

@@ -20,26 +20,11 @@ from netboard.faults import zmtp
 from netboard.faults.mutants import parse
 from netboard.tick import TICK
 from netboard.wire.codec import encode
-from netboard.wire.messages import (
-    PROTOCOL_VERSION,
-    Beat,
-    Force,
-    Frames,
-    Goodbye,
-    Hello,
-    LogAck,
-    LogBatch,
-    LogEnd,
-    LogRequest,
-    Message,
-    Point,
-    Refusal,
-    Safeguard,
-    Stylus,
-    TickRecord,
-    View,
-    Welcome,
-)
+from netboard.wire.meeting import Goodbye, Hello, Refusal, Welcome
+from netboard.wire.messages import PROTOCOL_VERSION, Message
+from netboard.wire.motion import Beat, Force, Point, Safeguard, Stylus
+from netboard.wire.records import LogAck, LogBatch, LogEnd, LogRequest, TickRecord
+from netboard.wire.views import Frames, View
 
 FORCE = 0.1
 """The force on every hand: small enough to arm the device with it [N]."""

@@ -31,22 +31,11 @@ from netboard.nodes.agent import phase_shift
 from netboard.process import NAME, Priority, cpus_for, io_priority, prepare, speak, steady_loop
 from netboard.tick import TICK, TICK_NS
 from netboard.wire import fixed
-from netboard.wire.codec import KINDS, decode, encode
-from netboard.wire.messages import (
-    PROTOCOL_VERSION,
-    Beat,
-    Force,
-    Hello,
-    LogAck,
-    LogBatch,
-    LogRequest,
-    Ping,
-    Pong,
-    Safeguard,
-    Stylus,
-    TickRecord,
-    Welcome,
-)
+from netboard.wire.codec import decode, encode
+from netboard.wire.meeting import Hello, Ping, Pong, Welcome
+from netboard.wire.messages import KINDS, PROTOCOL_VERSION
+from netboard.wire.motion import Beat, Force, Safeguard, Stylus
+from netboard.wire.records import LogAck, LogBatch, LogRequest, TickRecord
 
 HEIGHT, FREQUENCY = 0.005, 0.5
 """A hand that moves goes so far up and down, so often [m, Hz]."""

@@ -29,7 +29,7 @@ from netboard.latency.spreads import HEADS, Times, spread_rows
 from netboard.studies.machine import describe
 from netboard.studies.results import Folder, Part, Value, new_folder, show
 from netboard.wire.codec import encode
-from netboard.wire.messages import View
+from netboard.wire.views import View
 
 SECONDS, QUICK_SECONDS = 30.0, 3.0
 """Each of the ways is measured for so long, unless told otherwise [s]."""

@@ -31,15 +31,9 @@ from netboard.nodes.motion_link import Link
 from netboard.process import NAME, Seldom, steady_loop
 from netboard.tick import TICK_NS
 from netboard.wire import fixed
-from netboard.wire.messages import (
-    PROTOCOL_VERSION,
-    Beat,
-    Force,
-    Hello,
-    Point,
-    Safeguard,
-    Stylus,
-)
+from netboard.wire.meeting import Hello
+from netboard.wire.messages import PROTOCOL_VERSION
+from netboard.wire.motion import Beat, Force, Point, Safeguard, Stylus
 
 log = logging.getLogger(__name__)
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from netboard.clock import now_ns
 from netboard.config import SIDES, Side
 from netboard.curtain import PHASE_NAMES
-from netboard.wire.messages import Outcomes, Status, Trace
+from netboard.wire.control import Outcomes, Status, Trace
 
 if TYPE_CHECKING:
     from netboard.nodes.session import Session

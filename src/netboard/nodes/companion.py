@@ -23,7 +23,8 @@ from netboard.participants.brain import Brain
 from netboard.participants.senses import Glimpse
 from netboard.participants.submovement import Submovement
 from netboard.wire.codec import decode, encode
-from netboard.wire.messages import Felt, Move, Pointer, View
+from netboard.wire.motion import Felt, Move, Pointer
+from netboard.wire.views import View
 
 HOST: Side = "left"
 """Where the brain of a bimanual participant sits."""

@@ -12,26 +12,12 @@ from netboard.errors import WireError
 from netboard.nodes.peer import Link, Peer, clock_records, what
 from netboard.nodes.refusals import Refusals
 from netboard.wire.codec import decode, encode
-from netboard.wire.messages import (
-    ClockRecord,
-    Command,
-    FrameRecord,
-    Frames,
-    Goodbye,
-    Hello,
-    Message,
-    Outcomes,
-    OutcomesRequest,
-    Pong,
-    Refusal,
-    Reply,
-    Status,
-    StatusRequest,
-    Trace,
-    TraceRequest,
-    Welcome,
-)
+from netboard.wire.control import Command, Outcomes, OutcomesRequest, Reply, Status, StatusRequest, Trace, TraceRequest
+from netboard.wire.meeting import Goodbye, Hello, Pong, Refusal, Welcome
+from netboard.wire.messages import Message
+from netboard.wire.records import ClockRecord, FrameRecord
 from netboard.wire.session import admit
+from netboard.wire.views import Frames
 
 ROLES = ("display", "console")
 MOST_FRAMES = 16

@@ -13,7 +13,7 @@ from netboard.errors import ConfigError
 from netboard.experiment.machine import TABLE, Cause, Phase
 from netboard.nodes import alarm
 from netboard.settings import check
-from netboard.wire.codec import REPLAY_COMMANDS
+from netboard.wire.control import REPLAY_COMMANDS
 
 CAUSES = {
     "start": Cause.START,

@@ -9,7 +9,9 @@ from netboard import sockets
 from netboard.errors import WireError
 from netboard.nodes.peer import Link, Peer
 from netboard.wire.codec import encode
-from netboard.wire.messages import Goodbye, Hello, LogEnd, LogRequest, Message, Pong, Welcome
+from netboard.wire.meeting import Goodbye, Hello, Pong, Welcome
+from netboard.wire.messages import Message
+from netboard.wire.records import LogEnd, LogRequest
 from netboard.wire.ring import LogRing
 
 MOST_LISTENERS = 4

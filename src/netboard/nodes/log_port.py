@@ -18,18 +18,9 @@ from netboard.nodes.refusals import Refusals
 from netboard.recording.disk import LOW_BYTES
 from netboard.recording.spill import Spill
 from netboard.wire.codec import decode, encode
-from netboard.wire.messages import (
-    ClockRecord,
-    Goodbye,
-    Hello,
-    LogAck,
-    LogBatch,
-    LogEnd,
-    LogRequest,
-    Message,
-    Pong,
-    Welcome,
-)
+from netboard.wire.meeting import Goodbye, Hello, Pong, Welcome
+from netboard.wire.messages import Message
+from netboard.wire.records import ClockRecord, LogAck, LogBatch, LogEnd, LogRequest
 from netboard.wire.ring import LogRing
 from netboard.wire.session import admit
 

@@ -25,20 +25,9 @@ from netboard.recording.disk import Space, require_space
 from netboard.recording.provenance import next_recording, provenance
 from netboard.recording.writer import RecordingWriter
 from netboard.wire.codec import decode, encode
-from netboard.wire.messages import (
-    PROTOCOL_VERSION,
-    Goodbye,
-    Hello,
-    LogAck,
-    LogBatch,
-    LogEnd,
-    LogRequest,
-    Message,
-    Ping,
-    Pong,
-    Refusal,
-    Welcome,
-)
+from netboard.wire.meeting import Goodbye, Hello, Ping, Pong, Refusal, Welcome
+from netboard.wire.messages import PROTOCOL_VERSION, Message
+from netboard.wire.records import LogAck, LogBatch, LogEnd, LogRequest
 
 log = logging.getLogger(__name__)
 

@@ -17,7 +17,8 @@ from netboard.process import Seldom
 from netboard.tick import TICK_NS
 from netboard.wire import fixed
 from netboard.wire.codec import decode, encode
-from netboard.wire.messages import Beat, Force, Goodbye, Hello, Point, Refusal, Welcome
+from netboard.wire.meeting import Goodbye, Hello, Refusal, Welcome
+from netboard.wire.motion import Beat, Force, Point
 
 log = logging.getLogger(__name__)
 

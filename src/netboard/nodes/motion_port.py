@@ -19,7 +19,10 @@ from netboard.nodes.peer import Link, Rate, clock_records, link_of
 from netboard.nodes.refusals import Refusals
 from netboard.wire import fixed
 from netboard.wire.codec import decode, encode
-from netboard.wire.messages import Beat, ClockRecord, Goodbye, Hello, Message, Stylus, Welcome
+from netboard.wire.meeting import Goodbye, Hello, Welcome
+from netboard.wire.messages import Message
+from netboard.wire.motion import Beat, Stylus
+from netboard.wire.records import ClockRecord
 from netboard.wire.session import ClockEstimator, admit
 
 BEAT_TICKS = 4

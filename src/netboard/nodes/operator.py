@@ -14,24 +14,9 @@ from netboard.config import Network
 from netboard.errors import NetboardError, WireError
 from netboard.process import NAME
 from netboard.wire.codec import decode, encode
-from netboard.wire.messages import (
-    PROTOCOL_VERSION,
-    Command,
-    Goodbye,
-    Hello,
-    Message,
-    Outcomes,
-    OutcomesRequest,
-    Ping,
-    Pong,
-    Refusal,
-    Reply,
-    Status,
-    StatusRequest,
-    Trace,
-    TraceRequest,
-    Welcome,
-)
+from netboard.wire.control import Command, Outcomes, OutcomesRequest, Reply, Status, StatusRequest, Trace, TraceRequest
+from netboard.wire.meeting import Goodbye, Hello, Ping, Pong, Refusal, Welcome
+from netboard.wire.messages import PROTOCOL_VERSION, Message
 
 HELLO_NS = 500_000_000
 """Hello is said again after so long without an answer [ns]."""

@@ -6,7 +6,7 @@ number of times. Whoever sends more kinds of nonsense than are remembered is lum
 
 from netboard import sockets
 from netboard.wire.codec import encode
-from netboard.wire.messages import Refusal
+from netboard.wire.meeting import Refusal
 
 AGAIN_NS = 1_000_000_000
 """The same refusal is repeated after so long [ns]."""

@@ -21,7 +21,8 @@ from netboard.nodes.view_port import ViewPort
 from netboard.replay.orders import Order, in_words, obey
 from netboard.replay.playback import Playback
 from netboard.replay.reel import Reel
-from netboard.wire.messages import PROTOCOL_VERSION, Welcome
+from netboard.wire.meeting import Welcome
+from netboard.wire.messages import PROTOCOL_VERSION
 
 log = logging.getLogger(__name__)
 

@@ -38,13 +38,9 @@ from netboard.nodes.watch import Watch
 from netboard.recording.spill import Spill, spill_path
 from netboard.tick import STATE, TICK, TICK_NS
 from netboard.wire.codec import encode
-from netboard.wire.messages import (
-    BLOCK_BEGAN,
-    PROTOCOL_VERSION,
-    EventRecord,
-    TickRecord,
-    Welcome,
-)
+from netboard.wire.meeting import Welcome
+from netboard.wire.messages import PROTOCOL_VERSION
+from netboard.wire.records import BLOCK_BEGAN, EventRecord, TickRecord
 
 log = logging.getLogger(__name__)
 

@@ -21,7 +21,7 @@ from netboard.recording.provenance import (
     METADATA_FIRST,
     METADATA_RECOVERY,
 )
-from netboard.wire.messages import TickRecord
+from netboard.wire.records import TickRecord
 
 
 class RecordingWriter:

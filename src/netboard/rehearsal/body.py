@@ -25,7 +25,7 @@ from netboard.participants.device_models import resolved
 from netboard.participants.hand import STEP, STEP_NS, hold, swing, swing_on_cables
 from netboard.participants.submovement import Submovement
 from netboard.tick import TICK, TICK_NS
-from netboard.wire.messages import Safeguard
+from netboard.wire.motion import Safeguard
 
 LEAD_NS = STEP_NS
 """The stylus is read so long before the deadline of its tick [ns]."""

@@ -26,14 +26,9 @@ from netboard.recording.spill import Spill
 from netboard.storage.specimen import SESSION, movement
 from netboard.tick import TICK_NS, TICK_SECONDS
 from netboard.wire.codec import encode
-from netboard.wire.messages import (
-    PROTOCOL_VERSION,
-    ClockRecord,
-    EventRecord,
-    FrameRecord,
-    TickRecord,
-    Welcome,
-)
+from netboard.wire.meeting import Welcome
+from netboard.wire.messages import PROTOCOL_VERSION
+from netboard.wire.records import ClockRecord, EventRecord, FrameRecord, TickRecord
 
 START_SECONDS = 60.0
 RING = 400_000
