@@ -11,7 +11,8 @@ from typer.testing import CliRunner
 from netboard import doors, keys, sockets
 from netboard.config import Config, Network
 from netboard.errors import ConfigError
-from netboard.services.cli import app, refuse_open_network
+from netboard.services.cli import app
+from netboard.services.processes import refuse_open_network
 
 PEERS = ("agent.left", "agent.right", "display.left", "display.right", "logger", "console", "listener")
 
