@@ -12,7 +12,7 @@ from dataclasses import replace
 from functools import partial
 from importlib.metadata import version
 
-from netboard import sockets
+from netboard import channels, sockets
 from netboard.config import Network
 from netboard.nodes.alarm import LACKING, RELEASE, STOP
 from netboard.nodes.launcher import free_port
@@ -156,7 +156,7 @@ class ConsoleServer:
         self.show(state)
         self._opened = sockets.open_context()
         context = self._opened.__enter__()
-        self.router = sockets.control_server(context, sockets.addresses(self.network).listen(sockets.CONTROL))
+        self.router = sockets.control_server(context, channels.addresses(self.network).listen(channels.CONTROL))
         self._peers: dict[bytes, str] = {}
 
     def show(self, state: str) -> None:

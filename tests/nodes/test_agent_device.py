@@ -8,7 +8,7 @@ from typing import final
 
 import pytest
 
-from netboard import sockets
+from netboard import channels, sockets
 from netboard.clock import now_ns
 from netboard.config import Config
 from netboard.devices.base import Device, DeviceInfo, Reading
@@ -56,7 +56,7 @@ class Server:
     """The server's end, which lets the device be armed with every beat."""
 
     def __init__(self, context: sockets.Context, config: Config) -> None:
-        self.router = sockets.motion_server(context, sockets.addresses(config.network).listen(sockets.MOTION))
+        self.router = sockets.motion_server(context, channels.addresses(config.network).listen(channels.MOTION))
         self.heard: list[Message] = []
         self.may_arm = True
         self._tick = 0

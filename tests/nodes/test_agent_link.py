@@ -6,7 +6,7 @@ from dataclasses import astuple, replace
 import numpy as np
 import pytest
 
-from netboard import sockets
+from netboard import channels, sockets
 from netboard.clock import now_ns
 from netboard.nodes.motion_link import REMEMBERED, Link
 from netboard.wire import fixed
@@ -23,7 +23,7 @@ class Pair:
     """A link, and the server's end of it."""
 
     def __init__(self, context: sockets.Context) -> None:
-        here = sockets.Endpoint("inproc://motion")
+        here = channels.Endpoint("inproc://motion")
         self.router = sockets.motion_server(context, here)
         self.link = Link(sockets.motion_agent(context, here, "agent"), HELLO, TIMEOUT_NS)
         self.link.warm()

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from netboard import sockets
+from netboard import channels, sockets
 from netboard.config import Config, Network, parse
 from netboard.devices.mouse import MouseStylus
 from netboard.nodes.companion import Player, companion_of
@@ -32,7 +32,7 @@ class Station:
         player = companion_of(config, self.device, context)
         assert isinstance(player, Player)
         self.player = player
-        where = sockets.addresses(config.network)
+        where = channels.addresses(config.network)
         self.pointer = sockets.pointer_sender(context, where.pointer("left"))
         self.felt = sockets.felt_subscriber(context, where.felt("left"))
         self.now_ns = 0

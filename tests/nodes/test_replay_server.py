@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from made_recordings import CONFIG, reel_of, two_trials
-from netboard import sockets
+from netboard import channels, sockets, waiting
 from netboard.config import SIDES, Network, Side
 from netboard.curtain import make_curtain, view_of
 from netboard.nodes.launcher import free_port
@@ -34,12 +34,14 @@ class Rig:
         self.context = stack.enter_context(sockets.open_context())
         self.reel = reel_of(two_trials(), JUDGED, NOTE)
         self.server = ReplayServer(self.reel, self.network, self.context, None)
-        where = sockets.addresses(self.network)
+        where = channels.addresses(self.network)
         self.operator = Operator(self.network, self.context)
-        self.stations = {side: sockets.view_subscriber(self.context, where.reach(sockets.VIEW[side])) for side in SIDES}
-        self.agent = sockets.motion_agent(self.context, where.reach(sockets.MOTION), "agent.left@test")
-        self.logger = sockets.log_client(self.context, where.reach(sockets.LOG), "logger@test")
-        self.display = sockets.control_client(self.context, where.reach(sockets.CONTROL), "display.left@test")
+        self.stations = {
+            side: sockets.view_subscriber(self.context, where.reach(channels.VIEW[side])) for side in SIDES
+        }
+        self.agent = sockets.motion_agent(self.context, where.reach(channels.MOTION), "agent.left@test")
+        self.logger = sockets.log_client(self.context, where.reach(channels.LOG), "logger@test")
+        self.display = sockets.control_client(self.context, where.reach(channels.CONTROL), "display.left@test")
         self.milliseconds = 0
         self.status()
 
@@ -69,7 +71,7 @@ class Rig:
             sockets.send(socket, encode(message))
         for _ in range(TRIES):
             self.work()
-            if sockets.wait_readable(socket, 0.001) and (frame := sockets.receive(socket)) is not None:
+            if waiting.wait_readable(socket, 0.001) and (frame := sockets.receive(socket)) is not None:
                 return decode(frame)
             for message in say:
                 sockets.send(socket, encode(message))

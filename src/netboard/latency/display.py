@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
 
-from netboard import sockets
+from netboard import channels, sockets
 from netboard.clock import now_ns
 from netboard.config import Config, parse, resolve
 from netboard.display.client import DisplayClient
@@ -91,7 +91,7 @@ def send_views(config: Config, seconds: float, moving: bool) -> dict[int, int]:
     ticks = ceil(1000 / config.network.view_rate_hz) if moving else ALIVE_TICKS
     sent: dict[int, int] = {}
     with sockets.open_context() as context:
-        publisher = sockets.view_publisher(context, sockets.addresses(config.network).listen(sockets.VIEW["left"]))
+        publisher = sockets.view_publisher(context, channels.addresses(config.network).listen(channels.VIEW["left"]))
         start = now_ns()
         for seq in range(round(seconds * 1000 / ticks)):
             time.sleep(max(0.0, (start + seq * ticks * 1_000_000 - now_ns()) * 1e-9))

@@ -7,7 +7,7 @@ shown.
 
 from typing import NamedTuple, Protocol
 
-from netboard import sockets
+from netboard import ends
 from netboard.errors import WireError
 from netboard.nodes.peer import Link, Peer, clock_records, what
 from netboard.nodes.refusals import Refusals
@@ -74,7 +74,7 @@ class ControlPort:
         Who is asked for what operators want to know.
     """
 
-    def __init__(self, router: sockets.Router, welcome: Welcome, answers: Answers) -> None:
+    def __init__(self, router: ends.Router, welcome: Welcome, answers: Answers) -> None:
         self.wishes: list[Wish] = []
         self.news: list[tuple[str, dict[str, str]]] = []
         self.frames: list[FrameRecord] = []

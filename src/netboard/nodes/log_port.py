@@ -9,7 +9,7 @@ now, or a disk has not read yet, is sent later. Listeners come by the same chann
 from collections.abc import Callable, Iterator
 from math import nan
 
-from netboard import sockets
+from netboard import ends
 from netboard.clock import now_ns
 from netboard.errors import WireError
 from netboard.nodes.listeners import Listeners
@@ -90,7 +90,7 @@ class LogPort:
 
     def __init__(
         self,
-        router: sockets.Router,
+        router: ends.Router,
         welcome: Welcome,
         capacity: int,
         spill: Spill,

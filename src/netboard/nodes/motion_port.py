@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from netboard import fastpath, sockets
+from netboard import ends, fastpath, sockets
 from netboard.config import SIDES, Side
 from netboard.errors import WireError
 from netboard.nodes import seats
@@ -130,9 +130,7 @@ class MotionPort:
         What each hand feels is scaled by these [1].
     """
 
-    def __init__(
-        self, router: sockets.Router, welcome: Welcome, timeout_ns: int, bound_ns: int, ends: Any = None
-    ) -> None:
+    def __init__(self, router: ends.Router, welcome: Welcome, timeout_ns: int, bound_ns: int, ends: Any = None) -> None:
         self._words = np.zeros((len(SIDES), seats.WORDS), np.int64)
         self.seats: dict[Side, Seat] = {side: Seat(side, self._words[place]) for place, side in enumerate(SIDES)}
         self.news: list[tuple[str, dict[str, str]]] = []

@@ -4,7 +4,7 @@ A refusal is answered and noted the first time, and then at most once a second f
 number of times. Whoever sends more kinds of nonsense than are remembered is lumped together.
 """
 
-from netboard import sockets
+from netboard import ends
 from netboard.wire.codec import encode
 from netboard.wire.meeting import Refusal
 
@@ -28,7 +28,7 @@ class Refusals:
         Where they are noted: name and details of an event.
     """
 
-    def __init__(self, router: sockets.Router, news: list[tuple[str, dict[str, str]]]) -> None:
+    def __init__(self, router: ends.Router, news: list[tuple[str, dict[str, str]]]) -> None:
         self._router = router
         self._news = news
         self._seen: dict[tuple[bytes, str], tuple[int, int]] = {}

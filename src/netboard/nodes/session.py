@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from netboard import doors, sockets
+from netboard import channels, doors, sockets
 from netboard.clock import now_ns
 from netboard.config import SIDES
 from netboard.curtain import PHASE_NAMES
@@ -144,17 +144,17 @@ class Session:
     def _open_ports(self, context: sockets.Context) -> None:
         """Bind the channels."""
         network = self.block.config.network
-        where = sockets.addresses(network, self._door)
+        where = channels.addresses(network, self._door)
         welcome = self._welcome()
         self._timeout_ns = int(network.sample_timeout_ms * 1e6)
         bound_ns = int(network.clock_bound_ms * 1e6)
-        motion = sockets.motion_server(context, where.listen(sockets.MOTION))
-        control = sockets.control_server(context, where.listen(sockets.CONTROL))
+        motion = sockets.motion_server(context, where.listen(channels.MOTION))
+        control = sockets.control_server(context, where.listen(channels.CONTROL))
         self.motion = MotionPort(motion, welcome, self._timeout_ns, bound_ns)
         self.control = ControlPort(control, welcome, SessionAnswers(self))
         spill = Spill(spill_path(self.block.config, self.session), welcome, int(network.log_spill_mb * 1e6))
         ring = int(network.log_ring_s * 1000 * 1.5)
-        self.log = LogPort(sockets.log_server(context, where.listen(sockets.LOG)), welcome, ring, spill)
+        self.log = LogPort(sockets.log_server(context, where.listen(channels.LOG)), welcome, ring, spill)
         self._views = ViewPort(network, context, self._door)
         self.inlets = (motion.socket, control.socket)
         self._sound([])
