@@ -6,9 +6,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.config import Config, Recording
+from netboard.config import Config
 from netboard.recording.provenance import provenance
 from netboard.recording.writer import RecordingWriter
+from netboard.tables.rig import Recording
 from netboard.tick import TICK
 from netboard.wire.meeting import Welcome
 from netboard.wire.records import ClockRecord, EventRecord, FrameRecord, TickRecord

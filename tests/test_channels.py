@@ -1,7 +1,7 @@
 """Where the channels are."""
 
 from netboard import channels, doors
-from netboard.config import Network
+from netboard.tables.rig import Network
 
 
 def test_addresses_count_the_channels_from_the_first_port() -> None:

@@ -9,10 +9,11 @@ import pytest
 from typer.testing import CliRunner
 
 from netboard import channels, doors, keys
-from netboard.config import Config, Network
+from netboard.config import Config
 from netboard.errors import ConfigError
 from netboard.services.cli import app
 from netboard.services.processes import refuse_open_network
+from netboard.tables.rig import Network
 
 PEERS = ("agent.left", "agent.right", "display.left", "display.right", "logger", "console", "listener")
 

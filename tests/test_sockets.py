@@ -15,9 +15,9 @@ import pytest
 import zmq
 
 from netboard import channels, doors, ends, fastpath, sockets, waiting
-from netboard.config import Network
 from netboard.errors import NetboardError
 from netboard.nodes.launcher import free_port
+from netboard.tables.rig import Network
 from netboard.wire.control import Command
 from netboard.wire.meeting import Goodbye, Hello, Pong
 from netboard.wire.messages import KINDS

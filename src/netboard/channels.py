@@ -9,9 +9,10 @@ import stat
 from dataclasses import dataclass
 from pathlib import Path
 
-from netboard.config import Network, Side
+from netboard.config import Side
 from netboard.doors import Credentials, Door
 from netboard.errors import ConfigError, NetboardError
+from netboard.tables.rig import Network
 
 MOTION, LOG, VIEW_LEFT, VIEW_RIGHT, CONTROL, NERVE = range(6)
 """Channels: TCP port = network.port + channel."""

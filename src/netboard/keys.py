@@ -21,9 +21,10 @@ from typing import Annotated, Literal, TypeAlias, TypeVar
 from pydantic import AwareDatetime, Field, TypeAdapter, ValidationError
 
 from netboard import channels, doors
-from netboard.config import SIDES, Network
+from netboard.config import SIDES
 from netboard.errors import ConfigError
 from netboard.settings import NO_EXTRAS, to_toml
+from netboard.tables.rig import Network
 
 Role: TypeAlias = Literal["agent", "display", "logger", "console", "listener"]
 

@@ -13,9 +13,9 @@ from functools import partial
 from importlib.metadata import version
 
 from netboard import channels, sockets
-from netboard.config import Network
 from netboard.nodes.alarm import LACKING, RELEASE, STOP
 from netboard.nodes.launcher import free_port
+from netboard.tables.rig import Network
 from netboard.wire.codec import decode, encode
 from netboard.wire.control import Command, Outcomes, OutcomesRequest, Reply, Status, StatusRequest, Trace, TraceRequest
 from netboard.wire.meeting import Goodbye, Hello, Refusal, Welcome

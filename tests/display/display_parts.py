@@ -10,8 +10,9 @@ import zmq
 
 from netboard import channels, sockets
 from netboard.clock import now_ns
-from netboard.config import Config, Display, Network
+from netboard.config import Config
 from netboard.display.language import load_words
+from netboard.tables.rig import Display, Network
 from netboard.wire.codec import decode, encode
 from netboard.wire.views import View
 

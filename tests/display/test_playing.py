@@ -7,7 +7,7 @@ import zmq
 from display_parts import VIEW, WORDS, SmallServer, free_ports, local_config, until
 
 from netboard import channels, sockets
-from netboard.config import Agent, Agents
+from netboard.tables.rig import Agent, Agents
 from netboard.wire.codec import decode, encode
 from netboard.wire.motion import Felt, Pointer
 

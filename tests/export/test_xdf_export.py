@@ -11,12 +11,13 @@ import pytest
 import pyxdf
 from numpy.typing import NDArray
 
-from netboard.config import Config, Recording, resolve
+from netboard.config import Config, resolve
 from netboard.errors import RecordingError
 from netboard.export import xdf
 from netboard.recording.provenance import provenance
 from netboard.recording.streams import COLUMNS, EVENTS, MARKERS, STREAMS, TICKS, samples, seconds
 from netboard.recording.writer import RecordingWriter
+from netboard.tables.rig import Recording
 from netboard.tick import TICK
 from netboard.wire.meeting import Welcome
 from netboard.wire.records import EventRecord, TickRecord

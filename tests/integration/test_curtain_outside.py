@@ -15,9 +15,9 @@ import pytest
 
 from netboard import channels, sockets, waiting
 from netboard.clock import now_ns
-from netboard.config import Physics
 from netboard.faults.rigs import Rig
 from netboard.recording.reader import Recording
+from netboard.tables.scene import Physics
 from netboard.tick import TICK
 from netboard.wire.codec import decode, encode
 from netboard.wire.meeting import Goodbye, Hello, Ping, Welcome

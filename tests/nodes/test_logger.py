@@ -12,12 +12,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fakes import FakeClock, FakeLogLink, FakeLogServer
-from netboard.config import Recording as Settings
 from netboard.nodes.logger import Logger, place
 from netboard.proof.account import Stretch, account_of
 from netboard.recording import partfile
 from netboard.recording.reader import Recording
 from netboard.recording.recovery import recover
+from netboard.tables.rig import Recording as Settings
 from netboard.tick import TICK
 from netboard.wire.codec import encode
 from netboard.wire.meeting import Ping, Refusal, Welcome

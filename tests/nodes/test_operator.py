@@ -6,10 +6,10 @@ import pytest
 
 from fakes import STATUS
 from netboard import channels, ends, sockets
-from netboard.config import Network
 from netboard.nodes import operator
 from netboard.nodes.launcher import free_port
 from netboard.nodes.operator import Operator
+from netboard.tables.rig import Network
 from netboard.wire.codec import decode, encode
 from netboard.wire.control import StatusRequest
 from netboard.wire.meeting import Hello, Welcome

@@ -8,10 +8,11 @@ from dataclasses import replace
 import pytest
 
 from netboard import channels, sockets
-from netboard.config import Config, Network, parse
+from netboard.config import Config, parse
 from netboard.devices.mouse import MouseStylus
 from netboard.nodes.companion import Player, companion_of
 from netboard.nodes.launcher import free_port
+from netboard.tables.rig import Network
 from netboard.wire.codec import decode, encode
 from netboard.wire.meeting import Goodbye
 from netboard.wire.messages import Message

@@ -9,11 +9,12 @@ import pytest
 
 from made_recordings import CONFIG, reel_of, two_trials
 from netboard import channels, sockets, waiting
-from netboard.config import SIDES, Network, Side
+from netboard.config import SIDES, Side
 from netboard.curtain import make_curtain, view_of
 from netboard.nodes.launcher import free_port
 from netboard.nodes.operator import Operator
 from netboard.nodes.replay_server import MOST_LETTERS, ReplayServer
+from netboard.tables.rig import Network
 from netboard.wire.codec import decode, encode
 from netboard.wire.control import COMMANDS, REPLAY_COMMANDS, Reply, Status
 from netboard.wire.meeting import Goodbye, Hello, Refusal, Welcome

@@ -12,7 +12,8 @@ import math
 from dataclasses import dataclass, replace
 from enum import Enum
 
-from netboard.config import Config, Geometry
+from netboard.config import Config
+from netboard.tables.scene import Geometry
 from netboard.wire.views import View
 
 GRAIN = 2e-5

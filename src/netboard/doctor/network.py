@@ -13,9 +13,9 @@ from typing import TypeVar
 
 from netboard import channels, keys, sockets, waiting
 from netboard.clock import now_ns
-from netboard.config import Network
 from netboard.doctor.finding import Finding
 from netboard.errors import ConfigError, NetboardError
+from netboard.tables.rig import Network
 from netboard.wire.session import ClockEstimator
 
 LOOPBACK = "127.0.0.1"

@@ -10,10 +10,10 @@ import time
 from collections.abc import Callable, Sequence
 
 from netboard import channels, sockets
-from netboard.config import Network
 from netboard.errors import NetboardError
 from netboard.faults import zmtp
 from netboard.faults.mutants import Mutants, parse, true_frames
+from netboard.tables.rig import Network
 from netboard.wire.codec import encode
 from netboard.wire.control import Command
 from netboard.wire.meeting import Goodbye, Hello

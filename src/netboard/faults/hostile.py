@@ -15,9 +15,10 @@ import numpy as np
 
 from netboard import channels, sockets
 from netboard.clock import now_ns
-from netboard.config import SIDES, Config, Network, resolve
+from netboard.config import SIDES, Config, resolve
 from netboard.faults import zmtp
 from netboard.faults.mutants import parse
+from netboard.tables.rig import Network
 from netboard.tick import TICK
 from netboard.wire.codec import encode
 from netboard.wire.meeting import Goodbye, Hello, Refusal, Welcome

@@ -66,7 +66,7 @@ class ControlPort:
 
     Parameters
     ----------
-    router : sockets.Router
+    router : ends.Router
         Server end of the control channel.
     welcome : Welcome
         What a peer is told first.

@@ -39,7 +39,7 @@ class Listeners:
 
     Parameters
     ----------
-    router : sockets.Router
+    router : ends.Router
         Server end of the log channel.
     ring : LogRing
         The records.

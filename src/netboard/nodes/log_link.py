@@ -3,8 +3,8 @@
 from typing import Protocol
 
 from netboard import channels, keys, sockets, waiting
-from netboard.config import Network
 from netboard.process import NAME
+from netboard.tables.rig import Network
 
 HELLO_NS = 500_000_000
 """Hello is said again after so long without an answer [ns]."""

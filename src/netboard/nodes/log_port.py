@@ -63,7 +63,7 @@ class LogPort:
 
     Parameters
     ----------
-    router : sockets.Router
+    router : ends.Router
         Server end of the log channel.
     welcome : Welcome
         What a logger is told first.

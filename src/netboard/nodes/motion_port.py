@@ -113,7 +113,7 @@ class MotionPort:
 
     Parameters
     ----------
-    router : sockets.Router
+    router : ends.Router
         Server end of the motion channel.
     welcome : Welcome
         What an agent is told first.

@@ -10,9 +10,9 @@ from importlib.metadata import version
 
 from netboard import channels, keys, sockets, waiting
 from netboard.clock import now_ns
-from netboard.config import Network
 from netboard.errors import NetboardError, WireError
 from netboard.process import NAME
+from netboard.tables.rig import Network
 from netboard.wire.codec import decode, encode
 from netboard.wire.control import Command, Outcomes, OutcomesRequest, Reply, Status, StatusRequest, Trace, TraceRequest
 from netboard.wire.meeting import Goodbye, Hello, Ping, Pong, Refusal, Welcome

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from netboard.config import SIDES, Config, Session, Side, resolve
+from netboard.config import SIDES, Config, Side, resolve
 from netboard.curtain import Curtain, make_curtain
 from netboard.errors import ConfigError, RecordingError
 from netboard.experiment.unrelated import Unrelated, unrelated_of
@@ -14,6 +14,7 @@ from netboard.nodes.delays import Delays
 from netboard.nodes.robot import Robot
 from netboard.recording.reader import Recording
 from netboard.stage import Stage, make_stage
+from netboard.tables.experiment import Session
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,7 +22,7 @@ class Refusals:
 
     Parameters
     ----------
-    router : sockets.Router
+    router : ends.Router
         Server end of the channel.
     news : list
         Where they are noted: name and details of an event.

@@ -12,7 +12,6 @@ import numpy as np
 
 from netboard import channels, doors, ends, sockets, waiting
 from netboard.clock import now_ns
-from netboard.config import Network
 from netboard.errors import NetboardError
 from netboard.nodes.control_port import ControlPort, Wish
 from netboard.nodes.refusals import Refusals
@@ -21,6 +20,7 @@ from netboard.nodes.view_port import ViewPort
 from netboard.replay.orders import Order, in_words, obey
 from netboard.replay.playback import Playback
 from netboard.replay.reel import Reel
+from netboard.tables.rig import Network
 from netboard.wire.meeting import Welcome
 from netboard.wire.messages import PROTOCOL_VERSION
 
@@ -47,7 +47,7 @@ class ClosedPort:
 
     Parameters
     ----------
-    router : sockets.Router
+    router : ends.Router
         Server end of the channel.
     reason : str
         Why.

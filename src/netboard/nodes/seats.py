@@ -13,8 +13,9 @@ import numpy as np
 
 from netboard import fastpath
 from netboard.compiled import kernel
-from netboard.config import SIDES, Physics
+from netboard.config import SIDES
 from netboard.physics.trig import sincos
+from netboard.tables.scene import Physics
 from netboard.tick import TICK, TICK_NS
 from netboard.wire import fixed
 from netboard.wire.motion import Safeguard, Stylus

@@ -7,8 +7,9 @@ import numpy as np
 
 from netboard import channels, doors, sockets
 from netboard.clock import now_ns
-from netboard.config import SIDES, Network, Side
+from netboard.config import SIDES, Side
 from netboard.curtain import Curtain, view_of
+from netboard.tables.rig import Network
 from netboard.tick import TICK
 from netboard.wire.codec import encode
 
