@@ -1,4 +1,4 @@
-"""The server's end of a channel in memory, as `sockets.Router` is to the ports."""
+"""The server's end of a channel in memory, as `ends.Router` is to the ports."""
 
 from collections import deque
 

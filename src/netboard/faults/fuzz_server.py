@@ -20,7 +20,7 @@ from netboard.faults.gathering import Evidence, Window, take
 from netboard.faults.rigs import Rig, tampered
 from netboard.faults.sites import PACE
 from netboard.faults.watching import look, memory, memory_part
-from netboard.nodes.session import LATE_NS
+from netboard.nodes.pace import LATE_NS
 from netboard.proof.verification import verify_recording
 from netboard.recording.reader import Recording
 from netboard.studies.results import Part, Value, Verdict

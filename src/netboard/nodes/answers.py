@@ -59,7 +59,7 @@ class SessionAnswers:
             successes=int(state["successes"]),
             failures=int(state["failures"]),
             completions=tuple(session.ledger.completions),
-            late_ticks=session.late_ticks,
+            late_ticks=session.pace.late_ticks,
             waiting_for=session.missing,
             peers=(*agents, *loggers, *session.control.peers),
             notice="; ".join(filter(None, (session.questionnaires and f"ask now: {session.questionnaires}", said))),

@@ -53,6 +53,30 @@ class Ready:
     robots: tuple[Robot, ...]
     unrelated: Unrelated | None
 
+    def stand_in(self, row: Any, words: Any, number: int, due_ns: int, state: Any) -> int:
+        """Put what does not come from an agent into the row of a tick; the bits of the sides that it stands for [1].
+
+        Parameters
+        ----------
+        row : netboard.tick.TICK record
+            The row.
+        words : ndarray of int64
+            Its words.
+        number : int
+            Number of the tick [1].
+        due_ns : int
+            Its deadline [ns].
+        state : netboard.tick.STATE record
+            The board before it.
+        """
+        found = 0
+        for robot in self.robots:
+            robot.fill(words, number, due_ns)
+            found |= (seats.LIVE | seats.ARMED) << SIDES.index(robot.side)
+        if self.unrelated is not None:
+            row["left_other"], row["right_other"] = self.unrelated.at(state)
+        return found
+
 
 class Programme:
     """The blocks of a session, in order, and the one that is on.
