@@ -1,4 +1,4 @@
-"""Finding, checking and writing the configuration file: the one place where a file becomes a `Config`.
+"""The configuration file: ``netboard config`` checks, shows and writes it, and here alone a file becomes a `Config`.
 
 Commands that read it take `ConfigFile` and `Overrides`.
 """
@@ -11,6 +11,9 @@ import typer
 
 from netboard.config import Config, digest, parse, resolve, template
 from netboard.errors import ConfigError
+from netboard.services.wording import examples
+
+app = typer.Typer(help="Check, show or write the configuration file.", no_args_is_help=True)
 
 if TYPE_CHECKING:
     from netboard.measuring.readings import Readings
@@ -93,51 +96,27 @@ def _text_of(file: Path, make: str) -> str:
         raise ConfigError(f"{file}: cannot be read: {error}") from error
 
 
-def check(file: Path | None, overrides: Sequence[str]) -> str:
-    """Check the configuration.
-
-    Returns
-    -------
-    str
-        One line for people.
-
-    Raises
-    ------
-    ConfigError
-        If anything is wrong with it.
-    """
+@app.command(epilog=examples("netboard config check -c rig.toml"))
+def check(config: ConfigFile = None, overrides: Overrides = None) -> None:
+    """Check the configuration and list everything that is wrong with it."""
     from netboard.stage import make_stage
 
-    config = load(file, overrides)
-    make_stage(config)
-    source = file or (DEFAULT_FILE if DEFAULT_FILE.exists() else "defaults")
-    return f"{source}: in order ({config.block.configuration}, {config.block.trials} trials, {digest(config)[:12]})"
+    settings = load(config, overrides or ())
+    make_stage(settings)
+    source = config or (DEFAULT_FILE if DEFAULT_FILE.exists() else "defaults")
+    block = settings.block
+    typer.echo(f"{source}: in order ({block.configuration}, {block.trials} trials, {digest(settings)[:12]})")
 
 
-def show(file: Path | None, overrides: Sequence[str]) -> str:
-    """Write out the configuration in full, as it goes into a recording.
-
-    Returns
-    -------
-    str
-        TOML text.
-    """
-    return resolve(load(file, overrides))
+@app.command(epilog=examples("netboard config show", "netboard config show --set block.trials=6"))
+def show(config: ConfigFile = None, overrides: Overrides = None) -> None:
+    """Show the configuration in full, as it goes into a recording."""
+    typer.echo(resolve(load(config, overrides or ())), nl=False)
 
 
-def init(file: Path) -> str:
-    """Write the commented file with every key and its default; never over another file.
-
-    Returns
-    -------
-    str
-        One line for people.
-
-    Raises
-    ------
-    ConfigError
-        If the file is there already or cannot be written.
-    """
+@app.command(epilog=examples("netboard config init", "netboard config init rig.toml"))
+def init(file: Annotated[Path, typer.Argument(metavar="FILE", help="The file to write.")] = DEFAULT_FILE) -> None:
+    """Write a commented file with every setting, its default, unit and limits."""
     try:
         with file.open("x", encoding="utf-8", newline="\n") as new:
             new.write(template())
@@ -145,4 +124,4 @@ def init(file: Path) -> str:
         raise ConfigError(f"{file}: is there already and is left as it is; name another file") from None
     except OSError as error:
         raise ConfigError(f"{file}: cannot be written: {error}") from error
-    return f"{file}: written; check it after editing with: netboard config check -c {file}"
+    typer.echo(f"{file}: written; check it after editing with: netboard config check -c {file}")

@@ -13,7 +13,7 @@ from netboard.nodes.operator import ANSWER_SECONDS, Operator
 from netboard.process import Stopping
 from netboard.services.keyboard import Keyboard
 from netboard.services.status import asked, plain
-from netboard.wire.messages import Reply, Status
+from netboard.wire.control import Reply, Status
 
 LOOK_SECONDS = 0.05
 """A keyboard and the server are looked at so often [s]."""

@@ -10,7 +10,7 @@ from typing import Any
 
 from rich.console import Console
 
-from netboard.config import Config, Session, digest
+from netboard.config import Config, digest
 from netboard.design import plan as plans
 from netboard.design.balance import require_balance
 from netboard.design.plan import Plan, PlanSession, config_of, plan_of, seated
@@ -24,6 +24,7 @@ from netboard.nodes.programme import Programme
 from netboard.recording.journal import Journal, journal_path
 from netboard.services import studies
 from netboard.services.rehearsal import shortened
+from netboard.tables.experiment import Session
 
 console = Console(highlight=False)
 

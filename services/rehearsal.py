@@ -14,11 +14,12 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from netboard.config import Config, Participant, digest
+from netboard.config import Config, digest
 from netboard.errors import NetboardError
 from netboard.rehearsal.block import Rehearsal
 from netboard.rehearsal.keeping import Keeper
 from netboard.rehearsal.people import LETTERS, person_of
+from netboard.tables.simulated import Participant
 from netboard.tick import TICK_SECONDS
 
 console = Console(highlight=False)

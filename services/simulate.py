@@ -15,12 +15,13 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
-from netboard.config import ADAPTER, Config, Physics, resolve
+from netboard.config import ADAPTER, Config, resolve
 from netboard.errors import ConfigError
 from netboard.physics.sampled import Hands
 from netboard.settings import read
 from netboard.simulation import Motion, Steps, check_start, choose_steps, columns_of, energies_of, is_held, simulate
 from netboard.studies.hand_files import doubts, find_inputs, plan_outputs, read_hands, write_table
+from netboard.tables.scene import Physics
 
 console = Console(highlight=False)
 

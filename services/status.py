@@ -14,7 +14,7 @@ from netboard.errors import NetboardError
 from netboard.nodes.operator import Operator
 from netboard.process import Stopping
 from netboard.report.links import status_tables
-from netboard.wire.messages import Status
+from netboard.wire.control import Status
 
 ANSWER_SECONDS = 3.0
 ROUND_SECONDS = 1.2

@@ -11,6 +11,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
 Screenshot = Annotated[Path | None, typer.Option(metavar="FILE", help="Save the first picture as a PNG file and stop.")]
+Dyad = Annotated[int, typer.Option(min=1, help="Number of the dyad in the study.")]
 
 
 def examples(*lines: str) -> str:

@@ -5,21 +5,10 @@ from collections import deque
 from collections.abc import Callable
 
 from netboard.wire.codec import decode, encode
-from netboard.wire.messages import (
-    PROTOCOL_VERSION,
-    Goodbye,
-    Hello,
-    LogAck,
-    LogEnd,
-    LogRequest,
-    Message,
-    Outcomes,
-    Pong,
-    Refusal,
-    Status,
-    Trace,
-    Welcome,
-)
+from netboard.wire.control import Outcomes, Status, Trace
+from netboard.wire.meeting import Goodbye, Hello, Pong, Refusal, Welcome
+from netboard.wire.messages import PROTOCOL_VERSION, Message
+from netboard.wire.records import LogAck, LogEnd, LogRequest
 from netboard.wire.ring import LogRing
 
 STATUS = Status(

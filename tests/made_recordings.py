@@ -7,13 +7,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.config import Block, Config, Display, resolve
+from netboard.config import Config, resolve
 from netboard.experiment.machine import Cause, Phase
 from netboard.recording.provenance import next_recording, provenance
 from netboard.recording.writer import RecordingWriter
 from netboard.replay.reel import Material, Reel
+from netboard.tables.experiment import Block
+from netboard.tables.rig import Display
 from netboard.tick import TICK, TICK_NS
-from netboard.wire.messages import PROTOCOL_VERSION, EventRecord, TickRecord, Welcome
+from netboard.wire.meeting import Welcome
+from netboard.wire.messages import PROTOCOL_VERSION
+from netboard.wire.records import EventRecord, TickRecord
 
 CONFIG = replace(Config(), display=Display(width=840, height=600), block=Block(trials=6))
 

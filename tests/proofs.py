@@ -9,12 +9,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.config import Block, Config, Participant, resolve
+from netboard.config import Config, resolve
 from netboard.recording.provenance import provenance
 from netboard.recording.writer import RecordingWriter
 from netboard.rehearsal.block import Rehearsal
 from netboard.rehearsal.keeping import event_of
-from netboard.wire.messages import ClockRecord, EventRecord, TickRecord, Welcome
+from netboard.tables.experiment import Block
+from netboard.tables.simulated import Participant
+from netboard.wire.meeting import Welcome
+from netboard.wire.records import ClockRecord, EventRecord, TickRecord
 
 SESSION = "0123456789abcdef"
 UTC_NS = 1_790_000_000_000_000_000

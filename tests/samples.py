@@ -6,11 +6,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.config import Config, Recording
+from netboard.config import Config
 from netboard.recording.provenance import provenance
 from netboard.recording.writer import RecordingWriter
+from netboard.tables.rig import Recording
 from netboard.tick import TICK
-from netboard.wire.messages import ClockRecord, EventRecord, FrameRecord, TickRecord, Welcome
+from netboard.wire.meeting import Welcome
+from netboard.wire.records import ClockRecord, EventRecord, FrameRecord, TickRecord
 
 SESSION = "3f2a9c1e00000000"
 CONFIG_TEXT = '[session]\nname = "S01"\n'

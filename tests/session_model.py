@@ -4,7 +4,6 @@ import random
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from netboard.config import Quality
 from netboard.experiment.entries import (
     AttemptBegan,
     AttemptEnded,
@@ -22,6 +21,7 @@ from netboard.experiment.entries import (
 )
 from netboard.experiment.progress import Progress, Row, progress_of
 from netboard.experiment.repeats import wants_repeat
+from netboard.tables.experiment import Quality
 
 HEADER = Header(
     format=1,

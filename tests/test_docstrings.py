@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 SOURCE = Path(__file__).parent.parent / "src" / "netboard"
-PURE = ("physics", "methods", "offline", "wire", "experiment", "participants", "analysis")
+PURE = ("tables", "physics", "methods", "offline", "wire", "experiment", "participants", "analysis")
 MODULES = sorted(
     [path for name in PURE for path in (SOURCE / name).glob("*.py")]
     + [SOURCE / name for name in ("stage.py", "simulation.py", "curtain.py", "config.py", "settings.py", "errors.py")]

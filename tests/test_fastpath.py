@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 import zmq
 
-from netboard import fastpath, sockets
+from netboard import channels, fastpath, sockets
 from netboard.clock import now_ns
 from netboard.errors import NetboardError
 from netboard.fastpath import FAILED, NOT_SENT, NOTHING, OTHER, SENT, FastPath
 
 A, B = b"agent.left@1", b"\xff" * fastpath.NAME_ROOM
-HERE = sockets.Endpoint("inproc://fast")
+HERE = channels.Endpoint("inproc://fast")
 
 
 class Road:
@@ -113,7 +113,7 @@ def test_a_dealer_hears_and_says(road: Road) -> None:
 
 
 def test_a_dealer_that_has_nobody_says_so(road: Road) -> None:
-    alone = sockets.motion_agent(road.context, sockets.Endpoint("tcp://127.0.0.1:1"), "alone")
+    alone = sockets.motion_agent(road.context, channels.Endpoint("tcp://127.0.0.1:1"), "alone")
     assert fastpath.say(FastPath(alone).record, bytes_of(b"sample")) == NOT_SENT
     alone.close()
 

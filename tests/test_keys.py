@@ -8,10 +8,12 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from netboard import doors, keys, sockets
-from netboard.config import Config, Network
+from netboard import channels, doors, keys
+from netboard.config import Config
 from netboard.errors import ConfigError
-from netboard.services.cli import app, refuse_open_network
+from netboard.services.cli import app
+from netboard.services.processes import refuse_open_network
+from netboard.tables.rig import Network
 
 PEERS = ("agent.left", "agent.right", "display.left", "display.right", "logger", "console", "listener")
 
@@ -76,7 +78,7 @@ def test_a_key_opens_the_channels_of_its_role_and_side(
 
 
 def test_the_channels_with_keys_are_all_but_the_nerve() -> None:
-    assert set(keys.OPENS) == set(sockets.CHANNELS) - {"nerve"}
+    assert set(keys.OPENS) == set(channels.CHANNELS) - {"nerve"}
 
 
 def test_a_key_speaks_for_what_it_is_for(ring: keys.Ring, folder: Path) -> None:
@@ -219,11 +221,11 @@ def test_keys_are_in_use_where_another_machine_can_be_reached(settings: dict[str
 
 def test_addresses_carry_the_keys_where_they_are_in_use(ring: keys.Ring, folder: Path) -> None:
     network = Network(bind="0.0.0.0", keys=str(folder))
-    lock = keys.reach(network, "agent.left").reach(sockets.MOTION).lock
+    lock = keys.reach(network, "agent.left").reach(channels.MOTION).lock
     assert lock == keys.credentials(folder, "agent.left")
     assert keys.door(network) is not None
     off = replace(network, curve="off")
-    assert keys.reach(off, "agent.left").reach(sockets.MOTION).lock is None
+    assert keys.reach(off, "agent.left").reach(channels.MOTION).lock is None
     assert keys.door(off) is None
 
 

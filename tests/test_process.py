@@ -13,7 +13,6 @@ from pathlib import Path
 import pytest
 
 from netboard import process
-from netboard.config import Realtime
 from netboard.process import (
     IO_ABOVE,
     OFF,
@@ -30,6 +29,7 @@ from netboard.process import (
     prepare,
     steady_loop,
 )
+from netboard.tables.rig import Realtime
 
 linux = pytest.mark.skipif(sys.platform != "linux", reason="what Linux offers")
 

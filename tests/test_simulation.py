@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 import netboard.simulation
-from netboard.config import Physics
 from netboard.errors import ConfigError
 from netboard.physics.sampled import FILL, HOLDS, Hands, find_gaps, hold_hands, styluses_along
 from netboard.simulation import Motion, choose_steps, columns_of, energies_of, is_held, simulate
+from netboard.tables.scene import Physics
 
 Array = NDArray[np.float64]
 Waves = Callable[[Array], tuple[Array, Array]]

@@ -14,16 +14,20 @@ import numpy as np
 import pytest
 import zmq
 
-from netboard import doors, fastpath, sockets
-from netboard.config import Network
+from netboard import channels, doors, ends, fastpath, sockets, waiting
 from netboard.errors import NetboardError
 from netboard.nodes.launcher import free_port
-from netboard.wire.codec import KINDS
-from netboard.wire.messages import Command, Frames, Goodbye, Hello, LogAck, LogRequest, Pong, Stylus
+from netboard.tables.rig import Network
+from netboard.wire.control import Command
+from netboard.wire.meeting import Goodbye, Hello, Pong
+from netboard.wire.messages import KINDS
+from netboard.wire.motion import Stylus
+from netboard.wire.records import LogAck, LogRequest
+from netboard.wire.views import Frames
 
 pytestmark = pytest.mark.integration
 
-ANYWHERE = sockets.Endpoint("tcp://127.0.0.1:*")
+ANYWHERE = channels.Endpoint("tcp://127.0.0.1:*")
 PATIENCE = 30.0
 WITHOUT_KEYS = b"\xff" + bytes(8) + b"\x7f\3\0" + b"NULL".ljust(20, b"\0") + bytes(32)
 """How a peer without keys greets, by ZeroMQ's RFC 23."""
@@ -55,8 +59,8 @@ def raw(end: Any) -> sockets.Socket:
     return end if isinstance(end, zmq.Socket) else end.socket
 
 
-def endpoint_of(end: Any) -> sockets.Endpoint:
-    return sockets.Endpoint(raw(end).getsockopt(zmq.LAST_ENDPOINT).decode().rstrip("\0"))  # type: ignore[union-attr]
+def endpoint_of(end: Any) -> channels.Endpoint:
+    return channels.Endpoint(raw(end).getsockopt(zmq.LAST_ENDPOINT).decode().rstrip("\0"))  # type: ignore[union-attr]
 
 
 def until(what: Callable[[], Any]) -> Any:
@@ -100,35 +104,8 @@ def test_a_server_takes_the_largest_frame_of_each_kind_that_it_is_sent() -> None
     assert max(largest[kind] for kind in (Hello, Frames, Command, Goodbye)) <= sockets.LARGEST_REPORT
 
 
-def test_addresses_count_the_channels_from_the_first_port() -> None:
-    where = sockets.addresses(Network(host="10.0.0.1", bind="0.0.0.0", port=6000))
-    assert where.listen(sockets.MOTION).address == "tcp://0.0.0.0:6000"
-    assert where.reach(sockets.CONTROL).address == "tcp://10.0.0.1:6004"
-    assert {sockets.VIEW["left"], sockets.VIEW["right"]} == {2, 3}
-    assert len(sockets.CHANNELS) == sockets.NERVE + 1
-
-
-def test_the_nerve_stays_on_its_machine_and_needs_no_keys() -> None:
-    keys = doors.Credentials("p" * 40, "s" * 40, "q" * 40)
-    where = sockets.addresses(Network(host="10.0.0.1", bind="0.0.0.0", port=6000), keys)
-    for nerve in (where.listen(sockets.NERVE), where.reach(sockets.NERVE)):
-        assert nerve == sockets.Endpoint("tcp://127.0.0.1:6005", sockets.NERVE)
-    assert where.reach(sockets.LOG).lock is keys
-    assert "ssss" not in repr(keys)
-
-
-def test_what_a_player_does_stays_on_the_machine_and_takes_no_port() -> None:
-    keys = doors.Credentials("p" * 40, "s" * 40, "q" * 40)
-    for transport in ("tcp", "ipc"):
-        network = Network(host="10.0.0.1", bind="0.0.0.0", port=6000, transport=transport)  # type: ignore[arg-type]
-        where = sockets.addresses(network, keys)
-        ends = [end(side) for end in (where.pointer, where.felt) for side in ("left", "right")]
-        assert all(end.address.startswith("ipc:///tmp/netboard-") and end.lock is None for end in ends)
-        assert len({end.address for end in ends}) == 4
-
-
 def test_of_what_a_player_points_at_the_newest_counts_and_nothing_waits_for_an_agent(made: Made) -> None:
-    where = sockets.addresses(Network(port=free_port()))
+    where = channels.addresses(Network(port=free_port()))
     early = made.pointer_sender(where.pointer("left"))
     assert not sockets.send(early, b"stale")
     agent = made.pointer_receiver(where.pointer("left"))
@@ -146,7 +123,7 @@ def test_a_taken_port_is_said_in_words(made: Made) -> None:
 
 
 def test_nothing_is_queued_for_a_server_that_is_not_there(made: Made) -> None:
-    agent = made.motion_agent(sockets.Endpoint("tcp://127.0.0.1:9"), "agent.left@test")
+    agent = made.motion_agent(channels.Endpoint("tcp://127.0.0.1:9"), "agent.left@test")
     assert not sockets.send(agent, b"stale")
 
 
@@ -156,7 +133,7 @@ def test_a_peer_that_is_not_there_is_no_error(made: Made) -> None:
     assert server.receive() is None
 
 
-def talk(made: Made) -> tuple[sockets.Router, sockets.Socket]:
+def talk(made: Made) -> tuple[ends.Router, sockets.Socket]:
     server = made.control_server(ANYWHERE)
     peer = made.control_client(endpoint_of(server), "console@test")
     until(lambda: sockets.send(peer, b"hello"))
@@ -173,15 +150,15 @@ def test_frames_go_both_ways_and_foreign_shapes_are_taken_for_empty_ones(made: M
     assert server.receive() is None
     assert server.key == server.forbids("agent", "left") == ""
     assert server.send(b"console@test", b"answer")
-    assert sockets.wait_readable(peer, PATIENCE)
+    assert waiting.wait_readable(peer, PATIENCE)
     assert sockets.receive(peer) == b"answer"
-    assert not sockets.wait_readable(peer, 0.0005)
+    assert not waiting.wait_readable(peer, 0.0005)
 
 
 def test_one_waits_for_any_of_several_sockets(made: Made) -> None:
     server, peer = talk(made)
     other = made.motion_server(ANYWHERE)
-    waiter = sockets.Waiter((server.socket, other.socket))
+    waiter = waiting.Waiter((server.socket, other.socket))
     assert not waiter.wait(0.0)
     assert not waiter.wait(0.0005)
     assert sockets.send(peer, b"one")
@@ -194,7 +171,7 @@ def test_one_waits_for_any_of_several_sockets(made: Made) -> None:
 def test_one_learns_which_of_several_sockets_have_signalled(made: Made) -> None:
     server, peer = talk(made)
     other = made.motion_server(ANYWHERE)
-    waiter = sockets.Waiter((server.socket, other.socket))
+    waiter = waiting.Waiter((server.socket, other.socket))
     while server.receive() is not None or other.receive() is not None or waiter.signalled(0.0):
         pass
     assert sockets.send(peer, b"one")
@@ -215,7 +192,7 @@ def test_views_go_to_who_looks_and_only_the_newest_is_kept(made: Made) -> None:
     seen = [-1]
     while seen[-1] < 99:
         publisher.send(b"99")
-        assert sockets.wait_readable(eye, PATIENCE)
+        assert waiting.wait_readable(eye, PATIENCE)
         seen.append(int(sockets.receive(eye) or -1))
     assert seen == sorted(seen)
     eye.close()
@@ -269,18 +246,18 @@ class TestDoor:
         return doors.Door(ring, 1)
 
     @pytest.fixture
-    def server(self, made: Made, door: doors.Door) -> sockets.Router:
-        return made.motion_server(sockets.Endpoint(ANYWHERE.address, sockets.MOTION, door))
+    def server(self, made: Made, door: doors.Door) -> ends.Router:
+        return made.motion_server(channels.Endpoint(ANYWHERE.address, channels.MOTION, door))
 
-    def agent(self, made: Made, server: sockets.Router, lock: doors.Credentials, name: str) -> sockets.Socket:
-        endpoint = sockets.Endpoint(endpoint_of(server).address, sockets.MOTION, lock)
+    def agent(self, made: Made, server: ends.Router, lock: doors.Credentials, name: str) -> sockets.Socket:
+        endpoint = channels.Endpoint(endpoint_of(server).address, channels.MOTION, lock)
         return made.motion_agent(endpoint, name)
 
     def let_in(self, door: doors.Door, agent: sockets.Socket) -> None:
         until(lambda: door.attend() or sockets.send(agent, b"hello"))
 
     def test_who_is_let_in_is_known_by_the_key(
-        self, made: Made, ring: SmallRing, door: doors.Door, server: sockets.Router
+        self, made: Made, ring: SmallRing, door: doors.Door, server: ends.Router
     ) -> None:
         self.let_in(door, self.agent(made, server, ring.lock(), "agent.left@test"))
         peer, frame = until(server.receive)
@@ -292,7 +269,7 @@ class TestDoor:
         assert server.forbids("agent", "right") == "somebody else"
 
     def test_a_frame_in_another_name_is_taken_for_an_empty_one(
-        self, made: Made, ring: SmallRing, door: doors.Door, server: sockets.Router
+        self, made: Made, ring: SmallRing, door: doors.Door, server: ends.Router
     ) -> None:
         self.let_in(door, self.agent(made, server, ring.lock(), "agent.lefty@test"))
         _, frame = until(server.receive)
@@ -302,7 +279,7 @@ class TestDoor:
         assert told["address"] == "127.0.0.1"
 
     def test_a_fast_path_knows_a_peer_by_its_key_too(
-        self, made: Made, ring: SmallRing, door: doors.Door, server: sockets.Router
+        self, made: Made, ring: SmallRing, door: doors.Door, server: ends.Router
     ) -> None:
         agent = self.agent(made, server, ring.lock(), "agent.left@test")
         self.let_in(door, agent)
@@ -322,11 +299,11 @@ class TestDoor:
         fast.close()
 
     def test_a_key_of_one_server_opens_nothing_of_another_in_the_same_process(
-        self, made: Made, ring: SmallRing, door: doors.Door, server: sockets.Router
+        self, made: Made, ring: SmallRing, door: doors.Door, server: ends.Router
     ) -> None:
         other_ring = SmallRing("agent.left")
         other_door = doors.Door(other_ring, 2)
-        other = made.motion_server(sockets.Endpoint(ANYWHERE.address, sockets.MOTION, other_door))
+        other = made.motion_server(channels.Endpoint(ANYWHERE.address, channels.MOTION, other_door))
         lock = replace(ring.lock(), server=other_ring.public)
         stray = self.agent(made, other, lock, "agent.left@stray")
         (told,) = until(other_door.attend)
@@ -350,7 +327,7 @@ class TestDoor:
         assert len(door.attend()) == doors.MOST_REFUSALS + 1
 
     def test_a_crowd_of_strangers_is_told_of_and_keeps_nobody_out(
-        self, made: Made, ring: SmallRing, door: doors.Door, server: sockets.Router
+        self, made: Made, ring: SmallRing, door: doors.Door, server: ends.Router
     ) -> None:
         place = endpoint_of(server).address.removeprefix("tcp://").split(":")
         for _ in range(4 * doors.MOST_HANDSHAKES):
@@ -368,31 +345,31 @@ class TestDoor:
 
 @pytest.mark.skipif(not hasattr(os, "getuid"), reason="no sockets in the file system")
 class TestSocketsInTheFileSystem:
-    where = sockets.Addresses("ignored", "ignored", 30_000 + os.getpid() % 30_000, "ipc")
+    where = channels.Addresses("ignored", "ignored", 30_000 + os.getpid() % 30_000, "ipc")
 
     @pytest.fixture(autouse=True)
     def removed(self, made: Made) -> Iterator[None]:
         yield
         made.context.destroy(linger=0)
-        for channel in (sockets.MOTION, sockets.LOG, sockets.CONTROL):
+        for channel in (channels.MOTION, channels.LOG, channels.CONTROL):
             Path(self.where.listen(channel).address.removeprefix("ipc://")).unlink(missing_ok=True)
 
     def test_a_frame_goes_through(self, made: Made) -> None:
-        endpoint = self.where.listen(sockets.CONTROL)
+        endpoint = self.where.listen(channels.CONTROL)
         folder = Path(endpoint.address.removeprefix("ipc://")).parent
         server = made.control_server(endpoint)
         assert stat.S_IMODE(folder.stat().st_mode) == 0o700
-        peer = made.control_client(self.where.reach(sockets.CONTROL), "console@test")
+        peer = made.control_client(self.where.reach(channels.CONTROL), "console@test")
         until(lambda: sockets.send(peer, b"hello"))
         assert until(server.receive) == (b"console@test", b"hello")
 
     def test_a_second_server_does_not_take_over(self, made: Made) -> None:
-        made.motion_server(self.where.listen(sockets.MOTION))
+        made.motion_server(self.where.listen(channels.MOTION))
         with pytest.raises(NetboardError, match="is another server running"):
-            made.motion_server(self.where.listen(sockets.MOTION))
+            made.motion_server(self.where.listen(channels.MOTION))
 
     def test_what_a_dead_server_left_is_no_obstacle(self, made: Made) -> None:
-        endpoint = self.where.listen(sockets.LOG)
+        endpoint = self.where.listen(channels.LOG)
         file = endpoint.address.removeprefix("ipc://")
         with contextlib.suppress(FileNotFoundError):
             Path(file).unlink()
@@ -405,7 +382,7 @@ class TestSocketsInTheFileSystem:
         folder.chmod(0o755)
         try:
             with pytest.raises(NetboardError, match="not a folder of this user alone"):
-                self.where.reach(sockets.MOTION)
+                self.where.reach(channels.MOTION)
         finally:
             folder.chmod(0o700)
 
@@ -428,7 +405,7 @@ def test_libzmq_gets_the_cpus_that_there_are(caplog: pytest.LogCaptureFixture) -
 def test_a_peer_whose_handshake_failed_connects_anew(made: Made, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sockets, "RENEW_S", 0.05)
     with net.create_server(("127.0.0.1", 0)) as impostor:
-        where = sockets.Endpoint(f"tcp://127.0.0.1:{impostor.getsockname()[1]}")
+        where = channels.Endpoint(f"tcp://127.0.0.1:{impostor.getsockname()[1]}")
         peer = made.motion_agent(where, "agent.left@test")
         connection, _ = impostor.accept()
         with connection:

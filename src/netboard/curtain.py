@@ -14,10 +14,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.config import SIDES, Block, Config, Side
+from netboard.config import SIDES, Config, Side
 from netboard.experiment.machine import Phase, ticks
+from netboard.tables.experiment import Block
 from netboard.tick import TICK
-from netboard.wire.messages import View
+from netboard.wire.views import View
 
 AGAIN = "again"
 """The notice before another attempt at the same trial; a display has a line for it in its language."""

@@ -4,7 +4,7 @@ CURVE (ZeroMQ's RFC 26) encrypts, and lets libzmq ask at each handshake whether 
 27). It is answered by the server's own loop, a few at a time: there is no thread that could hold up a tick. What each
 key is for is not known here, but to a `Ring`.
 
-Beside `netboard.sockets` the only module that imports zmq.
+With `netboard.sockets`, `netboard.ends` and `netboard.fastpath` the only module that imports zmq.
 """
 
 import time

@@ -20,10 +20,11 @@ from typing import Annotated, Literal, TypeAlias, TypeVar
 
 from pydantic import AwareDatetime, Field, TypeAdapter, ValidationError
 
-from netboard import doors, sockets
-from netboard.config import SIDES, Network
+from netboard import channels, doors
+from netboard.config import SIDES
 from netboard.errors import ConfigError
 from netboard.settings import NO_EXTRAS, to_toml
+from netboard.tables.rig import Network
 
 Role: TypeAlias = Literal["agent", "display", "logger", "console", "listener"]
 
@@ -116,7 +117,7 @@ def local(address: str) -> bool:
         return address == "localhost"
 
 
-def reach(network: Network, peer: str) -> sockets.Addresses:
+def reach(network: Network, peer: str) -> channels.Addresses:
     """Where a peer finds the server, with its keys if they are in use.
 
     Parameters
@@ -132,7 +133,7 @@ def reach(network: Network, peer: str) -> sockets.Addresses:
         If it needs a key and has none, or one that others can read.
     """
     lock = credentials(Path(network.keys), peer) if encrypted(network) else None
-    return sockets.addresses(network, lock)
+    return channels.addresses(network, lock)
 
 
 def door(network: Network) -> doors.Door | None:

@@ -22,7 +22,7 @@ from pathlib import Path
 from types import FrameType, TracebackType
 from typing import Self
 
-from netboard.config import Realtime
+from netboard.tables.rig import Realtime
 
 if sys.platform != "win32":
     import resource

@@ -4,7 +4,7 @@ Every field is annotated with `about`: what it is, its unit and its limits. From
 error messages, the commented template and the tables of the documentation. A problem is reported as one line with
 source, table, key, what was found and what was expected, and all problems of a text are reported together.
 
-This module knows no particular setting; `netboard.config` says which there are.
+This module knows no particular setting; `netboard.tables` says which there are.
 """
 
 import dataclasses

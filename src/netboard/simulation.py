@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.config import Physics
 from netboard.errors import ConfigError
 from netboard.methods.catalogue import METHODS, NUMBER
 from netboard.methods.march import Grid, forces_along, make_grid, run
@@ -22,6 +21,7 @@ from netboard.physics.linear import board_matrix
 from netboard.physics.sampled import Hands, Held, drives_along, hold_hands, styluses_along
 from netboard.physics.scene import Parts, pack_scene, parts_of, state_length
 from netboard.physics.vectors import State
+from netboard.tables.scene import Physics
 
 MOST_ROWS, MOST_STEPS, MOST_TABLES = 100_000_000, 2_000_000_000, 200
 """Most rows of a result, steps of a run (many minutes of them), and lengths of step of a method with tables [1]."""

@@ -18,11 +18,11 @@ from netboard.analysis.interaction import (
     supports,
     work,
 )
-from netboard.config import Physics
 from netboard.physics.sampled import Hands
 from netboard.physics.scene import pack_scene, parts_of
 from netboard.physics.statics import equilibrium
 from netboard.simulation import energies_of, simulate
+from netboard.tables.scene import Physics
 
 RATE = 1000.0
 FORCES = arrays(float, 20, elements=st.floats(-4.0, 4.0).map(lambda force: round(force, 3)))

@@ -19,9 +19,9 @@ from netboard.analysis.passive import (
     passive_ratio,
 )
 from netboard.analysis.statistics import bootstrap, ratio_of_sums
-from netboard.config import Physics
 from netboard.physics.rendering import gains_of
 from netboard.physics.scene import pack_scene, parts_of
+from netboard.tables.scene import Physics
 
 RATE = 1000.0
 LEFT, RIGHT = (Gains(*gains[1:]) for gains in gains_of(parts_of(Physics(), True), pack_scene(Physics())[0]))

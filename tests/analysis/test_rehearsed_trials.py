@@ -13,9 +13,10 @@ from netboard.analysis.motion import Trial, find_completion, motion, placements
 from netboard.analysis.movements import classify, movement_times
 from netboard.analysis.peaks import velocity_peaks
 from netboard.analysis.segments import board_segments
-from netboard.config import Config, Participant
+from netboard.config import Config
 from netboard.recording.summary import Attempt, find_attempts
 from netboard.rehearsal.block import Rehearsal
+from netboard.tables.simulated import Participant
 
 pytestmark = pytest.mark.slow
 TARGET = 0.15

@@ -12,28 +12,15 @@ from dataclasses import replace
 from functools import partial
 from importlib.metadata import version
 
-from netboard import sockets
-from netboard.config import Network
+from netboard import channels, sockets
 from netboard.nodes.alarm import LACKING, RELEASE, STOP
 from netboard.nodes.launcher import free_port
+from netboard.tables.rig import Network
 from netboard.wire.codec import decode, encode
-from netboard.wire.messages import (
-    PROTOCOL_VERSION,
-    Command,
-    Goodbye,
-    Hello,
-    Message,
-    Outcomes,
-    OutcomesRequest,
-    Refusal,
-    Reply,
-    Safeguard,
-    Status,
-    StatusRequest,
-    Trace,
-    TraceRequest,
-    Welcome,
-)
+from netboard.wire.control import Command, Outcomes, OutcomesRequest, Reply, Status, StatusRequest, Trace, TraceRequest
+from netboard.wire.meeting import Goodbye, Hello, Refusal, Welcome
+from netboard.wire.messages import PROTOCOL_VERSION, Message
+from netboard.wire.motion import Safeguard
 
 ARMED = int(Safeguard.ARMED)
 MINE = version("netboard")
@@ -169,7 +156,7 @@ class ConsoleServer:
         self.show(state)
         self._opened = sockets.open_context()
         context = self._opened.__enter__()
-        self.router = sockets.control_server(context, sockets.addresses(self.network).listen(sockets.CONTROL))
+        self.router = sockets.control_server(context, channels.addresses(self.network).listen(channels.CONTROL))
         self._peers: dict[bytes, str] = {}
 
     def show(self, state: str) -> None:

@@ -5,8 +5,9 @@ from dataclasses import fields, replace
 
 import pytest
 
-from netboard.config import Config, Session, parse
+from netboard.config import Config, parse
 from netboard.console.entry import Entry, as_json, first_entry, problems
+from netboard.tables.experiment import Session
 
 GOOD = Entry("S03", "P05", "P06", "right", "left", "left", consent=True, pilot=False)
 

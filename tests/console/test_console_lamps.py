@@ -14,8 +14,8 @@ from netboard.console.memory import Memory, Recent, minutes_left
 from netboard.console.stations import STATION_LAMPS, station_lamps
 from netboard.console.words import Tone
 from netboard.nodes.alarm import LACKING, STOP
-from netboard.wire.codec import COMMANDS, REPLAY_COMMANDS
-from netboard.wire.messages import REPLAY_OF, Safeguard, Status
+from netboard.wire.control import COMMANDS, REPLAY_COMMANDS, REPLAY_OF, Status
+from netboard.wire.motion import Safeguard
 
 LIMITS = limits_of(Config(), MINE)
 NONE = Recent()

@@ -5,11 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from netboard.config import Config, VirtualDevice
+from netboard.config import Config
 from netboard.coupling.boundary import AGREED, Case, predicted, simulated_is_stable
 from netboard.coupling.far import Distance, Far
 from netboard.coupling.releases import let_go, scene
 from netboard.coupling.remedies import everyday_part, felt, make_loop
+from netboard.tables.simulated import VirtualDevice
 
 pytestmark = pytest.mark.slow
 

@@ -7,12 +7,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from netboard.config import Config, Geometry, Physics, Session, parse, resolve
+from netboard.config import Config, parse, resolve
 from netboard.design import library
 from netboard.design.conditions import sequences_of
 from netboard.design.plan import Plan, PlanBlock, config_of, digest, plan_of, seated, to_json
 from netboard.design.study import paper_study, parse_study
 from netboard.errors import ConfigError
+from netboard.tables.experiment import Session
+from netboard.tables.scene import Geometry, Physics
 
 STUDIES = {name: parse_study(library.text_of(name), name) for name in (*library.NAMES, library.TEMPLATE)}
 PAPER = STUDIES["paper"]

@@ -4,7 +4,7 @@ import pytest
 
 from netboard.devices.base import Reading
 from netboard.devices.coupling import REACH, hand_force
-from netboard.wire.messages import Point
+from netboard.wire.motion import Point
 
 MS = 1_000_000
 NOW = 5_000 * MS

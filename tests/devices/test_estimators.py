@@ -8,7 +8,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import solve_discrete_are
 
-from netboard.config import Agent
 from netboard.devices.estimators import (
     CAPACITY,
     FORGET,
@@ -24,6 +23,7 @@ from netboard.devices.estimators import (
     kalman_gains,
 )
 from netboard.devices.velocity import KINDS, Estimator, Velocimeter, make
+from netboard.tables.rig import Agent
 
 STEP = 0.055e-3
 MS = 1_000_000

@@ -3,10 +3,11 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from netboard.config import Config, Fixture
+from netboard.config import Config
 from netboard.devices.base import Reading
 from netboard.devices.fixture import lateral_force
 from netboard.devices.virtual import VirtualTouch
+from netboard.tables.rig import Fixture
 
 number = st.floats(-0.1, 0.1)
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from contract import MS, DeviceContract
 
-from netboard.config import Config, Recording
+from netboard.config import Config
 from netboard.devices.base import Device, Reading
 from netboard.devices.playback import Playback
 from netboard.devices.track import Track, read_csv, read_track
@@ -17,8 +17,10 @@ from netboard.errors import ConfigError, DeviceNotFound, RecordingError
 from netboard.participants.submovement import Submovement
 from netboard.recording.provenance import provenance
 from netboard.recording.writer import RecordingWriter
+from netboard.tables.rig import Recording
 from netboard.tick import TICK
-from netboard.wire.messages import TickRecord, Welcome
+from netboard.wire.meeting import Welcome
+from netboard.wire.records import TickRecord
 
 S = 1000 * MS
 TURN = 2.0 * np.pi

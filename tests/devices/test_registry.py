@@ -4,11 +4,12 @@ from pathlib import Path
 
 import pytest
 
-from netboard.config import Agent, Agents, Config
+from netboard.config import Config
 from netboard.devices import registry
 from netboard.devices.base import Device
 from netboard.devices.virtual import VirtualTouch
 from netboard.errors import DeviceNotFound
+from netboard.tables.rig import Agent, Agents
 
 PLUGIN = """
 from netboard.devices.virtual import VirtualTouch

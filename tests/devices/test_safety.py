@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from netboard.config import Safety as Limits
 from netboard.devices.safety import LIVE, LONGEST_STEP_NS, MARGIN, MEAN_TIME, TABLE, Guard, Limited, Safety, Trip
-from netboard.wire.messages import Safeguard
+from netboard.tables.rig import Safety as Limits
+from netboard.wire.motion import Safeguard
 
 MS = 1_000_000
 LIMITS = Limits()

@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 from contract import MS, DeviceContract
 
-from netboard.config import Config, VirtualDevice
+from netboard.config import Config
 from netboard.devices.base import Device
 from netboard.devices.virtual import CATCH_UP_NS, VirtualTouch
 from netboard.errors import ConfigError
 from netboard.participants.device_models import resolved
 from netboard.participants.hand import STEP
 from netboard.participants.submovement import Submovement
+from netboard.tables.simulated import VirtualDevice
 
 FLAWS = {"cable_stiffness": "model", "thermal_time": "model", "read_latency_ms": 3.0, "write_latency_ms": 2.0}
 

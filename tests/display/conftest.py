@@ -21,8 +21,8 @@ def app():
 @pytest.fixture
 def board(app):
     """The board of an open window, and the pictures it has been painted with so far."""
-    from netboard.config import Display
     from netboard.display.window import BoardWindow
+    from netboard.tables.rig import Display
 
     window = BoardWindow("a test")
     window.present(Display(width=840, height=480))

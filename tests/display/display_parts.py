@@ -8,12 +8,13 @@ from dataclasses import replace
 import numpy as np
 import zmq
 
-from netboard import sockets
+from netboard import channels, sockets
 from netboard.clock import now_ns
-from netboard.config import Config, Display, Network
+from netboard.config import Config
 from netboard.display.language import load_words
+from netboard.tables.rig import Display, Network
 from netboard.wire.codec import decode, encode
-from netboard.wire.messages import View
+from netboard.wire.views import View
 
 WORDS = load_words("en")
 VIEW = View(
@@ -90,9 +91,9 @@ class SmallServer:
 
     def __init__(self, port: int) -> None:
         self.context = context = zmq.Context()
-        where = sockets.Addresses("127.0.0.1", "127.0.0.1", port)
-        self.views = sockets.view_publisher(context, where.listen(sockets.VIEW["left"]))
-        self.control = sockets.control_server(context, where.listen(sockets.CONTROL))
+        where = channels.Addresses("127.0.0.1", "127.0.0.1", port)
+        self.views = sockets.view_publisher(context, where.listen(channels.VIEW["left"]))
+        self.control = sockets.control_server(context, where.listen(channels.CONTROL))
         self.heard = []
         self.peer = b""
         self._seq = 0

@@ -7,10 +7,11 @@ from dataclasses import replace
 import pytest
 from display_parts import VIEW, WORDS
 
-from netboard.config import Config, Display
+from netboard.config import Config
 from netboard.display import screens
 from netboard.display.scene import COLOURS, Mood, extent
 from netboard.errors import NetboardError
+from netboard.tables.rig import Display
 
 CONFIG = Config()
 

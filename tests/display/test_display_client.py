@@ -7,10 +7,15 @@ import zmq
 from display_parts import SmallServer, free_ports, local_config, until
 
 from netboard import sockets
-from netboard.config import Block, Config, Display, Geometry, resolve
+from netboard.config import Config, resolve
 from netboard.display.scene import Mood
 from netboard.errors import NetboardError
-from netboard.wire.messages import PROTOCOL_VERSION, Frames, Goodbye, Hello, Refusal, Welcome
+from netboard.tables.experiment import Block
+from netboard.tables.rig import Display
+from netboard.tables.scene import Geometry
+from netboard.wire.meeting import Goodbye, Hello, Refusal, Welcome
+from netboard.wire.messages import PROTOCOL_VERSION
+from netboard.wire.views import Frames
 
 WIDE = Geometry(board_length=0.8)
 

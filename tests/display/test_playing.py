@@ -6,10 +6,10 @@ import pytest
 import zmq
 from display_parts import VIEW, WORDS, SmallServer, free_ports, local_config, until
 
-from netboard import sockets
-from netboard.config import Agent, Agents
+from netboard import channels, sockets
+from netboard.tables.rig import Agent, Agents
 from netboard.wire.codec import decode, encode
-from netboard.wire.messages import Felt, Pointer
+from netboard.wire.motion import Felt, Pointer
 
 pytestmark = pytest.mark.integration
 
@@ -29,7 +29,7 @@ class Rig:
         played = Agents(left=Agent(device="mouse", options=options))
         config = replace(local_config(free_ports()), agents=played)
         self.server = SmallServer(config.network.port)
-        where = sockets.addresses(config.network)
+        where = channels.addresses(config.network)
         self.pointer = sockets.pointer_receiver(self.context, where.pointer("left"))
         self.felt = sockets.felt_publisher(self.context, where.felt("left"))
         self.window = BoardWindow("a test")

@@ -3,9 +3,10 @@
 import pytest
 from display_parts import WORDS
 
-from netboard.config import Config, Display
+from netboard.config import Config
 from netboard.display.scene import extent
 from netboard.display.screens import blank
+from netboard.tables.rig import Display
 
 REACH = 0.075
 FRAME = 0.003

@@ -5,9 +5,10 @@ from dataclasses import replace
 import pytest
 from display_parts import VIEW, WORDS
 
-from netboard.config import Config, Display
+from netboard.config import Config
 from netboard.display.screens import compose
 from netboard.errors import ConfigError
+from netboard.tables.rig import Display
 
 CONFIG = Config()
 

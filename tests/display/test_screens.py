@@ -6,10 +6,12 @@ from dataclasses import replace
 import pytest
 from display_parts import VIEW, WORDS
 
-from netboard.config import Block, Config, Display, Session, Task
+from netboard.config import Config
 from netboard.display.language import load_words
 from netboard.display.scene import COLOURS, Mood
 from netboard.display.screens import blank, compose
+from netboard.tables.experiment import Block, Session, Task
+from netboard.tables.rig import Display
 
 CONFIG = Config()
 

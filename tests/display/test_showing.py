@@ -8,10 +8,11 @@ import pytest
 from display_parts import VIEW, WORDS, bytes_from, until
 
 from netboard.clock import now_ns
-from netboard.config import Config, Display
+from netboard.config import Config
 from netboard.display.markers import CODES, NoMarkers, open_markers
 from netboard.display.screens import blank
 from netboard.errors import NetboardError
+from netboard.tables.rig import Display
 
 MS = 1_000_000
 

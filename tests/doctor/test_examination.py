@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from netboard import keys
-from netboard.config import Config, Network, Recording
+from netboard.config import Config
 from netboard.doctor import disk, network, software, timing
 from netboard.doctor.finding import Finding
 from netboard.doctor.report import Effort, Report, examine
@@ -18,7 +18,8 @@ from netboard.doctor.timing import Woken
 from netboard.errors import NetboardError
 from netboard.recording.provenance import doctor_report_path, provenance
 from netboard.services.cli import app
-from netboard.wire.messages import Welcome
+from netboard.tables.rig import Network, Recording
+from netboard.wire.meeting import Welcome
 
 SHORT = Effort(timer_seconds=0.2, exchanges=5, chunks=2)
 runner = CliRunner()

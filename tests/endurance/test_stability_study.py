@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from netboard.config import Config, Physics
+from netboard.config import Config
 from netboard.endurance.maps import (
     PLANES,
     Cell,
@@ -32,6 +32,7 @@ from netboard.offline.batch import LANES, in_blocks, make_batch, scene_blocks
 from netboard.physics.scene import pack_scene, parts_of
 from netboard.studies.machine import describe
 from netboard.studies.results import Folder, Part, Verdict, new_folder, show
+from netboard.tables.scene import Physics
 from netboard.tick import TICK_SECONDS
 
 LIMITED = [method for method in STUDIED if method not in ("midpoint", "etd2rk", "etdrk4")]

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from netboard.config import Block, Config, Geometry, Task, parse
+from netboard.config import Config, parse
 from netboard.experiment.machine import (
     ACTION,
     BALL_FREE,
@@ -24,6 +24,8 @@ from netboard.experiment.machine import (
     sense,
     wished,
 )
+from netboard.tables.experiment import Block, Task
+from netboard.tables.scene import Geometry
 
 RULES = pack_rules(Task(), Geometry(), Block())[0]
 RIGHT = 0.150

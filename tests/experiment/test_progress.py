@@ -11,7 +11,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from netboard.config import Quality
 from netboard.errors import RecordingError
 from netboard.experiment.entries import (
     KINDS,
@@ -35,6 +34,7 @@ from netboard.experiment.entries import (
 from netboard.experiment.progress import Progress, progress_of, resume_words
 from netboard.experiment.repeats import Repeats, wants_repeat
 from netboard.experiment.same_session import changes, require_same_plan
+from netboard.tables.experiment import Quality
 from session_model import HEADER, PLAN, Planned, a_run, check
 
 AT = "2026-11-22T18:52:03.123Z"

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from netboard.config import Block, Config, Physics, Quality, parse
+from netboard.config import Config, parse
 from netboard.experiment.machine import Cause, Phase
 from netboard.experiment.quality import (
     REPORT_TICKS,
@@ -23,8 +23,10 @@ from netboard.experiment.quality import (
 )
 from netboard.recording.summary import find_attempts
 from netboard.stage import make_stage
+from netboard.tables.experiment import Block, Quality
+from netboard.tables.scene import Physics
 from netboard.tick import LATE_NS, TICK
-from netboard.wire.messages import Safeguard
+from netboard.wire.motion import Safeguard
 
 LEVEL, LENGTH, AFTER = 20, 3000, 10
 NAN = float("nan")

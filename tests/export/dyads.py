@@ -9,10 +9,12 @@ import numpy as np
 from exported import START_NS, make_rows
 from numpy.typing import NDArray
 
-from netboard.config import Config, Recording, resolve
+from netboard.config import Config, resolve
 from netboard.recording.provenance import provenance
 from netboard.recording.writer import RecordingWriter
-from netboard.wire.messages import ClockRecord, EventRecord, TickRecord, Welcome
+from netboard.tables.rig import Recording
+from netboard.wire.meeting import Welcome
+from netboard.wire.records import ClockRecord, EventRecord, TickRecord
 
 UTC_NS = 1_790_000_000_000_000_000
 MINUTE_NS = 60_000_000_000

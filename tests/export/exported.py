@@ -5,12 +5,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.config import Config, Recording, resolve
+from netboard.config import Config, resolve
 from netboard.experiment.machine import Cause, Phase
 from netboard.recording.provenance import provenance
 from netboard.recording.writer import RecordingWriter
+from netboard.tables.rig import Recording
 from netboard.tick import TICK
-from netboard.wire.messages import ClockRecord, EventRecord, FrameRecord, TickRecord, Welcome
+from netboard.wire.meeting import Welcome
+from netboard.wire.records import ClockRecord, EventRecord, FrameRecord, TickRecord
 
 MS = 1_000_000
 START_NS = 9_007_199_254_740_993  # no float64 is this number

@@ -11,14 +11,16 @@ import pytest
 import pyxdf
 from numpy.typing import NDArray
 
-from netboard.config import Config, Recording, resolve
+from netboard.config import Config, resolve
 from netboard.errors import RecordingError
 from netboard.export import xdf
 from netboard.recording.provenance import provenance
 from netboard.recording.streams import COLUMNS, EVENTS, MARKERS, STREAMS, TICKS, samples, seconds
 from netboard.recording.writer import RecordingWriter
+from netboard.tables.rig import Recording
 from netboard.tick import TICK
-from netboard.wire.messages import EventRecord, TickRecord, Welcome
+from netboard.wire.meeting import Welcome
+from netboard.wire.records import EventRecord, TickRecord
 
 MS = 1_000_000
 START_NS = 9_007_199_254_740_993  # no float64 is this number

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from netboard.config import Safety
 from netboard.experiment.machine import Phase
 from netboard.faults.checks import (
     back,
@@ -30,8 +29,10 @@ from netboard.faults.evidence import Pause
 from netboard.faults.gathering import Evidence, Taken, Window
 from netboard.proof.account import Account, Stretch
 from netboard.proof.account import Pause as Told
+from netboard.tables.rig import Safety
 from netboard.tick import TICK
-from netboard.wire.messages import EventRecord, Safeguard
+from netboard.wire.motion import Safeguard
+from netboard.wire.records import EventRecord
 
 MS = 1_000_000
 START = 1000 * MS

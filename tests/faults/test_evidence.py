@@ -18,7 +18,7 @@ from netboard.faults.evidence import (
     without_cut,
 )
 from netboard.tick import TICK
-from netboard.wire.messages import EventRecord
+from netboard.wire.records import EventRecord
 
 MS = 1_000_000
 SLEW = 500.0

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from netboard.config import Config, Participant, resolve
+from netboard.config import Config, resolve
 from netboard.errors import ConfigError, RecordingError
 from netboard.export.formats import export
 from netboard.foreign import reading
@@ -23,6 +23,7 @@ from netboard.recording.reader import Recording
 from netboard.rehearsal.block import Rehearsal
 from netboard.rehearsal.keeping import Keeper
 from netboard.services.cli import app
+from netboard.tables.simulated import Participant
 from netboard.tick import TICK
 
 UTC_NS = 1_790_000_000_000_000_000

@@ -16,8 +16,9 @@ from wire_oracle import bits, judge
 from netboard.errors import WireError
 from netboard.faults.mutants import NESTED, Mutants, true_frames
 from netboard.wire import fixed
-from netboard.wire.codec import KINDS, decode
-from netboard.wire.messages import Force, Message, Stylus
+from netboard.wire.codec import decode
+from netboard.wire.messages import KINDS, Message
+from netboard.wire.motion import Force, Stylus
 
 GOLDEN = [path.read_bytes() for path in sorted((Path(__file__).parent.parent / "data" / "frames").glob("*.bin"))]
 SEEDS = range(4)

@@ -11,8 +11,9 @@ import typing
 from typing import Any
 
 from netboard.errors import WireError
-from netboard.wire.codec import CHOICES, KINDS, decode, encode
-from netboard.wire.messages import Message, Refusal
+from netboard.wire.codec import decode, encode
+from netboard.wire.meeting import Refusal
+from netboard.wire.messages import CHOICES, KINDS, Message
 
 LONGEST_REFUSAL = 2048
 """What is wrong with a frame is sent back to whoever sent it, in so many bytes [1]."""

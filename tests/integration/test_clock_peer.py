@@ -18,7 +18,8 @@ from netboard.faults.relay import Weather, between
 from netboard.faults.rigs import PATIENCE, Rig, Way
 from netboard.nodes.launcher import free_port
 from netboard.recording.reader import Recording
-from netboard.wire.messages import ClockRecord, Safeguard
+from netboard.wire.motion import Safeguard
+from netboard.wire.records import ClockRecord
 
 pytestmark = [pytest.mark.integration, pytest.mark.slow, pytest.mark.timeout(240)]
 

@@ -15,24 +15,16 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from netboard import doors, keys, sockets
+from netboard import channels, doors, keys, sockets, waiting
 from netboard.faults.rigs import PATIENCE, Rig
 from netboard.recording.reader import Recording
 from netboard.services.cli import app
 from netboard.wire.codec import decode, encode
-from netboard.wire.messages import (
-    PROTOCOL_VERSION,
-    Command,
-    Frames,
-    Hello,
-    Message,
-    Refusal,
-    Status,
-    StatusRequest,
-    Stylus,
-    View,
-    Welcome,
-)
+from netboard.wire.control import Command, Status, StatusRequest
+from netboard.wire.meeting import Hello, Refusal, Welcome
+from netboard.wire.messages import PROTOCOL_VERSION, Message
+from netboard.wire.motion import Stylus
+from netboard.wire.views import Frames, View
 
 pytestmark = [pytest.mark.integration, pytest.mark.slow, pytest.mark.timeout(300)]
 
@@ -106,9 +98,9 @@ class Attempts:
 
     def at(self, channel: int, lock: doors.Credentials | None, name: str) -> Intruder:
         """Somebody with some key, or none, at a channel."""
-        endpoint = sockets.addresses(self.rig.config.network, lock).reach(channel)
-        makers = {sockets.MOTION: sockets.motion_agent, sockets.LOG: sockets.log_client}
-        if channel in sockets.VIEW.values():
+        endpoint = channels.addresses(self.rig.config.network, lock).reach(channel)
+        makers = {channels.MOTION: sockets.motion_agent, channels.LOG: sockets.log_client}
+        if channel in channels.VIEW.values():
             return Intruder(self.rig, sockets.view_subscriber(self.rig.context, endpoint))
         make = makers.get(channel, sockets.control_client)
         return Intruder(self.rig, make(self.rig.context, endpoint, name))
@@ -121,63 +113,63 @@ class Attempts:
         return doors.Credentials(*doors.new_keys(), self.server_key)
 
     def no_key(self) -> Intruder:
-        who = self.at(sockets.MOTION, None, "agent.left@intruder")
+        who = self.at(channels.MOTION, None, "agent.left@intruder")
         who.until_told("channel=motion reason=it came without a key, or hung up", hello("agent", "left"), stylus(0))
         return who
 
     def wrong_server(self) -> Intruder:
         """Who does not know the server's key cannot be sure to whom he speaks, and is not heard."""
         lock = replace(self.own("agent.left"), server=doors.new_keys()[0])
-        who = self.at(sockets.MOTION, lock, "agent.left@intruder")
+        who = self.at(channels.MOTION, lock, "agent.left@intruder")
         who.until_told("channel=motion reason=it does not know this server's key", hello("agent", "left"))
         return who
 
     def wrong_key(self) -> Intruder:
         lock = self.stranger()
-        who = self.at(sockets.MOTION, lock, "agent.left@intruder")
+        who = self.at(channels.MOTION, lock, "agent.left@intruder")
         told = f"channel=motion address=127.0.0.1 key={keys.fingerprint(lock.public)} reason=its key is not known here"
         who.until_told(told, hello("agent", "left"), stylus(0))
         return who
 
     def wrong_role(self) -> Intruder:
-        who = self.at(sockets.MOTION, self.own("display.left"), "agent.left@intruder")
+        who = self.at(channels.MOTION, self.own("display.left"), "agent.left@intruder")
         told = "reason=the key of display.left is not for this channel"
         who.until_told(told, hello("agent", "left"), stylus(0))
         return who
 
     def wrong_log(self) -> Intruder:
-        who = self.at(sockets.LOG, self.own("agent.left"), "logger@intruder")
+        who = self.at(channels.LOG, self.own("agent.left"), "logger@intruder")
         who.until_told("channel=log address=127.0.0.1", hello("logger", ""))
         return who
 
     def wrong_side(self) -> Intruder:
         """A display says that it is the other station's."""
-        who = self.at(sockets.CONTROL, self.own("display.left"), "display.left@intruder")
+        who = self.at(channels.CONTROL, self.own("display.left"), "display.left@intruder")
         who.until_heard(Refusal, hello("display", "right"))
         return who
 
     def wrong_rank(self) -> Intruder:
         """A display says that it is the operator."""
-        who = self.at(sockets.CONTROL, self.own("display.left"), "display.left@upstart")
+        who = self.at(channels.CONTROL, self.own("display.left"), "display.left@upstart")
         who.until_heard(Refusal, hello("console", ""))
         who.until_heard(Refusal, Command("end", "", 1))
         return who
 
     def wrong_hand(self) -> Intruder:
         """An agent says that it is the other hand's, and moves it."""
-        who = self.at(sockets.MOTION, self.own("agent.right"), "agent.right@intruder")
+        who = self.at(channels.MOTION, self.own("agent.right"), "agent.right@intruder")
         who.until_heard(Refusal, hello("agent", "left"), stylus(10_000_000))
         return who
 
     def wrong_name(self) -> Intruder:
         """An agent speaks in the other one's name."""
-        who = self.at(sockets.MOTION, self.own("agent.right"), "agent.left@intruder")
+        who = self.at(channels.MOTION, self.own("agent.right"), "agent.left@intruder")
         who.until_told("reason=it calls itself agent.left@intruder", hello("agent", "left"), stylus(10_000_000))
         return who
 
     def commands(self) -> Intruder:
         """A display that has been welcomed gives commands."""
-        who = self.at(sockets.CONTROL, self.own("display.left"), "display.left@rebel")
+        who = self.at(channels.CONTROL, self.own("display.left"), "display.left@rebel")
         who.until_heard(Welcome, hello("display", "left"))
         for name in ("pause", "stop", "end"):
             who.heard.clear()
@@ -189,38 +181,38 @@ class Attempts:
         return who
 
     def other_view(self) -> Intruder:
-        who = self.at(sockets.VIEW_RIGHT, self.own("display.left"), "")
+        who = self.at(channels.VIEW_RIGHT, self.own("display.left"), "")
         who.until_told("channel=view.right address=127.0.0.1")
         return self.eavesdrop(who)
 
     def own_view(self) -> Intruder:
         """For comparison: what comes at once to the key that may."""
-        who = self.at(sockets.VIEW_RIGHT, self.own("display.right"), "")
+        who = self.at(channels.VIEW_RIGHT, self.own("display.right"), "")
         who.until_heard(View)
         return who
 
     def revoked(self) -> Intruder:
         """A key that was good is revoked while the server runs, by the command."""
         lock = self.own("display.right")
-        before = self.at(sockets.CONTROL, lock, "display.right@early")
+        before = self.at(channels.CONTROL, lock, "display.right@early")
         before.until_heard(Welcome, hello("display", "right"))
         done = CliRunner().invoke(app, ["keys", "revoke", "display.right", "-c", str(self.rig.file)])
         assert done.exit_code == 0, done.output
-        who = self.at(sockets.CONTROL, lock, "display.right@late")
+        who = self.at(channels.CONTROL, lock, "display.right@late")
         who.until_told("reason=the key of display.right has been revoked", hello("display", "right"))
         return who
 
     def replay(self) -> Intruder:
         """The bytes of a whole session of an agent, recorded on the wire, are sent again."""
         network = self.rig.config.network
-        with wiretap(network.port + sockets.MOTION) as (port, said):
+        with wiretap(network.port + channels.MOTION) as (port, said):
             taps = replace(network, port=port)
-            endpoint = sockets.addresses(taps, self.own("agent.left")).reach(sockets.MOTION)
+            endpoint = channels.addresses(taps, self.own("agent.left")).reach(channels.MOTION)
             agent = Intruder(self.rig, sockets.motion_agent(self.rig.context, endpoint, "agent.left@taped"))
             agent.until_heard(Refusal, hello("agent", "left"), stylus(0))
             agent.socket.close()
         assert len(said) > 500
-        with net.create_connection(("127.0.0.1", network.port + sockets.MOTION)) as again:
+        with net.create_connection(("127.0.0.1", network.port + channels.MOTION)) as again:
             again.settimeout(PATIENCE)
             again.sendall(said[:GREETING])
             greeting = read(again, GREETING)
@@ -234,7 +226,7 @@ class Attempts:
     def eavesdrop(self, who: Intruder) -> Intruder:
         until = time.monotonic() + EAVESDROP_S
         while time.monotonic() < until:
-            sockets.wait_readable(who.socket, EAVESDROP_S)
+            waiting.wait_readable(who.socket, EAVESDROP_S)
             who.listen()
         return who
 

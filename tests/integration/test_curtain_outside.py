@@ -13,14 +13,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from netboard import sockets
+from netboard import channels, sockets, waiting
 from netboard.clock import now_ns
-from netboard.config import Physics
 from netboard.faults.rigs import Rig
 from netboard.recording.reader import Recording
+from netboard.tables.scene import Physics
 from netboard.tick import TICK
 from netboard.wire.codec import decode, encode
-from netboard.wire.messages import PROTOCOL_VERSION, Goodbye, Hello, Message, Ping, View, Welcome
+from netboard.wire.meeting import Goodbye, Hello, Ping, Welcome
+from netboard.wire.messages import PROTOCOL_VERSION, Message
+from netboard.wire.views import View
 
 pytestmark = [pytest.mark.integration, pytest.mark.slow, pytest.mark.timeout(300)]
 
@@ -65,16 +67,16 @@ def seen(tmp_path_factory: pytest.TempPathFactory) -> Seen:
     views: list[tuple[int, bytes]] = []
     words: list[bytes] = []
     with Rig(tmp_path_factory.mktemp("curtain"), (*PATIENT, "block.trials=500")) as rig:
-        where = sockets.addresses(rig.config.network)
-        eye = sockets.view_subscriber(rig.context, where.reach(sockets.VIEW_LEFT))
-        ear = sockets.control_client(rig.context, where.reach(sockets.CONTROL), "display.left@test")
+        where = channels.addresses(rig.config.network)
+        eye = sockets.view_subscriber(rig.context, where.reach(channels.VIEW_LEFT))
+        ear = sockets.control_client(rig.context, where.reach(channels.CONTROL), "display.left@test")
         rig.start_all()
         rig.until(lambda s: s.phase == "running", TO_COMPILE)
         assert sockets.send(ear, encode(Hello("display", "left", PROTOCOL_VERSION, "test:1", "0", {})))
         moving, end = 0, time.monotonic() + TO_COLLECT
         while moving < ENOUGH:
             assert time.monotonic() < end, rig.said("server")
-            if sockets.wait_readable(eye, 0.05) and (frame := sockets.receive(eye)) is not None:
+            if waiting.wait_readable(eye, 0.05) and (frame := sockets.receive(eye)) is not None:
                 views.append((now_ns(), frame))
                 moving += decode(frame).phase in ("running", "holding")
             while (frame := sockets.receive(ear)) is not None:

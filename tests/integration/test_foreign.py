@@ -19,7 +19,7 @@ from netboard.faults.rigs import Rig
 from netboard.proof.verification import verify_recording
 from netboard.recording.reader import Recording
 from netboard.wire.codec import decode
-from netboard.wire.messages import Status
+from netboard.wire.control import Status
 
 pytestmark = [pytest.mark.integration, pytest.mark.slow, pytest.mark.timeout(240)]
 

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from netboard import sockets
+from netboard import channels, sockets
 from netboard.config import Config
 from netboard.experiment.machine import Phase
 from netboard.faults.rigs import Rig
@@ -24,7 +24,8 @@ from netboard.process import WITH_PARENT
 from netboard.proof.verification import verify_recording
 from netboard.recording.reader import Recording
 from netboard.wire.codec import decode
-from netboard.wire.messages import Status, View
+from netboard.wire.control import Status
+from netboard.wire.views import View
 
 pytestmark = [pytest.mark.integration, pytest.mark.slow, pytest.mark.timeout(300)]
 
@@ -89,8 +90,8 @@ class Game:
         self.window.present(rig.config.display)
         player = Playing("left", rig.config, rig.context, self.window)
         self.client = DisplayClient("left", rig.config, rig.context, self.window, player)
-        where = sockets.addresses(rig.config.network)
-        self.eye = sockets.view_subscriber(rig.context, where.reach(sockets.VIEW_LEFT))
+        where = channels.addresses(rig.config.network)
+        self.eye = sockets.view_subscriber(rig.context, where.reach(channels.VIEW_LEFT))
         self.script = Script(rig.config)
         self.seen: View | None = None
         self.labels: set[str] = set()

@@ -11,14 +11,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from netboard import sockets
+from netboard import channels, sockets
 from netboard.config import parse
 from netboard.experiment.machine import Cause, Phase
 from netboard.faults.rigs import Rig
 from netboard.proof.verification import verify_recording
 from netboard.recording.reader import Recording
 from netboard.recording.recovery import recover
-from netboard.wire.messages import Safeguard
+from netboard.wire.motion import Safeguard
 
 pytestmark = [pytest.mark.integration, pytest.mark.slow, pytest.mark.timeout(240)]
 
@@ -225,8 +225,8 @@ def test_a_server_left_by_its_logger_in_a_block_says_what_is_not_on_disk(rig: Ri
 def test_a_flood_of_nonsense_does_not_hold_up_the_ticks(rig: Rig) -> None:
     rig.start_all()
     before = rig.until(lambda s: s.phase == "running")
-    where = sockets.addresses(rig.config.network)
-    flood = sockets.motion_agent(rig.context, where.reach(sockets.MOTION), "flood")
+    where = channels.addresses(rig.config.network)
+    flood = sockets.motion_agent(rig.context, where.reach(channels.MOTION), "flood")
     end = time.monotonic() + 2.0
     while time.monotonic() < end:
         sockets.send(flood, b"nonsense")

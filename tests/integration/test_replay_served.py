@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from netboard import keys, sockets
+from netboard import channels, keys, sockets, waiting
 from netboard.config import SIDES, Side
 from netboard.faults.rigs import PATIENCE, Rig
 from netboard.replay.loading import load
 from netboard.replay.reel import Reel
 from netboard.wire.codec import decode
-from netboard.wire.messages import View
+from netboard.wire.views import View
 
 pytestmark = [pytest.mark.integration, pytest.mark.slow, pytest.mark.timeout(240)]
 
@@ -29,10 +29,10 @@ def watch(rig: Rig, seconds: float) -> dict[Side, list[View]]:
     ends = {}
     for side in SIDES:
         where = keys.reach(rig.config.network, f"display.{side}")
-        ends[side] = sockets.view_subscriber(rig.context, where.reach(sockets.VIEW[side]))
+        ends[side] = sockets.view_subscriber(rig.context, where.reach(channels.VIEW[side]))
     for _ in range(round(seconds * 1000)):
         for side, end in ends.items():
-            if sockets.wait_readable(end, 0.0005) and (frame := sockets.receive(end)) is not None:
+            if waiting.wait_readable(end, 0.0005) and (frame := sockets.receive(end)) is not None:
                 view = decode(frame)
                 assert isinstance(view, View)
                 seen[side].append(view)

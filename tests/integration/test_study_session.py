@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from netboard.config import Session, parse
+from netboard.config import parse
 from netboard.design.plan import config_of, plan_of, seated
 from netboard.design.study import paper_study
 from netboard.errors import NetboardError
@@ -21,7 +21,9 @@ from netboard.nodes.operator import Operator
 from netboard.nodes.programme import Programme
 from netboard.proof.verification import verify_recording
 from netboard.recording.reader import Recording
-from netboard.wire.messages import Safeguard, Status
+from netboard.tables.experiment import Session
+from netboard.wire.control import Status
+from netboard.wire.motion import Safeguard
 
 pytestmark = [pytest.mark.integration, pytest.mark.slow, pytest.mark.timeout(600)]
 

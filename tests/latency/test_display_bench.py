@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from netboard.config import Config, Display, Network
+from netboard.config import Config
 from netboard.latency.display import Shown, height_at, lateness
+from netboard.tables.rig import Display, Network
 
 NONE = np.zeros(0, np.int64)
 

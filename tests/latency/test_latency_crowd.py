@@ -6,7 +6,7 @@ from typing import TypeVar
 import numpy as np
 import pytest
 
-from netboard import sockets
+from netboard import channels, ends, sockets, waiting
 from netboard.config import SIDES, Config, parse
 from netboard.experiment.machine import Phase
 from netboard.latency.crowd import LightAgent, LightDyad, LightLogger, sample_frames
@@ -14,23 +14,10 @@ from netboard.nodes.launcher import free_port
 from netboard.tick import TICK, TICK_NS
 from netboard.wire import fixed
 from netboard.wire.codec import decode, encode
-from netboard.wire.messages import (
-    PROTOCOL_VERSION,
-    Beat,
-    EventRecord,
-    Force,
-    Hello,
-    LogAck,
-    LogBatch,
-    LogRequest,
-    Message,
-    Ping,
-    Pong,
-    Safeguard,
-    Stylus,
-    TickRecord,
-    Welcome,
-)
+from netboard.wire.meeting import Hello, Ping, Pong, Welcome
+from netboard.wire.messages import PROTOCOL_VERSION, Message
+from netboard.wire.motion import Beat, Force, Safeguard, Stylus
+from netboard.wire.records import EventRecord, LogAck, LogBatch, LogRequest, TickRecord
 
 PATIENCE = 10.0
 WELCOME = Welcome("session", PROTOCOL_VERSION, 0, "")
@@ -54,12 +41,12 @@ T = TypeVar("T", bound=Message)
 class Server:
     """The server's end of a channel, done by hand."""
 
-    def __init__(self, router: sockets.Router) -> None:
+    def __init__(self, router: ends.Router) -> None:
         self.router = router
         self.peer = b""
 
     def wait(self, seconds: float = PATIENCE) -> bool:
-        return sockets.wait_readable(self.router.socket, seconds)
+        return waiting.wait_readable(self.router.socket, seconds)
 
     def hear(self, kind: type[T]) -> T:
         """Next message of a kind; a peer may have said hello more than once."""
@@ -83,14 +70,14 @@ def config() -> Config:
 
 
 def motion_of(config: Config, context: sockets.Context) -> Server:
-    where = sockets.addresses(config.network)
-    return Server(sockets.motion_server(context, where.listen(sockets.MOTION)))
+    where = channels.addresses(config.network)
+    return Server(sockets.motion_server(context, where.listen(channels.MOTION)))
 
 
 def until_taken(agent: LightAgent, counts: Counter[str], what: str) -> None:
     before = counts[what]
     while counts[what] == before:
-        assert sockets.wait_readable(agent._socket, PATIENCE)
+        assert waiting.wait_readable(agent._socket, PATIENCE)
         agent.take(counts)
 
 
@@ -142,8 +129,8 @@ def test_both_hands_of_a_dyad_greet_before_they_send(config: Config) -> None:
 
 def test_a_logger_acknowledges_and_keeps_only_how_late_ticks_were(config: Config) -> None:
     with sockets.open_context() as context:
-        where = sockets.addresses(config.network)
-        server = Server(sockets.log_server(context, where.listen(sockets.LOG)))
+        where = channels.addresses(config.network)
+        server = Server(sockets.log_server(context, where.listen(channels.LOG)))
         logger, counts = LightLogger(config, context), Counter[str]()
         now = 0
         while server.peer == b"":

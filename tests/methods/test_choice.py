@@ -10,9 +10,9 @@ import pytest
 from independent import waving
 from trajectories import scene_of, trajectory
 
-from netboard.config import Physics
 from netboard.errors import ConfigError
 from netboard.methods.choice import MOST_SUBSTEPS, Choice, choose
+from netboard.tables.scene import Physics
 
 H = 1e-3
 METHODS = ("euler", "semi_implicit", "heun", "verlet", "midpoint", "rk4", "etd2rk", "etdrk4", "dop853")

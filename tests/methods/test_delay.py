@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from netboard.config import Physics
 from netboard.methods.delay import (
     FIXED,
     End,
@@ -23,6 +22,7 @@ from netboard.methods.delay import (
     passive_stiffness,
     ruled_stiffness,
 )
+from netboard.tables.scene import Physics
 
 BARE = Mechanism(0.045, 0.1)
 

@@ -1,9 +1,10 @@
-"""The server's end of a channel in memory, as `sockets.Router` is to the ports."""
+"""The server's end of a channel in memory, as `ends.Router` is to the ports."""
 
 from collections import deque
 
 from netboard.wire.codec import decode, encode
-from netboard.wire.messages import PROTOCOL_VERSION, Hello, Message, Welcome
+from netboard.wire.meeting import Hello, Welcome
+from netboard.wire.messages import PROTOCOL_VERSION, Message
 
 WELCOME = Welcome("session", PROTOCOL_VERSION, 0, "")
 

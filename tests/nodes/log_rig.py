@@ -9,7 +9,9 @@ from fakes import FakeClock
 from netboard.nodes.log_port import GONE_NS, LogPort
 from netboard.recording.spill import Spill
 from netboard.wire.codec import decode, encode
-from netboard.wire.messages import LogAck, LogBatch, LogRequest, Message, Ping, TickRecord, Welcome
+from netboard.wire.meeting import Ping, Welcome
+from netboard.wire.messages import Message
+from netboard.wire.records import LogAck, LogBatch, LogRequest, TickRecord
 
 L, M = b"logger@1", b"logger@2"
 

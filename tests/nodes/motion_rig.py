@@ -6,7 +6,7 @@ from typing import Any
 import zmq
 from fake_router import WELCOME
 
-from netboard import sockets
+from netboard import channels, sockets
 from netboard.nodes.motion_port import MotionPort
 from netboard.wire.codec import decode, encode
 from netboard.wire.messages import Message
@@ -55,7 +55,7 @@ class MotionRig:
 
     def __init__(self, context: sockets.Context, ends: Any = None) -> None:
         address = f"inproc://motion-{id(self)}"
-        self.real = sockets.motion_server(context, sockets.Endpoint(address))
+        self.real = sockets.motion_server(context, channels.Endpoint(address))
         self.router = Peers(context, address)
         self.port = MotionPort(self.real, WELCOME, TIMEOUT_NS, BOUND_NS, ends)
 

@@ -8,14 +8,16 @@ from typing import final
 
 import pytest
 
-from netboard import sockets
+from netboard import channels, sockets
 from netboard.clock import now_ns
 from netboard.config import Config
 from netboard.devices.base import Device, DeviceInfo, Reading
 from netboard.errors import DeviceLost, DeviceNotFound
 from netboard.nodes.agent import Agent
 from netboard.wire.codec import decode, encode
-from netboard.wire.messages import PROTOCOL_VERSION, Beat, Goodbye, Hello, Message, Safeguard, Stylus, Welcome
+from netboard.wire.meeting import Goodbye, Hello, Welcome
+from netboard.wire.messages import PROTOCOL_VERSION, Message
+from netboard.wire.motion import Beat, Safeguard, Stylus
 
 
 @final
@@ -54,7 +56,7 @@ class Server:
     """The server's end, which lets the device be armed with every beat."""
 
     def __init__(self, context: sockets.Context, config: Config) -> None:
-        self.router = sockets.motion_server(context, sockets.addresses(config.network).listen(sockets.MOTION))
+        self.router = sockets.motion_server(context, channels.addresses(config.network).listen(channels.MOTION))
         self.heard: list[Message] = []
         self.may_arm = True
         self._tick = 0

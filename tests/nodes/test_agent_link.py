@@ -6,12 +6,14 @@ from dataclasses import astuple, replace
 import numpy as np
 import pytest
 
-from netboard import sockets
+from netboard import channels, sockets
 from netboard.clock import now_ns
 from netboard.nodes.motion_link import REMEMBERED, Link
 from netboard.wire import fixed
 from netboard.wire.codec import decode, encode
-from netboard.wire.messages import PROTOCOL_VERSION, Beat, Force, Hello, Message, Point, Welcome
+from netboard.wire.meeting import Hello, Welcome
+from netboard.wire.messages import PROTOCOL_VERSION, Message
+from netboard.wire.motion import Beat, Force, Point
 
 TIMEOUT_NS = 50_000_000
 HELLO = Hello("agent", "left", PROTOCOL_VERSION, "here:1", "0", {})
@@ -21,7 +23,7 @@ class Pair:
     """A link, and the server's end of it."""
 
     def __init__(self, context: sockets.Context) -> None:
-        here = sockets.Endpoint("inproc://motion")
+        here = channels.Endpoint("inproc://motion")
         self.router = sockets.motion_server(context, here)
         self.link = Link(sockets.motion_agent(context, here, "agent"), HELLO, TIMEOUT_NS)
         self.link.warm()

@@ -2,7 +2,7 @@
 
 from netboard.nodes.alarm import AGAIN_NS, RELEASE, STOP, WORDS, Alarm
 from netboard.nodes.seats import STOPPED, TRIPPED, TRIPS
-from netboard.wire.messages import Safeguard
+from netboard.wire.motion import Safeguard
 
 FINE = {"left": 0, "right": 0}
 

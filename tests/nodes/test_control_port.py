@@ -7,23 +7,11 @@ from fake_router import WELCOME, FakeRouter, hello
 from fakes import STATUS, Answers
 from netboard.nodes.control_port import SILENT_NS, ControlPort
 from netboard.nodes.peer import PING_NS
-from netboard.wire.messages import (
-    Command,
-    Frames,
-    Goodbye,
-    Message,
-    Outcomes,
-    OutcomesRequest,
-    Ping,
-    Pong,
-    Refusal,
-    Reply,
-    StatusRequest,
-    Stylus,
-    Trace,
-    TraceRequest,
-    Welcome,
-)
+from netboard.wire.control import Command, Outcomes, OutcomesRequest, Reply, StatusRequest, Trace, TraceRequest
+from netboard.wire.meeting import Goodbye, Ping, Pong, Refusal, Welcome
+from netboard.wire.messages import Message
+from netboard.wire.motion import Stylus
+from netboard.wire.views import Frames
 
 STYLUS = Stylus(0, 0, 0.0, 0.0, 0.01, 0.0, 0.0, 0.1, 0, 0, 0.0, -1, 0, 0, 0, 0)
 D, C = b"display.left@1", b"console@1"

@@ -5,9 +5,11 @@ from math import isnan
 
 import pytest
 
-from netboard.config import Config, Network, Physics
+from netboard.config import Config
 from netboard.methods.delay import Mechanism
 from netboard.nodes.delays import DELAY_LIMIT, GAINS, MARGIN, PACE, REST, Delays, limit_ns, loops_of
+from netboard.tables.rig import Network
+from netboard.tables.scene import Physics
 
 FIXED = replace(Physics(), board="hinged", I=1e9, hold="zoh")
 

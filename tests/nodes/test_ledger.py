@@ -20,7 +20,7 @@ from netboard.nodes.ledger import Ledger
 from netboard.recording.journal import Journal
 from netboard.stage import make_stage
 from netboard.tick import TICK, TICK_NS
-from netboard.wire.messages import FrameRecord
+from netboard.wire.records import FrameRecord
 from session_model import HEADER, PLAN, Planned, check
 
 NUMBERS = [planned.number for planned in PLAN]

@@ -14,15 +14,9 @@ from netboard.nodes.log_port import GONE_NS, LogPort
 from netboard.recording.spill import Spill
 from netboard.tick import TICK
 from netboard.wire.codec import encode
-from netboard.wire.messages import (
-    PROTOCOL_VERSION,
-    EventRecord,
-    Goodbye,
-    LogBatch,
-    Refusal,
-    TickRecord,
-    Welcome,
-)
+from netboard.wire.meeting import Goodbye, Refusal, Welcome
+from netboard.wire.messages import PROTOCOL_VERSION
+from netboard.wire.records import EventRecord, LogBatch, TickRecord
 
 NAME = b"listener@1"
 AHEAD_NS = 5_000_000_000

@@ -12,20 +12,10 @@ from log_rig import L, M, Rig, end
 
 from netboard.nodes.listeners import GONE_NS, MOST_LISTENERS, MOST_RECORDS
 from netboard.wire.codec import encode
-from netboard.wire.messages import (
-    Goodbye,
-    LogAck,
-    LogBatch,
-    LogEnd,
-    LogRequest,
-    Message,
-    Ping,
-    Pong,
-    Refusal,
-    StatusRequest,
-    TickRecord,
-    Welcome,
-)
+from netboard.wire.control import StatusRequest
+from netboard.wire.meeting import Goodbye, Ping, Pong, Refusal, Welcome
+from netboard.wire.messages import Message
+from netboard.wire.records import LogAck, LogBatch, LogEnd, LogRequest, TickRecord
 
 E, F = b"listener@1", b"listener@2"
 

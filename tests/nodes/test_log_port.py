@@ -12,18 +12,9 @@ from netboard.nodes.log_port import FULL_SHARE, GONE_NS, LISTEN_NS
 from netboard.recording import spill as spilling
 from netboard.recording.disk import LOW_BYTES
 from netboard.recording.spill import read_spill
-from netboard.wire.messages import (
-    Goodbye,
-    LogAck,
-    LogBatch,
-    LogEnd,
-    LogRequest,
-    Ping,
-    Pong,
-    Refusal,
-    StatusRequest,
-    Welcome,
-)
+from netboard.wire.control import StatusRequest
+from netboard.wire.meeting import Goodbye, Ping, Pong, Refusal, Welcome
+from netboard.wire.records import LogAck, LogBatch, LogEnd, LogRequest
 
 
 @pytest.fixture

@@ -12,25 +12,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fakes import FakeClock, FakeLogLink, FakeLogServer
-from netboard.config import Recording as Settings
 from netboard.nodes.logger import Logger, place
 from netboard.proof.account import Stretch, account_of
 from netboard.recording import partfile
 from netboard.recording.reader import Recording
 from netboard.recording.recovery import recover
+from netboard.tables.rig import Recording as Settings
 from netboard.tick import TICK
 from netboard.wire.codec import encode
-from netboard.wire.messages import (
-    BLOCK_BEGAN,
-    PROTOCOL_VERSION,
-    EventRecord,
-    LogBatch,
-    LogEnd,
-    Ping,
-    Refusal,
-    TickRecord,
-    Welcome,
-)
+from netboard.wire.meeting import Ping, Refusal, Welcome
+from netboard.wire.messages import PROTOCOL_VERSION
+from netboard.wire.records import BLOCK_BEGAN, EventRecord, LogBatch, LogEnd, TickRecord
 
 CONFIG = '[session]\nname = "S07"\ndyad = "D03"\n'
 UTC_NS = 1_790_000_000_000_000_000

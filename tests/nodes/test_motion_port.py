@@ -12,16 +12,19 @@ from fake_router import hello
 from motion_rig import TIMEOUT_NS, MotionRig
 
 from netboard import sockets
-from netboard.config import SIDES, Physics
+from netboard.config import SIDES
 from netboard.nodes import seats
 from netboard.nodes.motion_port import BEAT_TICKS, GONE_NS
 from netboard.nodes.refusals import AGAIN_NS, REMEMBERED
 from netboard.nodes.seats import ARMED, LIVE, MOST_FRAMES, SANE_NS
 from netboard.sockets import LARGEST_REQUEST
+from netboard.tables.scene import Physics
 from netboard.tick import TICK, TICK_NS
 from netboard.wire import fixed
 from netboard.wire.codec import encode
-from netboard.wire.messages import Beat, Force, Goodbye, Point, Refusal, Safeguard, StatusRequest, Stylus, Welcome
+from netboard.wire.control import StatusRequest
+from netboard.wire.meeting import Goodbye, Refusal, Welcome
+from netboard.wire.motion import Beat, Force, Point, Safeguard, Stylus
 
 MS = 1_000_000
 A, B = b"agent.left@1", b"agent.right@2"

@@ -5,18 +5,20 @@ from dataclasses import replace
 import pytest
 
 from fakes import STATUS
-from netboard import sockets
-from netboard.config import Network
+from netboard import channels, ends, sockets
 from netboard.nodes import operator
 from netboard.nodes.launcher import free_port
 from netboard.nodes.operator import Operator
+from netboard.tables.rig import Network
 from netboard.wire.codec import decode, encode
-from netboard.wire.messages import PROTOCOL_VERSION, Hello, Message, StatusRequest, Welcome
+from netboard.wire.control import StatusRequest
+from netboard.wire.meeting import Hello, Welcome
+from netboard.wire.messages import PROTOCOL_VERSION, Message
 
 TRIES = 100
 
 
-def said(router: sockets.Router) -> list[tuple[bytes, Message]]:
+def said(router: ends.Router) -> list[tuple[bytes, Message]]:
     found = []
     while (received := router.receive()) is not None:
         found.append((received[0], decode(received[1])))
@@ -28,7 +30,7 @@ def test_a_server_that_falls_silent_is_greeted_anew(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(sockets, "RENEW_S", 0.0)
     network = replace(Network(), port=free_port())
     with sockets.open_context() as context:
-        router = sockets.control_server(context, sockets.addresses(network).listen(sockets.CONTROL))
+        router = sockets.control_server(context, channels.addresses(network).listen(channels.CONTROL))
         console = Operator(network, context)
         greeted, answered, deaf = 0, None, False
         for _ in range(TRIES):

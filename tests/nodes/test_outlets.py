@@ -12,7 +12,9 @@ from netboard.nodes import outlets
 from netboard.nodes.outlets import MOST_WAITING, Outlets, compare
 from netboard.recording.streams import COLUMNS, STREAMS, samples, seconds
 from netboard.tick import TICK
-from netboard.wire.messages import PROTOCOL_VERSION, EventRecord, Welcome
+from netboard.wire.meeting import Welcome
+from netboard.wire.messages import PROTOCOL_VERSION
+from netboard.wire.records import EventRecord
 
 MS = 1_000_000
 WELCOME = Welcome("3f2a", PROTOCOL_VERSION, 0, "[session]\n")

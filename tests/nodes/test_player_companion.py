@@ -7,13 +7,16 @@ from dataclasses import replace
 
 import pytest
 
-from netboard import sockets
-from netboard.config import Config, Network, parse
+from netboard import channels, sockets
+from netboard.config import Config, parse
 from netboard.devices.mouse import MouseStylus
 from netboard.nodes.companion import Player, companion_of
 from netboard.nodes.launcher import free_port
+from netboard.tables.rig import Network
 from netboard.wire.codec import decode, encode
-from netboard.wire.messages import Felt, Goodbye, Message, Pointer
+from netboard.wire.meeting import Goodbye
+from netboard.wire.messages import Message
+from netboard.wire.motion import Felt, Pointer
 
 pytestmark = pytest.mark.integration
 
@@ -30,7 +33,7 @@ class Station:
         player = companion_of(config, self.device, context)
         assert isinstance(player, Player)
         self.player = player
-        where = sockets.addresses(config.network)
+        where = channels.addresses(config.network)
         self.pointer = sockets.pointer_sender(context, where.pointer("left"))
         self.felt = sockets.felt_subscriber(context, where.felt("left"))
         self.now_ns = 0

@@ -19,21 +19,13 @@ from netboard.nodes.control_port import ControlPort
 from netboard.nodes.log_port import LogPort
 from netboard.recording.spill import Spill
 from netboard.tick import TICK
-from netboard.wire.codec import COMMANDS, encode
-from netboard.wire.messages import (
-    ClockRecord,
-    Command,
-    EventRecord,
-    Frames,
-    Goodbye,
-    LogAck,
-    LogRequest,
-    Message,
-    Pong,
-    StatusRequest,
-    Stylus,
-    TickRecord,
-)
+from netboard.wire.codec import encode
+from netboard.wire.control import COMMANDS, Command, StatusRequest
+from netboard.wire.meeting import Goodbye, Pong
+from netboard.wire.messages import Message
+from netboard.wire.motion import Stylus
+from netboard.wire.records import ClockRecord, EventRecord, LogAck, LogRequest, TickRecord
+from netboard.wire.views import Frames
 
 PEERS = (b"agent.left@1", b"b", b"\x01\xff\n", b"agent.left@2")
 SEEDS = range(12)

@@ -7,10 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from netboard.config import Config, Session, parse
+from netboard.config import Config, parse
 from netboard.errors import ConfigError
 from netboard.experiment.machine import Phase
 from netboard.nodes.programme import Programme
+from netboard.tables.experiment import Session
 
 BLOCKS = (
     ("block.force=full",),

@@ -8,26 +8,19 @@ import numpy as np
 import pytest
 
 from made_recordings import CONFIG, reel_of, two_trials
-from netboard import sockets
-from netboard.config import SIDES, Network, Side
+from netboard import channels, sockets, waiting
+from netboard.config import SIDES, Side
 from netboard.curtain import make_curtain, view_of
 from netboard.nodes.launcher import free_port
 from netboard.nodes.operator import Operator
 from netboard.nodes.replay_server import MOST_LETTERS, ReplayServer
-from netboard.wire.codec import COMMANDS, REPLAY_COMMANDS, decode, encode
-from netboard.wire.messages import (
-    PROTOCOL_VERSION,
-    EventRecord,
-    Goodbye,
-    Hello,
-    LogRequest,
-    Message,
-    Refusal,
-    Reply,
-    Status,
-    View,
-    Welcome,
-)
+from netboard.tables.rig import Network
+from netboard.wire.codec import decode, encode
+from netboard.wire.control import COMMANDS, REPLAY_COMMANDS, Reply, Status
+from netboard.wire.meeting import Goodbye, Hello, Refusal, Welcome
+from netboard.wire.messages import PROTOCOL_VERSION, Message
+from netboard.wire.records import EventRecord, LogRequest
+from netboard.wire.views import View
 
 TRIES = 2000
 JUDGED = EventRecord(0, 4100, 0, "attempt_ended", {"trial": "1", "attempt": "1", "outcome": "success", "flags": "late"})
@@ -42,12 +35,14 @@ class Rig:
         self.context = stack.enter_context(sockets.open_context())
         self.reel = reel_of(two_trials(), JUDGED, NOTE)
         self.server = ReplayServer(self.reel, self.network, self.context, None)
-        where = sockets.addresses(self.network)
+        where = channels.addresses(self.network)
         self.operator = Operator(self.network, self.context)
-        self.stations = {side: sockets.view_subscriber(self.context, where.reach(sockets.VIEW[side])) for side in SIDES}
-        self.agent = sockets.motion_agent(self.context, where.reach(sockets.MOTION), "agent.left@test")
-        self.logger = sockets.log_client(self.context, where.reach(sockets.LOG), "logger@test")
-        self.display = sockets.control_client(self.context, where.reach(sockets.CONTROL), "display.left@test")
+        self.stations = {
+            side: sockets.view_subscriber(self.context, where.reach(channels.VIEW[side])) for side in SIDES
+        }
+        self.agent = sockets.motion_agent(self.context, where.reach(channels.MOTION), "agent.left@test")
+        self.logger = sockets.log_client(self.context, where.reach(channels.LOG), "logger@test")
+        self.display = sockets.control_client(self.context, where.reach(channels.CONTROL), "display.left@test")
         self.milliseconds = 0
         self.status()
 
@@ -77,7 +72,7 @@ class Rig:
             sockets.send(socket, encode(message))
         for _ in range(TRIES):
             self.work()
-            if sockets.wait_readable(socket, 0.001) and (frame := sockets.receive(socket)) is not None:
+            if waiting.wait_readable(socket, 0.001) and (frame := sockets.receive(socket)) is not None:
                 return decode(frame)
             for message in say:
                 sockets.send(socket, encode(message))

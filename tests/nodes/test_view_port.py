@@ -13,7 +13,7 @@ from netboard.nodes.launcher import free_port
 from netboard.nodes.view_port import SAME_VIEW_TICKS, ViewPort
 from netboard.tick import TICK
 from netboard.wire.codec import decode
-from netboard.wire.messages import View
+from netboard.wire.views import View
 
 
 class Publisher:

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from netboard.config import Physics
 from netboard.methods.march import make_grid, run
 from netboard.offline.batch import LANES, in_blocks, make_batch, out_of_blocks, scene_blocks
 from netboard.physics.scene import pack_scene, parts_of, state_length
+from netboard.tables.scene import Physics
 
 Array = NDArray[np.float64]
 H, COUNT = 1e-3, 2 * LANES

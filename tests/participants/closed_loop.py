@@ -19,7 +19,7 @@ from netboard.participants.brain import Brain
 from netboard.participants.senses import Glimpse
 from netboard.stage import make_stage
 from netboard.tick import TICK, TICK_NS
-from netboard.wire.messages import Safeguard
+from netboard.wire.motion import Safeguard
 
 VIEW_EVERY = 1 / 120
 VIEW_DELAY = 0.005

@@ -5,7 +5,7 @@ import pytest
 from closed_loop import Played, play, with_block
 
 from netboard.config import Config
-from netboard.wire.messages import Safeguard
+from netboard.wire.motion import Safeguard
 
 CONDITIONS = [("dyadic", True), ("dyadic", False), ("bimanual", True), ("bimanual", False)]
 

@@ -4,10 +4,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from netboard.config import Physics
 from netboard.participants.partner import partner_height, partner_seen
 from netboard.physics.scene import pack_scene, parts_of
 from netboard.physics.statics import equilibrium
+from netboard.tables.scene import Physics
 
 PHYSICS = Physics()
 PARTS, SCENE = parts_of(PHYSICS), pack_scene(PHYSICS)[0]

@@ -9,7 +9,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from trajectories import scene_of
 
-from netboard.config import Block, Config, Physics, parse
+from netboard.config import Config, parse
 from netboard.errors import ConfigError
 from netboard.physics.rendering import (
     FORCES,
@@ -25,6 +25,8 @@ from netboard.physics.rendering import (
 )
 from netboard.physics.scene import pack_scene, parts_of
 from netboard.physics.statics import equilibrium
+from netboard.tables.experiment import Block
+from netboard.tables.scene import Physics
 
 PAPER = scene_of()
 LEFT = np.array([(0.218, 25.93, 25.93, -0.981)], GAINS)[0]

@@ -10,7 +10,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from netboard.config import Recording as Settings
 from netboard.errors import RecordingError
 from netboard.experiment.machine import Cause
 from netboard.proof.account import Account, Pause, Stretch, account_of, parts_of
@@ -19,9 +18,11 @@ from netboard.recording.recovery import recover
 from netboard.recording.spill import Spill
 from netboard.recording.spilled import recover_any
 from netboard.recording.writer import RecordingWriter
+from netboard.tables.rig import Recording as Settings
 from netboard.tick import TICK
 from netboard.wire.codec import encode
-from netboard.wire.messages import BLOCK_BEGAN, EventRecord, LogBatch, TickRecord, Welcome
+from netboard.wire.meeting import Welcome
+from netboard.wire.records import BLOCK_BEGAN, EventRecord, LogBatch, TickRecord
 from samples import CONFIG_TEXT, MS, OPENED_NS, metadata
 
 Log = list[TickRecord | EventRecord]

@@ -18,7 +18,7 @@ from netboard.recording.journal import journal_path
 from netboard.recording.reader import Recording
 from netboard.recording.recovery import recover
 from netboard.recording.summary import Attempt
-from netboard.wire.messages import ClockRecord
+from netboard.wire.records import ClockRecord
 
 pytestmark = pytest.mark.slow
 

@@ -8,7 +8,7 @@ import pytest
 import proofs
 from netboard.proof.clock_check import check_clocks, contradicts, line_through, stepped
 from netboard.proof.grade import Grade, worst
-from netboard.wire.messages import ClockRecord
+from netboard.wire.records import ClockRecord
 from netboard.wire.session import ClockEstimator
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from netboard.config import Config, Quality, Recording, resolve
+from netboard.config import Config, resolve
 from netboard.experiment.machine import Cause, Phase
 from netboard.experiment.quality import Referee, Verdict
 from netboard.proof.quality import judged
@@ -14,8 +14,12 @@ from netboard.recording.provenance import provenance
 from netboard.recording.reader import Recording as OpenRecording
 from netboard.recording.writer import RecordingWriter
 from netboard.services.cli import app
+from netboard.tables.experiment import Quality
+from netboard.tables.rig import Recording
 from netboard.tick import TICK, TICK_SECONDS
-from netboard.wire.messages import FrameRecord, Safeguard, TickRecord, Welcome
+from netboard.wire.meeting import Welcome
+from netboard.wire.motion import Safeguard
+from netboard.wire.records import FrameRecord, TickRecord
 from samples import MS, OPENED_NS
 
 LENGTH = 2000

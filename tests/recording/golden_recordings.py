@@ -21,7 +21,8 @@ from netboard.recording.reader import Recording
 from netboard.recording.writer import RecordingWriter
 from netboard.stage import make_stage
 from netboard.tick import TICK
-from netboard.wire.messages import ClockRecord, EventRecord, FrameRecord, TickRecord, Welcome
+from netboard.wire.meeting import Welcome
+from netboard.wire.records import ClockRecord, EventRecord, FrameRecord, TickRecord
 
 HERE = Path(__file__).parent.parent / "data" / "recordings"
 TICKS = 900

@@ -11,7 +11,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 
-from netboard.config import Recording as Settings
 from netboard.errors import RecordingError
 from netboard.recording.batches import PLACES, PLACES_NAME, Layout, heard, pack, told, words_of
 from netboard.recording.channels import CHANNELS, PLOTTED_EVERY
@@ -19,8 +18,9 @@ from netboard.recording.container import Container
 from netboard.recording.reader import Recording
 from netboard.recording.summary import find_attempts
 from netboard.recording.writer import RecordingWriter
+from netboard.tables.rig import Recording as Settings
 from netboard.tick import TICK
-from netboard.wire.messages import TickRecord
+from netboard.wire.records import TickRecord
 from samples import CONFIG_TEXT, OPENED_NS, metadata, random_rows
 
 SCHEMA = CHANNELS[0].schema()

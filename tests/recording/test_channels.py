@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from netboard.errors import RecordingError
 from netboard.recording.channels import CHANNELS, IDS, remark, stamped, unpack
 from netboard.tick import TICK
-from netboard.wire.messages import ClockRecord, EventRecord, FrameRecord, TickRecord
+from netboard.wire.records import ClockRecord, EventRecord, FrameRecord, TickRecord
 from samples import random_rows, records
 
 CLASSES = {"/event": EventRecord, "/clock": ClockRecord, "/frame": FrameRecord, "/logger": EventRecord}

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from netboard.config import Recording as Settings
 from netboard.errors import RecordingError
 from netboard.recording import partfile
 from netboard.recording.disk import (
@@ -25,6 +24,7 @@ from netboard.recording.disk import (
 )
 from netboard.recording.reader import Recording
 from netboard.recording.recovery import recover
+from netboard.tables.rig import Recording as Settings
 from samples import MS, OPENED_NS, fill, new_writer, random_rows, records
 
 ROWS = random_rows(3000)

@@ -13,11 +13,12 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from netboard.config import Config, Session
+from netboard.config import Config
 from netboard.errors import RecordingError
 from netboard.experiment.entries import AttemptEnded, BlockEnded, Entry, Note, Opened, read_lines
 from netboard.recording import journal as module
 from netboard.recording.journal import Journal, journal_path
+from netboard.tables.experiment import Session
 from session_model import HEADER
 
 TESTS = Path(__file__).parents[1]

@@ -18,11 +18,11 @@ from mcap.records import Chunk, Message
 from mcap.stream_reader import breakup_chunk
 from numpy.typing import NDArray
 
-from netboard.config import Recording as Settings
 from netboard.errors import RecordingError
 from netboard.recording.reader import Recording
 from netboard.recording.recovery import Report, recover, recovered_path
 from netboard.recording.summary import Gap
+from netboard.tables.rig import Recording as Settings
 from netboard.tick import TICK
 from samples import CONFIG_TEXT, OPENED_NS, fill, metadata, new_writer, random_rows, records, write_recording
 

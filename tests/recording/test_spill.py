@@ -14,7 +14,9 @@ from netboard.config import Config
 from netboard.recording import spill as module
 from netboard.recording.spill import MAGIC, MOST_WAITING, OPENED, Spill, read_spill, spill_path
 from netboard.wire.codec import encode
-from netboard.wire.messages import PROTOCOL_VERSION, EventRecord, LogBatch, Message, Welcome
+from netboard.wire.meeting import Welcome
+from netboard.wire.messages import PROTOCOL_VERSION, Message
+from netboard.wire.records import EventRecord, LogBatch
 
 WELCOME = Welcome("c0ffee1234567890", PROTOCOL_VERSION, 17, '[session]\nname = "S07"\n')
 PLENTY = 10**8

@@ -12,7 +12,9 @@ from netboard.recording.spill import Spill
 from netboard.recording.spilled import recover_any
 from netboard.tick import TICK
 from netboard.wire.codec import encode
-from netboard.wire.messages import BLOCK_BEGAN, PROTOCOL_VERSION, EventRecord, LogBatch, TickRecord, Welcome
+from netboard.wire.meeting import Welcome
+from netboard.wire.messages import PROTOCOL_VERSION
+from netboard.wire.records import BLOCK_BEGAN, EventRecord, LogBatch, TickRecord
 
 SESSION = "c0ffee1234567890"
 

@@ -12,7 +12,8 @@ from netboard.experiment.machine import Cause, Phase
 from netboard.recording.summary import Gap, find_attempts, find_gaps, spread, summarise
 from netboard.stage import make_stage
 from netboard.tick import TICK
-from netboard.wire.messages import ClockRecord, EventRecord, FrameRecord, Safeguard
+from netboard.wire.motion import Safeguard
+from netboard.wire.records import ClockRecord, EventRecord, FrameRecord
 
 
 def ticks(count: int) -> np.ndarray:

@@ -13,14 +13,15 @@ from mcap.reader import NonSeekingReader, make_reader
 from mcap.records import Chunk, Message
 from mcap.stream_reader import StreamReader
 
-from netboard.config import Config, Recording
+from netboard.config import Config
 from netboard.errors import RecordingError
 from netboard.recording.channels import PLOTTED_EVERY
 from netboard.recording.chunks import messages, payloads, unpack_chunk
 from netboard.recording.provenance import config_sha256, next_recording
 from netboard.recording.reader import Recording as Reader
+from netboard.tables.rig import Recording
 from netboard.tick import TICK
-from netboard.wire.messages import TickRecord
+from netboard.wire.records import TickRecord
 from samples import (
     CONFIG_TEXT,
     MS,

@@ -5,14 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from netboard.config import Config, Participant, VirtualDevice
+from netboard.config import Config
 from netboard.devices.fixture import lateral_force
 from netboard.devices.virtual import VirtualTouch
 from netboard.experiment.machine import Phase
 from netboard.participants.submovement import Submovement
 from netboard.rehearsal.body import LEAD_NS, Body
+from netboard.tables.simulated import Participant, VirtualDevice
 from netboard.tick import TICK, TICK_NS
-from netboard.wire.messages import Safeguard
+from netboard.wire.motion import Safeguard
 
 T0 = 1_000_000_000
 

@@ -6,13 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from netboard.config import Config, Participant
+from netboard.config import Config
 from netboard.errors import RecordingError
 from netboard.proof.verification import verify_recording
 from netboard.recording.reader import Recording
 from netboard.recording.summary import find_attempts
 from netboard.rehearsal.block import Rehearsal
 from netboard.rehearsal.keeping import Keeper
+from netboard.tables.simulated import Participant
 
 SESSION = "0123456789abcdef"
 UTC_NS = 1_700_000_000_000_000_000

@@ -5,9 +5,10 @@ from dataclasses import asdict, replace
 import numpy as np
 import pytest
 
-from netboard.config import Config, Participant
+from netboard.config import Config
 from netboard.rehearsal.mind import Mind, seats_of
 from netboard.rehearsal.people import person_of
+from netboard.tables.simulated import Participant
 from netboard.tick import TICK
 
 

@@ -6,13 +6,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from netboard.config import Config, Participant, VirtualDevice
+from netboard.config import Config
 from netboard.errors import ConfigError
 from netboard.experiment.machine import Cause, Phase
 from netboard.proof.verification import verify
 from netboard.rehearsal import block as rehearsed
 from netboard.rehearsal.block import START_TICK, Rehearsal, Summary, person_at
 from netboard.stage import make_stage
+from netboard.tables.simulated import Participant, VirtualDevice
 
 USUAL = {"A": Participant(), "B": Participant()}
 CONDITIONS = [("dyadic", "full"), ("dyadic", "none"), ("bimanual", "full"), ("bimanual", "none")]

@@ -11,7 +11,7 @@ from netboard.errors import NetboardError
 from netboard.nodes.desk import CAUSES
 from netboard.replay.orders import KEYS, KNOWN, Order, in_words, obey
 from netboard.replay.playback import Playback
-from netboard.wire.codec import COMMANDS, REPLAY_COMMANDS
+from netboard.wire.control import COMMANDS, REPLAY_COMMANDS
 
 REEL = reel_of(two_trials())
 START = Playback(REEL.length, 2.0)

@@ -13,7 +13,7 @@ from netboard.curtain import make_curtain, view_of
 from netboard.errors import RecordingError
 from netboard.experiment.machine import Phase
 from netboard.replay.marks import ANY, near
-from netboard.wire.messages import BLOCK_BEGAN, EventRecord
+from netboard.wire.records import BLOCK_BEGAN, EventRecord
 
 REEL = reel_of(two_trials())
 FIRST_NS = 5_000_000_000

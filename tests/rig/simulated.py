@@ -2,9 +2,10 @@
 
 from dataclasses import replace
 
-from netboard.config import Config, VirtualDevice
+from netboard.config import Config
 from netboard.devices.base import Device, DeviceInfo, Reading
 from netboard.devices.virtual import VirtualTouch
+from netboard.tables.simulated import VirtualDevice
 from netboard.tick import TICK_NS
 
 

@@ -4,13 +4,14 @@ import numpy as np
 import pytest
 from simulated import AT_REST, Puppet, SimulatedTime, configured, virtual
 
-from netboard.config import Config, Safety
+from netboard.config import Config
 from netboard.devices.base import DeviceInfo
 from netboard.devices.profile import Mechanics
 from netboard.doctor.finding import Finding
 from netboard.participants.submovement import Submovement
 from netboard.rig import checkup
 from netboard.rig.loop import Driver, Track, watch
+from netboard.tables.rig import Safety
 
 INFO = DeviceInfo("it", "1", 3.3, 0.88, 5.5e-5)
 

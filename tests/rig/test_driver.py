@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 from simulated import AT_REST, Puppet, SimulatedTime
 
-from netboard.config import Config, Safety
+from netboard.config import Config
 from netboard.devices.base import Reading
 from netboard.devices.safety import Vector
 from netboard.errors import DeviceError, DeviceLost
 from netboard.rig import excitation
 from netboard.rig.excitation import Chirp
 from netboard.rig.loop import Driver
+from netboard.tables.rig import Safety
 
 
 def driver(*readings: Reading, **limits: float) -> tuple[Puppet, Driver]:

@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 from simulated import SimulatedTime, configured, virtual
 
-from netboard.config import Config, Safety
+from netboard.config import Config
 from netboard.errors import DeviceError, NetboardError
 from netboard.rig import excitation
 from netboard.rig.excitation import Chirp
 from netboard.rig.identification import Estimate, Identified, Motion, identify
 from netboard.rig.loop import Track
+from netboard.tables.rig import Safety
 
 MODELS = [
     (0.045, 0.1, 0.26),

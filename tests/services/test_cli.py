@@ -10,7 +10,8 @@ import pytest
 from typer.testing import CliRunner
 
 from netboard.config import Config, parse, played_sides
-from netboard.services.cli import app, demo_settings
+from netboard.services.cli import app
+from netboard.services.demonstration import demo_settings
 
 runner = CliRunner()
 COMMANDS = (

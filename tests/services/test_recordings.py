@@ -11,7 +11,8 @@ from netboard.recording.provenance import provenance
 from netboard.recording.writer import RecordingWriter
 from netboard.services.cli import app
 from netboard.tick import TICK
-from netboard.wire.messages import TickRecord, Welcome
+from netboard.wire.meeting import Welcome
+from netboard.wire.records import TickRecord
 
 runner = CliRunner()
 TICKS = 700

@@ -12,23 +12,13 @@ from wire_strategies import CLASSES, messages, messages_of
 
 from fakes import STATUS
 from netboard.errors import WireError
-from netboard.wire.codec import CHOICES, KINDS, decode, encode
-from netboard.wire.messages import (
-    Beat,
-    Command,
-    EventRecord,
-    Force,
-    Frames,
-    Hello,
-    LogBatch,
-    LogEnd,
-    Message,
-    Refusal,
-    Safeguard,
-    StatusRequest,
-    Stylus,
-    View,
-)
+from netboard.wire.codec import decode, encode
+from netboard.wire.control import Command, StatusRequest
+from netboard.wire.meeting import Hello, Refusal
+from netboard.wire.messages import CHOICES, KINDS, Message
+from netboard.wire.motion import Beat, Force, Safeguard, Stylus
+from netboard.wire.records import EventRecord, LogBatch, LogEnd
+from netboard.wire.views import Frames, View
 
 HELLO = Hello("agent", "left", 1, "here", "0.1.0", {})
 FORCE = Force(1, 2, 3, 0.5, 4)

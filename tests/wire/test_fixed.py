@@ -10,7 +10,8 @@ from wire_strategies import messages_of
 
 from netboard.wire import fixed
 from netboard.wire.codec import decode, encode
-from netboard.wire.messages import Beat, Force, Message, Point, Stylus
+from netboard.wire.messages import Message
+from netboard.wire.motion import Beat, Force, Point, Stylus
 
 
 def written(message: Message, form: fixed.Form) -> bytes:

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from wire_link import Link
 
-from netboard.wire.messages import LogBatch
+from netboard.wire.records import LogBatch
 from netboard.wire.ring import LogRing
 
 

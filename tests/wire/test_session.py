@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from wire_link import Link
 
 from netboard.errors import WireError
-from netboard.wire.messages import PROTOCOL_VERSION, Hello
+from netboard.wire.meeting import Hello
+from netboard.wire.messages import PROTOCOL_VERSION
 from netboard.wire.session import NEVER_NS, Liveness, SequenceGuard, admit
 
 HELLO = Hello("agent", "left", PROTOCOL_VERSION, "lab-pc-1", "0.1.0", {})

@@ -9,22 +9,25 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from netboard.wire import messages as m
-from netboard.wire.codec import KINDS, encode
+from netboard.wire import control, meeting, motion, records, views
+from netboard.wire.codec import encode
+from netboard.wire.messages import KINDS, Message
 
 FRAMES = Path(__file__).parent.parent / "data" / "frames"
 SERVER_NS = 81_234_567_890_123
 PEER_NS = 5_000_000_000_000
 
-EXAMPLES: dict[str, m.Message] = {
-    "hello-agent": m.Hello("agent", "left", 2, "lab-pc-1: 4711", "0.1.0", {"model": "virtual", "max_force": "3.3 N"}),
-    "hello-logger": m.Hello("logger", "", 2, "", "0.1.0", {}),
-    "welcome": m.Welcome("7f3a9c52d1e84b06", 2, SERVER_NS, '[session]\nname = "S01"\n'),
-    "refusal": m.Refusal("the server speaks protocol 2, the agent 1"),
-    "goodbye": m.Goodbye("stopped by the operator: Schluß für heute"),
-    "ping": m.Ping(SERVER_NS),
-    "pong": m.Pong(SERVER_NS, PEER_NS + 300_000, PEER_NS + 305_000),
-    "stylus": m.Stylus(
+EXAMPLES: dict[str, Message] = {
+    "hello-agent": meeting.Hello(
+        "agent", "left", 2, "lab-pc-1: 4711", "0.1.0", {"model": "virtual", "max_force": "3.3 N"}
+    ),
+    "hello-logger": meeting.Hello("logger", "", 2, "", "0.1.0", {}),
+    "welcome": meeting.Welcome("7f3a9c52d1e84b06", 2, SERVER_NS, '[session]\nname = "S01"\n'),
+    "refusal": meeting.Refusal("the server speaks protocol 2, the agent 1"),
+    "goodbye": meeting.Goodbye("stopped by the operator: Schluß für heute"),
+    "ping": meeting.Ping(SERVER_NS),
+    "pong": meeting.Pong(SERVER_NS, PEER_NS + 300_000, PEER_NS + 305_000),
+    "stylus": motion.Stylus(
         seq=123_456,
         stamp_ns=PEER_NS + 123_456_000_000,
         x=0.0005,
@@ -34,7 +37,7 @@ EXAMPLES: dict[str, m.Message] = {
         vy=0.0,
         vz=-0.03125,
         buttons=0,
-        safeguards=m.Safeguard.ARMED | m.Safeguard.CLAMPED,
+        safeguards=motion.Safeguard.ARMED | motion.Safeguard.CLAMPED,
         rendered=-0.735,
         force_tick=123_400,
         force_sent_ns=SERVER_NS,
@@ -42,7 +45,7 @@ EXAMPLES: dict[str, m.Message] = {
         sent_ns=PEER_NS + 123_456_020_000,
         loop_ns=1_250_000,
     ),
-    "stylus-extremes": m.Stylus(
+    "stylus-extremes": motion.Stylus(
         seq=2**63 - 1,
         stamp_ns=-(2**63),
         x=math.nan,
@@ -60,13 +63,13 @@ EXAMPLES: dict[str, m.Message] = {
         sent_ns=2**32,
         loop_ns=65_535,
     ),
-    "force": m.Force(123_457, SERVER_NS + 57_000_000, 123_456, -0.735, 287_000),
-    "point": m.Point(
+    "force": motion.Force(123_457, SERVER_NS + 57_000_000, 123_456, -0.735, 287_000),
+    "point": motion.Point(
         123_457, SERVER_NS + 57_000_000, 123_456, PEER_NS + 57_120_000, 0.0105, -0.03125, 200.0, 2.0, 287_000
     ),
-    "beat": m.Beat(123_460, SERVER_NS + 60_000_000, -1, 0, False),
-    "beat-arm": m.Beat(123_464, SERVER_NS + 64_000_000, 123_462, 301_500, True),
-    "view-dyadic": m.View(
+    "beat": motion.Beat(123_460, SERVER_NS + 60_000_000, -1, 0, False),
+    "beat-arm": motion.Beat(123_464, SERVER_NS + 64_000_000, 123_462, 301_500, True),
+    "view-dyadic": views.View(
         station="left",
         tick=123_457,
         sent_ns=SERVER_NS,
@@ -89,7 +92,7 @@ EXAMPLES: dict[str, m.Message] = {
         blocks=18,
         rest=None,
     ),
-    "view-no-ball": m.View(
+    "view-no-ball": views.View(
         station="right",
         tick=0,
         sent_ns=SERVER_NS,
@@ -112,31 +115,31 @@ EXAMPLES: dict[str, m.Message] = {
         blocks=1,
         rest=12.5,
     ),
-    "frames": m.Frames(
+    "frames": views.Frames(
         "right", ((123_440, PEER_NS, PEER_NS + 4_000_000), (123_457, PEER_NS + 17_000_000, PEER_NS + 21_000_000)), 3
     ),
-    "frames-none": m.Frames("left", (), 0),
-    "log-request": m.LogRequest(-1),
-    "log-batch": m.LogBatch(4096, 12, (bytes.fromhex("9222c403010203"), b"")),
-    "log-ack": m.LogAck(4098, 512_000_000_000, "S01_D01_20260102T030405Z_7f3a9c52_block03.mcap", 1_048_576),
-    "log-end": m.LogEnd(60_123),
-    "tick-record": m.TickRecord(bytes(range(256)) * 2),
-    "event-record": m.EventRecord(17, 123_457, SERVER_NS, "agent_joined", {"side": "left", "name": "lab-pc-1"}),
-    "clock-record": m.ClockRecord(
+    "frames-none": views.Frames("left", (), 0),
+    "log-request": records.LogRequest(-1),
+    "log-batch": records.LogBatch(4096, 12, (bytes.fromhex("9222c403010203"), b"")),
+    "log-ack": records.LogAck(4098, 512_000_000_000, "S01_D01_20260102T030405Z_7f3a9c52_block03.mcap", 1_048_576),
+    "log-end": records.LogEnd(60_123),
+    "tick-record": records.TickRecord(bytes(range(256)) * 2),
+    "event-record": records.EventRecord(17, 123_457, SERVER_NS, "agent_joined", {"side": "left", "name": "lab-pc-1"}),
+    "clock-record": records.ClockRecord(
         120, "agent.left", SERVER_NS, PEER_NS, PEER_NS + 400_000, SERVER_NS + 520_000, PEER_NS - SERVER_NS, 60_001, 3.25
     ),
-    "frame-record": m.FrameRecord(5210, "left", 123_457, PEER_NS, PEER_NS + 4_000_000, 3),
-    "command": m.Command("start", "", 1),
-    "command-note": m.Command("note", '{"text": "sneezed", "tick": 1234}', 2),
-    "reply": m.Reply(1, False, "cannot start without the left agent"),
-    "outcomes-request": m.OutcomesRequest(12),
-    "outcomes": m.Outcomes(
+    "frame-record": records.FrameRecord(5210, "left", 123_457, PEER_NS, PEER_NS + 4_000_000, 3),
+    "command": control.Command("start", "", 1),
+    "command-note": control.Command("note", '{"text": "sneezed", "tick": 1234}', 2),
+    "reply": control.Reply(1, False, "cannot start without the left agent"),
+    "outcomes-request": control.OutcomesRequest(12),
+    "outcomes": control.Outcomes(
         12, ((3, 7, 1, "fell", math.nan, "", 0), (3, 7, 2, "success", 3.412, "late_ticks,clipped", 4))
     ),
-    "trace-request": m.TraceRequest(-1),
-    "trace": m.Trace(((123_455, 0.0125, -0.0125, 0.0105, -0.0123, 0.0875, -0.735, 0.25),)),
-    "status-request": m.StatusRequest(),
-    "status": m.Status(
+    "trace-request": control.TraceRequest(-1),
+    "trace": control.Trace(((123_455, 0.0125, -0.0125, 0.0105, -0.0123, 0.0875, -0.735, 0.25),)),
+    "status-request": control.StatusRequest(),
+    "status": control.Status(
         session="7f3a9c52d1e84b06",
         tick=123_457,
         phase="holding",
@@ -172,10 +175,10 @@ EXAMPLES: dict[str, m.Message] = {
         recordings=(("S01_D03_20260102T030405Z_7f3a9c52_block03.mcap", 0.18, 1_048_576, 512_000_000_000),),
         stations=(("left", 0.0004, 1, -0.735, 0, 2), ("right", math.nan, 0, 0.0, 0, 0)),
     ),
-    "move": m.Move("right", -0.0125, 0.313, 0.021),
-    "pointer": m.Pointer("left", -0.0215),
-    "pointer-none": m.Pointer("right", None),
-    "felt": m.Felt("left", -0.294),
+    "move": motion.Move("right", -0.0125, 0.313, 0.021),
+    "pointer": motion.Pointer("left", -0.0215),
+    "pointer-none": motion.Pointer("right", None),
+    "felt": motion.Felt("left", -0.294),
 }
 
 
@@ -193,7 +196,7 @@ def as_json(value: Any) -> Any:
     return value
 
 
-def twin(message: m.Message) -> dict[str, Any]:
+def twin(message: Message) -> dict[str, Any]:
     """The JSON twin of a message."""
     number = next(number for number, kind in KINDS.items() if kind.message is type(message))
     values = {field.name: as_json(getattr(message, field.name)) for field in fields(message)}

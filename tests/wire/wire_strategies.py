@@ -7,8 +7,7 @@ from typing import Any
 
 from hypothesis import strategies as st
 
-from netboard.wire.codec import CHOICES
-from netboard.wire.messages import Message
+from netboard.wire.messages import CHOICES, Message
 
 CLASSES: tuple[type[Message], ...] = typing.get_args(Message)
 

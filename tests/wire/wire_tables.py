@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from netboard.wire import codec
-from netboard.wire.codec import CHOICES, KINDS, Kind
-from netboard.wire.messages import Message, Safeguard
+from netboard.wire.messages import CHOICES, KINDS, Kind, Message
+from netboard.wire.motion import Safeguard
 
 PROTOCOL = Path(codec.__file__).with_name("PROTOCOL.md")
 BEGIN, END = "<!-- tables: begin (made by tests/wire/wire_tables.py) -->", "<!-- tables: end -->"

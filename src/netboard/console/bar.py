@@ -9,7 +9,7 @@ from PySide6.QtWidgets import QGridLayout, QPushButton, QSizePolicy, QVBoxLayout
 
 from netboard.console.commands import RELEASING, STOP_KEYS, WISHES, Wish, refusal
 from netboard.console.lights import PANEL, PLAIN, WATCH
-from netboard.wire.messages import Status
+from netboard.wire.control import Status
 
 STOP_RED = "#c8102e"
 COLUMNS = 8

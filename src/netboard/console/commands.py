@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from netboard.console.lamps import ACTIVE, replayed
 from netboard.nodes.alarm import LACKING, RELEASE, STOP
-from netboard.wire.messages import Status
+from netboard.wire.control import Status
 
 STOP_KEYS = ("Esc", "Space")
 """Keys of the emergency stop; the second one is a space where something is written."""
@@ -31,7 +31,7 @@ class Wish:
     Attributes
     ----------
     name : str
-        One of ``netboard.wire.codec.COMMANDS``.
+        One of ``netboard.wire.control.COMMANDS``.
     label : str
         What its button says.
     key : str

@@ -27,7 +27,7 @@ from netboard.errors import NetboardError
 from netboard.nodes.alarm import LACKING, RELEASE, STOP
 from netboard.nodes.operator import ANSWER_SECONDS, Operator
 from netboard.process import NAME
-from netboard.wire.messages import Reply, Status
+from netboard.wire.control import Reply, Status
 
 POLL_MS = 66
 WATCH_MS = 50

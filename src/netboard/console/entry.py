@@ -4,7 +4,7 @@ import json
 import re
 from dataclasses import asdict, dataclass, fields
 
-from netboard.config import Session
+from netboard.tables.experiment import Session
 
 ID = re.compile(r"[A-Za-z0-9_-]{1,64}")
 """What a label or a pseudonym is made of."""
@@ -15,7 +15,7 @@ ASKED = {"name": "Session", "participant_a": "Participant A", "participant_b": "
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """The answers, under the names that `netboard.config.Session` has for them.
+    """The answers, under the names that `netboard.tables.experiment.Session` has for them.
 
     Attributes
     ----------

@@ -12,7 +12,7 @@ from math import isfinite
 from netboard.config import Config
 from netboard.console.memory import LATELY, Recent
 from netboard.nodes.alarm import LACKING
-from netboard.wire.messages import REPLAY_OF, Status
+from netboard.wire.control import REPLAY_OF, Status
 
 ACTIVE = ("levelling", "running", "holding", "succeeded", "failed")
 """Phases in which a block is on."""

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from math import inf, nan
 
-from netboard.wire.messages import Status
+from netboard.wire.control import Status
 
 SPACING = 0.5
 """A status is remembered so often [s]."""

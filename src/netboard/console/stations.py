@@ -8,7 +8,8 @@ from netboard.config import Side
 from netboard.console.lamps import Lamp, Level, Limits, milliseconds
 from netboard.console.memory import LATELY, Recent
 from netboard.nodes.alarm import LACKING, WORDS
-from netboard.wire.messages import Safeguard, Status
+from netboard.wire.control import Status
+from netboard.wire.motion import Safeguard
 
 SLOW_RATE = 900.0
 """An agent that says less than this is slow [Hz]."""

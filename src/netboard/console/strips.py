@@ -33,7 +33,7 @@ TICK, LEFT, RIGHT, BOARD, TILT, BALL, LEFT_FORCE, RIGHT_FORCE = range(8)
 LEFT_COLOUR, RIGHT_COLOUR, BOARD_COLOUR, BALL_COLOUR = "#56b4e9", "#cc79a7", PLAIN.board, PLAIN.ball
 
 Point = tuple[int, float, float, float, float, float, float, float]
-"""One item of `netboard.wire.messages.Trace.points`."""
+"""One item of `netboard.wire.control.Trace.points`."""
 
 
 class Strips(QWidget):
@@ -69,7 +69,7 @@ class Strips(QWidget):
         Parameters
         ----------
         points : sequence of tuple
-            As in `netboard.wire.messages.Trace`, the newest last.
+            As in `netboard.wire.control.Trace`, the newest last.
         anew : bool
             Forget what is there.
         """

@@ -29,7 +29,7 @@ from netboard.console.stations import STATION_LAMPS, station_lamps
 from netboard.console.strips import Point, Strips
 from netboard.console.words import Attempt, Line, Tone
 from netboard.nodes.alarm import STOP
-from netboard.wire.messages import Status
+from netboard.wire.control import Status
 
 SURE_MS = 5000
 """What is to be pressed twice waits so long for the second time [ms]."""

@@ -10,7 +10,7 @@ from math import isnan
 
 from netboard.console.lamps import ACTIVE, SILENT, Lamp, Level, over, replayed
 from netboard.nodes.alarm import LACKING
-from netboard.wire.messages import Status
+from netboard.wire.control import Status
 
 PHASES = {
     "levelling": "LEVELLING",
@@ -34,7 +34,7 @@ OUTCOMES = {
 """What has become of an attempt."""
 
 Attempt = tuple[int, int, int, str, float, str, int]
-"""One item of `netboard.wire.messages.Outcomes.attempts`."""
+"""One item of `netboard.wire.control.Outcomes.attempts`."""
 
 
 class Tone(Enum):

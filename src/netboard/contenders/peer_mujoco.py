@@ -15,9 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from netboard.config import Physics
 from netboard.contenders.contender import Contender, Solution, installed
 from netboard.studies.problem import SPACING, Array, Problem, drives_at, multiples
+from netboard.tables.scene import Physics
 
 FAMILY = "MuJoCo"
 STEPS = (0.004, 0.002, 0.001, 0.0005, 0.00025)

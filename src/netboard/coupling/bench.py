@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from netboard.config import Physics
 from netboard.coupling import boundary, releases, remedies
 from netboard.coupling.boundary import HANDS, MAPS, STIFFEST, Found
 from netboard.methods.delay import ruled_stiffness
 from netboard.studies.results import Folder, Part
 from netboard.studies.running import Tell
+from netboard.tables.scene import Physics
 
 QUICK_HANDS = ("bare stylus", "hand")
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from netboard.config import Config, Physics, VirtualDevice
+from netboard.config import Config
 from netboard.coupling.far import Distance, Far
 from netboard.devices.coupling import REACH
 from netboard.methods.delay import (
@@ -28,6 +28,8 @@ from netboard.methods.delay import (
 from netboard.methods.delay import LONGEST as LONGEST_WAY
 from netboard.studies.results import Part, Value, Verdict
 from netboard.studies.running import Tell
+from netboard.tables.scene import Physics
+from netboard.tables.simulated import VirtualDevice
 
 HANDS = {
     "bare stylus": Mechanism(0.045, 0.1),

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.config import SIDES, Agent, Agents, Config, Fixture, Physics, Side
+from netboard.config import SIDES, Config, Side
 from netboard.devices.coupling import hand_force
 from netboard.devices.passivity import Passivity
 from netboard.devices.safety import Guard, Safety
@@ -22,9 +22,11 @@ from netboard.devices.virtual import VirtualTouch
 from netboard.experiment.machine import Cause
 from netboard.nodes import seats
 from netboard.stage import Stage, make_stage
+from netboard.tables.rig import Agent, Agents, Fixture
+from netboard.tables.scene import Physics
 from netboard.tick import TICK, TICK_NS
 from netboard.wire import fixed
-from netboard.wire.messages import Force, Point, Safeguard, Stylus
+from netboard.wire.motion import Force, Point, Safeguard, Stylus
 
 START_NS = 1_000_000_000
 """Simulated time begins here: a stamp of 0 would mean that there is none [ns]."""

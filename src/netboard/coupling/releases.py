@@ -9,13 +9,16 @@ from typing import Protocol
 
 import numpy as np
 
-from netboard.config import Config, Physics, Safety, VirtualDevice
+from netboard.config import Config
 from netboard.coupling.boundary import HANDS, Case, loops_of
 from netboard.coupling.far import Distance, Far
 from netboard.methods.delay import At, is_stable
 from netboard.participants.device_models import resolved
 from netboard.studies.results import Part, Value, Verdict
 from netboard.studies.running import Tell
+from netboard.tables.rig import Safety
+from netboard.tables.scene import Physics
+from netboard.tables.simulated import VirtualDevice
 
 RELEASED = 0.010
 """A stylus is let go so far from rest [m]."""

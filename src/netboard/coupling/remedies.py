@@ -13,13 +13,16 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.config import Config, Physics, Safety, VirtualDevice
+from netboard.config import Config
 from netboard.coupling.far import START_NS, Distance, Far, prepared
 from netboard.coupling.releases import FRICTION, Loop, lead, let_go, scene, smooth
 from netboard.devices.virtual import VirtualTouch
 from netboard.methods.delay import At
 from netboard.studies.results import Part, Value, Verdict
 from netboard.studies.running import Tell
+from netboard.tables.rig import Safety
+from netboard.tables.scene import Physics
+from netboard.tables.simulated import VirtualDevice
 from netboard.tick import TICK_NS, TICK_SECONDS
 
 IMPEDANCE = 1.0

@@ -7,8 +7,11 @@ is not set is the rig's. `netboard.design.study` reads and checks them.
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal
 
-from netboard.config import Block, Display, Geometry, Participant, Physics, Quality, Task
 from netboard.settings import NO_EXTRAS, about
+from netboard.tables.experiment import Block, Quality, Task
+from netboard.tables.rig import Display
+from netboard.tables.scene import Geometry, Physics
+from netboard.tables.simulated import Participant
 
 CHANGED: dict[str, type[Any]] = {
     "block": Block,

@@ -12,12 +12,13 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
 
-from netboard.config import Block, Config, Side, contradictions
+from netboard.config import Config, Side, contradictions
 from netboard.design.conditions import Conditions, Performer, Sequence
 from netboard.design.order import steps_of
 from netboard.design.parts import SESSION
 from netboard.design.study import Study
 from netboard.errors import ConfigError
+from netboard.tables.experiment import Block
 
 Hand = Literal["right", "left"]
 

@@ -12,7 +12,7 @@ makes a light hand less stable, not more (docs/coupling.md).
 """
 
 from netboard.devices.base import Reading
-from netboard.wire.messages import Point
+from netboard.wire.motion import Point
 
 REACH = 0.005
 """The control point is moved on by its rate over at most this time [s]."""

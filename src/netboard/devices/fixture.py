@@ -6,18 +6,18 @@ B9). Its force goes through the safety chain like any other.
 
 import numba
 
-from netboard import config
 from netboard.devices.base import Reading
+from netboard.tables.rig import Fixture
 
 
-def lateral_force(reading: Reading, fixture: config.Fixture) -> tuple[float, float]:
+def lateral_force(reading: Reading, fixture: Fixture) -> tuple[float, float]:
     """Force of the fixture on the hand.
 
     Parameters
     ----------
     reading : Reading
         Where the stylus is.
-    fixture : netboard.config.Fixture
+    fixture : netboard.tables.rig.Fixture
         Stiffness and damping.
 
     Returns

@@ -21,8 +21,8 @@ from enum import IntEnum
 from math import hypot, isfinite
 from typing import NamedTuple
 
-from netboard import config
-from netboard.wire.messages import Safeguard
+from netboard.tables.rig import Safety as Limits
+from netboard.wire.motion import Safeguard
 
 LONGEST_STEP_NS = 2_000_000
 """Steps further apart than this count as this long where the force may grow [ns]."""
@@ -129,7 +129,7 @@ class Safety:
 
     Parameters
     ----------
-    limits : netboard.config.Safety
+    limits : netboard.tables.rig.Safety
         The limits.
     max_device_force : float
         Largest force the device itself allows; the smaller one of the two is the clamp [N].
@@ -137,7 +137,7 @@ class Safety:
         Largest force it can give for ever; the smaller one of this and the limit is the largest mean [N].
     """
 
-    def __init__(self, limits: config.Safety, max_device_force: float, lasting_device_force: float) -> None:
+    def __init__(self, limits: Limits, max_device_force: float, lasting_device_force: float) -> None:
         self._limits = limits
         self._clamp = min(limits.max_force, max_device_force)
         self._lasting = min(limits.mean_force, lasting_device_force, self._clamp)

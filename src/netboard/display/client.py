@@ -18,7 +18,7 @@ from typing import TypeAlias
 
 from PySide6.QtCore import QObject, QSocketNotifier, QTimer
 
-from netboard import keys, sockets
+from netboard import channels, keys, sockets
 from netboard.clock import now_ns
 from netboard.config import Config, Side, parse
 from netboard.display.language import load_words
@@ -31,7 +31,9 @@ from netboard.display.window import BoardWindow, application
 from netboard.errors import ConfigError, NetboardError, WireError
 from netboard.process import NAME, Seldom
 from netboard.wire.codec import decode, encode
-from netboard.wire.messages import PROTOCOL_VERSION, Goodbye, Hello, Message, Ping, Pong, Refusal, View, Welcome
+from netboard.wire.meeting import Goodbye, Hello, Ping, Pong, Refusal, Welcome
+from netboard.wire.messages import PROTOCOL_VERSION, Message
+from netboard.wire.views import View
 
 log = logging.getLogger(__name__)
 
@@ -91,9 +93,9 @@ class DisplayClient(QObject):
         self._view_ns = self._hello_ns = self._report_ns = -(2**62)
         self._link_timeout_ns = round(config.display.link_timeout_ms * 1e6)
         self._address = keys.reach(config.network, f"display.{station}")
-        self._views = sockets.view_subscriber(context, self._address.reach(sockets.VIEW[station]))
+        self._views = sockets.view_subscriber(context, self._address.reach(channels.VIEW[station]))
         self._control = sockets.control_client(
-            context, self._address.reach(sockets.CONTROL), f"display.{station}@{NAME}"
+            context, self._address.reach(channels.CONTROL), f"display.{station}@{NAME}"
         )
         self._notifiers = [self._notify(self._views, self._take_views), self._notify(self._control, self._take_words)]
         self._round = QTimer(self, interval=ROUND_MS)

@@ -10,7 +10,7 @@ newer one within a period is no drop: the screen could not have shown both.
 from collections import deque
 
 from netboard.config import Side
-from netboard.wire.messages import Frames
+from netboard.wire.views import Frames
 
 MOST_KEPT = 2000
 """Frames kept while nobody takes the report, no more than one may hold; the oldest are forgotten first [1]."""

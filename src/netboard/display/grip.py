@@ -9,7 +9,7 @@ view.
 from netboard.config import Config, Side
 from netboard.display.scene import CURSOR_RADIUS, Grip, Point, to_grain
 from netboard.display.words import Words
-from netboard.wire.messages import View
+from netboard.wire.views import View
 
 ARROW_PER_FORCE = 0.04
 """Length of the arrow for a force of 1 N as drawn [m/N]."""

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 from netboard.config import Config
 from netboard.tick import TICK_NS
-from netboard.wire.messages import View
+from netboard.wire.views import View
 
 MOST_TICKS = 40
 """Views further apart than this say nothing about rates: in between they were all the same [1]."""

@@ -29,7 +29,7 @@ from netboard.replay.pairing import Sync, pair
 from netboard.replay.playback import Playback, clock
 from netboard.replay.reel import Reel
 from netboard.tick import TICK_SECONDS
-from netboard.wire.messages import View
+from netboard.wire.views import View
 
 FRAME_MS = 16
 STEP, LONG_STEP = 1.0, 10.0

@@ -6,7 +6,7 @@ curtain holds: a player sees the own stylus and the own force.
 
 from PySide6.QtCore import QObject, QTimer
 
-from netboard import settings, sockets
+from netboard import channels, settings, sockets
 from netboard.clock import now_ns
 from netboard.config import SIDES, Config, Side, played_sides
 from netboard.devices.mouse import Options
@@ -18,7 +18,8 @@ from netboard.display.scene import Grip
 from netboard.display.window import BoardWindow
 from netboard.errors import WireError
 from netboard.wire.codec import decode, encode
-from netboard.wire.messages import Felt, Pointer, View
+from netboard.wire.motion import Felt, Pointer
+from netboard.wire.views import View
 
 ALIVE_MS = 50
 """The agent is told where the pointer is at least this often: that is how it knows that the window is there [ms]."""
@@ -51,7 +52,7 @@ class Playing(QObject):
         super().__init__(window)
         agent = config.agents.left if station == "left" else config.agents.right
         options = settings.check(Options, dict(agent.options), ("agents", station, "options"))
-        where = sockets.addresses(config.network)
+        where = channels.addresses(config.network)
         self._station = station
         self._words = load_words(config.display.language)
         self._keys = options.input == "keys"

@@ -12,8 +12,9 @@ import math
 from dataclasses import dataclass, replace
 from enum import Enum
 
-from netboard.config import Config, Geometry
-from netboard.wire.messages import View
+from netboard.config import Config
+from netboard.tables.scene import Geometry
+from netboard.wire.views import View
 
 GRAIN = 2e-5
 """Points are rounded to this [m]; some 1/30 of a pixel in a window, 1/10 on a 4K screen."""

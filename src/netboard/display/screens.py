@@ -12,7 +12,7 @@ from netboard.display.scene import COLOURS, Mood, Picture, extent, with_board
 from netboard.display.story import SUCCEEDED
 from netboard.display.words import Words, instructions
 from netboard.errors import WireError
-from netboard.wire.messages import View
+from netboard.wire.views import View
 
 _MOODS = {
     "idle": Mood.WAIT,

@@ -27,7 +27,7 @@ from netboard.display.window import BoardWindow, screen_of
 from netboard.display.words import Words
 from netboard.errors import NetboardError
 from netboard.process import Seldom
-from netboard.wire.messages import View
+from netboard.wire.views import View
 
 log = logging.getLogger(__name__)
 

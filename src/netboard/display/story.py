@@ -6,7 +6,7 @@ counts and completion times. So a display can say "well done" for a while, and m
 
 from dataclasses import dataclass
 
-from netboard.wire.messages import View
+from netboard.wire.views import View
 
 TOLD_TICKS = 1500
 """A result is told for so long at the most: [1] ticks of 1 ms."""

@@ -9,9 +9,10 @@ from PySide6.QtCore import QEventLoop, QMessageLogContext, Qt, QTimer, QtMsgType
 from PySide6.QtGui import QCloseEvent, QGuiApplication, QKeyEvent, QScreen
 from PySide6.QtWidgets import QApplication, QVBoxLayout, QWidget
 
-from netboard.config import Display, Side
+from netboard.config import Side
 from netboard.display.widget import BoardView
 from netboard.errors import ConfigError
+from netboard.tables.rig import Display
 
 log = logging.getLogger(__name__)
 

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from netboard.config import Recording
 from netboard.doctor.finding import Colour, Finding
+from netboard.tables.rig import Recording
 
 BYTES_PER_SECOND = 250_000
 """A recording grows by this, with a margin: demos took 120 to 190 kB/s."""

@@ -11,11 +11,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TypeVar
 
-from netboard import keys, sockets
+from netboard import channels, keys, sockets, waiting
 from netboard.clock import now_ns
-from netboard.config import Network
 from netboard.doctor.finding import Finding
 from netboard.errors import ConfigError, NetboardError
+from netboard.tables.rig import Network
 from netboard.wire.session import ClockEstimator
 
 LOOPBACK = "127.0.0.1"
@@ -49,12 +49,12 @@ def compare(exchanges: int, progress: Callable[[float], None]) -> ClockEstimator
     NetboardError
         If nothing comes through.
     """
-    where = sockets.addresses(Network(host=LOOPBACK, bind=LOOPBACK, port=free_port()))
+    where = channels.addresses(Network(host=LOOPBACK, bind=LOOPBACK, port=free_port()))
     estimator = ClockEstimator()
     with sockets.open_context() as context:
-        server = sockets.control_server(context, where.listen(sockets.CONTROL))
-        peer = sockets.control_client(context, where.reach(sockets.CONTROL), "doctor")
-        server_hears, peer_hears = sockets.Waiter((server.socket,)), sockets.Waiter((peer,))
+        server = sockets.control_server(context, where.listen(channels.CONTROL))
+        peer = sockets.control_client(context, where.reach(channels.CONTROL), "doctor")
+        server_hears, peer_hears = waiting.Waiter((server.socket,)), waiting.Waiter((peer,))
         for number in range(exchanges):
             _send_when_connected(peer, b"hello")
             name = _heard(server_hears, server.receive)[0]
@@ -78,7 +78,7 @@ def _send_when_connected(peer: sockets.Socket, frame: bytes) -> None:
         time.sleep(0.001)
 
 
-def _heard(waiter: sockets.Waiter, receive: Callable[[], T | None]) -> T:
+def _heard(waiter: waiting.Waiter, receive: Callable[[], T | None]) -> T:
     """What has come, when it has."""
     heard = receive() if waiter.wait(PATIENCE_NS * 1e-9) else None
     if heard is None:
@@ -90,7 +90,7 @@ def free_port() -> int:
     """First port of which the one of the control channel is free now."""
     with net.socket() as probe:
         probe.bind((LOOPBACK, 0))
-        return int(probe.getsockname()[1]) - sockets.CONTROL
+        return int(probe.getsockname()[1]) - channels.CONTROL
 
 
 def ports(network: Network) -> Finding:
@@ -98,7 +98,7 @@ def ports(network: Network) -> Finding:
     name = "ports"
     if network.transport != "tcp":
         return Finding(name, "green", f"none needed: transport is {network.transport}")
-    numbers = range(network.port, network.port + len(sockets.CHANNELS))
+    numbers = range(network.port, network.port + len(channels.CHANNELS))
     found = f"{network.bind}:{numbers[0]}-{numbers[-1]}"
     for number in numbers:
         try:

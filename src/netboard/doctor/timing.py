@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 
 from netboard.clock import now_ns
-from netboard.config import Realtime
 from netboard.doctor.finding import Colour, Finding
 from netboard.errors import NetboardError
 from netboard.process import Priority, cpus_for, prepare, steady_loop
+from netboard.tables.rig import Realtime
 from netboard.tick import TICK_NS
 
 TIMER = "timer"

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from netboard.config import Physics
 from netboard.endurance.runs import (
     STUDIED,
     is_bounded,
@@ -26,6 +25,7 @@ from netboard.methods.stability import Matrix, is_stable, largest_step, spectral
 from netboard.physics.scene import pack_scene, parts_of
 from netboard.studies.results import Part, Value, Verdict
 from netboard.studies.running import Tell
+from netboard.tables.scene import Physics
 from netboard.tick import TICK_SECONDS
 
 ALLOWED = {"verlet": 0.08}

@@ -8,7 +8,6 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.config import Physics
 from netboard.endurance.maps import board_matrix
 from netboard.endurance.runs import STUDIED, polynomials, waves_at
 from netboard.methods.catalogue import NUMBER
@@ -19,6 +18,7 @@ from netboard.physics.scene import pack_scene, parts_of, state_length
 from netboard.physics.vectors import State
 from netboard.studies.results import Part, Value, Verdict
 from netboard.studies.running import Tell
+from netboard.tables.scene import Physics
 from netboard.tick import TICK_SECONDS
 
 Array = NDArray[np.float64]

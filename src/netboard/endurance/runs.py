@@ -18,13 +18,13 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.config import Physics
 from netboard.methods.catalogue import METHODS
 from netboard.methods.march import forces_along, make_grid, run
 from netboard.methods.stability import spectral_radius
 from netboard.physics.scene import pack_scene, parts_of
 from netboard.physics.vectors import State
 from netboard.studies.problem import AGAINST, BALL, TOGETHER
+from netboard.tables.scene import Physics
 from netboard.tick import TICK_SECONDS
 
 Array = NDArray[np.float64]

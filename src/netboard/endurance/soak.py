@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.compiled import fast
-from netboard.config import Physics
 from netboard.endurance.soak_audit import (
     BEYOND,
     GROWTH,
@@ -33,6 +32,7 @@ from netboard.offline.batch import LANES, in_blocks, make_batch, out_of_blocks, 
 from netboard.physics.scene import pack_scene, parts_of, state_length
 from netboard.studies.results import Part, Value, Verdict
 from netboard.studies.running import Tell
+from netboard.tables.scene import Physics
 from netboard.tick import TICK_SECONDS
 
 Array = NDArray[np.float64]

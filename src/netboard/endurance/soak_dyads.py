@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.compiled import fast
-from netboard.config import Physics
 from netboard.endurance.maps import board_matrix
 from netboard.errors import ConfigError
 from netboard.methods.choice import choose
 from netboard.methods.stability import stiffness
 from netboard.offline.batch import LANES, numbers_at
+from netboard.tables.scene import Physics
 from netboard.tick import TICK_SECONDS
 
 Array = NDArray[np.float64]

@@ -11,7 +11,6 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.config import Physics
 from netboard.endurance.maps import board_matrix
 from netboard.endurance.runs import DURATION, FIXED_PLACE, make_run, scaled, waves_at
 from netboard.methods.choice import choose
@@ -22,6 +21,7 @@ from netboard.physics.vectors import State
 from netboard.studies.problem import BALL, MODELS
 from netboard.studies.results import Part, Value, Verdict
 from netboard.studies.running import Tell
+from netboard.tables.scene import Physics
 from netboard.tick import TICK_SECONDS
 
 Array = NDArray[np.float64]

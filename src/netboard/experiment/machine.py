@@ -17,7 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.compiled import kernel
-from netboard.config import Block, Config, Geometry, Task
+from netboard.config import Config
+from netboard.tables.experiment import Block, Task
+from netboard.tables.scene import Geometry
 from netboard.tick import TICK_SECONDS
 
 

@@ -26,7 +26,7 @@ from netboard.experiment.entries import (
 from netboard.experiment.repeats import Repeats
 
 Row: TypeAlias = tuple[int, int, int, str, float, str, int]
-"""One attempt as in `netboard.wire.messages.Outcomes`."""
+"""One attempt as in `netboard.wire.control.Outcomes`."""
 
 Place: TypeAlias = tuple[int, int, int]
 """Numbers of block, trial and attempt."""

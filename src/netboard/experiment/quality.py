@@ -1,4 +1,4 @@
-"""What makes a trial doubtful: rules that are declared before (`netboard.config.Quality`), and applied by code.
+"""What makes a trial doubtful: rules declared before (`netboard.tables.experiment.Quality`), and applied by code.
 
 A `Referee` is shown the rows of the ticks, in any portions, and the frames that the displays have painted. At the tick
 that ends an attempt it gives a `Verdict`: the words of `WORDS` that are true of it. The server does this live, and
@@ -17,8 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.compiled import inlined, kernel
-from netboard.config import SIDES, Block, Config, Quality
+from netboard.config import SIDES, Config
 from netboard.experiment.machine import SUCCESSOR, Cause, Phase
+from netboard.tables.experiment import Block, Quality
 from netboard.tick import LATE_NS, TICK, TICK_SECONDS
 
 REPORT_TICKS = 700
@@ -279,7 +280,7 @@ class Verdict:
 
     @property
     def outcome(self) -> str:
-        """What has become of the attempt, as in `netboard.wire.messages.Outcomes`."""
+        """What has become of the attempt, as in `netboard.wire.control.Outcomes`."""
         return _OUTCOMES.get(self.cause, "skipped")
 
 

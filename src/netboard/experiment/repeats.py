@@ -6,7 +6,7 @@ No trial is asked for twice at a time, and a repeat is never repeated by the rul
 
 from dataclasses import dataclass, replace
 
-from netboard.config import Quality
+from netboard.tables.experiment import Quality
 
 
 @dataclass(frozen=True, slots=True)

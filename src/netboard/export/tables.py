@@ -21,7 +21,7 @@ from netboard.recording.reader import Recording
 from netboard.recording.summary import Attempt, attempts_along
 from netboard.settings import tables as settings_tables
 from netboard.tick import TICK
-from netboard.wire.messages import ClockRecord, EventRecord, FrameRecord
+from netboard.wire.records import ClockRecord, EventRecord, FrameRecord
 
 Rows = Mapping[str, NDArray[Any]]
 """Columns of equal length by name: int64, float64, or text (objects)."""

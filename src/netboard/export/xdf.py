@@ -32,7 +32,7 @@ from netboard.recording.streams import (
     samples,
     seconds,
 )
-from netboard.wire.messages import EventRecord
+from netboard.wire.records import EventRecord
 
 MAGIC = b"XDF:"
 

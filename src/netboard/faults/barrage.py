@@ -9,24 +9,17 @@ import socket as net
 import time
 from collections.abc import Callable, Sequence
 
-from netboard import sockets
-from netboard.config import Network
+from netboard import channels, sockets
 from netboard.errors import NetboardError
 from netboard.faults import zmtp
 from netboard.faults.mutants import Mutants, parse, true_frames
+from netboard.tables.rig import Network
 from netboard.wire.codec import encode
-from netboard.wire.messages import (
-    PROTOCOL_VERSION,
-    Command,
-    EventRecord,
-    Goodbye,
-    Hello,
-    LogAck,
-    LogRequest,
-    Message,
-    Safeguard,
-    Stylus,
-)
+from netboard.wire.control import Command
+from netboard.wire.meeting import Goodbye, Hello
+from netboard.wire.messages import PROTOCOL_VERSION, Message
+from netboard.wire.motion import Safeguard, Stylus
+from netboard.wire.records import EventRecord, LogAck, LogRequest
 
 RATE_HZ = 1500.0
 """Malformed messages for each socket, somewhat fewer than the log channel takes [Hz]."""
@@ -80,14 +73,14 @@ class Assault:
     """
 
     def __init__(self, channel: int, network: Network, hello: Hello | None, count: int, seed: int) -> None:
-        self.channel = sockets.CHANNELS[channel]
+        self.channel = channels.CHANNELS[channel]
         self.count = count
         self.sent = self.malformed = 0
         self._welcomed = hello is not None
         self._chance = random.Random(seed)
         self._mutants = Mutants(true_frames(seed), seed)
         name = f"{PREFIX}.{self.channel}.{hello.role + hello.side if hello else 'stranger'}"
-        self._subscribes = channel in sockets.VIEW.values()
+        self._subscribes = channel in channels.VIEW.values()
         kind = b"SUB" if self._subscribes else b"DEALER"
         first = [] if hello is None else [encode(hello)]
         self.line = zmtp.Line((network.host, network.port + channel), kind, name.encode(), first)
@@ -188,7 +181,7 @@ def as_agents(network: Network, count: int) -> list[Assault]:
         How many each sends [1].
     """
     return [
-        Assault(sockets.MOTION, network, _hello("agent", side), count, seed)
+        Assault(channels.MOTION, network, _hello("agent", side), count, seed)
         for seed, side in enumerate(("left", "right"), start=1)
     ]
 
@@ -204,11 +197,11 @@ def as_others(network: Network, count: int) -> list[Assault]:
         How many each socket gets [1].
     """
     of: dict[int, list[Hello | None]] = {
-        sockets.MOTION: [None],
-        sockets.LOG: [None, _hello("logger", "")],
-        sockets.CONTROL: [None, _hello("display", "right"), _hello("console", "")],
-        sockets.VIEW_LEFT: [None],
-        sockets.VIEW_RIGHT: [None],
+        channels.MOTION: [None],
+        channels.LOG: [None, _hello("logger", "")],
+        channels.CONTROL: [None, _hello("display", "right"), _hello("console", "")],
+        channels.VIEW_LEFT: [None],
+        channels.VIEW_RIGHT: [None],
     }
     return [
         Assault(channel, network, hello, count // len(hellos), 10 * channel + place)
@@ -227,7 +220,7 @@ def vandal(network: Network, count: int) -> Vandal:
     count : int
         How many connections each socket gets [1].
     """
-    places = [(network.host, network.port + channel) for channel in range(sockets.CONTROL + 1)]
+    places = [(network.host, network.port + channel) for channel in range(channels.CONTROL + 1)]
     return Vandal(places, count * len(places), 77)
 
 
@@ -257,7 +250,7 @@ def fire(assaults: Sequence[Assault], vandal: Vandal | None, look: Callable[[], 
         for assault in assaults:
             assault.fire((now - began) * rates[assault.channel])
         if vandal is not None:
-            vandal.fire((now - began) * STREAMS_HZ * (sockets.CONTROL + 1))
+            vandal.fire((now - began) * STREAMS_HZ * (channels.CONTROL + 1))
         if now - looked > 1.0:
             looked = now
             look()

@@ -19,7 +19,7 @@ from netboard.faults.gathering import Evidence, Taken
 from netboard.nodes import alarm
 from netboard.studies.results import Verdict
 from netboard.tick import TICK_NS
-from netboard.wire.messages import Safeguard
+from netboard.wire.motion import Safeguard
 
 Check: TypeAlias = Callable[[Evidence], Verdict]
 

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.clock import now_ns
-from netboard.config import Agent, Config, Side
+from netboard.config import Config, Side
 from netboard.devices.base import Device, DeviceInfo, Reading
 from netboard.devices.registry import GROUP
 from netboard.devices.velocity import Velocimeter
@@ -27,6 +27,7 @@ from netboard.errors import DeviceLost, DeviceNotFound
 from netboard.participants.device_models import resolved
 from netboard.participants.submovement import Submovement
 from netboard.settings import NO_EXTRAS, about
+from netboard.tables.rig import Agent
 
 NAME = "tampered"
 

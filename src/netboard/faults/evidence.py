@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from netboard.devices.safety import LONGEST_STEP_NS
 from netboard.experiment.machine import Cause, Phase
 from netboard.tick import TICK_NS
-from netboard.wire.messages import EventRecord
+from netboard.wire.records import EventRecord
 
 HELD_UP_NS = 20_000_000
 """A loop of 1 kHz that does nothing for so long was held up by the machine, or on purpose [ns]."""

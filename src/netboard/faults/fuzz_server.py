@@ -20,13 +20,14 @@ from netboard.faults.gathering import Evidence, Window, take
 from netboard.faults.rigs import Rig, tampered
 from netboard.faults.sites import PACE
 from netboard.faults.watching import look, memory, memory_part
-from netboard.nodes.session import LATE_NS
+from netboard.nodes.pace import LATE_NS
 from netboard.proof.verification import verify_recording
 from netboard.recording.reader import Recording
 from netboard.studies.results import Part, Value, Verdict
 from netboard.studies.running import Tell
 from netboard.tick import TICK_NS
-from netboard.wire.messages import EventRecord, Goodbye
+from netboard.wire.meeting import Goodbye
+from netboard.wire.records import EventRecord
 
 IN_SEATS = 0.25
 """Share of the motion socket's messages that come from peers in the agents' seats, before there is a trial [1]."""

@@ -12,15 +12,16 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.config import SIDES, Safety, Side
+from netboard.config import SIDES, Side
 from netboard.faults.devices import read_traces
 from netboard.faults.evidence import Pause, between, pauses, pauses_between
 from netboard.faults.sites import Site
 from netboard.proof.account import Account, account_of
 from netboard.recording.reader import Recording
 from netboard.recording.spilled import recover_any
+from netboard.tables.rig import Safety
 from netboard.tick import TICK
-from netboard.wire.messages import EventRecord
+from netboard.wire.records import EventRecord
 
 BEFORE_NS = 5_000_000
 """What the devices were handed just before a fault belongs to it: the last force before it is among it [ns]."""
@@ -79,7 +80,7 @@ class Evidence:
     ----------
     window : Window
         When it was made.
-    limits : netboard.config.Safety
+    limits : netboard.tables.rig.Safety
         The safety chain's limits.
     traces : dict of list of ndarray of TRACE
         What each device of each side was handed in that time.

@@ -17,7 +17,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from netboard import sockets
+from netboard import channels, sockets, waiting
 from netboard.clock import now_ns
 from netboard.faults.devices import Trick, play_trick, read_trace, trace_file
 from netboard.faults.relay import FAIR, Weather
@@ -26,7 +26,9 @@ from netboard.faults.sites import START_S, Site, side_of
 from netboard.nodes import alarm
 from netboard.nodes.launcher import CHANNELS
 from netboard.wire.codec import decode, encode
-from netboard.wire.messages import PROTOCOL_VERSION, Hello, Refusal, Stylus
+from netboard.wire.meeting import Hello, Refusal
+from netboard.wire.messages import PROTOCOL_VERSION
+from netboard.wire.motion import Stylus
 
 Facts: TypeAlias = Mapping[str, str]
 Act: TypeAlias = Callable[[Site], Facts]
@@ -227,12 +229,12 @@ def say(*frames: bytes) -> Act:
     def act(site: Site) -> Facts:
         answers: dict[str, None] = {}
         with sockets.open_context() as context:
-            stranger = sockets.motion_agent(context, _reach(site).reach(sockets.MOTION), "stranger")
+            stranger = sockets.motion_agent(context, _reach(site).reach(channels.MOTION), "stranger")
             until = time.monotonic() + ANSWER_SECONDS
             while len(answers) < len(frames) and time.monotonic() < until:
                 for frame in frames:
                     sockets.send(stranger, frame)
-                if sockets.wait_readable(stranger, 0.2):
+                if waiting.wait_readable(stranger, 0.2):
                     answers[_words(sockets.receive(stranger))] = None
         return {"answer": "; ".join(answers)}
 
@@ -259,9 +261,9 @@ def flood(seconds: float = 3.0, quick: float = 1.5) -> Act:
         with sockets.open_context() as context:
             where = _reach(site)
             floods = [
-                sockets.motion_agent(context, where.reach(sockets.MOTION), "flood"),
-                sockets.control_client(context, where.reach(sockets.CONTROL), "flood"),
-                sockets.log_client(context, where.reach(sockets.LOG), "flood"),
+                sockets.motion_agent(context, where.reach(channels.MOTION), "flood"),
+                sockets.control_client(context, where.reach(channels.CONTROL), "flood"),
+                sockets.log_client(context, where.reach(channels.LOG), "flood"),
             ]
             while time.monotonic() < until:
                 for _ in range(200):
@@ -281,8 +283,8 @@ def _knock(site: Site) -> int:
     return CHANNELS - 1
 
 
-def _reach(site: Site) -> sockets.Addresses:
-    return sockets.addresses(site.rig.config.network)
+def _reach(site: Site) -> channels.Addresses:
+    return channels.addresses(site.rig.config.network)
 
 
 # --- devices -----------------------------------------------------------------------------------------------------

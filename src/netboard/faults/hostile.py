@@ -13,33 +13,19 @@ from math import sin
 
 import numpy as np
 
-from netboard import sockets
+from netboard import channels, sockets
 from netboard.clock import now_ns
-from netboard.config import SIDES, Config, Network, resolve
+from netboard.config import SIDES, Config, resolve
 from netboard.faults import zmtp
 from netboard.faults.mutants import parse
+from netboard.tables.rig import Network
 from netboard.tick import TICK
 from netboard.wire.codec import encode
-from netboard.wire.messages import (
-    PROTOCOL_VERSION,
-    Beat,
-    Force,
-    Frames,
-    Goodbye,
-    Hello,
-    LogAck,
-    LogBatch,
-    LogEnd,
-    LogRequest,
-    Message,
-    Point,
-    Refusal,
-    Safeguard,
-    Stylus,
-    TickRecord,
-    View,
-    Welcome,
-)
+from netboard.wire.meeting import Goodbye, Hello, Refusal, Welcome
+from netboard.wire.messages import PROTOCOL_VERSION, Message
+from netboard.wire.motion import Beat, Force, Point, Safeguard, Stylus
+from netboard.wire.records import LogAck, LogBatch, LogEnd, LogRequest, TickRecord
+from netboard.wire.views import Frames, View
 
 FORCE = 0.1
 """The force on every hand: small enough to arm the device with it [N]."""
@@ -97,7 +83,7 @@ class HostileServer:
     """
 
     def __init__(self, config: Config, context: sockets.Context, mutants: Iterator[bytes]) -> None:
-        where = sockets.addresses(config.network)
+        where = channels.addresses(config.network)
         self.armed: set[bytes] = set()
         self.grown: set[bytes] = set()
         self.samples = self.shown = self.ticks = self.durable = 0
@@ -105,13 +91,13 @@ class HostileServer:
         self._config = config
         self._welcome = self._begin(1)
         self._routers = {
-            "motion": sockets.motion_server(context, where.listen(sockets.MOTION)),
-            "log": sockets.log_server(context, where.listen(sockets.LOG)),
-            "control": sockets.control_server(context, where.listen(sockets.CONTROL)),
+            "motion": sockets.motion_server(context, where.listen(channels.MOTION)),
+            "log": sockets.log_server(context, where.listen(channels.LOG)),
+            "control": sockets.control_server(context, where.listen(channels.CONTROL)),
         }
-        self._views = {side: sockets.view_publisher(context, where.listen(sockets.VIEW[side])) for side in SIDES}
+        self._views = {side: sockets.view_publisher(context, where.listen(channels.VIEW[side])) for side in SIDES}
         bimanual = config.block.configuration == "bimanual"
-        self._nerve = sockets.nerve_sender(context, where.listen(sockets.NERVE)) if bimanual else None
+        self._nerve = sockets.nerve_sender(context, where.listen(channels.NERVE)) if bimanual else None
         self._peers: dict[str, set[bytes]] = {channel: set() for channel in self._routers}
         self._wanted: dict[bytes, int] = {}
         self._turns = 0
@@ -230,7 +216,7 @@ class Babbler:
     def __init__(self, network: Network, seed: int) -> None:
         self.heard = 0
         self._talk = zmtp.Talk(KEPT_OPEN, seed)
-        places = [(network.host, network.port + channel) for channel in range(sockets.NERVE)]
+        places = [(network.host, network.port + channel) for channel in range(channels.NERVE)]
         self._listeners = [net.create_server(place) for place in places]
         for listener in self._listeners:
             listener.setblocking(False)

@@ -18,8 +18,8 @@ from typing import Any
 import msgpack
 
 from netboard.errors import WireError
-from netboard.wire.codec import CHOICES, KINDS, decode, encode
-from netboard.wire.messages import Message
+from netboard.wire.codec import decode, encode
+from netboard.wire.messages import CHOICES, KINDS, Message
 
 LARGEST = 2**20
 """Frames are no larger: what is, a socket refuses [bytes]."""

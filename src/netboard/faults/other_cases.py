@@ -18,7 +18,7 @@ from netboard.faults.harm import (
 )
 from netboard.faults.sites import Setup
 from netboard.wire.codec import encode
-from netboard.wire.messages import Safeguard
+from netboard.wire.motion import Safeguard
 
 _REFUSED = "refused and recorded; the trial goes on"
 _LEFT_RECORDING = (paused("the logger has left"), nothing_lost(), told("logger", "exit code 1"), noted("logger_left"))

@@ -23,7 +23,7 @@ from netboard.faults.devices import NAME, install, read_trace, trace_file
 from netboard.nodes.launcher import free_port
 from netboard.nodes.operator import Operator
 from netboard.process import WITH_PARENT
-from netboard.wire.messages import Status
+from netboard.wire.control import Status
 
 PATIENCE = 60.0
 """Nothing here takes this long unless it is broken [s]."""

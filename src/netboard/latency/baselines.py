@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from netboard import doors, keys, sockets
+from netboard import channels, doors, ends, keys, sockets
 from netboard.clock import Pacer, now_ns
 from netboard.config import Config, parse
 from netboard.latency.workers import serve
@@ -30,7 +30,7 @@ Order = dict[str, Any]
 ANSWER = bytes(FORCE.size)
 
 
-def echo(router: sockets.Router, door: doors.Door | None, order: Order) -> Order:
+def echo(router: ends.Router, door: doors.Door | None, order: Order) -> Order:
     """Answer so many frames.
 
     Parameters
@@ -52,7 +52,7 @@ def echo(router: sockets.Router, door: doors.Door | None, order: Order) -> Order
     return {}
 
 
-def _greet(router: sockets.Router, door: doors.Door | None, count: int) -> None:
+def _greet(router: ends.Router, door: doors.Door | None, count: int) -> None:
     """Answer so many frames, and attend to the door meanwhile."""
     while count > 0:
         if door is not None:
@@ -138,11 +138,11 @@ def _role(role: str, name: str, config: Config, context: sockets.Context) -> Cal
     match role:
         case "echo":
             door = keys.door(config.network)
-            router = sockets.motion_server(context, sockets.addresses(config.network, door).listen(sockets.MOTION))
+            router = sockets.motion_server(context, channels.addresses(config.network, door).listen(channels.MOTION))
             router.socket.rcvtimeo = PATIENCE_MS
             return partial(echo, router, door)
         case "peer":
-            where = keys.reach(config.network, name).reach(sockets.MOTION)
+            where = keys.reach(config.network, name).reach(channels.MOTION)
             socket = sockets.motion_agent(context, where, f"{name}@{NAME}")
             socket.rcvtimeo = socket.sndtimeo = PATIENCE_MS
             return partial(peer, socket)

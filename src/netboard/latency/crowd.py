@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard import keys, sockets
+from netboard import channels, keys, sockets
 from netboard.clock import CATCH_UP_TICKS, now_ns
 from netboard.config import SIDES, Config, Side, parse
 from netboard.experiment.machine import is_active
@@ -31,22 +31,11 @@ from netboard.nodes.agent import phase_shift
 from netboard.process import NAME, Priority, cpus_for, io_priority, prepare, speak, steady_loop
 from netboard.tick import TICK, TICK_NS
 from netboard.wire import fixed
-from netboard.wire.codec import KINDS, decode, encode
-from netboard.wire.messages import (
-    PROTOCOL_VERSION,
-    Beat,
-    Force,
-    Hello,
-    LogAck,
-    LogBatch,
-    LogRequest,
-    Ping,
-    Pong,
-    Safeguard,
-    Stylus,
-    TickRecord,
-    Welcome,
-)
+from netboard.wire.codec import decode, encode
+from netboard.wire.meeting import Hello, Ping, Pong, Welcome
+from netboard.wire.messages import KINDS, PROTOCOL_VERSION
+from netboard.wire.motion import Beat, Force, Safeguard, Stylus
+from netboard.wire.records import LogAck, LogBatch, LogRequest, TickRecord
 
 HEIGHT, FREQUENCY = 0.005, 0.5
 """A hand that moves goes so far up and down, so often [m, Hz]."""
@@ -114,7 +103,7 @@ class LightAgent:
         where = keys.reach(config.network, f"agent.{side}")
         self.lead_ns = 0
         self.welcome = False
-        self._socket = sockets.motion_agent(context, where.reach(sockets.MOTION), f"agent.{side}@{NAME}")
+        self._socket = sockets.motion_agent(context, where.reach(channels.MOTION), f"agent.{side}@{NAME}")
         self._hello = encode(Hello("agent", side, PROTOCOL_VERSION, NAME, version("netboard"), {}))
         self._frame = frame
         frame["force_tick"] = -1
@@ -282,7 +271,7 @@ class LightLogger:
     def __init__(self, config: Config, context: sockets.Context) -> None:
         where = keys.reach(config.network, "logger")
         self.late: list[NDArray[Any]] = []
-        self._socket = sockets.log_client(context, where.reach(sockets.LOG), f"logger@{NAME}")
+        self._socket = sockets.log_client(context, where.reach(channels.LOG), f"logger@{NAME}")
         self._hello = Hello("logger", "", PROTOCOL_VERSION, NAME, version("netboard"), {})
         self._welcomed = False
         self._greeted_ns = -HELLO_NS
@@ -342,7 +331,7 @@ def be_watchers(configs: Iterable[Config], context: sockets.Context, order: dict
     configs = list(configs)
     loggers = [LightLogger(config, context) for config in configs if order["loggers"]]
     views = [
-        sockets.view_subscriber(context, keys.reach(config.network, f"display.{side}").reach(sockets.VIEW[side]))
+        sockets.view_subscriber(context, keys.reach(config.network, f"display.{side}").reach(channels.VIEW[side]))
         for config in configs
         for side in SIDES
         if order["displays"]

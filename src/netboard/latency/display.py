@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
 
-from netboard import sockets
+from netboard import channels, sockets
 from netboard.clock import now_ns
 from netboard.config import Config, parse, resolve
 from netboard.display.client import DisplayClient
@@ -29,7 +29,7 @@ from netboard.latency.spreads import HEADS, Times, spread_rows
 from netboard.studies.machine import describe
 from netboard.studies.results import Folder, Part, Value, new_folder, show
 from netboard.wire.codec import encode
-from netboard.wire.messages import View
+from netboard.wire.views import View
 
 SECONDS, QUICK_SECONDS = 30.0, 3.0
 """Each of the ways is measured for so long, unless told otherwise [s]."""
@@ -91,7 +91,7 @@ def send_views(config: Config, seconds: float, moving: bool) -> dict[int, int]:
     ticks = ceil(1000 / config.network.view_rate_hz) if moving else ALIVE_TICKS
     sent: dict[int, int] = {}
     with sockets.open_context() as context:
-        publisher = sockets.view_publisher(context, sockets.addresses(config.network).listen(sockets.VIEW["left"]))
+        publisher = sockets.view_publisher(context, channels.addresses(config.network).listen(channels.VIEW["left"]))
         start = now_ns()
         for seq in range(round(seconds * 1000 / ticks)):
             time.sleep(max(0.0, (start + seq * ticks * 1_000_000 - now_ns()) * 1e-9))

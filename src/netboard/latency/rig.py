@@ -24,7 +24,7 @@ from netboard.experiment.machine import is_active
 from netboard.latency.usage import Usage, read_usage
 from netboard.nodes.launcher import Launcher, free_port
 from netboard.nodes.operator import Operator
-from netboard.wire.messages import Status
+from netboard.wire.control import Status
 
 TRIALS = 10_000
 """More than anybody will see [1]."""

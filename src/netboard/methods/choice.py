@@ -10,10 +10,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
-from netboard.config import Physics
 from netboard.errors import ConfigError
 from netboard.methods.stability import ROUNDING, Matrix, solved_matrix, spectral_radius, stiffness, tilted_matrix
 from netboard.physics.scene import Parts, pack_scene, parts_of
+from netboard.tables.scene import Physics
 
 TILTS = tuple(math.radians(tilt) for tilt in (0, 35, 20))
 """A tilt to the other side is the same with the balls on the other side [rad]."""

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from netboard.config import Physics
+from netboard.tables.scene import Physics
 from netboard.tick import TICK_SECONDS
 
 Matrix = NDArray[np.float64]

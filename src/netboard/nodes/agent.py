@@ -16,7 +16,7 @@ from collections.abc import Callable
 from importlib.metadata import version
 from typing import Protocol
 
-from netboard import keys, sockets
+from netboard import channels, keys, sockets
 from netboard.clock import Pacer, now_ns
 from netboard.config import Config, Side
 from netboard.devices.base import Device, DeviceInfo, Reading
@@ -31,15 +31,9 @@ from netboard.nodes.motion_link import Link
 from netboard.process import NAME, Seldom, steady_loop
 from netboard.tick import TICK_NS
 from netboard.wire import fixed
-from netboard.wire.messages import (
-    PROTOCOL_VERSION,
-    Beat,
-    Force,
-    Hello,
-    Point,
-    Safeguard,
-    Stylus,
-)
+from netboard.wire.meeting import Hello
+from netboard.wire.messages import PROTOCOL_VERSION
+from netboard.wire.motion import Beat, Force, Point, Safeguard, Stylus
 
 log = logging.getLogger(__name__)
 
@@ -101,7 +95,7 @@ class Agent:
         companion: Companion | None = None,
     ) -> None:
         where = keys.reach(config.network, f"agent.{side}")
-        socket = sockets.motion_agent(context, where.reach(sockets.MOTION), f"agent.{side}@{NAME}")
+        socket = sockets.motion_agent(context, where.reach(channels.MOTION), f"agent.{side}@{NAME}")
         timeout_ns = int(config.network.sample_timeout_ms * 1e6)
         self._config, self._side = config, side
         self._link = Link(socket, introduction(side, config, device.info), timeout_ns)

@@ -7,7 +7,7 @@ Pure: it is told everything and does nothing but remember.
 
 from netboard.config import SIDES, Side
 from netboard.nodes import seats
-from netboard.wire.messages import Safeguard
+from netboard.wire.motion import Safeguard
 
 STOP, RELEASE = "emergency_stop", "emergency_release"
 """The operator's commands for it, and the names of the events."""

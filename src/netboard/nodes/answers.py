@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from netboard.clock import now_ns
 from netboard.config import SIDES, Side
 from netboard.curtain import PHASE_NAMES
-from netboard.wire.messages import Outcomes, Status, Trace
+from netboard.wire.control import Outcomes, Status, Trace
 
 if TYPE_CHECKING:
     from netboard.nodes.session import Session
@@ -59,7 +59,7 @@ class SessionAnswers:
             successes=int(state["successes"]),
             failures=int(state["failures"]),
             completions=tuple(session.ledger.completions),
-            late_ticks=session.late_ticks,
+            late_ticks=session.pace.late_ticks,
             waiting_for=session.missing,
             peers=(*agents, *loggers, *session.control.peers),
             notice="; ".join(filter(None, (session.questionnaires and f"ask now: {session.questionnaires}", said))),

@@ -15,7 +15,7 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from netboard import keys, sockets
+from netboard import channels, keys, sockets
 from netboard.config import SIDES, Config, Side, parse
 from netboard.devices.base import Device
 from netboard.errors import WireError
@@ -23,7 +23,8 @@ from netboard.participants.brain import Brain
 from netboard.participants.senses import Glimpse
 from netboard.participants.submovement import Submovement
 from netboard.wire.codec import decode, encode
-from netboard.wire.messages import Felt, Move, Pointer, View
+from netboard.wire.motion import Felt, Move, Pointer
+from netboard.wire.views import View
 
 HOST: Side = "left"
 """Where the brain of a bimanual participant sits."""
@@ -116,7 +117,7 @@ class Person:
         sides: tuple[Side, ...] = ("left", "right") if bimanual else (device.side,)
         rng = np.random.default_rng((config.block.seed, len(SIDES) + SIDES.index(device.side)))
         self._brain = Brain(config.participant, config.physics, config.task, sides, rng)
-        self._eye = Eye(sockets.view_subscriber(context, where.reach(sockets.VIEW[station])))
+        self._eye = Eye(sockets.view_subscriber(context, where.reach(channels.VIEW[station])))
         self._device = device
         self._reads = config.block.force == "full"  # only the whole force tells where the partner is
         self._nerve = nerve
@@ -144,7 +145,7 @@ class Limb:
 
     def __init__(self, config: Config, device: Held, context: sockets.Context) -> None:
         self._device = device
-        self._nerve = sockets.nerve_receiver(context, sockets.addresses(config.network).reach(sockets.NERVE))
+        self._nerve = sockets.nerve_receiver(context, channels.addresses(config.network).reach(channels.NERVE))
 
     def step(self, now_ns: int, haptics: bool) -> None:
         """Do what has been asked for."""
@@ -177,7 +178,7 @@ class Player:
     """
 
     def __init__(self, config: Config, device: Pointed, context: sockets.Context) -> None:
-        where = sockets.addresses(config.network)
+        where = channels.addresses(config.network)
         self._device = device
         self._pointer = sockets.pointer_receiver(context, where.pointer(device.side))
         self._felt = sockets.felt_publisher(context, where.felt(device.side))
@@ -251,7 +252,7 @@ class Life:
         """Where the other hand is told what to do; bound once, for an address is not free again at once."""
         if self._nerve is None:
             where = keys.reach(self._config.network, f"agent.{self._device.side}")
-            self._nerve = sockets.nerve_sender(self._context, where.reach(sockets.NERVE))
+            self._nerve = sockets.nerve_sender(self._context, where.reach(channels.NERVE))
         return self._nerve
 
 

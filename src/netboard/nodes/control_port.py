@@ -7,31 +7,17 @@ shown.
 
 from typing import NamedTuple, Protocol
 
-from netboard import sockets
+from netboard import ends
 from netboard.errors import WireError
 from netboard.nodes.peer import Link, Peer, clock_records, what
 from netboard.nodes.refusals import Refusals
 from netboard.wire.codec import decode, encode
-from netboard.wire.messages import (
-    ClockRecord,
-    Command,
-    FrameRecord,
-    Frames,
-    Goodbye,
-    Hello,
-    Message,
-    Outcomes,
-    OutcomesRequest,
-    Pong,
-    Refusal,
-    Reply,
-    Status,
-    StatusRequest,
-    Trace,
-    TraceRequest,
-    Welcome,
-)
+from netboard.wire.control import Command, Outcomes, OutcomesRequest, Reply, Status, StatusRequest, Trace, TraceRequest
+from netboard.wire.meeting import Goodbye, Hello, Pong, Refusal, Welcome
+from netboard.wire.messages import Message
+from netboard.wire.records import ClockRecord, FrameRecord
 from netboard.wire.session import admit
+from netboard.wire.views import Frames
 
 ROLES = ("display", "console")
 MOST_FRAMES = 16
@@ -80,7 +66,7 @@ class ControlPort:
 
     Parameters
     ----------
-    router : sockets.Router
+    router : ends.Router
         Server end of the control channel.
     welcome : Welcome
         What a peer is told first.
@@ -88,7 +74,7 @@ class ControlPort:
         Who is asked for what operators want to know.
     """
 
-    def __init__(self, router: sockets.Router, welcome: Welcome, answers: Answers) -> None:
+    def __init__(self, router: ends.Router, welcome: Welcome, answers: Answers) -> None:
         self.wishes: list[Wish] = []
         self.news: list[tuple[str, dict[str, str]]] = []
         self.frames: list[FrameRecord] = []

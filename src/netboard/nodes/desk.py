@@ -8,12 +8,12 @@ Pure: it is told how things stand and decides; the session does it.
 import json
 from dataclasses import asdict, dataclass
 
-from netboard.config import Session
 from netboard.errors import ConfigError
 from netboard.experiment.machine import TABLE, Cause, Phase
 from netboard.nodes import alarm
 from netboard.settings import check
-from netboard.wire.codec import REPLAY_COMMANDS
+from netboard.tables.experiment import Session
+from netboard.wire.control import REPLAY_COMMANDS
 
 CAUSES = {
     "start": Cause.START,

@@ -29,7 +29,9 @@ from netboard.experiment.progress import Progress, Row
 from netboard.experiment.quality import Referee, Verdict
 from netboard.experiment.repeats import Repeats, wants_repeat
 from netboard.recording.journal import Journal
-from netboard.wire.messages import FrameRecord, Outcomes, Safeguard
+from netboard.wire.control import Outcomes
+from netboard.wire.motion import Safeguard
+from netboard.wire.records import FrameRecord
 
 MOST_ROWS = 200
 """Attempts told at once [1]."""
@@ -67,7 +69,7 @@ class Ledger:
     Attributes
     ----------
     attempts : list of Row
-        What has become of all attempts, as in `netboard.wire.messages.Outcomes`.
+        What has become of all attempts, as in `netboard.wire.control.Outcomes`.
     completions : list of float
         Completion times of the block so far [s].
     wanted : int

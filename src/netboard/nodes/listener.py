@@ -21,21 +21,9 @@ from netboard.process import NAME, Seldom
 from netboard.recording.channels import record_of
 from netboard.tick import TICK
 from netboard.wire.codec import decode, encode
-from netboard.wire.messages import (
-    PROTOCOL_VERSION,
-    ClockRecord,
-    EventRecord,
-    Goodbye,
-    Hello,
-    LogBatch,
-    LogRequest,
-    Message,
-    Ping,
-    Pong,
-    Refusal,
-    TickRecord,
-    Welcome,
-)
+from netboard.wire.meeting import Goodbye, Hello, Ping, Pong, Refusal, Welcome
+from netboard.wire.messages import PROTOCOL_VERSION, Message
+from netboard.wire.records import ClockRecord, EventRecord, LogBatch, LogRequest, TickRecord
 
 log = logging.getLogger(__name__)
 

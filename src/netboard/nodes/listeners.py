@@ -5,11 +5,13 @@ time is lost to it, and it is told how many records that are. It acknowledges no
 trial may go on or a session may end is decided without knowing of it.
 """
 
-from netboard import sockets
+from netboard import ends
 from netboard.errors import WireError
 from netboard.nodes.peer import Link, Peer
 from netboard.wire.codec import encode
-from netboard.wire.messages import Goodbye, Hello, LogEnd, LogRequest, Message, Pong, Welcome
+from netboard.wire.meeting import Goodbye, Hello, Pong, Welcome
+from netboard.wire.messages import Message
+from netboard.wire.records import LogEnd, LogRequest
 from netboard.wire.ring import LogRing
 
 MOST_LISTENERS = 4
@@ -37,7 +39,7 @@ class Listeners:
 
     Parameters
     ----------
-    router : sockets.Router
+    router : ends.Router
         Server end of the log channel.
     ring : LogRing
         The records.
@@ -45,7 +47,7 @@ class Listeners:
         Where it is noted who comes and goes: name and details of an event.
     """
 
-    def __init__(self, router: sockets.Router, ring: LogRing, news: list[tuple[str, dict[str, str]]]) -> None:
+    def __init__(self, router: ends.Router, ring: LogRing, news: list[tuple[str, dict[str, str]]]) -> None:
         self._router = router
         self._ring = ring
         self._news = news

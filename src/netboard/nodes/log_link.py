@@ -2,9 +2,9 @@
 
 from typing import Protocol
 
-from netboard import keys, sockets
-from netboard.config import Network
+from netboard import channels, keys, sockets, waiting
 from netboard.process import NAME
+from netboard.tables.rig import Network
 
 HELLO_NS = 500_000_000
 """Hello is said again after so long without an answer [ns]."""
@@ -43,12 +43,12 @@ class SocketLink:
     """
 
     def __init__(self, network: Network, role: str, context: sockets.Context) -> None:
-        endpoint = keys.reach(network, role).reach(sockets.LOG)
+        endpoint = keys.reach(network, role).reach(channels.LOG)
         self._socket = sockets.log_client(context, endpoint, f"{role}@{NAME}")
 
     def wait(self, seconds: float) -> bool:
         """Wait until there is something to receive, at most so long [s]."""
-        return sockets.wait_readable(self._socket, seconds)
+        return waiting.wait_readable(self._socket, seconds)
 
     def receive(self) -> bytes | None:
         """Next frame, or None if there is none now."""

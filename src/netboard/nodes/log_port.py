@@ -9,7 +9,7 @@ now, or a disk has not read yet, is sent later. Listeners come by the same chann
 from collections.abc import Callable, Iterator
 from math import nan
 
-from netboard import sockets
+from netboard import ends
 from netboard.clock import now_ns
 from netboard.errors import WireError
 from netboard.nodes.listeners import Listeners
@@ -18,18 +18,9 @@ from netboard.nodes.refusals import Refusals
 from netboard.recording.disk import LOW_BYTES
 from netboard.recording.spill import Spill
 from netboard.wire.codec import decode, encode
-from netboard.wire.messages import (
-    ClockRecord,
-    Goodbye,
-    Hello,
-    LogAck,
-    LogBatch,
-    LogEnd,
-    LogRequest,
-    Message,
-    Pong,
-    Welcome,
-)
+from netboard.wire.meeting import Goodbye, Hello, Pong, Welcome
+from netboard.wire.messages import Message
+from netboard.wire.records import ClockRecord, LogAck, LogBatch, LogEnd, LogRequest
 from netboard.wire.ring import LogRing
 from netboard.wire.session import admit
 
@@ -72,7 +63,7 @@ class LogPort:
 
     Parameters
     ----------
-    router : sockets.Router
+    router : ends.Router
         Server end of the log channel.
     welcome : Welcome
         What a logger is told first.
@@ -99,7 +90,7 @@ class LogPort:
 
     def __init__(
         self,
-        router: sockets.Router,
+        router: ends.Router,
         welcome: Welcome,
         capacity: int,
         spill: Spill,

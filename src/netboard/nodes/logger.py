@@ -16,7 +16,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from netboard.clock import now_ns
-from netboard.config import Recording, parse
+from netboard.config import parse
 from netboard.errors import NetboardError, WireError
 from netboard.nodes.log_link import BURST, HELLO_NS, SILENT_NS, WAIT_SECONDS, Link
 from netboard.process import NAME, Seldom
@@ -24,21 +24,11 @@ from netboard.recording.channels import begun, record_of
 from netboard.recording.disk import Space, require_space
 from netboard.recording.provenance import next_recording, provenance
 from netboard.recording.writer import RecordingWriter
+from netboard.tables.rig import Recording
 from netboard.wire.codec import decode, encode
-from netboard.wire.messages import (
-    PROTOCOL_VERSION,
-    Goodbye,
-    Hello,
-    LogAck,
-    LogBatch,
-    LogEnd,
-    LogRequest,
-    Message,
-    Ping,
-    Pong,
-    Refusal,
-    Welcome,
-)
+from netboard.wire.meeting import Goodbye, Hello, Ping, Pong, Refusal, Welcome
+from netboard.wire.messages import PROTOCOL_VERSION, Message
+from netboard.wire.records import LogAck, LogBatch, LogEnd, LogRequest
 
 log = logging.getLogger(__name__)
 

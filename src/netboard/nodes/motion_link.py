@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from netboard import fastpath, sockets
+from netboard import fastpath, sockets, waiting
 from netboard.clock import Pacer, now_ns
 from netboard.compiled import kernel
 from netboard.errors import WireError
@@ -17,7 +17,8 @@ from netboard.process import Seldom
 from netboard.tick import TICK_NS
 from netboard.wire import fixed
 from netboard.wire.codec import decode, encode
-from netboard.wire.messages import Beat, Force, Goodbye, Hello, Point, Refusal, Welcome
+from netboard.wire.meeting import Goodbye, Hello, Refusal, Welcome
+from netboard.wire.motion import Beat, Force, Point
 
 log = logging.getLogger(__name__)
 
@@ -189,7 +190,7 @@ class Link:
 
     def wait(self, seconds: float) -> bool:
         """Wait for the server, at most so long [s]; whether something may have come."""
-        return sockets.wait_signal(self._socket, seconds)
+        return waiting.wait_signal(self._socket, seconds)
 
     def part(self, reason: str) -> None:
         """Say goodbye, with some patience if samples are still on their way, and belong to no session."""

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from netboard import fastpath, sockets
+from netboard import ends, fastpath, sockets
 from netboard.config import SIDES, Side
 from netboard.errors import WireError
 from netboard.nodes import seats
@@ -19,7 +19,10 @@ from netboard.nodes.peer import Link, Rate, clock_records, link_of
 from netboard.nodes.refusals import Refusals
 from netboard.wire import fixed
 from netboard.wire.codec import decode, encode
-from netboard.wire.messages import Beat, ClockRecord, Goodbye, Hello, Message, Stylus, Welcome
+from netboard.wire.meeting import Goodbye, Hello, Welcome
+from netboard.wire.messages import Message
+from netboard.wire.motion import Beat, Stylus
+from netboard.wire.records import ClockRecord
 from netboard.wire.session import ClockEstimator, admit
 
 BEAT_TICKS = 4
@@ -110,7 +113,7 @@ class MotionPort:
 
     Parameters
     ----------
-    router : sockets.Router
+    router : ends.Router
         Server end of the motion channel.
     welcome : Welcome
         What an agent is told first.
@@ -127,9 +130,7 @@ class MotionPort:
         What each hand feels is scaled by these [1].
     """
 
-    def __init__(
-        self, router: sockets.Router, welcome: Welcome, timeout_ns: int, bound_ns: int, ends: Any = None
-    ) -> None:
+    def __init__(self, router: ends.Router, welcome: Welcome, timeout_ns: int, bound_ns: int, ends: Any = None) -> None:
         self._words = np.zeros((len(SIDES), seats.WORDS), np.int64)
         self.seats: dict[Side, Seat] = {side: Seat(side, self._words[place]) for place, side in enumerate(SIDES)}
         self.news: list[tuple[str, dict[str, str]]] = []

@@ -8,30 +8,15 @@ import logging
 from collections import deque
 from importlib.metadata import version
 
-from netboard import keys, sockets
+from netboard import channels, keys, sockets, waiting
 from netboard.clock import now_ns
-from netboard.config import Network
 from netboard.errors import NetboardError, WireError
 from netboard.process import NAME
+from netboard.tables.rig import Network
 from netboard.wire.codec import decode, encode
-from netboard.wire.messages import (
-    PROTOCOL_VERSION,
-    Command,
-    Goodbye,
-    Hello,
-    Message,
-    Outcomes,
-    OutcomesRequest,
-    Ping,
-    Pong,
-    Refusal,
-    Reply,
-    Status,
-    StatusRequest,
-    Trace,
-    TraceRequest,
-    Welcome,
-)
+from netboard.wire.control import Command, Outcomes, OutcomesRequest, Reply, Status, StatusRequest, Trace, TraceRequest
+from netboard.wire.meeting import Goodbye, Hello, Ping, Pong, Refusal, Welcome
+from netboard.wire.messages import PROTOCOL_VERSION, Message
 
 HELLO_NS = 500_000_000
 """Hello is said again after so long without an answer [ns]."""
@@ -75,7 +60,7 @@ class Operator:
         self.points: deque[tuple[int, float, float, float, float, float, float, float]] = deque(maxlen=MOST_POINTS)
         self._replies: dict[int, Reply] = {}
         self._number = 0
-        self._socket = sockets.control_client(context, where.reach(sockets.CONTROL), f"console@{NAME}")
+        self._socket = sockets.control_client(context, where.reach(channels.CONTROL), f"console@{NAME}")
         self._hello = encode(Hello("console", "", PROTOCOL_VERSION, NAME, version("netboard"), {}))
         self._said_hello_ns = -HELLO_NS
         self._welcomed = False
@@ -91,7 +76,7 @@ class Operator:
         """
         self.poll(trace=False)
         answered = None
-        while answered is None and sockets.wait_readable(self._socket, seconds):
+        while answered is None and waiting.wait_readable(self._socket, seconds):
             answered = self._take()
         return answered
 
@@ -150,7 +135,7 @@ class Operator:
         number = self.command(name, argument)
         until_ns = now_ns() + int(seconds * 1e9)
         while (left_ns := until_ns - now_ns()) > 0:
-            if sockets.wait_readable(self._socket, left_ns * 1e-9):
+            if waiting.wait_readable(self._socket, left_ns * 1e-9):
                 self._take()
             if (reply := self.reply(number)) is not None:
                 return reply
@@ -160,7 +145,7 @@ class Operator:
         """Let time pass, answering what the server asks [s]."""
         until_ns = now_ns() + int(seconds * 1e9)
         while (left_ns := until_ns - now_ns()) > 0:
-            if sockets.wait_readable(self._socket, left_ns * 1e-9):
+            if waiting.wait_readable(self._socket, left_ns * 1e-9):
                 self._take()
 
     def leave(self) -> None:

@@ -30,7 +30,8 @@ from netboard.recording.streams import (
     samples,
     seconds,
 )
-from netboard.wire.messages import EventRecord, Welcome
+from netboard.wire.meeting import Welcome
+from netboard.wire.records import EventRecord
 
 log = logging.getLogger(__name__)
 

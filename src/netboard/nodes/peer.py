@@ -5,7 +5,8 @@ The server asks peers that do not speak every millisecond for their time, a few 
 
 from math import nan
 
-from netboard.wire.messages import ClockRecord, Hello, Ping, Pong
+from netboard.wire.meeting import Hello, Ping, Pong
+from netboard.wire.records import ClockRecord
 from netboard.wire.session import NEVER_NS, ClockEstimator
 
 Link = tuple[str, str, str, float, float, float, float, float, int]

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from netboard.config import SIDES, Config, Session, Side, resolve
+from netboard.config import SIDES, Config, Side, resolve
 from netboard.curtain import Curtain, make_curtain
 from netboard.errors import ConfigError, RecordingError
 from netboard.experiment.unrelated import Unrelated, unrelated_of
@@ -14,6 +14,7 @@ from netboard.nodes.delays import Delays
 from netboard.nodes.robot import Robot
 from netboard.recording.reader import Recording
 from netboard.stage import Stage, make_stage
+from netboard.tables.experiment import Session
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +52,30 @@ class Ready:
     people: tuple[Side, ...]
     robots: tuple[Robot, ...]
     unrelated: Unrelated | None
+
+    def stand_in(self, row: Any, words: Any, number: int, due_ns: int, state: Any) -> int:
+        """Put what does not come from an agent into the row of a tick; the bits of the sides that it stands for [1].
+
+        Parameters
+        ----------
+        row : netboard.tick.TICK record
+            The row.
+        words : ndarray of int64
+            Its words.
+        number : int
+            Number of the tick [1].
+        due_ns : int
+            Its deadline [ns].
+        state : netboard.tick.STATE record
+            The board before it.
+        """
+        found = 0
+        for robot in self.robots:
+            robot.fill(words, number, due_ns)
+            found |= (seats.LIVE | seats.ARMED) << SIDES.index(robot.side)
+        if self.unrelated is not None:
+            row["left_other"], row["right_other"] = self.unrelated.at(state)
+        return found
 
 
 class Programme:

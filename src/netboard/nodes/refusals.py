@@ -4,9 +4,9 @@ A refusal is answered and noted the first time, and then at most once a second f
 number of times. Whoever sends more kinds of nonsense than are remembered is lumped together.
 """
 
-from netboard import sockets
+from netboard import ends
 from netboard.wire.codec import encode
-from netboard.wire.messages import Refusal
+from netboard.wire.meeting import Refusal
 
 AGAIN_NS = 1_000_000_000
 """The same refusal is repeated after so long [ns]."""
@@ -22,13 +22,13 @@ class Refusals:
 
     Parameters
     ----------
-    router : sockets.Router
+    router : ends.Router
         Server end of the channel.
     news : list
         Where they are noted: name and details of an event.
     """
 
-    def __init__(self, router: sockets.Router, news: list[tuple[str, dict[str, str]]]) -> None:
+    def __init__(self, router: ends.Router, news: list[tuple[str, dict[str, str]]]) -> None:
         self._router = router
         self._news = news
         self._seen: dict[tuple[bytes, str], tuple[int, int]] = {}

@@ -16,7 +16,8 @@ from netboard.nodes.answers import SAFEGUARD_TICKS, TRACE_EVERY, trace_of
 from netboard.nodes.ledger import MOST_ROWS
 from netboard.replay.orders import in_words
 from netboard.tick import LATE_NS
-from netboard.wire.messages import REPLAY_OF, Outcomes, Safeguard, Status, Trace
+from netboard.wire.control import REPLAY_OF, Outcomes, Status, Trace
+from netboard.wire.motion import Safeguard
 
 if TYPE_CHECKING:
     from netboard.nodes.replay_server import ReplayServer

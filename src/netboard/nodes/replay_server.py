@@ -10,9 +10,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from netboard import doors, sockets
+from netboard import channels, doors, ends, sockets, waiting
 from netboard.clock import now_ns
-from netboard.config import Network
 from netboard.errors import NetboardError
 from netboard.nodes.control_port import ControlPort, Wish
 from netboard.nodes.refusals import Refusals
@@ -21,7 +20,9 @@ from netboard.nodes.view_port import ViewPort
 from netboard.replay.orders import Order, in_words, obey
 from netboard.replay.playback import Playback
 from netboard.replay.reel import Reel
-from netboard.wire.messages import PROTOCOL_VERSION, Welcome
+from netboard.tables.rig import Network
+from netboard.wire.meeting import Welcome
+from netboard.wire.messages import PROTOCOL_VERSION
 
 log = logging.getLogger(__name__)
 
@@ -46,13 +47,13 @@ class ClosedPort:
 
     Parameters
     ----------
-    router : sockets.Router
+    router : ends.Router
         Server end of the channel.
     reason : str
         Why.
     """
 
-    def __init__(self, router: sockets.Router, reason: str) -> None:
+    def __init__(self, router: ends.Router, reason: str) -> None:
         self.news: list[tuple[str, dict[str, str]]] = []
         self._router, self._reason = router, reason
         self._refusals = Refusals(router, self.news)
@@ -113,19 +114,19 @@ class ReplayServer:
         self._words = reel.ticks.view(np.int64).reshape(len(reel.ticks), -1)
         self._door = door
         self._over = False
-        where = sockets.addresses(network, door)
-        control = sockets.control_server(context, where.listen(sockets.CONTROL))
+        where = channels.addresses(network, door)
+        control = sockets.control_server(context, where.listen(channels.CONTROL))
         welcome = Welcome(self.session, PROTOCOL_VERSION, now_ns(), reel.text)
         self.control = ControlPort(control, welcome, ReplayAnswers(self))
         self._views = ViewPort(network, context, door)
         what = f"this is a replay of {reel.name}"
-        motion = sockets.motion_server(context, where.listen(sockets.MOTION))
-        records = sockets.log_server(context, where.listen(sockets.LOG))
+        motion = sockets.motion_server(context, where.listen(channels.MOTION))
+        records = sockets.log_server(context, where.listen(channels.LOG))
         self._closed = (
             ClosedPort(motion, f"{what}: it exerts no force, and takes no agent"),
             ClosedPort(records, f"{what}: there is nothing to record"),
         )
-        self._waiter = sockets.Waiter([control.socket])
+        self._waiter = waiting.Waiter([control.socket])
 
     @property
     def index(self) -> int:

@@ -13,11 +13,12 @@ import numpy as np
 
 from netboard import fastpath
 from netboard.compiled import kernel
-from netboard.config import SIDES, Physics
+from netboard.config import SIDES
 from netboard.physics.trig import sincos
+from netboard.tables.scene import Physics
 from netboard.tick import TICK, TICK_NS
 from netboard.wire import fixed
-from netboard.wire.messages import Safeguard, Stylus
+from netboard.wire.motion import Safeguard, Stylus
 
 SANE_NS = 2**60
 """Stamps beyond this, 36 years, are nonsense, and their arithmetic would leave 64 bits [ns]."""

@@ -7,7 +7,7 @@ spread over the millisecond, so that they do not come all at once. What happens 
 import logging
 from collections.abc import Callable, Sequence
 
-from netboard import doors, sockets
+from netboard import doors, sockets, waiting
 from netboard.clock import now_ns
 from netboard.nodes import seats
 from netboard.nodes.ledger import Ledger
@@ -80,7 +80,7 @@ class Server:
     def _run(self, running: list[Session], stopping: Callable[[], bool]) -> None:
         """Run these sessions until one of them begins to end, or is over."""
         inlets = {socket: session for session in running if not session.ending for socket in session.inlets}
-        waiter = sockets.Waiter(inlets)
+        waiter = waiting.Waiter(inlets)
         more = set(running)
         while True:
             sleep_ns = 0 if more else min(min(session.wake_ns for session in running) - now_ns(), LONGEST_SLEEP_NS)

@@ -1,12 +1,11 @@
-"""A session: the blocks of one dyad, one after the other, their watch, and the ports to its peers.
+"""A session: the blocks of one dyad, one after the other, their ticks, and what operators wish.
 
-A tick has a deadline, 1 ms after the one before. It is done as soon as both sides' new samples are in, at most half a
-millisecond before its deadline, and else at its deadline; a side that was late the last time is not waited for. Its
-simulated time is the deadline's in any case. In a tick the forces go out first; everything else comes after: keep the
-tick for the logger, show it to the stations, answer whoever asks.
+A tick has a deadline, 1 ms after the one before (`netboard.nodes.pace`); a side that was late the last time is not
+waited for. Its simulated time is the deadline's in any case. In a tick the forces go out first; everything else comes
+after: keep the tick for the logger, show it to the stations, answer whoever asks.
 
-While nobody is on the motion channel and no trial is on there is nothing to be quick for: the ticks that have become
-due are then done together, a few dozen times a second, and whoever comes wakes the session at once.
+While nobody is on the motion channel and no trial is on there is nothing to be quick for: ticks are then done together,
+and whoever comes wakes the session at once.
 
 Before its form is complete a session is not open: nothing of it is recorded, and no block can begin.
 """
@@ -14,54 +13,36 @@ Before its form is complete a session is not open: nothing of it is recorded, an
 import logging
 import uuid
 from dataclasses import asdict
-from typing import Any
 
 import numpy as np
 
 from netboard import doors, sockets
 from netboard.clock import now_ns
 from netboard.config import SIDES
-from netboard.curtain import PHASE_NAMES
 from netboard.errors import NetboardError
 from netboard.experiment.machine import Cause, Phase
 from netboard.nodes import alarm, seats
 from netboard.nodes.alarm import Alarm
 from netboard.nodes.answers import SessionAnswers
-from netboard.nodes.control_port import ControlPort, Wish
+from netboard.nodes.chronicle import Chronicle, change_of
+from netboard.nodes.control_port import Wish
 from netboard.nodes.desk import Decision, Desk, Situation, form_of, note_of
 from netboard.nodes.ledger import Ledger
-from netboard.nodes.log_port import LogPort
-from netboard.nodes.motion_port import MotionPort
+from netboard.nodes.pace import Pace
+from netboard.nodes.ports import Ports
 from netboard.nodes.programme import Programme
-from netboard.nodes.view_port import ViewPort
+from netboard.nodes.readiness import Readiness
 from netboard.nodes.watch import Watch
-from netboard.recording.spill import Spill, spill_path
 from netboard.tick import STATE, TICK, TICK_NS
 from netboard.wire.codec import encode
-from netboard.wire.messages import (
-    BLOCK_BEGAN,
-    PROTOCOL_VERSION,
-    EventRecord,
-    TickRecord,
-    Welcome,
-)
+from netboard.wire.meeting import Welcome
+from netboard.wire.messages import PROTOCOL_VERSION
+from netboard.wire.records import BLOCK_BEGAN, TickRecord
 
 log = logging.getLogger(__name__)
 
 RING_ROWS = 1024
 """Rows of ticks that are kept: more than the longest delay of a force, and a second of what operators see [1]."""
-
-EARLIEST_NS = TICK_NS // 2
-"""A tick is done at most so long before its deadline [ns]."""
-
-LATE_NS = TICK_NS // 2
-"""A tick done later than this is counted as late [ns]."""
-
-CATCH_UP_TICKS = 20
-"""A session further behind than this moves its deadlines instead of doing its ticks in a burst [1]."""
-
-IDLE_TICKS = 25
-"""So many ticks are done together while there is nothing to be quick for [1]."""
 
 HOUSE_TICKS = 10
 CLOCKS_NS = 1_000_000_000
@@ -102,8 +83,8 @@ class Session:
 
     Attributes
     ----------
-    wake_ns : int
-        When the session wants to go on, if nothing comes before [ns].
+    pace : Pace
+        When its ticks are done.
     inlets : (zmq.Socket, zmq.Socket)
         Where something may come that it wants to know at once: motion, control.
     """
@@ -118,8 +99,7 @@ class Session:
         autostart: bool,
     ) -> None:
         self.session = uuid.uuid4().hex
-        self.wake_ns = 0
-        self._due_ns = 0
+        self.pace = Pace()
         self._door = door
         self._programme, self.ledger = programme, ledger
         self.block = programme.block
@@ -128,45 +108,32 @@ class Session:
         self.rows = np.zeros(RING_ROWS, TICK)
         self._words = self.rows.view(np.int64).reshape(RING_ROWS, -1)
         self.number = 0
-        self.late_ticks = 0
-        self._events = 0
-        self._probes = 0
         self._clocks_ns = 0
         self._rest_until_ns = 0
         self._page_at = -1
-        self._unopened: list[tuple[str, dict[str, str]]] = []
         self.missing: tuple[str, ...] = ()
         self._asked_to_end = False
         self._ended_ns = self._ending_until_ns = 0
         self._log_closing = self._stopping = False
         self._started = False
-        self._gap = ""
         self.questionnaires = ""
         self._alarm = Alarm()
-        self._open_ports(context)
-
-    def _open_ports(self, context: sockets.Context) -> None:
-        """Bind the channels."""
-        network = self.block.config.network
-        where = sockets.addresses(network, self._door)
-        welcome = self._welcome()
-        self._timeout_ns = int(network.sample_timeout_ms * 1e6)
-        bound_ns = int(network.clock_bound_ms * 1e6)
-        motion = sockets.motion_server(context, where.listen(sockets.MOTION))
-        control = sockets.control_server(context, where.listen(sockets.CONTROL))
-        self.motion = MotionPort(motion, welcome, self._timeout_ns, bound_ns)
-        self.control = ControlPort(control, welcome, SessionAnswers(self))
-        spill = Spill(spill_path(self.block.config, self.session), welcome, int(network.log_spill_mb * 1e6))
-        ring = int(network.log_ring_s * 1000 * 1.5)
-        self.log = LogPort(sockets.log_server(context, where.listen(sockets.LOG)), welcome, ring, spill)
-        self._views = ViewPort(network, context, self._door)
-        self.inlets = (motion.socket, control.socket)
+        self._ports = Ports(self.block.config, self._welcome(), SessionAnswers(self), context, door)
+        self.motion, self.control, self.log = self._ports.motion, self._ports.control, self._ports.log
+        self.inlets = self._ports.inlets
+        self._chronicle = Chronicle(self.log)
+        self._readiness = Readiness(self._ports, self.desk, self._alarm, self.pace)
         self._sound([])
 
     def _welcome(self) -> Welcome:
         return Welcome(self.session, PROTOCOL_VERSION, now_ns(), self.block.text)
 
     # --- what the server asks ----------------------------------------------------------------------------------
+
+    @property
+    def wake_ns(self) -> int:
+        """When the session wants to go on, if nothing comes before [ns]."""
+        return self.pace.wake_ns
 
     @property
     def phase(self) -> Phase:
@@ -209,7 +176,7 @@ class Session:
         NetboardError
             If the session is complete as it is, and has been held already.
         """
-        self._due_ns = self.wake_ns = due_ns
+        self.pace.begin(due_ns)
         self._note("session_started", {"session": self.session, **machine})
         if self.ledger.opened or not self._programme.planned or self.block.config.session.ready:
             self._open()
@@ -220,11 +187,9 @@ class Session:
         """From now on everything is recorded."""
         self.block = self._programme.block
         self.ledger.open(self.block.config, self.session)
-        self.desk.opened = True
-        held, self._unopened = self._unopened, []
+        self.desk.opened = self._chronicle.opened = True
         self._begin_block()
-        for name, details in held:
-            self._record_event(name, details)
+        self._chronicle.catch_up(self.number)
 
     def _enter(self) -> None:
         """Let the block of the programme be the one that is on."""
@@ -238,11 +203,7 @@ class Session:
         for side, seat in self.motion.seats.items():
             if seat.hello is not None:
                 block.delays.know(side, seat.hello.details)
-        welcome = self._welcome()
-        self.motion.renew(welcome, block.ends)
-        self.control.renew(welcome)
-        self.log.renew(welcome)
-        self._views.renew()
+        self._ports.renew(self._welcome(), block.ends)
         self._rest_until_ns = now_ns() + int(block.config.block.rest * 1e9)
 
     def _begin_block(self) -> None:
@@ -285,30 +246,23 @@ class Session:
         """
         if self.ending:
             return self._go_on_ending()
+        pace = self.pace
         idle = self.motion.empty and not self._active
-        self.motion.drain(now_ns, self._due_ns, motion)
+        self.motion.drain(now_ns, pace.due_ns, motion)
         now = now_ns()
-        self._mind_the_gap(now - self._due_ns, CATCH_UP_TICKS + (IDLE_TICKS if idle else 0))
+        if moved_ns := pace.catch_up(now, idle):
+            self._note("stood_still", {"milliseconds": f"{moved_ns / TICK_NS:.0f}"})
         if idle:
             self._idle_ticks(now)
-        elif now >= self._due_ns or (now >= self._due_ns - EARLIEST_NS and self.motion.complete):
-            self.tick(self._due_ns, now - self._due_ns)
+        elif pace.is_time(now, self.motion.complete):
+            self.tick(pace.due_ns, now - pace.due_ns)
         more = self.control.drain(now_ns()) if control else False
-        more |= self.motion.drain(now_ns, self._due_ns)
+        more |= self.motion.drain(now_ns, pace.due_ns)
         if self._asked_to_end:
             self._end()
             return False
-        self._sleep()
+        pace.sleep(self.motion.empty and not self._active, self.motion.complete)
         return more
-
-    def _sleep(self) -> None:
-        """Decide when to go on."""
-        if self.motion.empty and not self._active:
-            self.wake_ns = self._due_ns + (IDLE_TICKS - 1) * TICK_NS
-        elif self.motion.complete:
-            self.wake_ns = self._due_ns - EARLIEST_NS
-        else:
-            self.wake_ns = self._due_ns
 
     @property
     def _active(self) -> bool:
@@ -331,9 +285,9 @@ class Session:
         words = self._words[number % RING_ROWS]
         found = self.motion.fill(words, number, due_ns, late_ns)
         if block.robots or block.unrelated is not None:
-            found |= self._stand_in(words, number, due_ns)
+            found |= block.stand_in(self.rows[number % RING_ROWS], words, number, due_ns, self.state[0])
         active = self._active
-        trouble = self._gap or self.log.trouble or block.delays.trouble
+        trouble = self.pace.gap or self.log.trouble or block.delays.trouble
         if not active or found != _ALL_FINE or self.control.wishes or trouble or self._asks or self._stopping:
             words[_COMMAND] = self._command(found)
         block.stage.advance(self.state, self.rows, number)
@@ -343,28 +297,17 @@ class Session:
             self.motion.beat(number, now_ns(), at_once=active and bool(self._alarm.halted))
         for robot in block.robots:
             robot.take(words)
-        self.late_ticks += late_ns > LATE_NS
+        self.pace.began(late_ns)
         self._count(1)
         if number % HOUSE_TICKS == 0:
             self._keep_house()
         else:
             self.log.listen(now_ns())
 
-    def _stand_in(self, words: Any, number: int, due_ns: int) -> int:
-        """Put what does not come from an agent into a row; the bits of the sides that it stands for."""
-        block, found = self.block, 0
-        for robot in block.robots:
-            robot.fill(words, number, due_ns)
-            found |= (seats.LIVE | seats.ARMED) << SIDES.index(robot.side)
-        if block.unrelated is not None:
-            row = self.rows[number % RING_ROWS]
-            row["left_other"], row["right_other"] = block.unrelated.at(self.state[0])
-        return found
-
     def _idle_ticks(self, now: int) -> None:
         """Do all ticks that are due, in one go."""
-        due_ns, first = self._due_ns, self.number
-        count = min((now - due_ns) // TICK_NS + 1, RING_ROWS)
+        due_ns, first = self.pace.due_ns, self.number
+        count = min(self.pace.how_many(now), RING_ROWS)
         if count < 1:
             return
         for number in range(first, first + count):
@@ -385,20 +328,16 @@ class Session:
             if words[_EVENT]:
                 self._happened(number)
         self.number += count
-        self._due_ns += count * TICK_NS
+        self.pace.did(count)
         newest = (self.number - 1) % RING_ROWS
         rest = self.rest(now_ns()) if self._rest_until_ns else None
         seen = self.rows[newest], self._words[newest]
-        self._views.show(self.number, self.block.curtain, *seen, self.ledger.best, rest)
+        self._ports.views.show(self.number, self.block.curtain, *seen, self.ledger.best, rest)
 
-    def _mind_the_gap(self, behind_ns: int, most_ticks: int) -> None:
-        """If the loop was held up for so long that its time must be moved, note it: a trial is spoiled by it."""
-        if behind_ns <= most_ticks * TICK_NS:
-            return
-        moved_ns = behind_ns - behind_ns % TICK_NS
-        self._due_ns += moved_ns
-        self._gap = f"the server stood still for {moved_ns / TICK_NS:.0f} ms"
-        self._note("stood_still", {"milliseconds": f"{moved_ns / TICK_NS:.0f}"})
+    def _lacks(self) -> tuple[str, ...]:
+        """What a block needs and is not there."""
+        now = now_ns()
+        return self._readiness.lacks(self.block, self.watch.autostart and self.rest(now) is not None, now)
 
     @property
     def _asks(self) -> bool:
@@ -414,7 +353,9 @@ class Session:
         if self._stopping:
             return Cause.STOP
         missing = self.missing if self.desk.opened else (*self.missing, "the session's form")
-        kept = self.watch.command(self.number, self.phase, missing, self._trouble(found))
+        kept = self.watch.command(
+            self.number, self.phase, missing, self._readiness.trouble(self.block, found, now_ns())
+        )
         first = kept or self.ledger.take_wanted(self.phase) or self.desk.due(self.phase)
         if first or not self.control.wishes:
             return first  # a wish that has come at the same time waits for the next tick
@@ -480,50 +421,12 @@ class Session:
         for name, details in events:
             self._note(name, details)
 
-    def _trouble(self, found: int) -> str:
-        """Why a running trial cannot go on, or nothing."""
-        if self._alarm.halted:
-            return self._alarm.halted
-        if not self.desk.armed:
-            return "the operator has disarmed the devices"
-        if self._gap:
-            gap, self._gap = self._gap, ""
-            return gap
-        for place, side in enumerate(SIDES):
-            if not found & (seats.LIVE << place):
-                return f"no sample from the {side} agent"
-            if not found & (seats.ARMED << place):
-                return f"the {side} device is not armed{self._alarm.why(side, now_ns())}"
-        if self.block.delays.trouble:
-            return self.block.delays.trouble
-        return self.log.trouble if self.block.config.network.require_logger else ""
-
-    def _lacks(self) -> tuple[str, ...]:
-        """What a block needs and is not there."""
-        block = self.block
-        lacking = [*self.motion.lacks(now_ns(), block.people), *block.delays.lacking]
-        if block.config.network.require_logger and not self.log.loggers:
-            lacking.append("the logger")
-        if self._alarm.halted:
-            lacking.append(alarm.LACKING)
-        if self.watch.autostart and self.rest(now_ns()) is not None:
-            lacking.append("the rest to be over")
-        return tuple(lacking)
-
     def _happened(self, number: int) -> None:
         """Note what the stage has decided."""
         row = self.rows[number % RING_ROWS]
         cause, state = Cause(int(row["event"])), self.state[0]
         self._started = self._started or cause == Cause.START
-        details = {
-            "from": PHASE_NAMES[int(row["phase"])],
-            "to": PHASE_NAMES[int(state["phase"])],
-            "trial": str(row["trial"]),
-            "attempt": str(row["attempt"]),
-            "target": "left" if row["target"] < 0 else "right",
-        }
-        if cause == Cause.HELD:
-            details["completion"] = repr(float(state["completion"]))
+        details = change_of(cause, row, state)
         if self.watch.notice:
             details["notice"] = self.watch.notice
         self._note(cause.name.lower(), details)
@@ -555,7 +458,7 @@ class Session:
     def _keep_records(self, now: int) -> None:
         """Bring records to the loggers, and to the records whatever the ports have to tell."""
         for frame in self.control.frames:
-            self._record(encode(frame))
+            self._chronicle.record(frame)
             self.ledger.painted(frame)
         self.control.frames.clear()
         for port in (self.motion, self.control, self.log, self.block.delays):
@@ -571,27 +474,11 @@ class Session:
     def _note_clocks(self) -> None:
         """Record the newest clock probe of every peer."""
         for port in (self.motion, self.control, self.log):
-            for probe in port.clock_records(self._probes):
-                self._record(encode(probe))
-                self._probes += 1
-
-    def _record(self, frame: bytes) -> None:
-        """Bring a record to the loggers, if the session is open."""
-        if self.desk.opened:
-            self.log.append(frame)
+            self._chronicle.record_probes(port.clock_records(self._chronicle.probes))
 
     def _note(self, name: str, details: dict[str, str]) -> None:
-        """Record an event and tell the operator; what happens before the session is open is recorded when it is."""
-        if self.desk.opened:
-            self._record_event(name, details)
-        else:
-            self._unopened.append((name, details))
-        said = " ".join(f"{key}={value}" for key, value in details.items() if key != "config")
-        log.info("%s %s", name, "".join(letter if letter.isprintable() else "?" for letter in said))
-
-    def _record_event(self, name: str, details: dict[str, str]) -> None:
-        self._record(encode(EventRecord(self._events, self.number, now_ns(), name, details)))
-        self._events += 1
+        """Record an event, as of this tick."""
+        self._chronicle.note(self.number, name, details)
 
     # --- the end -----------------------------------------------------------------------------------------------
 
@@ -599,10 +486,9 @@ class Session:
         """Stop the block, and let the loggers bring everything to disk."""
         if self.phase != Phase.FINISHED:
             self._stopping = True
-            self.tick(self._due_ns, max(0, now_ns() - self._due_ns))
-        self.motion.goodbye("the session is over")
-        self.control.goodbye("the session is over")
-        self._note("session_ended", {"late_ticks": str(self.late_ticks)})
+            self.tick(self.pace.due_ns, max(0, now_ns() - self.pace.due_ns))
+        self._ports.goodbye("the session is over")
+        self._note("session_ended", {"late_ticks": str(self.pace.late_ticks)})
         self._keep_records(now_ns())
         self.log.end()
         self._ended_ns = now_ns()
@@ -617,7 +503,7 @@ class Session:
             if self.log.done or not awaited or now > self._ending_until_ns:
                 self._log_closing = True
                 self.log.close()
-        self.wake_ns = now + TICK_NS
+        self.pace.wake_ns = now + TICK_NS
         return False
 
     def close(self) -> None:
@@ -628,8 +514,7 @@ class Session:
         NetboardError
             If the journal is not on disk: only now, for the records come first.
         """
-        self._views.close()
-        self.control.close()
+        self._ports.close()
         if self.log.shortfall:
             log.error("%s", self.log.shortfall)
         self.ledger.close()

@@ -5,10 +5,11 @@ from typing import Any
 
 import numpy as np
 
-from netboard import doors, sockets
+from netboard import channels, doors, sockets
 from netboard.clock import now_ns
-from netboard.config import SIDES, Network, Side
+from netboard.config import SIDES, Side
 from netboard.curtain import Curtain, view_of
+from netboard.tables.rig import Network
 from netboard.tick import TICK
 from netboard.wire.codec import encode
 
@@ -35,8 +36,8 @@ class ViewPort:
     """
 
     def __init__(self, network: Network, context: sockets.Context, door: doors.Door | None) -> None:
-        where = sockets.addresses(network, door)
-        self._views = {side: sockets.view_publisher(context, where.listen(sockets.VIEW[side])) for side in SIDES}
+        where = channels.addresses(network, door)
+        self._views = {side: sockets.view_publisher(context, where.listen(channels.VIEW[side])) for side in SIDES}
         self._every = ceil(1000 / network.view_rate_hz)
         self._turn: dict[Side, int] = {"left": 0, "right": self._every // 2}
         self._seen: dict[Side, tuple[int, bytes]] = {}

@@ -15,10 +15,13 @@ from math import radians
 
 import numpy as np
 
-from netboard.config import Participant, Physics, Side, Task
+from netboard.config import Side
 from netboard.participants.partner import SIGN, partner_height, partner_seen
 from netboard.participants.senses import BALL_FREE, Glimpse, Percept, Senses, Wander
 from netboard.participants.submovement import Submovement
+from netboard.tables.experiment import Task
+from netboard.tables.scene import Physics
+from netboard.tables.simulated import Participant
 
 THINK_EVERY = 0.010
 """Time between two decisions [s]."""

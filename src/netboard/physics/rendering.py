@@ -18,9 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.compiled import inlined
-from netboard.config import MOST_TRIALS, Block, Config
+from netboard.config import Config
 from netboard.errors import ConfigError
 from netboard.physics.scene import Parts, pack_scene, parts_of
+from netboard.tables.experiment import MOST_TRIALS, Block
 
 FORCES = ("none", "full", "partner_only", "environment_only", "unrelated")
 """What can be rendered; its number is its place."""

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.config import Physics
+from netboard.tables.scene import Physics
 
 SCENE = np.dtype(
     [

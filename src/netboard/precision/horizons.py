@@ -12,13 +12,13 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.config import Physics
 from netboard.methods.march import forces_along, make_grid, run
 from netboard.physics.scene import pack_scene, parts_of
 from netboard.physics.statics import ball_poles
 from netboard.physics.vectors import State
 from netboard.studies.problem import Problem, Reference, styluses_at
 from netboard.studies.results import Part, Value
+from netboard.tables.scene import Physics
 from netboard.tick import TICK_SECONDS
 
 Array = NDArray[np.float64]

@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.compiled import borrowed, inlined, kernel
-from netboard.config import Physics
 from netboard.methods.catalogue import METHODS, NUMBER, advance
 from netboard.physics.hold import drives, moving
 from netboard.physics.models import coupling, rates
@@ -25,6 +24,7 @@ from netboard.physics.scene import Parts, pack_scene, parts_of, state_length
 from netboard.physics.vectors import State, plus
 from netboard.precision.work_precision import in_turns
 from netboard.studies.problem import Array, Model, Problem, styluses_at
+from netboard.tables.scene import Physics
 from netboard.tick import TICK_SECONDS
 
 HUGE = 1e30

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.compiled import kernel
-from netboard.config import Config, Geometry, Physics, Task
+from netboard.config import Config
 from netboard.contenders.contender import timed
 from netboard.experiment.machine import Phase
 from netboard.methods.catalogue import NUMBER
@@ -29,6 +29,8 @@ from netboard.physics.trig import sincos
 from netboard.precision.work_precision import in_turns
 from netboard.stage import Stage, make_stage
 from netboard.studies.problem import Array, Problem, styluses_at
+from netboard.tables.experiment import Task
+from netboard.tables.scene import Geometry, Physics
 from netboard.tick import TICK, TICK_NS, TICK_SECONDS
 
 COUNT = 5_000

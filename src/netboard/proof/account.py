@@ -19,7 +19,7 @@ from netboard.errors import RecordingError
 from netboard.experiment.machine import Cause
 from netboard.recording.reader import Recording
 from netboard.recording.summary import find_gaps
-from netboard.wire.messages import BLOCK_BEGAN, EventRecord
+from netboard.wire.records import BLOCK_BEGAN, EventRecord
 
 OF_THE_SERVER = ("/ticks", "/event", "/clock", "/frame")
 """Topics whose messages are records of the log channel."""

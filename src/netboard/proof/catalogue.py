@@ -23,7 +23,7 @@ from netboard.recording.chunks import UNSOUND
 from netboard.recording.provenance import CONFIG_NAME, METADATA
 from netboard.recording.reader import Recording
 from netboard.recording.spill import read_spill
-from netboard.wire.messages import Welcome
+from netboard.wire.meeting import Welcome
 
 JOURNAL = ".journal.jsonl"
 """What the name of a journal ends with."""

@@ -30,7 +30,7 @@ from netboard.recording.recovery import Report as Recovered
 from netboard.recording.spilled import recover_any
 from netboard.recording.summary import Gap, find_gaps
 from netboard.stage import Stage, make_stage
-from netboard.wire.messages import BLOCK_BEGAN, ClockRecord, EventRecord, FrameRecord
+from netboard.wire.records import BLOCK_BEGAN, ClockRecord, EventRecord, FrameRecord
 
 Tell = Callable[[int], object]
 """Hears how many more ticks have been read [1]."""

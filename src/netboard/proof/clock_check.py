@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.stats import theilslopes
 
 from netboard.proof.grade import Finding, Grade
-from netboard.wire.messages import ClockRecord
+from netboard.wire.records import ClockRecord
 from netboard.wire.session import ClockEstimator
 
 LARGEST_DRIFT_PPM = 100.0

@@ -8,7 +8,7 @@ from operator import attrgetter
 from netboard.config import parse
 from netboard.experiment.quality import Referee, Verdict
 from netboard.recording.reader import Recording
-from netboard.wire.messages import Safeguard
+from netboard.wire.motion import Safeguard
 
 _PORTION = 100
 """Ticks shown at once: fewer than those after which every frame is known to a server [1]."""

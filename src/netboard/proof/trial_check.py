@@ -11,13 +11,14 @@ from itertools import pairwise
 
 import numpy as np
 
-from netboard.config import Block, Config
+from netboard.config import Config
 from netboard.experiment.entries import AttemptEnded, Entry
 from netboard.experiment.machine import Cause, Phase, first_target, ticks
 from netboard.experiment.quality import Verdict
 from netboard.proof.grade import Finding, Grade
 from netboard.proof.walk import Walk
 from netboard.recording.summary import Attempt
+from netboard.tables.experiment import Block
 
 _ENDS = (Cause.LAST, Cause.STOP)
 _COMPARED = ("success", "fell", "timed_out")

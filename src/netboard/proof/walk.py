@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.config import Block
 from netboard.experiment.machine import Phase, is_active
 from netboard.proof.verification import Verdict, Verifier
 from netboard.recording.summary import Attempt, Gap, find_attempts
 from netboard.stage import Stage
+from netboard.tables.experiment import Block
 from netboard.tick import TICK, TICK_NS
 
 MOST_KEPT = 1000

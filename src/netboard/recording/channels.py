@@ -18,7 +18,8 @@ from netboard.errors import RecordingError, WireError
 from netboard.experiment.machine import Cause, Phase
 from netboard.tick import TICK
 from netboard.wire.codec import decode
-from netboard.wire.messages import BLOCK_BEGAN, ClockRecord, EventRecord, FrameRecord, Safeguard, TickRecord
+from netboard.wire.motion import Safeguard
+from netboard.wire.records import BLOCK_BEGAN, ClockRecord, EventRecord, FrameRecord, TickRecord
 
 FORMAT_VERSION = "3"
 """Grows when a reader of the version before would misread a file."""

@@ -17,7 +17,8 @@ import mcap
 
 from netboard.config import Config
 from netboard.recording.channels import FORMAT_VERSION
-from netboard.wire.messages import PROTOCOL_VERSION, Welcome
+from netboard.wire.meeting import Welcome
+from netboard.wire.messages import PROTOCOL_VERSION
 
 CONFIG_NAME = "netboard.toml"
 """Name of the attachment that holds the resolved configuration."""

@@ -32,7 +32,7 @@ from netboard.recording.provenance import (
 )
 from netboard.recording.summary import Attempt, Gap, find_attempts, find_gaps
 from netboard.tick import TICK
-from netboard.wire.messages import ClockRecord, EventRecord, FrameRecord
+from netboard.wire.records import ClockRecord, EventRecord, FrameRecord
 
 READABLE = ("1", "2", FORMAT_VERSION)
 """Versions of the format that can be read."""

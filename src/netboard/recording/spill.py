@@ -24,7 +24,9 @@ from threading import Thread
 from netboard.config import Config
 from netboard.errors import WireError
 from netboard.wire.codec import decode, encode
-from netboard.wire.messages import EventRecord, LogBatch, Message, Welcome
+from netboard.wire.meeting import Welcome
+from netboard.wire.messages import Message
+from netboard.wire.records import EventRecord, LogBatch
 
 MAGIC = b"netboard spill 1\n"
 """First bytes of a spill. Blocks follow: length and CRC-32 of a frame, and the frame."""

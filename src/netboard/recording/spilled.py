@@ -22,7 +22,8 @@ from netboard.recording.spill import MAGIC, OPENED, read_spill
 from netboard.recording.summary import find_gaps
 from netboard.recording.writer import RecordingWriter
 from netboard.tick import TICK
-from netboard.wire.messages import ClockRecord, EventRecord, FrameRecord, LogBatch, TickRecord, Welcome
+from netboard.wire.meeting import Welcome
+from netboard.wire.records import ClockRecord, EventRecord, FrameRecord, LogBatch, TickRecord
 
 
 def recover_any(path: Path, output: Path | None = None) -> tuple[Report, ...]:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.recording.channels import CHANNELS, Field
-from netboard.wire.messages import EventRecord
+from netboard.wire.records import EventRecord
 
 NUMBERS, TEXT = "double64", "string"
 """What a value may be, as the layer calls it."""

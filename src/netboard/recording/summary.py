@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from netboard.experiment.machine import BALL_FREE, Cause, Phase
 from netboard.tick import LATE_NS, TICK, TICK_SECONDS
-from netboard.wire.messages import ClockRecord, EventRecord, FrameRecord, Safeguard
+from netboard.wire.motion import Safeguard
+from netboard.wire.records import ClockRecord, EventRecord, FrameRecord
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,6 @@ chunk in memory, and *durable* after the next `flush`; only what is durable may 
 from collections.abc import Mapping
 from pathlib import Path
 
-from netboard.config import Recording
 from netboard.errors import RecordingError
 from netboard.recording.batches import TickStream
 from netboard.recording.channels import IDS, Record, remark, stamped
@@ -21,7 +20,8 @@ from netboard.recording.provenance import (
     METADATA_FIRST,
     METADATA_RECOVERY,
 )
-from netboard.wire.messages import TickRecord
+from netboard.tables.rig import Recording
+from netboard.wire.records import TickRecord
 
 
 class RecordingWriter:

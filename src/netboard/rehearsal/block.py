@@ -17,12 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.compiled import composed
-from netboard.config import SIDES, Config, Participant, Side
+from netboard.config import SIDES, Config, Side
 from netboard.errors import ConfigError
 from netboard.experiment.machine import Cause, Phase
 from netboard.rehearsal.body import LEAD_NS, STEPS, Body, fill, tell
 from netboard.rehearsal.mind import THINK_TICKS, Mind, seats_of
 from netboard.stage import make_stage
+from netboard.tables.simulated import Participant
 from netboard.tick import TICK, TICK_NS, TICK_SECONDS
 
 PIECE = 1000

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.compiled import kernel
-from netboard.config import SIDES, Config, Participant, Side
+from netboard.config import SIDES, Config, Side
 from netboard.devices.fixture import drawn_in
 from netboard.devices.velocity import SAMPLES, SLACK, taken
 from netboard.devices.virtual import encoded, within
@@ -24,8 +24,9 @@ from netboard.participants.cable import CABLES
 from netboard.participants.device_models import resolved
 from netboard.participants.hand import STEP, STEP_NS, hold, swing, swing_on_cables
 from netboard.participants.submovement import Submovement
+from netboard.tables.simulated import Participant
 from netboard.tick import TICK, TICK_NS
-from netboard.wire.messages import Safeguard
+from netboard.wire.motion import Safeguard
 
 LEAD_NS = STEP_NS
 """The stylus is read so long before the deadline of its tick [ns]."""

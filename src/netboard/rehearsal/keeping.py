@@ -19,7 +19,9 @@ from netboard.recording.provenance import provenance
 from netboard.recording.writer import RecordingWriter
 from netboard.rehearsal.block import START_NS
 from netboard.tick import TICK_SECONDS
-from netboard.wire.messages import PROTOCOL_VERSION, EventRecord, TickRecord, Welcome
+from netboard.wire.meeting import Welcome
+from netboard.wire.messages import PROTOCOL_VERSION
+from netboard.wire.records import EventRecord, TickRecord
 
 REHEARSED = {"rehearsed": "true"}
 """What a recording of simulated people says of itself."""

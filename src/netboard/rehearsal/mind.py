@@ -13,12 +13,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.config import SIDES, Config, Participant, Side
+from netboard.config import SIDES, Config, Side
 from netboard.curtain import make_curtain, view_of
 from netboard.experiment.machine import Phase
 from netboard.participants.brain import THINK_EVERY, Brain
 from netboard.participants.senses import Glimpse
 from netboard.participants.submovement import Submovement
+from netboard.tables.simulated import Participant
 from netboard.tick import TICK_NS, TICK_SECONDS
 
 THINK_TICKS = round(THINK_EVERY / TICK_SECONDS)

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from netboard.config import Participant
+from netboard.tables.simulated import Participant
 
 SPREAD = 0.15
 """Standard deviation of the logarithm of most factors [1]."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from netboard.experiment.machine import Cause
 from netboard.recording.summary import Attempt, Gap
-from netboard.wire.messages import BLOCK_BEGAN, EventRecord
+from netboard.wire.records import BLOCK_BEGAN, EventRecord
 
 KINDS = ("trial", "release", "success", "failure", "stop", "note", "event", "gap")
 """Kinds of marks: the board is to be levelled for an attempt; the ball is released; it was held in the target; it fell,

@@ -11,7 +11,7 @@ from netboard.errors import NetboardError
 from netboard.replay.marks import ANY, KINDS, near
 from netboard.replay.playback import SPEEDS, Playback, clock
 from netboard.replay.reel import Reel
-from netboard.wire.codec import REPLAY_COMMANDS
+from netboard.wire.control import REPLAY_COMMANDS
 
 SHARED = ("pause", "resume", "next", "end")
 """Commands of a live session that mean something for a replay too."""

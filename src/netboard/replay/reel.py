@@ -19,10 +19,11 @@ from netboard.errors import RecordingError
 from netboard.experiment.machine import Cause, Phase
 from netboard.recording.summary import Attempt, find_attempts, find_gaps
 from netboard.replay.marks import Mark, gap_in_words, marks, seconds
-from netboard.wire.messages import BLOCK_BEGAN, EventRecord, View
+from netboard.wire.records import BLOCK_BEGAN, EventRecord
+from netboard.wire.views import View
 
 Row = tuple[int, int, int, str, float, str, int]
-"""What has become of an attempt, as in `netboard.wire.messages.Outcomes`."""
+"""What has become of an attempt, as in `netboard.wire.control.Outcomes`."""
 
 
 @dataclass(frozen=True, slots=True)

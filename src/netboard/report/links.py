@@ -6,7 +6,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from netboard.wire.messages import Status
+from netboard.wire.control import Status
 
 
 def status_tables(status: Status) -> RenderableType:

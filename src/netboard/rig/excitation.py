@@ -11,12 +11,12 @@ from math import cos, exp, log, pi, sin, tau
 
 import numpy as np
 
-from netboard import config
 from netboard.devices.base import Device, Reading
 from netboard.devices.safety import Vector
 from netboard.errors import DeviceError
 from netboard.rig.identification import Identified, Motion, identify
 from netboard.rig.loop import Beats, Driver, Progress, Track
+from netboard.tables.rig import Safety as Limits
 
 AXIS = 2
 """The axis of the task: up and down [1]."""
@@ -67,7 +67,7 @@ class Chirp:
         return size * sin(phase)
 
 
-def limits_of(chirp: Chirp, own: config.Safety) -> config.Safety:
+def limits_of(chirp: Chirp, own: Limits) -> Limits:
     """Make the limits of the run: the chirp's, or the rig's own where those are tighter."""
     most = min(chirp.max_force, own.max_force)
     return replace(
@@ -78,7 +78,7 @@ def limits_of(chirp: Chirp, own: config.Safety) -> config.Safety:
     )
 
 
-def run(device: Device, beats: Beats, chirp: Chirp, own: config.Safety, progress: Progress = lambda _: None) -> Track:
+def run(device: Device, beats: Beats, chirp: Chirp, own: Limits, progress: Progress = lambda _: None) -> Track:
     """Lead the stylus of an open device along the chirp.
 
     Parameters
@@ -89,7 +89,7 @@ def run(device: Device, beats: Beats, chirp: Chirp, own: config.Safety, progress
         The milliseconds.
     chirp : Chirp
         How it is led.
-    own : netboard.config.Safety
+    own : netboard.tables.rig.Safety
         The rig's own limits.
     progress : callable
         Is told how far it has come.

@@ -13,11 +13,12 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard import clock, config
+from netboard import clock
 from netboard.clock import Pacer
 from netboard.devices.base import Device, Reading
 from netboard.devices.safety import ZERO, Guard, Safety, Vector
 from netboard.errors import DeviceError
+from netboard.tables.rig import Safety as Limits
 from netboard.tick import TICK_NS
 
 Floats = NDArray[np.float64]
@@ -154,11 +155,11 @@ class Driver:
         The open device.
     beats : Beats
         The milliseconds.
-    limits : netboard.config.Safety
+    limits : netboard.tables.rig.Safety
         The limits.
     """
 
-    def __init__(self, device: Device, beats: Beats, limits: config.Safety) -> None:
+    def __init__(self, device: Device, beats: Beats, limits: Limits) -> None:
         self._device, self._beats = device, beats
         self._limits = limits
         self._safety = Safety(limits, device.info.max_force, device.info.continuous_force)

@@ -16,7 +16,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from netboard import sockets
+from netboard import channels, sockets
 from netboard.clock import now_ns
 from netboard.config import Config, resolve
 from netboard.errors import NetboardError
@@ -26,14 +26,9 @@ from netboard.recording.spill import Spill
 from netboard.storage.specimen import SESSION, movement
 from netboard.tick import TICK_NS, TICK_SECONDS
 from netboard.wire.codec import encode
-from netboard.wire.messages import (
-    PROTOCOL_VERSION,
-    ClockRecord,
-    EventRecord,
-    FrameRecord,
-    TickRecord,
-    Welcome,
-)
+from netboard.wire.meeting import Welcome
+from netboard.wire.messages import PROTOCOL_VERSION
+from netboard.wire.records import ClockRecord, EventRecord, FrameRecord, TickRecord
 
 START_SECONDS = 60.0
 RING = 400_000
@@ -110,7 +105,7 @@ class Feeder:
         file = self.folder / "rig.toml"
         file.write_text(resolve(self._config), encoding="utf-8")
         context = self._stack.enter_context(sockets.open_context())
-        endpoint = sockets.addresses(self._config.network).listen(sockets.LOG)
+        endpoint = channels.addresses(self._config.network).listen(channels.LOG)
         welcome = Welcome(SESSION, PROTOCOL_VERSION, now_ns(), file.read_text(encoding="utf-8"))
         spill = Spill(self.folder / "feeder.spill", welcome, 0)
         self.port = LogPort(sockets.log_server(context, endpoint), welcome, RING, spill)

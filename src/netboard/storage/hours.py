@@ -27,7 +27,8 @@ from netboard.recording.writer import RecordingWriter
 from netboard.storage.specimen import OPENED_NS, SESSION
 from netboard.studies.running import Tell
 from netboard.tick import TICK, TICK_NS
-from netboard.wire.messages import ClockRecord, EventRecord, FrameRecord, TickRecord, Welcome
+from netboard.wire.meeting import Welcome
+from netboard.wire.records import ClockRecord, EventRecord, FrameRecord, TickRecord
 
 Numbered = EventRecord | ClockRecord | FrameRecord
 

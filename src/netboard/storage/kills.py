@@ -14,7 +14,7 @@ from netboard.recording.summary import find_gaps
 from netboard.storage.feeding import Feeder
 from netboard.tick import TICK, TICK_SECONDS
 from netboard.wire.codec import decode
-from netboard.wire.messages import TickRecord
+from netboard.wire.records import TickRecord
 
 SHORTEST, LONGEST = 0.05, 1.5
 """A logger is killed at a random time between these after the first record [s]."""

@@ -21,7 +21,8 @@ from netboard.recording.provenance import provenance
 from netboard.recording.writer import RecordingWriter
 from netboard.studies.forces import MINE, record
 from netboard.tick import TICK_NS
-from netboard.wire.messages import EventRecord, TickRecord, Welcome
+from netboard.wire.meeting import Welcome
+from netboard.wire.records import EventRecord, TickRecord
 
 OPENED_NS = 1_790_000_000_000_000_000
 SESSION = "5afe5afe5afe5afe"

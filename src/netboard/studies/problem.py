@@ -20,11 +20,11 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from netboard.compiled import inlined, kernel
-from netboard.config import Physics
 from netboard.methods.march import forces_along, make_grid, run
 from netboard.physics.models import rates
 from netboard.physics.scene import Parts, pack_scene, parts_of
 from netboard.physics.vectors import State
+from netboard.tables.scene import Physics
 
 Model = Literal["paper", "lagrangian"]
 Start = Literal["settled", "cold"]

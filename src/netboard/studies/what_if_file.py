@@ -13,7 +13,7 @@ from netboard.recording.provenance import config_sha256
 from netboard.recording.writer import RecordingWriter
 from netboard.rehearsal.keeping import event_of
 from netboard.studies.what_if import WhatIf, attempts_of
-from netboard.wire.messages import EventRecord, TickRecord
+from netboard.wire.records import EventRecord, TickRecord
 
 
 def keep(

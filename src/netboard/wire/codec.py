@@ -5,7 +5,7 @@ A frame is one MessagePack array ``[kind, field, field, ...]``, the fields in th
 Rule 1: `decode` gives a message that fits its dataclass or raises `WireError`, whatever the bytes.
 Rule 2: its work is bounded before it begins: each kind has a largest frame and a longest array.
 Rule 3: types are exact. A boolean is no integer and an integer is no float; `encode` converts, `decode` refuses.
-Rule 4: `KINDS` only grows. A number is never used for another message.
+Rule 4: `netboard.wire.messages.KINDS` only grows. A number is never used for another message.
 
 NaN and infinities are legal on the wire: whoever uses a quantity guards against them. The checks of each class are
 built once, at import, from its type hints.
@@ -23,144 +23,9 @@ from typing import Any
 import msgpack
 
 from netboard.errors import WireError
-from netboard.wire.messages import (
-    Beat,
-    ClockRecord,
-    Command,
-    EventRecord,
-    Felt,
-    Force,
-    FrameRecord,
-    Frames,
-    Goodbye,
-    Hello,
-    LogAck,
-    LogBatch,
-    LogEnd,
-    LogRequest,
-    Message,
-    Move,
-    Outcomes,
-    OutcomesRequest,
-    Ping,
-    Point,
-    Pointer,
-    Pong,
-    Refusal,
-    Reply,
-    Status,
-    StatusRequest,
-    Stylus,
-    TickRecord,
-    Trace,
-    TraceRequest,
-    View,
-    Welcome,
-)
+from netboard.wire.messages import CHOICES, KINDS, Kind, Message
 
 Check = Callable[[Any], Any]
-
-
-@dataclass(frozen=True, slots=True)
-class Kind:
-    """One row of `KINDS`.
-
-    Attributes
-    ----------
-    message : type
-        The message's dataclass.
-    most_bytes : int
-        Size of the largest frame [1].
-    most_items : int
-        Length of the longest array in a field; 0 for a message without arrays [1].
-    """
-
-    message: type[Message]
-    most_bytes: int
-    most_items: int = 0
-
-
-KINDS: dict[int, Kind] = {
-    1: Kind(Hello, 4096),
-    2: Kind(Welcome, 262_144),
-    3: Kind(Refusal, 8192),  # may quote anything of a Hello
-    4: Kind(Goodbye, 4096),
-    5: Kind(Ping, 64),
-    6: Kind(Pong, 64),
-    10: Kind(Stylus, 256),
-    11: Kind(Force, 64),
-    12: Kind(Beat, 64),
-    13: Kind(Point, 128),
-    20: Kind(View, 4096),
-    21: Kind(Frames, 65_536, 2048),
-    30: Kind(LogRequest, 64),
-    31: Kind(LogBatch, 1_048_576, 4096),
-    32: Kind(LogAck, 1024),
-    33: Kind(LogEnd, 64),
-    34: Kind(TickRecord, 4096),
-    35: Kind(EventRecord, 65_536),
-    36: Kind(ClockRecord, 256),
-    37: Kind(FrameRecord, 256),
-    50: Kind(Command, 65_536),
-    51: Kind(StatusRequest, 16),
-    52: Kind(Status, 262_144, 10_240),
-    53: Kind(Reply, 4096),
-    54: Kind(OutcomesRequest, 64),
-    55: Kind(Outcomes, 65_536, 512),
-    56: Kind(TraceRequest, 64),
-    57: Kind(Trace, 65_536, 512),
-    60: Kind(Move, 128),
-    61: Kind(Pointer, 64),
-    62: Kind(Felt, 64),
-}
-"""The numbers on the wire. Append only; 127 is the highest."""
-
-ROLES = ("agent", "display", "logger", "console", "listener")
-SIDES = ("left", "right")
-REPLAY_COMMANDS = (
-    "play",
-    "seek",  # to a time, a trial or a tick
-    "speed",
-    "loop",  # one part again and again
-    "step",  # by ticks
-    "previous",  # trial, note or other mark
-)
-"""Commands that only a replay carries out."""
-COMMANDS = (
-    "start",  # the block
-    "pause",  # at once
-    "resume",
-    "abort",  # give up this attempt, and try again
-    "stop",  # the block, at once
-    "emergency_stop",  # no device has a force any more
-    "emergency_release",  # they may be armed again
-    "take",  # be the commander
-    "open",  # the session: its form, as JSON
-    "arm",  # devices may have forces
-    "disarm",
-    "pause_after_trial",
-    "repeat",  # one more trial at the end of the block, for the last one or the one named
-    "veto",  # take that back
-    "skip",  # count this trial as done without a success
-    "stop_after_block",  # the session
-    "next",  # give up what is left of this block, and go on with the next one
-    "end",  # the session, and with it the server; it can be resumed
-    "note",  # for the recording
-    *REPLAY_COMMANDS,
-)
-
-CHOICES: dict[tuple[type[Message], str], tuple[str, ...]] = {
-    (Hello, "role"): ROLES,
-    (Hello, "side"): (*SIDES, ""),
-    (View, "station"): SIDES,
-    (Frames, "station"): SIDES,
-    (FrameRecord, "station"): SIDES,
-    (Command, "name"): COMMANDS,
-    (Move, "side"): SIDES,
-    (Pointer, "side"): SIDES,
-    (Felt, "side"): SIDES,
-}
-"""Fields that allow only some strings."""
 
 
 def encode(message: Message) -> bytes:

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.compiled import kernel
-from netboard.wire.codec import KINDS
-from netboard.wire.messages import Force, Message, Point, Stylus
+from netboard.wire.messages import KINDS, Message
+from netboard.wire.motion import Force, Point, Stylus
 
 WIDE = 9
 """Bytes of a number in its widest form [1]."""

@@ -5,7 +5,7 @@ logger that comes late, asks again or starts anew moves the cursor back, as far 
 longer reaches is counted in `LogBatch.lost`, never passed over in silence.
 """
 
-from netboard.wire.messages import LogBatch
+from netboard.wire.records import LogBatch
 
 
 class LogRing:

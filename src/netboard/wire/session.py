@@ -10,7 +10,8 @@ from collections import deque
 from typing import NamedTuple
 
 from netboard.errors import WireError
-from netboard.wire.messages import PROTOCOL_VERSION, Hello
+from netboard.wire.meeting import Hello
+from netboard.wire.messages import PROTOCOL_VERSION
 
 NEVER_NS = 2**63 - 1
 """Age of what was never heard, and error bound of a clock that was never probed [ns]."""

@@ -1,0 +1,90 @@
+"""The command that shows what netboard is: a whole session on one machine, in which one may play."""
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from netboard.config import SIDES
+from netboard.errors import ConfigError
+from netboard.services import configuration
+from netboard.services.configuration import ConfigFile, Overrides
+from netboard.services.wording import Dyad, examples
+from netboard.tables.rig import MOUSE
+
+
+def demo(
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    trials: Annotated[
+        int | None, typer.Option(min=1, help="Successful trials: 6, or in each block of a study at most so many.")
+    ] = None,
+    haptics: Annotated[Literal["on", "off"], typer.Option(help="Whether the hands feel the board.")] = "on",
+    bimanual: Annotated[bool, typer.Option("--bimanual", help="One simulated person with both hands.")] = False,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of everything random.")] = 1,
+    directory: Annotated[Path, typer.Option(metavar="FOLDER", help="Where the recording goes.")] = Path("recordings"),
+    displays: Annotated[bool, typer.Option("--displays/--no-displays", help="Run the two displays.")] = True,
+    play: Annotated[
+        Literal["left", "right", "both"] | None,
+        typer.Option(
+            help="Play a side yourself, with the mouse; the other one is simulated. Both: the mouse moves the left "
+            "hand, the up and down keys the right one."
+        ),
+    ] = None,
+    study: Annotated[
+        str | None,
+        typer.Option(metavar="NAME|FILE", help="A session of a study in place of one block, as a pilot run."),
+    ] = None,
+    dyad: Dyad = 1,
+    blocks: Annotated[int | None, typer.Option(min=1, help="Only the first blocks of the study.")] = None,
+) -> None:
+    """Run a whole session on this machine, with simulated people, or play in it."""
+    if play and not displays:
+        raise ConfigError(f"--no-displays: found with --play {play}, which needs a window to play in")
+    if play in SIDES and bimanual:
+        raise ConfigError(f"--bimanual: found with --play {play}, expected --play both: one person moves both hands")
+    settings_of = demo_settings(
+        trials=trials or 6, haptics=haptics, bimanual=bimanual, seed=seed, directory=directory, play=play
+    )
+    if study is not None:
+        settings_of.append("session.pilot=true")
+    settings = configuration.load(config, [*settings_of, *(overrides or ())])
+    from netboard.services import demo as service
+    from netboard.services.planned import Wanted
+
+    wanted = None if study is None else Wanted(study, dyad, 1, seed, blocks, trials)
+    raise typer.Exit(service.main(settings, displays=displays, study=wanted))
+
+
+def demo_settings(
+    *, trials: int, haptics: str, bimanual: bool, seed: int, directory: Path, play: str | None = None
+) -> list[str]:
+    """Write the demo's own options as settings."""
+    played = [side for side in SIDES if play in (side, "both")]
+    return [
+        f"block.trials={trials}",
+        f"block.force={'full' if haptics == 'on' else 'none'}",
+        f"block.configuration={'bimanual' if bimanual else 'dyadic'}",
+        f"block.seed={seed}",
+        f"recording.directory={directory}",
+        *(f"agents.{side}.device={MOUSE}" for side in played),
+        *(["agents.right.options.input=keys"] if play == "both" else []),
+    ]
+
+
+def add_to(app: typer.Typer) -> None:
+    """Make these commands known.
+
+    Parameters
+    ----------
+    app : typer.Typer
+        The ``netboard`` command.
+    """
+    app.command(
+        epilog=examples(
+            "netboard demo",
+            "netboard demo --play left",
+            "netboard demo --trials 2 --haptics off --bimanual",
+            "netboard demo --study paper --dyad 3 --blocks 4 --trials 5",
+        )
+    )(demo)

@@ -1,0 +1,176 @@
+"""The commands of whoever runs a rig: how it is, what it shall do, whether it is fit, and starting all of it."""
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from netboard.errors import ConfigError
+from netboard.services import configuration
+from netboard.services.configuration import ConfigFile, Overrides
+from netboard.services.wording import examples
+
+
+def status(
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    watch: Annotated[bool, typer.Option("--watch", help="Go on showing it until Ctrl-C.")] = False,
+    json: Annotated[bool, typer.Option("--json", help="One line of JSON.")] = False,
+) -> None:
+    """Show a running session and every peer of it: link, round trip, clock, rate, losses, version."""
+    settings = configuration.load(config, overrides or ())
+    from netboard.services import status as service
+
+    raise typer.Exit(service.main(settings, watch=watch, as_json=json))
+
+
+def stop(
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    release: Annotated[bool, typer.Option("--release", help="End the stop: devices may be armed again.")] = False,
+    guard: Annotated[bool, typer.Option("--guard", help="Stand by, and stop when any key is pressed.")] = False,
+) -> None:
+    """Emergency stop: no device has a force any more, until it is released.
+
+    With --guard it is connected already, and acts within a millisecond; without, it has to start first.
+    """
+    if release and guard:
+        raise ConfigError("--release and --guard: expected one of them, for they are opposites")
+    settings = configuration.load(config, overrides or ())
+    from netboard.services import control as service
+
+    raise typer.Exit(service.emergency(settings, release=release, guard=guard))
+
+
+Deed = Literal[
+    "start",
+    "pause",
+    "pause_after_trial",
+    "resume",
+    "abort",
+    "repeat",
+    "veto",
+    "skip",
+    "stop",
+    "stop_after_block",
+    "next",
+    "end",
+    "open",
+    "arm",
+    "disarm",
+    "note",
+    "take",
+    "play",
+    "seek",
+    "speed",
+    "loop",
+    "step",
+    "previous",
+]
+
+
+def control(
+    command: Annotated[
+        Deed,
+        typer.Argument(
+            help="abort gives up the attempt, which begins anew; skip counts the trial as done; repeat adds a trial at "
+            "the end of the block, and veto takes that back; stop ends the block; next goes on to the next one; end "
+            "ends the session and the server; open takes a form as JSON; take makes this the commander. A replay knows "
+            "play, pause, seek 12.5 (or trial 5, tick 900), speed 0.5, loop (on, off, trial 5, or from and to), step "
+            "(ticks), next and previous (trial, or another mark), and end."
+        ),
+    ],
+    arguments: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[ARGUMENT...]", help="What the command needs to know: a form, a note, a trial."),
+    ] = None,
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    take: Annotated[bool, typer.Option("--take", help="Command even if a console does: take over.")] = False,
+    until: Annotated[
+        Literal["idle", "levelling", "running", "holding", "paused", "finished"] | None,
+        typer.Option(metavar="PHASE", help="Wait then until the trial is in this phase; exit code 1 if it is not."),
+    ] = None,
+    seconds: Annotated[float | None, typer.Option(min=0, help="At most so long.")] = None,
+    json: Annotated[bool, typer.Option("--json", help="Answer and status as one line of JSON.")] = False,
+) -> None:
+    """Tell a running server what to do, as the console does: for scripts."""
+    settings = configuration.load(config, overrides or ())
+    from netboard.services import control as service
+
+    raise typer.Exit(
+        service.command(
+            settings, command, " ".join(arguments or ()), take=take, until=until, seconds=seconds, as_json=json
+        )
+    )
+
+
+def doctor(
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    quick: Annotated[bool, typer.Option("--quick", help="In seconds instead of half a minute.")] = False,
+    json: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write the report there too.")] = None,
+) -> None:
+    """Check whether this machine is fit for a session, and say what to do where it is not."""
+    settings = configuration.load(config, overrides or ())
+    from netboard.services import doctor as service
+
+    raise typer.Exit(service.main(settings, quick=quick, json=json))
+
+
+def up(
+    config: Annotated[
+        Path | None,
+        typer.Argument(metavar="CONFIG", help="The TOML file; else ./netboard.toml if it is there, else the defaults."),
+    ] = None,
+    station: Annotated[
+        Literal["left", "right", "both"] | None, typer.Option(help="The seat here: its agent and its display.")
+    ] = None,
+    server: Annotated[bool, typer.Option("--server", help="The server here, and the logger.")] = False,
+    overrides: Overrides = None,
+    autostart: Annotated[bool, typer.Option(help="Start the block when all peers are there.")] = True,
+    insecure: Annotated[
+        bool, typer.Option("--insecure", help="Listen beyond this machine although nothing is encrypted.")
+    ] = False,
+) -> None:
+    """Start all that belongs on this machine, watch it, and stop it in order on Ctrl-C."""
+    configuration.load(config, overrides or ())
+    from netboard.services import up as service
+
+    wanted = service.processes(
+        config, overrides or (), server=server, station=station, autostart=autostart, insecure=insecure
+    )
+    raise typer.Exit(service.main(wanted))
+
+
+def add_to(app: typer.Typer) -> None:
+    """Make these commands known.
+
+    Parameters
+    ----------
+    app : typer.Typer
+        The ``netboard`` command.
+    """
+    app.command(epilog=examples("netboard status", "netboard status -c rig.toml --watch", "netboard status --json"))(
+        status
+    )
+    app.command(epilog=examples("netboard stop", "netboard stop --guard -c rig.toml", "netboard stop --release"))(stop)
+    app.command(
+        epilog=examples(
+            "netboard control start",
+            "netboard control pause_after_trial -c rig.toml --json",
+            """netboard control open '{"participant_a": "P07", "participant_b": "P08", "consent": true}'""",
+            "netboard control note 'the left participant sneezed'",
+            "netboard control start --until finished --seconds 900",
+            "netboard control seek trial 5",
+            "netboard control step back 10",
+        )
+    )(control)
+    app.command(epilog=examples("netboard doctor -c rig.toml", "netboard doctor --quick --json report.json"))(doctor)
+    app.command(
+        epilog=examples(
+            "netboard up --server /etc/netboard/netboard.toml",
+            "netboard up --station left /etc/netboard/netboard.toml",
+            "netboard up --server --station both",
+        )
+    )(up)

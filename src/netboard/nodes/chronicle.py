@@ -1,0 +1,107 @@
+"""What a session records beside its ticks: events in their order, clock probes, what displays have painted.
+
+Before its form is complete a session is not open, and nothing of it is recorded. Events of that time are held, and
+recorded when it opens. Whoever runs the server reads of every event at once.
+"""
+
+import logging
+from collections.abc import Iterable
+from typing import Any
+
+from netboard.clock import now_ns
+from netboard.curtain import PHASE_NAMES
+from netboard.experiment.machine import Cause
+from netboard.nodes.log_port import LogPort
+from netboard.wire.codec import encode
+from netboard.wire.messages import Message
+from netboard.wire.records import ClockRecord, EventRecord
+
+log = logging.getLogger(__name__)
+
+
+class Chronicle:
+    """Numbers what is recorded, and brings it to the loggers.
+
+    Parameters
+    ----------
+    port : LogPort
+        Where the loggers are.
+
+    Attributes
+    ----------
+    opened : bool
+        Whether the session is open.
+    probes : int
+        Clock probes recorded so far [1].
+    """
+
+    def __init__(self, port: LogPort) -> None:
+        self.opened = False
+        self.probes = 0
+        self._port = port
+        self._events = 0
+        self._held: list[tuple[str, dict[str, str]]] = []
+
+    def note(self, tick: int, name: str, details: dict[str, str]) -> None:
+        """Record an event, or hold it until the session is open, and tell whoever runs the server.
+
+        Parameters
+        ----------
+        tick : int
+            Number of the tick at which it takes effect [1].
+        name : str
+            What has happened.
+        details : dict of str
+            Anything worth knowing.
+        """
+        if self.opened:
+            self._record_event(tick, name, details)
+        else:
+            self._held.append((name, details))
+        said = " ".join(f"{key}={value}" for key, value in details.items() if key != "config")
+        log.info("%s %s", name, "".join(letter if letter.isprintable() else "?" for letter in said))
+
+    def catch_up(self, tick: int) -> None:
+        """Record what was held while the session was not open, as of a tick [1]."""
+        held, self._held = self._held, []
+        for name, details in held:
+            self._record_event(tick, name, details)
+
+    def record(self, message: Message) -> None:
+        """Record anything else, if the session is open."""
+        if self.opened:
+            self._port.append(encode(message))
+
+    def record_probes(self, probes: Iterable[ClockRecord]) -> None:
+        """Record clock probes, which are numbered from `probes` on."""
+        for probe in probes:
+            self.record(probe)
+            self.probes += 1
+
+    def _record_event(self, tick: int, name: str, details: dict[str, str]) -> None:
+        self.record(EventRecord(self._events, tick, now_ns(), name, details))
+        self._events += 1
+
+
+def change_of(cause: Cause, row: Any, state: Any) -> dict[str, str]:
+    """Write what the trial machine has decided at a tick, as details of an event.
+
+    Parameters
+    ----------
+    cause : Cause
+        Why.
+    row : netboard.tick.TICK record
+        The tick.
+    state : netboard.tick.STATE record
+        How the trial is after it.
+    """
+    details = {
+        "from": PHASE_NAMES[int(row["phase"])],
+        "to": PHASE_NAMES[int(state["phase"])],
+        "trial": str(row["trial"]),
+        "attempt": str(row["attempt"]),
+        "target": "left" if row["target"] < 0 else "right",
+    }
+    if cause == Cause.HELD:
+        details["completion"] = repr(float(state["completion"]))
+    return details

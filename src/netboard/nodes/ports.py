@@ -1,0 +1,91 @@
+"""The server's ends of the channels of one session: opened together, and told together when a block begins.
+
+What goes on at each of them is the port's own affair; what they bring is the session's.
+"""
+
+from typing import Any
+
+from netboard import channels, doors, sockets
+from netboard.config import Config
+from netboard.nodes.control_port import Answers, ControlPort
+from netboard.nodes.log_port import LogPort
+from netboard.nodes.motion_port import MotionPort
+from netboard.nodes.view_port import ViewPort
+from netboard.recording.spill import Spill, spill_path
+from netboard.wire.meeting import Welcome
+
+RING_SHARE = 1.5
+"""Records that the log's ring holds for each millisecond: one of a tick, and room for others [1]."""
+
+
+class Ports:
+    """All ports of a session.
+
+    Parameters
+    ----------
+    config : Config
+        Where they listen, and how peers are watched.
+    welcome : Welcome
+        What every peer is told first.
+    answers : Answers
+        Answers operators.
+    context : zmq.Context
+        Where the sockets are made.
+    door : doors.Door or None
+        Where peers show their keys; None where no keys are asked for.
+
+    Attributes
+    ----------
+    motion : MotionPort
+        To the agents.
+    control : ControlPort
+        To the operators, and from the displays.
+    log : LogPort
+        To the loggers.
+    views : ViewPort
+        To the displays.
+    inlets : (zmq.Socket, zmq.Socket)
+        Where something may come that the session wants to know at once: motion, control.
+    """
+
+    def __init__(
+        self, config: Config, welcome: Welcome, answers: Answers, context: sockets.Context, door: doors.Door | None
+    ) -> None:
+        network = config.network
+        where = channels.addresses(network, door)
+        motion = sockets.motion_server(context, where.listen(channels.MOTION))
+        control = sockets.control_server(context, where.listen(channels.CONTROL))
+        self.motion = MotionPort(
+            motion, welcome, int(network.sample_timeout_ms * 1e6), int(network.clock_bound_ms * 1e6)
+        )
+        self.control = ControlPort(control, welcome, answers)
+        spill = Spill(spill_path(config, welcome.session), welcome, int(network.log_spill_mb * 1e6))
+        ring = int(network.log_ring_s * 1000 * RING_SHARE)
+        self.log = LogPort(sockets.log_server(context, where.listen(channels.LOG)), welcome, ring, spill)
+        self.views = ViewPort(network, context, door)
+        self.inlets = (motion.socket, control.socket)
+
+    def renew(self, welcome: Welcome, ends: Any) -> None:
+        """Another block: tell everybody what counts now.
+
+        Parameters
+        ----------
+        welcome : Welcome
+            With the block's configuration.
+        ends : ndarray of float64, shape (2, 3), or None
+            What agents that compute their own forces are told.
+        """
+        self.motion.renew(welcome, ends)
+        self.control.renew(welcome)
+        self.log.renew(welcome)
+        self.views.renew()
+
+    def goodbye(self, reason: str) -> None:
+        """Tell agents and operators that they are not needed any more."""
+        self.motion.goodbye(reason)
+        self.control.goodbye(reason)
+
+    def close(self) -> None:
+        """Close what does not close by itself when its last record is kept."""
+        self.views.close()
+        self.control.close()

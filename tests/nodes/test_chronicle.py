@@ -1,0 +1,65 @@
+"""The chronicle of a session: nothing is recorded before it is open, and nothing of that is lost."""
+
+import pytest
+
+from netboard.nodes.chronicle import Chronicle
+from netboard.wire.codec import decode
+from netboard.wire.messages import Message
+from netboard.wire.records import ClockRecord, EventRecord, FrameRecord
+
+FRAME = FrameRecord(0, "left", 7, 1, 2, 0)
+
+
+class Kept:
+    """What is recorded, in memory, as the log port takes it."""
+
+    def __init__(self) -> None:
+        self.messages: list[Message] = []
+
+    def append(self, frame: bytes) -> int:
+        self.messages.append(decode(frame))
+        return len(self.messages) - 1
+
+
+def told(kept: Kept) -> list[tuple[int, int, str]]:
+    return [(event.seq, event.tick, event.name) for event in kept.messages if isinstance(event, EventRecord)]
+
+
+def test_events_of_an_unopened_session_are_recorded_when_it_opens() -> None:
+    kept = Kept()
+    chronicle = Chronicle(kept)
+    chronicle.note(3, "agent_joined", {"side": "left"})
+    chronicle.record(FRAME)
+    assert kept.messages == []
+    chronicle.opened = True
+    chronicle.note(9, "block_began", {})
+    chronicle.catch_up(9)
+    chronicle.catch_up(10)
+    assert told(kept) == [(0, 9, "block_began"), (1, 9, "agent_joined")]
+
+
+def test_an_open_session_records_all_in_its_order() -> None:
+    kept = Kept()
+    chronicle = Chronicle(kept)
+    chronicle.opened = True
+    chronicle.note(1, "start", {"trial": "1"})
+    chronicle.record(FRAME)
+    chronicle.note(2, "held", {})
+    assert told(kept) == [(0, 1, "start"), (1, 2, "held")]
+    assert kept.messages[1] == FRAME
+
+
+def test_probes_are_numbered_on_from_port_to_port() -> None:
+    kept = Kept()
+    chronicle = Chronicle(kept)
+    chronicle.opened = True
+    for _ in range(2):
+        first = chronicle.probes
+        chronicle.record_probes(ClockRecord(first + k, "agent.left", 0, 0, 0, 0, 0, 0, 0.0) for k in range(2))
+    assert [probe.seq for probe in kept.messages] == [0, 1, 2, 3]
+
+
+def test_a_stranger_has_no_power_over_the_terminal(caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level("INFO")
+    Chronicle(Kept()).note(0, "agent_joined", {"name": "\x1b[2J", "config": "long"})
+    assert caplog.messages == ["agent_joined name=?[2J"]

@@ -1,0 +1,31 @@
+"""Where the channels are."""
+
+from netboard import channels, doors
+from netboard.tables.rig import Network
+
+
+def test_addresses_count_the_channels_from_the_first_port() -> None:
+    where = channels.addresses(Network(host="10.0.0.1", bind="0.0.0.0", port=6000))
+    assert where.listen(channels.MOTION).address == "tcp://0.0.0.0:6000"
+    assert where.reach(channels.CONTROL).address == "tcp://10.0.0.1:6004"
+    assert {channels.VIEW["left"], channels.VIEW["right"]} == {2, 3}
+    assert len(channels.CHANNELS) == channels.NERVE + 1
+
+
+def test_the_nerve_stays_on_its_machine_and_needs_no_keys() -> None:
+    keys = doors.Credentials("p" * 40, "s" * 40, "q" * 40)
+    where = channels.addresses(Network(host="10.0.0.1", bind="0.0.0.0", port=6000), keys)
+    for nerve in (where.listen(channels.NERVE), where.reach(channels.NERVE)):
+        assert nerve == channels.Endpoint("tcp://127.0.0.1:6005", channels.NERVE)
+    assert where.reach(channels.LOG).lock is keys
+    assert "ssss" not in repr(keys)
+
+
+def test_what_a_player_does_stays_on_the_machine_and_takes_no_port() -> None:
+    keys = doors.Credentials("p" * 40, "s" * 40, "q" * 40)
+    for transport in ("tcp", "ipc"):
+        network = Network(host="10.0.0.1", bind="0.0.0.0", port=6000, transport=transport)  # type: ignore[arg-type]
+        where = channels.addresses(network, keys)
+        ends = [end(side) for end in (where.pointer, where.felt) for side in ("left", "right")]
+        assert all(end.address.startswith("ipc:///tmp/netboard-") and end.lock is None for end in ends)
+        assert len({end.address for end in ends}) == 4
