@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib.axes import Axes
 
-from netboard.figures.marks import apart, draw_dyads, draw_mean, look_of, new_mosaic, styled, titled
+from netboard.figures.marks import apart, draw_dyads, draw_mean, look_of, many, new_mosaic, styled, titled
 from netboard.figures.picture import CLASSES, Picture
 from netboard.findings.classes import Shares, classes
 from netboard.findings.groups import CLASSES as ORDER
@@ -115,7 +115,7 @@ def _caption(study: Study, found: list[Shares]) -> str:
     if study.readings.movements.window == "whole":
         window = "from the release to the end of the hold"
     weight = "every trial" if study.readings.summaries.shares == "trials" else "every second"
-    known = "; ".join(f"{one.condition.label}: n = {len(one.dyads)} dyads" for one in found)
+    known = "; ".join(f"{one.condition.label}: n = {many(len(one.dyads), 'dyad')}" for one in found)
     return (
         f"Shares of the time {window} in which the sides move in opposite directions (cooperative), in the same one "
         f"(competitive), one of them moves (single) or none (still). {weight[0].upper()}{weight[1:]} counts the same "

@@ -13,6 +13,7 @@ from netboard.figures.marks import (
     in_lines,
     listed,
     look_of,
+    many,
     new_mosaic,
     styled,
     titled,
@@ -113,7 +114,8 @@ def _caption(study: Study, shown: list[ConditionDelay]) -> str:
     of = {"dyads": "dyads", "people": "participants alone and dyads together", "movements": "single movements"}
     unit = study.readings.summaries.intervals
     each = "; ".join(
-        f"{one.condition.label}: n = {one.as_set.means[0].n} {one.as_set.means[0].unit}s, {one.movements} movements"
+        f"{one.condition.label}: n = {many(one.as_set.means[0].n, one.as_set.means[0].unit)}, "
+        f"{many(one.movements, 'movement')}"
         for one in shown
     )
     warning = (
@@ -123,8 +125,8 @@ def _caption(study: Study, shown: list[ConditionDelay]) -> str:
     )
     few = of["dyads" if unit == "movements" else unit]
     return (
-        "Time between the sides' reaching a portion of a peak velocity in cooperative movements of trials that count, at "
-        f"{listed([str(q) for q in PERCENT])} % (the darker the higher). Large points: means with 95 % t intervals "
+        "Time between the sides' reaching a portion of a peak velocity in cooperative movements of trials that count, "
+        f"at {listed([str(q) for q in PERCENT])} % (the darker the higher). Large points: means with 95 % t intervals "
         f"over {of[unit]}; small points: {few}. A: the threshold that is set; B: without the bias that one threshold "
         "for both sides has; C: left less right, with the standard deviation within performers (pale bars: "
         f"mean ± SD).{warning} {each[0].upper()}{each[1:]}."

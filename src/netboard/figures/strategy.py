@@ -5,7 +5,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from netboard.figures.marks import draw_dyads, styled, team_look, titled
+from netboard.figures.marks import draw_dyads, many, styled, team_look, titled
 from netboard.figures.picture import WIDTH, Picture
 from netboard.findings.strategy import EVERYBODY, Spread, TeamStrategy, strategy
 from netboard.measuring.study import Study
@@ -27,7 +27,7 @@ def picture(study: Study) -> Picture:
         why = "No group of trials has enough first braking movements for an ellipse."
         return Picture("strategy", TITLE, why, None)
     figure = Figure(figsize=(WIDTH, 4.9))
-    above, below = figure.subfigures(2, 1, height_ratios=[1.25, 1])
+    above, below = figure.subfigures(2, 1, squeeze=False, height_ratios=[1.25, 1]).flat
     ellipses = list(above.subplots(1, len(teams), squeeze=False, sharex=True, sharey=True).flat)
     letters = iter("ABCDEFGHIJKLMNOP")
     for axes, team in zip(ellipses, teams, strict=True):
@@ -122,13 +122,13 @@ def _caption(study: Study, teams: tuple[TeamStrategy, ...]) -> str:
     }[how.extent]
     counts = [[one.count for one in team.ellipses] for team in teams]
     each = "; ".join(
-        f"{team.team}: n = {min(count)} to {max(count)} trials an ellipse, {len(team.spreads[0].dyads)} dyads"
+        f"{team.team}: n = {min(count)} to {max(count)} trials an ellipse, {many(len(team.spreads[0].dyads), 'dyad')}"
         for team, count in zip(teams, counts, strict=True)
     )
     return (
         f"Ball at the onset of the first braking movement, in groups of {how.group} trials of each condition in the "
         "order in which they were done. Ellipses: of everybody's trials of a group; centre: mean; axes: principal "
-        f"components, {extent}. Below: variances of each performer's trials of a condition, averaged for each dyad (thin "
-        "lines); thick lines: means over dyads, with bands of their 95 % t intervals. "
+        f"components, {extent}. Below: variances of each performer's trials of a condition, averaged for each dyad "
+        "(thin lines); thick lines: means over dyads, with bands of their 95 % t intervals. "
         f"{each[0].upper()}{each[1:]}."
     )
