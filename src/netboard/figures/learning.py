@@ -104,7 +104,7 @@ def _ends(axes: Axes, course: Course, count: int, top: float) -> None:
 
 def _names(axes: Axes, one: TeamLearning, height: float) -> None:
     """Write the names of the classes at the right of the areas."""
-    tail = np.nanmean(one.seconds[-30:], axis=0)
+    tail = np.nan_to_num(one.seconds[-30:]).mean(axis=0)
     shown = np.array([tail[ORDER.index(name)] for name in STACK])
     places = apart(list(np.cumsum(shown) - shown / 2), 0.075 * height)
     to_right = axes.get_yaxis_transform()
