@@ -1,0 +1,151 @@
+"""The paper's figure 5: ellipses of the strategies in groups of trials, and how their spread goes down."""
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from netboard.figures.marks import apart, draw_dyads, many, styled, team_colour, team_look, titled
+from netboard.figures.picture import WIDTH, Picture
+from netboard.findings.strategy import EVERYBODY, Spread, TeamStrategy, strategy
+from netboard.measuring.study import Study
+
+TITLE = "Convergence of the strategy"
+
+_ACROSS = 3
+"""Panels of ellipses beside each other."""
+
+
+@styled
+def picture(study: Study) -> Picture:
+    """Draw how the strategy converges.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+    """
+    teams = strategy(study).teams
+    if not any(np.isfinite(one.width) for team in teams for one in team.ellipses):
+        why = "No group of trials has enough first braking movements for an ellipse."
+        return Picture("strategy", TITLE, why, None)
+    rows = -(-len(teams) // _ACROSS)
+    height = [2.7 * rows, 2.2]
+    figure = Figure(figsize=(WIDTH, sum(height)))
+    above, below = figure.subfigures(2, 1, squeeze=False, height_ratios=height).flat
+    grid = above.subplots(rows, min(len(teams), _ACROSS), squeeze=False, sharex=True, sharey=True)
+    ellipses = list(grid.flat)[: len(teams)]
+    for empty in list(grid.flat)[len(teams) :]:
+        empty.set_axis_off()
+    letters = iter("ABCDEFGHIJKLMNOP")
+    for axes, team in zip(ellipses, teams, strict=True):
+        _ellipses(axes, team)
+        titled(axes, next(letters), "all participants and dyads" if team.team == EVERYBODY else team.team)
+    for axes in ellipses[::_ACROSS]:
+        axes.set_ylabel("velocity to the target [m/s]")
+    for axes in ellipses[-_ACROSS:]:
+        axes.set_xlabel("distance to the target [m]")
+        axes.tick_params(labelbottom=True)
+    _numbers(ellipses[min(_ACROSS, len(teams)) - 1], teams[0])
+    shown = [team for team in teams if team.team != EVERYBODY]
+    kinds = len(shown[0].spreads)
+    for k, axes in enumerate(below.subplots(1, kinds, squeeze=False).flat):
+        titled(axes, next(letters), shown[0].spreads[k].quantity)
+        _spreads(axes, shown, k, study.readings.summaries.group)
+    return Picture("strategy", TITLE, _caption(study, teams), figure)
+
+
+def _unit(unit: str) -> str:
+    """Write powers as such."""
+    return unit.replace("2", "²").replace("4", "⁴")
+
+
+def _colours(count: int) -> list[tuple[float, float, float, float]]:
+    """From light to dark, the later the darker."""
+    return [mpl.colormaps["viridis"](x) for x in np.linspace(0.75, 0.0, count)]
+
+
+def _ellipses(axes: Axes, team: TeamStrategy) -> None:
+    """Draw the ellipse and the mean of each group."""
+    known = [one for one in team.ellipses if np.isfinite(one.width)]
+    for k, (one, colour) in enumerate(zip(known, _colours(len(known)), strict=True)):
+        x, y = one.outline().T
+        width = 0.9 + 1.1 * k / max(len(known) - 1, 1)
+        axes.plot(x, y, color=colour, linewidth=width, label=f"_{team.team}, group {k}")
+        axes.plot(*one.centre, "o", color=colour, markersize=3.5, label=f"_{team.team}, centre {k}")
+
+
+def _numbers(axes: Axes, team: TeamStrategy) -> None:
+    """Write which trials each ellipse is of."""
+    known = [k for k, one in enumerate(team.ellipses) if np.isfinite(one.width)]
+    for line, (k, colour) in enumerate(zip(known, _colours(len(known)), strict=True)):
+        words = f"{team.first[k]} to {team.last[k]}"
+        axes.text(1.03, 0.9 - 0.09 * line, words, color=colour, transform=axes.transAxes, weight="bold")
+    axes.text(1.03, 0.99, "trials", transform=axes.transAxes)
+
+
+def _spreads(axes: Axes, teams: list[TeamStrategy], kind: int, size: int) -> None:
+    """Draw one kind of spread over the groups of trials: each team's dyads, their mean and its band."""
+    for team in teams:
+        _spread(axes, team, team.spreads[kind])
+    last = max(int(team.last[-1]) for team in teams)
+    axes.set_xticks([1, *range(size, last + 1, size)])
+    axes.set_xlim(0.5, 1.22 * last)
+    axes.spines["bottom"].set_bounds(1, last)
+    axes.set_ylim(bottom=0.0)
+    _names(axes, teams, kind)
+    axes.set_xlabel("trial of the condition [1]")
+    axes.set_ylabel(f"variance [{_unit(teams[0].spreads[kind].unit)}]")
+
+
+def _spread(axes: Axes, team: TeamStrategy, spread: Spread) -> None:
+    """Draw the spread of a team."""
+    look = team_look(team.team)
+    middles = (team.first + team.last) / 2
+    for dyad, values in spread.dyads.iterrows():
+        draw_dyads(axes, middles, values, look.colour, f"{dyad} {team.team}", joined=True)
+    means, low, high = (np.array([getattr(one, name) for one in spread.means]) for name in ("value", "low", "high"))
+    axes.fill_between(
+        middles, low, high, color=look.colour, alpha=0.15, linewidth=0.0, zorder=1, label=f"_{team.team}, interval"
+    )
+    axes.plot(
+        middles,
+        means,
+        color=look.colour,
+        linestyle=look.line,
+        marker=look.marker,
+        markersize=4.5,
+        zorder=4,
+        label=f"_{team.team}",
+    )
+
+
+def _names(axes: Axes, teams: list[TeamStrategy], kind: int) -> None:
+    """Write the teams' names at the ends of their lines, where they do not lie on each other."""
+    ends = {team.team: [mean.value for mean in team.spreads[kind].means if np.isfinite(mean.value)] for team in teams}
+    order = sorted((values[-1], name) for name, values in ends.items() if values)
+    places = apart([value for value, _ in order], 0.09 * axes.get_ylim()[1])
+    for (_, name), place in zip(order, places, strict=True):
+        axes.annotate(name, (0.83, place), xycoords=("axes fraction", "data"), color=team_colour(name), va="center")
+
+
+def _caption(study: Study, teams: tuple[TeamStrategy, ...]) -> str:
+    how = study.readings.summaries
+    extent = {
+        "middle_90": "from the 5th to the 95th percentile of the scores along each component",
+        "twice_p90": "twice the 90th percentile of the scores' magnitudes along each component",
+        "p10_to_p90": "from the 10th to the 90th percentile of the scores along each component",
+        "nine_tenths": "nine tenths of the scores' range along each component",
+    }[how.extent]
+    counts = [[one.count for one in team.ellipses] for team in teams]
+    each = "; ".join(
+        f"{team.team}: n = {min(count)} to {max(count)} trials an ellipse, {many(len(team.spreads[0].dyads), 'dyad')}"
+        for team, count in zip(teams, counts, strict=True)
+    )
+    return (
+        f"Ball at the onset of the first braking movement, in groups of {how.group} trials of each condition in the "
+        "order in which they were done. Ellipses: of everybody's trials of a group; centre: mean; axes: principal "
+        f"components, {extent}. Below: variances of each performer's trials of a condition, averaged for each dyad "
+        "(thin lines); thick lines: means over dyads, with bands of their 95 % t intervals. "
+        f"{each[0].upper()}{each[1:]}."
+    )
