@@ -49,8 +49,8 @@ def test_every_axis_has_a_unit_and_every_part_its_words(takes: list[Take]) -> No
         assert figure is not None
         assert len(figure.axes) == len(PANELS)
         for axes in figure.axes:
-            assert axes.get_xlabel() == "time from the release (s)"
-            assert axes.get_ylabel().endswith(")")
+            assert axes.get_xlabel() == "time from the release [s]"
+            assert axes.get_ylabel().endswith("]")
             assert ": " in axes.get_title(loc="left")
 
 

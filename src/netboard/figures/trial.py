@@ -54,7 +54,7 @@ def draw_completion(axes: Axes, take: Take) -> str:
     half, target = take.block.config.geometry.target_width / 2, take.trial.target
     axes.axhspan((target - half) * MM, (target + half) * MM, color=GREEN, alpha=0.2, lw=0)
     axes.plot(time, take.raw("p")[window] * MM, color=BLACK)
-    axes.set_ylabel("ball (mm)")
+    axes.set_ylabel("ball [mm]")
     if not np.isfinite(take.completion):
         return f"not completed: {take.attempt.outcome}"
     hold = take.block.config.task.hold_time
@@ -83,7 +83,7 @@ def draw_peaks(axes: Axes, take: Take) -> str:
     axes.plot(time[counted.samples], speed[counted.samples], "o", color=VERMILION, ms=4)
     if np.isfinite(take.completion):
         axes.axvline(take.completion, color=GREEN, ls=":")
-    axes.set_ylabel("ball (mm/s)")
+    axes.set_ylabel("ball [mm/s]")
     where = "to the completion" if how.window == "to_completion" else "in the whole trial"
     return f"{counted.count} {where}, {every.count} with the hold; grey: before the {_slow(take)} filter"
 
@@ -117,7 +117,7 @@ def draw_classes(axes: Axes, take: Take) -> str:
         spans = [(first / RATE, (stop - first) / RATE) for first, stop in runs(own)]
         axes.broken_barh(spans, (low - _ROOM * (high - low), 0.6 * _ROOM * (high - low)), color=colour, lw=0)
         said.append(f"{name} {own.mean() if own.size else 0.0:.0%}")
-    axes.set_ylabel("styluses (mm/s)")
+    axes.set_ylabel("styluses [mm/s]")
     axes.legend(loc="upper right", ncols=2)
     return ", ".join(said) + f" of the time; lines: {limit:g} mm/s"
 
@@ -142,7 +142,7 @@ def draw_movements(axes: Axes, take: Take) -> str:
     limit = take.block.readings.segments.least_rate_deg
     for level in (-limit, limit):
         axes.axhline(level, color=GREY, lw=0.6)
-    axes.set_ylabel("board (deg/s)")
+    axes.set_ylabel("board [deg/s]")
     count, together = len(take.own_turns), int(moved.cooperative.sum())
     return f"{count}, of which {together} cooperative (green); grey: before the {_slow(take)} filter"
 
@@ -159,7 +159,7 @@ def draw_delay(axes: Axes, take: Take) -> str:
     """
     moved, found, _ = delays_of(take)
     turns = take.own_turns
-    axes.set_ylabel("styluses (mm/s)")
+    axes.set_ylabel("styluses [mm/s]")
     if not moved.cooperative.any():
         return "no cooperative movement"
     k = int(np.argmax(np.where(moved.cooperative, np.abs(turns.angle), 0.0)))
@@ -191,7 +191,7 @@ def draw_braking(axes: Axes, take: Take) -> str:
     window, time = _whole(take)
     axes.axhline(0.0, color=GREY, lw=0.6)
     axes.plot(time, -take.trial.side * take.found.theta[window] * DEG, color=BLACK)
-    axes.set_ylabel("tilt to target (deg)")
+    axes.set_ylabel("tilt to target [deg]")
     found = strategy_of(take, take.block.readings.strategy.braking)
     for onset, colour, word in ((found.initial, ORANGE, "initial"), (found.onset, VERMILION, "braking")):
         if np.isfinite(onset):
@@ -255,6 +255,6 @@ def _draw(axes: Axes, take: Take, name: str) -> None:
     title, draw = PANELS[name]
     said = draw(axes, take)
     axes.set_title(f"{title}: {said}", loc="left", fontsize=7.5)
-    axes.set_xlabel("time from the release (s)")
+    axes.set_xlabel("time from the release [s]")
     if name != "delay":
         axes.set_xlim(-0.05, take.attempt.duration + 0.05)
