@@ -60,7 +60,7 @@ def test_the_words_are_the_numbers_of_the_tables(takes: list[Take], tables: Meas
         number = {name: column[row] for name, column in tables.trials.items()}
         if np.isfinite(number["completion"]):
             assert f"{number['completion']:.3f} s" in said["completion"]
-        assert f"{number['peaks']} to the completion, {number['peaks_whole']} with" in said["peaks"]
+        assert f"{number['peaks']:.0f} to the completion, {number['peaks_whole']:.0f} with" in said["peaks"]
         total = sum(number[name] for name in ("cooperative", "competitive", "single", "still"))
         assert f"cooperative {number['cooperative'] / total:.0%}" in said["classes"]
         if np.isfinite(number["braking_onset"]):
