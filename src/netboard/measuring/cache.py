@@ -161,7 +161,7 @@ def _values(column: Any, kind: str) -> NDArray[Any]:
     """Turn a column into an array; equal texts are one object, as one is enough for the path of a whole recording."""
     if kind == "string":
         texts = np.array([*column.dictionary.to_pylist(), None], object)[:-1]
-        return texts[column.indices.to_numpy()]
+        return np.asarray(texts[column.indices.to_numpy()])
     return np.array(column.to_numpy())
 
 

@@ -26,13 +26,13 @@ class LeftOut:
 
     Attributes
     ----------
-    recording : str
-        Its name.
+    file : str
+        Name of its file.
     why : str
         What is wrong with it.
     """
 
-    recording: str
+    file: str
     why: str
 
 
@@ -138,7 +138,7 @@ def harvest(
     if not tables:
         raise RecordingError("no recording is left that can be measured")
     sources = tuple(Source(run, digests[run.path], run.path in kept) for run in runs if run.path in tables)
-    left_out.sort(key=lambda one: one.recording)
+    left_out.sort(key=lambda one: one.file)
     return Harvest(sources, tuple(left_out), (tables.pop(source.run.path) for source in sources), peak)
 
 
@@ -172,7 +172,7 @@ def _readable(recordings: Sequence[Path]) -> tuple[tuple[Run, ...], list[LeftOut
 
 def _left_out(path: Path, error: Exception) -> LeftOut:
     """Say why, without the place of the file."""
-    return LeftOut(path.stem, str(error).replace(str(path.absolute()), path.name).replace(str(path), path.name))
+    return LeftOut(path.name, str(error).replace(str(path.absolute()), path.name).replace(str(path), path.name))
 
 
 def _digests(paths: Sequence[Path]) -> dict[Path, str]:

@@ -82,9 +82,7 @@ def study_of(measured: Iterable[Measured], readings: Readings) -> Study:
         If the exclusions name a trial that is not there.
     """
     in_order = sorted(measured, key=_place)
-    parts = {name: [dict(getattr(one, name)) for one in in_order] for name in FIELDS}
-    del in_order
-    tables = {name: _joined(parts.pop(name)) for name in FIELDS}
+    tables = {name: _joined([getattr(one, name) for one in in_order]) for name in FIELDS}
     blocks = tables["blocks"]
     blocks["condition"] = _conditions(blocks)
     left_out = excluded(blocks, tables["trials"], readings.exclusions)
@@ -100,9 +98,8 @@ def _place(one: Measured) -> tuple[str, int, int, str]:
 
 
 def _joined(parts: Sequence[Columns]) -> pd.DataFrame:
-    """Put tables one below the other, and let go of each column that is done: paths are long, and once is enough."""
-    names = tuple(parts[0])
-    return pd.DataFrame({name: np.concatenate([part.pop(name) for part in parts]) for name in names}, copy=False)
+    """Put tables one below the other, column by column: paths are long, and no more than one copy is made of them."""
+    return pd.DataFrame({name: np.concatenate([part[name] for part in parts]) for name in parts[0]}, copy=False)
 
 
 def _conditions(blocks: pd.DataFrame) -> pd.Series:
