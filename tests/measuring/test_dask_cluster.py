@@ -21,7 +21,9 @@ ANY_PORT = "127.0.0.1:0"
 
 @pytest.fixture(scope="module")
 def address() -> Iterator[str]:
-    with distributed.LocalCluster(2, threads_per_worker=1, dashboard_address=ANY_PORT, silence_logs=50) as cluster:
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, dashboard_address=ANY_PORT, silence_logs=50
+    ) as cluster:
         yield cluster.scheduler_address
 
 
@@ -81,7 +83,7 @@ def test_workers_must_have_netboard(
 
 def test_a_scheduler_without_workers_is_not_waited_for(recordings: tuple[Path, ...]) -> None:
     with (
-        distributed.LocalCluster(0, dashboard_address=ANY_PORT, silence_logs=50) as cluster,
+        distributed.LocalCluster(n_workers=0, dashboard_address=ANY_PORT, silence_logs=50) as cluster,
         pytest.raises(ConfigError, match=r"has had no workers for 0.5 s"),
         dask(cluster.scheduler_address, patience=0.5)(recordings),
     ):

@@ -172,7 +172,8 @@ def _readable(recordings: Sequence[Path]) -> tuple[tuple[Run, ...], list[LeftOut
 
 def _left_out(path: Path, error: Exception) -> LeftOut:
     """Say why, without the place of the file."""
-    return LeftOut(path.name, str(error).replace(str(path.absolute()), path.name).replace(str(path), path.name))
+    why = str(error).replace(str(path.absolute()), path.name).replace(str(path), path.name)
+    return LeftOut(path.name, why.removeprefix(f"{path.name}: "))
 
 
 def _digests(paths: Sequence[Path]) -> dict[Path, str]:
