@@ -28,7 +28,7 @@ LIBRARIES = ("pandas", "pyarrow", "matplotlib", "jinja2", "statsmodels")
 
 @dataclass(frozen=True, slots=True)
 class Wishes:
-    """How an analysis is to be run, which changes none of its numbers.
+    """How an analysis is to be run; of its numbers, only what cannot be measured depends on that.
 
     Attributes
     ----------
@@ -42,6 +42,8 @@ class Wishes:
         Keep results, and use those kept.
     skip : bool
         Leave out recordings that cannot be measured.
+    beside_the_paper : bool
+        Put the study beside what the paper reported.
     """
 
     workers: int | None = None
@@ -49,6 +51,7 @@ class Wishes:
     cache: Path | None = None
     keep: bool = True
     skip: bool = False
+    beside_the_paper: bool = False
 
 
 def main(
@@ -90,7 +93,8 @@ def main(
         found = harvest(recordings, readings, crew, cache, tell, skip=wishes.skip)
         study = study_of(found.measured, readings)
         with new_folder(folder) as part:
-            write_analysis(part, study, found, ["netboard", *sys.argv[1:]], tell)
+            command = ["netboard", *sys.argv[1:]]
+            write_analysis(part, study, found, command, tell, beside_the_paper=wishes.beside_the_paper)
     console = Console(highlight=False, soft_wrap=True)
     for line in (*_in_words(study, found), _in_total(folder, time.perf_counter() - began, found.peak)):
         console.print(line, markup=False)

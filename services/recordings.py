@@ -225,6 +225,9 @@ def analyse(
         typer.Option(metavar="FOLDER", help="Where results are kept; else a folder in ~/.cache (XDG_CACHE_HOME)."),
     ] = None,
     no_cache: Annotated[bool, typer.Option("--no-cache", help="Measure everything anew, and keep nothing.")] = False,
+    compare_paper: Annotated[
+        bool, typer.Option("--compare-paper", help="Put the numbers beside those that the paper reported.")
+    ] = False,
     skip_unreadable: Annotated[
         bool, typer.Option("--skip-unreadable", help="Leave out recordings that cannot be measured, and list them.")
     ] = False,
@@ -237,7 +240,7 @@ def analyse(
 
     if cache is not None and no_cache:
         raise ConfigError("--cache and --no-cache: expected one of them")
-    wishes = service.Wishes(workers, dask, cache, not no_cache, skip_unreadable)
+    wishes = service.Wishes(workers, dask, cache, not no_cache, skip_unreadable, compare_paper)
     raise typer.Exit(service.main(recordings, output, settings, overrides or (), wishes))
 
 

@@ -103,6 +103,15 @@ def test_tables_are_the_same_to_the_byte_however_they_are_made(study: Path) -> N
     assert len(list(Path("user/netboard/measures").iterdir())) == len(list(Path("other").iterdir())) == 4
 
 
+def test_the_paper_is_put_beside_it_if_asked(study: Path) -> None:
+    assert analyse(study, "-o", "out", "--workers", "1", "--compare-paper").exit_code == 0
+    beside = parquet.read_table("out/tables/comparison.parquet").to_pylist()
+    assert {5.71, 3.61, 4.33, 3.62} <= {row["reported"] for row in beside}
+    assert "comparison" in json.loads(Path("out/tables/dictionary.json").read_text())["tables"]
+    assert analyse(study, "-o", "without", "--workers", "1").exit_code == 0
+    assert not Path("without/tables/comparison.csv").exists()
+
+
 def test_what_was_kept_is_said(study: Path) -> None:
     assert "were measured before" not in analyse(study, "-o", "one", "--workers", "1").output
     assert "; 4 were measured before" in analyse(study, "-o", "two", "--workers", "1").output

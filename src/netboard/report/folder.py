@@ -21,6 +21,7 @@ from netboard.export.formats import Progress
 from netboard.figures.everything import pictures
 from netboard.figures.picture import Picture, as_bytes
 from netboard.findings.everything import results_of
+from netboard.findings.paper import COMPARISON, compare
 from netboard.findings.results import RESULTS
 from netboard.measuring.exclusions import EXCLUSIONS
 from netboard.measuring.fingerprint import fingerprint
@@ -69,14 +70,23 @@ TABLES = (
     Kind("left_out", "one recording that could not be measured", LEFT_OUT),
     Kind("results", "one number that is reported", RESULTS),
 )
-"""All of them."""
+"""Those of every analysis."""
+
+BESIDE_THE_PAPER = Kind("comparison", "one statement of the paper, and the same of the study", COMPARISON)
+"""The one that is made if it is asked for."""
 
 PLACES = "NAME.parquet and NAME.csv: a table, of all recordings; paths, which are long, as Parquet only"
 
 
 def write_analysis(
-    folder: Path, study: Study, harvest: Harvest, command: Sequence[str], progress: Progress
-) -> tuple[Path, ...]:
+    folder: Path,
+    study: Study,
+    harvest: Harvest,
+    command: Sequence[str],
+    progress: Progress,
+    *,
+    beside_the_paper: bool = False,
+) -> None:
     """Write all of an analysis.
 
     Parameters
@@ -91,11 +101,8 @@ def write_analysis(
         The words of the command that asked for it.
     progress : callable
         Is told what is being done.
-
-    Returns
-    -------
-    tuple of Path
-        What was written.
+    beside_the_paper : bool
+        Put the study beside what the paper reported.
 
     Raises
     ------
@@ -106,21 +113,27 @@ def write_analysis(
     """
     progress("numbers", 0, 3)
     results = results_of(study)
+    comparison = compare(study) if beside_the_paper else None
     origin = provenance(harvest, command)
     (folder / "settings.toml").write_text(resolve(study.readings), encoding="utf-8")
     text = json.dumps(origin, indent=1, ensure_ascii=False) + "\n"
     (folder / "provenance.json").write_text(text, encoding="utf-8")
-    write_tables(folder / "tables", study, results, harvest.left_out)
+    write_tables(folder / "tables", study, results, harvest.left_out, comparison)
     progress("pictures", 1, 3)
     drawn = list(pictures(study))
     _write_pictures(folder / "figures", drawn)
     progress("report", 2, 3)
-    write_report(folder, study, results, drawn, origin)
+    write_report(folder, study, results, drawn, origin, comparison)
     progress("report", 3, 3)
-    return tuple(sorted(path for path in folder.rglob("*") if path.is_file()))
 
 
-def write_tables(folder: Path, study: Study, results: pd.DataFrame, left_out: Sequence[LeftOut]) -> None:
+def write_tables(
+    folder: Path,
+    study: Study,
+    results: pd.DataFrame,
+    left_out: Sequence[LeftOut],
+    comparison: pd.DataFrame | None = None,
+) -> None:
     """Write every table as Parquet and CSV, and the data dictionary.
 
     Parameters
@@ -133,21 +146,29 @@ def write_tables(folder: Path, study: Study, results: pd.DataFrame, left_out: Se
         The columns of `netboard.findings.results.RESULTS`.
     left_out : sequence of LeftOut
         Recordings that could not be measured.
+    comparison : DataFrame, optional
+        The columns of `netboard.findings.paper.COMPARISON`.
     """
     folder.mkdir()
     others = {
         "results": results,
         "left_out": pd.DataFrame([asdict(one) for one in left_out], columns=[field.name for field in LEFT_OUT]),
+        "comparison": comparison,
     }
-    for kind in TABLES:
-        frame = others[kind.name] if kind.name in others else getattr(study, kind.name)
-        rows = {field.name: frame[field.name].to_numpy(DTYPES[field.kind]) for field in kind.fields}
-        with parquet.open_sheet(folder / f"{kind.name}.parquet", kind) as put:
+    kinds = TABLES if comparison is None else (*TABLES, BESIDE_THE_PAPER)
+    for kind in kinds:
+        _write_table(folder, kind, others[kind.name] if kind.name in others else getattr(study, kind.name))
+    write_dictionary(folder, kinds, PLACES)
+
+
+def _write_table(folder: Path, kind: Kind, frame: pd.DataFrame) -> None:
+    """Write a table in both formats, or as Parquet alone if it is long."""
+    rows = {field.name: frame[field.name].to_numpy(DTYPES[field.kind]) for field in kind.fields}
+    with parquet.open_sheet(folder / f"{kind.name}.parquet", kind) as put:
+        put(rows)
+    if kind.name != "paths":
+        with delimited.open_sheet(folder / f"{kind.name}.csv", kind) as put:
             put(rows)
-        if kind.name != "paths":
-            with delimited.open_sheet(folder / f"{kind.name}.csv", kind) as put:
-                put(rows)
-    write_dictionary(folder, TABLES, PLACES)
 
 
 def _write_pictures(folder: Path, drawn: Sequence[Picture]) -> None:

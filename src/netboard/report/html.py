@@ -12,7 +12,12 @@ from netboard.measuring.study import Study
 
 
 def write_report(
-    folder: Path, study: Study, results: pd.DataFrame, pictures: Sequence[Picture], provenance: Mapping[str, Any]
+    folder: Path,
+    study: Study,
+    results: pd.DataFrame,
+    pictures: Sequence[Picture],
+    provenance: Mapping[str, Any],
+    comparison: pd.DataFrame | None = None,
 ) -> Path:
     """Write the report.
 
@@ -28,6 +33,8 @@ def write_report(
         The pictures.
     provenance : mapping
         Where all of it comes from.
+    comparison : DataFrame, optional
+        The study beside the paper, a row for a statement.
 
     Returns
     -------
@@ -35,12 +42,13 @@ def write_report(
         The report.
     """
     path = folder / "report.html"
-    path.write_text("\n".join(_parts(study, results, pictures, provenance)) + "\n", encoding="utf-8")
+    tables = [results] if comparison is None else [results, comparison]
+    path.write_text("\n".join(_parts(study, tables, pictures, provenance)) + "\n", encoding="utf-8")
     return path
 
 
 def _parts(
-    study: Study, results: pd.DataFrame, pictures: Sequence[Picture], provenance: Mapping[str, Any]
+    study: Study, tables: Sequence[pd.DataFrame], pictures: Sequence[Picture], provenance: Mapping[str, Any]
 ) -> Iterator[str]:
     yield '<!doctype html>\n<html lang="en">\n<meta charset="utf-8">\n<title>netboard: a study</title>'
     yield f"<p>{len(study.blocks)} recordings, {len(study.counted)} trials. {escape(provenance['command'])}</p>"
@@ -50,5 +58,5 @@ def _parts(
             drawn = as_bytes(picture.figure, "svg").decode()
             yield drawn[drawn.index("<svg") :]
         yield f"<p>{escape(picture.caption)}</p>"
-    yield results.to_html(index=False)
+    yield from (table.to_html(index=False) for table in tables)
     yield "</html>"
