@@ -1,7 +1,8 @@
 """``netboard bench analysis``: what it costs to analyse a study, and how that grows with the study.
 
-Every figure is of a process that has done nothing else. Beside each time is that of reading the same files alone, in as
-many processes and in the same run: machines differ, and the ratio less so.
+Every figure is of a process that has done nothing else, with those that it starts. Beside each time is that of reading
+the same files alone, in as many processes and in the same run: machines differ, and the ratio less so. Time of cores
+differs less than time by the clock from one run to the next where others use the machine too, so lines are fitted to it.
 """
 
 from collections.abc import Iterator, Sequence
@@ -17,7 +18,7 @@ from netboard.recording.finding import find_recordings
 from netboard.studies.results import Folder, Part, Verdict, new_folder
 from netboard.studies.running import Tell, run
 from netboard.throughput.specimen import make_study
-from netboard.throughput.stages import Measurement, apart, reading, remainder, tables
+from netboard.throughput.stages import Measurement, Took, apart, reading, remainder, tables
 
 SHARES = (0.25, 0.5, 0.75, 1.0)
 """Of the study's recordings [1]."""
@@ -37,17 +38,14 @@ class Size:
     ----------
     dyads, blocks, trials : int
         How many dyads, blocks of each, and trials in a block [1].
-    repeats : int
-        How often each time is taken; the shortest counts [1].
     """
 
     dyads: int
     blocks: int
     trials: int
-    repeats: int
 
 
-WHOLE, QUICK = Size(4, 18, 60, 2), Size(2, 6, 12, 1)
+WHOLE, QUICK = Size(4, 18, 60), Size(2, 6, 12)
 """The paper's study, and a small one."""
 
 
@@ -59,14 +57,14 @@ class Row:
     ----------
     recordings : int
         How many [1].
-    reading : float
-        Time to read the files alone [s].
+    reading : Took
+        What reading the files alone takes.
     cold, kept : Measurement
         What the tables cost when nothing was kept, and when all was.
     """
 
     recordings: int
-    reading: float
+    reading: Took
     cold: Measurement
     kept: Measurement
 
@@ -109,7 +107,7 @@ def study(recordings: Sequence[Path] | None, size: Size, workers: int, tell: Tel
     recordings : sequence of Path or None
         A study; None makes one.
     size : Size
-        How large, and how often each time is taken.
+        How large.
     workers : int
         How many processes measure [1].
     tell : callable
@@ -130,12 +128,12 @@ def study(recordings: Sequence[Path] | None, size: Size, workers: int, tell: Tel
 
             recordings = make_study(made, size.dyads, size.blocks, size.trials, workers, done)
         tell("getting the kernels ready (compiled once, then kept)", 0.4)
-        apart(tables, recordings[:1], 1, None)
+        apart(tables, recordings[:1], 1, place / "ready")
         rows = []
         for share in SHARES:
             tell(f"analysing {share:.0%} of the study", 0.4 + 0.5 * share)
             some = recordings[: max(1, round(share * len(recordings)))]
-            rows.append(_row(some, workers, size.repeats, place / f"kept-{share}"))
+            rows.append(_row(some, workers, place / f"kept-{share}"))
         yield _costs(rows, workers)
         yield _scaling(rows)
         yield _memory(rows)
@@ -143,54 +141,55 @@ def study(recordings: Sequence[Path] | None, size: Size, workers: int, tell: Tel
         yield _whole(rows[-1], *apart(remainder, recordings, place / f"kept-{SHARES[-1]}", place / "analysis"))
 
 
-def _row(recordings: Sequence[Path], workers: int, repeats: int, kept: Path) -> Row:
-    """Measure one share, several times over."""
-    apart(tables, recordings, workers, kept)
+def _row(recordings: Sequence[Path], workers: int, kept: Path) -> Row:
+    """Measure one share: when nothing is kept yet, and again."""
+    alone = apart(reading, recordings, workers)
     return Row(
-        len(recordings),
-        min(apart(reading, recordings, workers) for _ in range(repeats)),
-        _quickest([apart(tables, recordings, workers, None) for _ in range(repeats)]),
-        _quickest([apart(tables, recordings, workers, kept) for _ in range(repeats)]),
+        len(recordings), alone, apart(tables, recordings, workers, kept), apart(tables, recordings, workers, kept)
     )
-
-
-def _quickest(found: Sequence[Measurement]) -> Measurement:
-    return min(found, key=lambda one: one.seconds)
 
 
 def _costs(rows: Sequence[Row], workers: int) -> Part:
     """Say what each share costs."""
-    head = ("recordings", "attempts", "data [s]", "reading alone [s]", "anew [s]", "kept [s]")
+    times = ("reading alone [s]", "anew [s]", "kept [s]")
     ratios = ("anew / reading [1]", "kept / reading [1]", "anew, x real time [1]")
     return Part(
         "costs",
-        f"From the names of the files to the tables of the study, {workers} processes",
-        head + ratios,
+        f"From the names of the files to the tables of the study, {workers} processes, by the clock",
+        ("recordings", "attempts", "data [s]", *times, *ratios),
         [
             (
-                *(row.recordings, row.cold.trials, row.cold.data, row.reading, row.cold.seconds, row.kept.seconds),
-                *(row.cold.seconds / row.reading, row.kept.seconds / row.reading, row.cold.data / row.cold.seconds),
+                *(row.recordings, row.cold.trials, row.cold.data),
+                *(took.seconds for took in _times(row)),
+                row.cold.took.seconds / row.reading.seconds,
+                row.kept.took.seconds / row.reading.seconds,
+                row.cold.data / row.cold.took.seconds,
             )
             for row in rows
         ],
     )
 
 
+def _times(row: Row) -> tuple[Took, Took, Took]:
+    """Reading alone, anew and kept."""
+    return row.reading, row.cold.took, row.kept.took
+
+
 def _scaling(rows: Sequence[Row]) -> Part:
     """Fit straight lines."""
     trials = [row.cold.trials for row in rows]
-    costs = {
-        "reading alone": [row.reading for row in rows],
-        "anew": [row.cold.seconds for row in rows],
-        "kept": [row.kept.seconds for row in rows],
-    }
-    fits = {name: line(trials, seconds) for name, seconds in costs.items()}
+    names = ("reading alone", "anew", "kept")
+    every = zip(names, zip(*(_times(row) for row in rows), strict=True), strict=True)
+    fits = {name: line(trials, [took.cores for took in times]) for name, times in every}
     slope, _, explained = fits["anew"]
     return Part(
         "scaling",
-        "Straight lines through these times: a start, and so much for each attempt",
-        ("what", "an attempt [ms]", "start [s]", "R2 [1]"),
-        [(name, 1e3 * slope, start, part) for name, (slope, start, part) in fits.items()],
+        "Time of cores: straight lines through these shares",
+        ("what", "whole study [s]", "an attempt [ms]", "start [s]", "R2 [1]"),
+        [
+            (name, took.cores, 1e3 * fits[name][0], *fits[name][1:])
+            for name, took in zip(names, _times(rows[-1]), strict=True)
+        ],
         [
             Verdict("time grows in proportion to the number of attempts", explained >= LINEAR, f"R2 = {explained:.4f}"),
             Verdict(
@@ -247,17 +246,15 @@ def _memory(rows: Sequence[Row]) -> Part:
     )
 
 
-def _whole(row: Row, seconds: float, peak: float) -> Part:
+def _whole(row: Row, rest: Took, peak: float) -> Part:
     """Say what a whole analysis costs."""
     return Part(
         "whole",
         "A whole analysis",
-        ("what", "time [s]", "most memory [MB]"),
+        ("what", "by the clock [s]", "of cores [s]", "most memory [MB]"),
         [
-            ("tables, anew", row.cold.seconds, row.cold.peak / 1e6),
-            ("tables, kept", row.kept.seconds, row.kept.peak / 1e6),
-            ("numbers, pictures, report, files", seconds, peak / 1e6),
-            ("all, anew", row.cold.seconds + seconds, max(row.cold.peak, peak) / 1e6),
-            ("all, kept", row.kept.seconds + seconds, max(row.kept.peak, peak) / 1e6),
+            ("tables, anew", row.cold.took.seconds, row.cold.took.cores, row.cold.peak / 1e6),
+            ("tables, kept", row.kept.took.seconds, row.kept.took.cores, row.kept.peak / 1e6),
+            ("numbers, pictures, report, files", rest.seconds, rest.cores, peak / 1e6),
         ],
     )
