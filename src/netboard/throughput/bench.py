@@ -2,7 +2,7 @@
 
 Every figure is of a process that has done nothing else, with those that it starts. Beside each time is that of reading
 the same files alone, in as many processes and in the same run: machines differ, and the ratio less so. Time of cores
-differs less than time by the clock from one run to the next where others use the machine too, so lines are fitted to it.
+differs less than time by the clock where others use the machine too, so straight lines are fitted to it.
 """
 
 from collections.abc import Iterator, Sequence
