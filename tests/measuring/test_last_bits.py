@@ -9,11 +9,12 @@ import pytest
 MEASURE = """
 import numpy as np
 from netboard.analysis.lags import lag_of
-from netboard.analysis.smoothness import log_dimensionless_jerk, spectral_arc_length
+from netboard.analysis.smoothness import log_dimensionless_jerk
 drawn = np.random.default_rng(7).standard_normal((2, 60_000)).cumsum(axis=1)
-lag = lag_of(*drawn, 1000.0, longest=0.5)
-numbers = lag.delay, lag.coefficient, lag.at_once, log_dimensionless_jerk(np.abs(drawn[0]), 1000.0)
-print([float(number).hex() for number in (*numbers, spectral_arc_length(np.abs(drawn[0]), 1000.0))])
+for stop in range(12_000, 60_000, 4_000):
+    one, other = drawn[:, :stop]
+    lag = lag_of(one, other, 1000.0, longest=0.5)
+    print(*(float(number).hex() for number in (lag.coefficient, log_dimensionless_jerk(np.abs(one), 1000.0))))
 """
 
 
