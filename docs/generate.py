@@ -206,6 +206,9 @@ RECOVERY = ("damage", "kills")
 RECORDING = ("size", "headroom", "writing", "stalls", "reading")
 """Those of `netboard bench recording`."""
 
+ANALYSIS = ("costs", "scaling", "memory", "whole")
+"""Those of `netboard bench analysis`."""
+
 VELOCITY = ("estimators", "delays")
 """Those of `netboard bench velocity`."""
 
@@ -267,6 +270,8 @@ GENERATED: dict[str, tuple[str, Callable[[], str]]] = {
     "recording machine": ("recording.md", study_machine("recording")),
     "analysis evidence": ("analysis-evidence.md", analysis_evidence),
     **{f"recording-{name}": ("recording.md", study_part("recording", name)) for name in RECORDING},
+    "analysis machine": ("analysis-speed.md", study_machine("analysis")),
+    **{f"analysis-{name}": ("analysis-speed.md", study_part("analysis", name)) for name in ANALYSIS},
 }
 
 

@@ -232,3 +232,24 @@ def recording(output: Output = None, quick: Quick = False, force: Force = False,
     from netboard.studies.running import run_named
 
     run_named("recording", study, output, json, quick=quick, force=force)
+
+
+@app.command(
+    epilog="Examples:\n\n  netboard bench analysis --quick\n\n  netboard bench analysis recordings/ -o results"
+)
+def analysis(
+    recordings: Annotated[
+        Path | None, typer.Argument(metavar="[DIR]", help="A study's recordings; else one of the paper's size is made.")
+    ] = None,
+    output: Output = None,
+    quick: Quick = False,
+    force: Force = False,
+    json: Json = None,
+    workers: Annotated[
+        int | None, typer.Option(min=1, metavar="N", help="How many processes measure; else one a core.")
+    ] = None,
+) -> None:
+    """What it costs to analyse a study: time and memory against its size, anew and kept, beside reading the files."""
+    from netboard.throughput import bench as study
+
+    study.main(recordings, workers, output, json, quick=quick, force=force)

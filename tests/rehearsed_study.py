@@ -9,6 +9,7 @@ from netboard.measuring.readings import Readings
 from netboard.measuring.recordings import Measured, measure
 from netboard.services.rehearsal import in_turn, jobs_of, shortened
 from netboard.services.session import blocks_of
+from netboard.throughput.specimen import make_study
 
 
 def rehearse(folder: Path, dyads: int = 2, blocks: tuple[int, ...] = (1, 2, 9, 10), trials: int = 3) -> list[Path]:
@@ -25,3 +26,8 @@ def rehearse(folder: Path, dyads: int = 2, blocks: tuple[int, ...] = (1, 2, 9, 1
 def measured(folder: Path, readings: Readings) -> tuple[Measured, ...]:
     """All recordings of a folder, measured; kept for the next test that asks."""
     return tuple(measure(run, readings) for run in runs_of(sorted(folder.glob("*.mcap"))))
+
+
+def small_study(folder: Path) -> tuple[Path, ...]:
+    """Four blocks of one dyad, of two trials each: bimanual and dyadic ones, with forces and without."""
+    return make_study(folder, 1, 4, 2, 1, lambda done, total: None)

@@ -327,6 +327,13 @@ def _libc(call: Callable[[ctypes.CDLL], int]) -> None:
         raise OSError(number, os.strerror(number))
 
 
+def peak_memory() -> float:
+    """Most memory that this process has ever held, in bytes; NaN where the system does not say [1]."""
+    status = Path("/proc/self/status")
+    lines = status.read_text(encoding="utf-8").splitlines() if status.exists() else []
+    return next((float(line.split()[1]) * 1024 for line in lines if line.startswith("VmHWM:")), float("nan"))
+
+
 def speak(name: str) -> None:
     """Let log lines go to standard error, each with the name of the process.
 

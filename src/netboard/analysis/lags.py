@@ -237,14 +237,16 @@ def _correlations(a: NDArray[np.float64], b: NDArray[np.float64], reach: int, ov
     a, b = a - a.mean(), b - b.mean()
     n, lags = len(a), np.arange(-reach, reach + 1)
     products = correlate(a, b, method="fft")[n - 1 - reach : n + reach]
+    # Not `a @ a`: its last bits depend on how many threads the linear algebra library may use.
+    square_a, square_b = np.sum(a * a), np.sum(b * b)
     if overlap == "full":
-        return np.asarray(products / np.sqrt((a @ a) * (b @ b)))
+        return np.asarray(products / np.sqrt(square_a * square_b))
     count, first, other = n - np.abs(lags), np.maximum(lags, 0), np.maximum(-lags, 0)
     sum_a, sum_b = _sums(a, first, count), _sums(b, other, count)
     vary_a = _sums(a * a, first, count) - sum_a**2 / count
     vary_b = _sums(b * b, other, count) - sum_b**2 / count
     # What is left of a constant stretch by rounding is not a variance.
-    vary = np.where((vary_a > 1e-12 * (a @ a)) & (vary_b > 1e-12 * (b @ b)), vary_a * vary_b, np.nan)
+    vary = np.where((vary_a > 1e-12 * square_a) & (vary_b > 1e-12 * square_b), vary_a * vary_b, np.nan)
     return np.asarray((products - sum_a * sum_b / count) / np.sqrt(vary))
 
 

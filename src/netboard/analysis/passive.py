@@ -11,6 +11,7 @@ Rule 2: a passive part is not all that touch does to a movement; it is what need
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -149,8 +150,17 @@ def driven(force: ArrayLike, rate: float, hand: InertHand) -> NDArray[np.float64
     f = np.asarray(force, dtype=float)
     if not len(f):
         return f
+    above, below = _discretised(hand, rate)
+    return np.asarray(lfilter(above, below, f - f[0]))
+
+
+@lru_cache(maxsize=256)
+def _discretised(hand: InertHand, rate: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the filter from force to height: it takes longer to find than a trial to filter, and hands recur."""
     above, below, _ = cont2discrete(([1.0], [hand.mass, hand.damping, hand.stiffness]), 1.0 / rate, method="foh")
-    return np.asarray(lfilter(np.ravel(above), below, f - f[0]))
+    above, below = np.ravel(above), np.asarray(below)
+    above.flags.writeable = below.flags.writeable = False
+    return above, below
 
 
 def inert_partner(active: ArrayLike, p: ArrayLike, rate: float, hand: InertHand, gains: Gains) -> NDArray[np.float64]:

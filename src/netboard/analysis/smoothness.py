@@ -122,7 +122,7 @@ def dimensionless_jerk(speed: ArrayLike, rate: float, *, scale: Scale = "peak_sp
         return np.nan
     # Divided first: the square of a tiny speed is zero.
     jerk = np.diff(v / size, 2) * rate**2
-    return float(-(duration**3) * (jerk @ jerk) / rate)
+    return float(-(duration**3) * np.sum(jerk**2) / rate)
 
 
 def log_dimensionless_jerk(speed: ArrayLike, rate: float, *, scale: Scale = "peak_speed") -> float:

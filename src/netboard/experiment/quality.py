@@ -64,6 +64,12 @@ TALLY = np.dtype(
 )
 """What is counted of an attempt, and what is remembered of the tick before."""
 
+SEEN = (
+    *("tick", "trial", "attempt", "phase", "event", "run_ticks", "mark_ticks", "theta", "late_ns"),
+    *(f"{side}_{name}" for name in ("live", "stamp_ns", "sent_z", "used_z", "safeguards") for side in SIDES),
+)
+"""Fields of a tick that are looked at: whoever reads ticks for this alone needs no others."""
+
 _RUNNING, _HOLDING = int(Phase.RUNNING), int(Phase.HOLDING)
 _CAUSES = len(Cause)
 
@@ -119,7 +125,7 @@ def tally(acc: Any, rows: Any, first: int, count: int, stylus_range: float, clam
     acc : ndarray of TALLY, shape (1,)
         What has been counted so far; changed in place. ``ended`` is 1 if the last tick taken has ended the attempt.
     rows : ndarray of TICK, shape (n,)
-        A ring of rows, with their outputs.
+        A ring of rows, with their outputs; the fields of `SEEN` are enough.
     first : int
         Number of the first tick; its row is ``first % n`` [1].
     count : int
@@ -338,7 +344,7 @@ class Referee:
         Parameters
         ----------
         rows : ndarray of TICK, shape (n,)
-            A ring of rows.
+            A ring of rows; the fields of `SEEN` are enough.
         first : int
             Number of the first tick; its row is ``first % n`` [1].
         count : int

@@ -9,9 +9,10 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
+from netboard.export.dictionary import Described
 from netboard.export.formats import Progress
 from netboard.export.layout import Sheet, write_sheets
-from netboard.export.tables import Rows, Table
+from netboard.export.tables import Rows
 
 
 def write(recordings: Sequence[Path], folder: Path, progress: Progress) -> None:
@@ -31,12 +32,25 @@ def write(recordings: Sequence[Path], folder: Path, progress: Progress) -> None:
     RecordingError
         If a recording cannot be read.
     """
-    write_sheets(recordings, folder, progress, _open, ".csv")
+    write_sheets(recordings, folder, progress, open_sheet, ".csv")
 
 
 @contextmanager
-def _open(path: Path, table: Table) -> Iterator[Sheet]:
-    """Begin a file with the line of names."""
+def open_sheet(path: Path, table: Described) -> Iterator[Sheet]:
+    """Begin a file with the line of names.
+
+    Parameters
+    ----------
+    path : Path
+        The new file.
+    table : Described
+        What is in it.
+
+    Yields
+    ------
+    callable
+        Takes the next rows.
+    """
     with path.open("x", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(field.name for field in table.fields)

@@ -4,20 +4,39 @@ import csv
 import json
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Protocol
 
-from netboard.export.tables import MISSING, Table
+from netboard.export.tables import MISSING
+from netboard.recording.channels import Field
+
+
+class Described(Protocol):
+    """A kind of table: what it is called, what a row is, and its columns."""
+
+    @property
+    def name(self) -> str:
+        """What it is called."""
+
+    @property
+    def about(self) -> str:
+        """What a row is."""
+
+    @property
+    def fields(self) -> tuple[Field, ...]:
+        """Its columns, of the kinds ``integer``, ``number`` and ``string``."""
+
 
 _TYPES = {"integer": "int64", "number": "float64", "string": "text"}
 
 
-def write_dictionary(folder: Path, tables: Sequence[Table], places: str) -> None:
+def write_dictionary(folder: Path, tables: Sequence[Described], places: str) -> None:
     """Write ``dictionary.json`` and ``dictionary.csv``.
 
     Parameters
     ----------
     folder : Path
         Where to.
-    tables : sequence of Table
+    tables : sequence of Described
         The tables that are exported.
     places : str
         How the tables are laid out in files, in a sentence.

@@ -7,8 +7,10 @@ that exists is written over, and nothing is left of what went wrong.
 
 import os
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -53,14 +55,37 @@ def export(recordings: Sequence[Path], name: str, folder: Path, progress: Progre
     if name not in FORMATS:
         raise ConfigError(f"--to {name}: expected one of {', '.join(FORMATS)}")
     write: Callable[[Sequence[Path], Path, Progress], None] = import_module(FORMATS[name]).write
-    _refuse_existing(folder)
+    with new_folder(folder) as part:
+        write(recordings, part, progress)
+
+
+@contextmanager
+def new_folder(folder: Path) -> Iterator[Path]:
+    """Make a folder that has its name only when it is whole; after an error, nothing is left of it.
+
+    Parameters
+    ----------
+    folder : Path
+        The new folder.
+
+    Yields
+    ------
+    Path
+        Where to write what shall be in it.
+
+    Raises
+    ------
+    RecordingError
+        If the folder exists or cannot be written.
+    """
+    refuse_existing(folder)
     part = folder.with_name(f".{folder.name}.{os.getpid()}.part")
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
         part.mkdir()
         try:
-            write(recordings, part, progress)
-            _refuse_existing(folder)
+            yield part
+            refuse_existing(folder)
             part.rename(folder)
         finally:
             shutil.rmtree(part, ignore_errors=True)
@@ -68,7 +93,19 @@ def export(recordings: Sequence[Path], name: str, folder: Path, progress: Progre
         raise RecordingError(f"{folder}: cannot be written: {error.strerror or error}") from error
 
 
-def _refuse_existing(folder: Path) -> None:
+def refuse_existing(folder: Path) -> None:
+    """Refuse to write where something is already.
+
+    Parameters
+    ----------
+    folder : Path
+        The new folder.
+
+    Raises
+    ------
+    RecordingError
+        If it exists.
+    """
     if folder.exists():
         raise RecordingError(f"{folder}: is there already; name another --output")
 
@@ -91,5 +128,29 @@ def library(name: str, extra: str) -> Any:
     try:
         return import_module(name)
     except ImportError:
-        package = name.partition(".")[0]
-        raise ConfigError(f"this needs {package}, which is not installed: pip install 'netboard[{extra}]'") from None
+        raise _missing(name, extra) from None
+
+
+def need(extra: str, *names: str) -> None:
+    """Refuse to begin something long that would end without a library; none is loaded yet.
+
+    Parameters
+    ----------
+    extra : str
+        The extra of netboard that installs them.
+    *names : str
+        Names of the modules.
+
+    Raises
+    ------
+    ConfigError
+        If one is not installed.
+    """
+    for name in names:
+        if find_spec(name) is None:
+            raise _missing(name, extra)
+
+
+def _missing(name: str, extra: str) -> ConfigError:
+    package = name.partition(".")[0]
+    return ConfigError(f"this needs {package}, which is not installed: pip install 'netboard[{extra}]'")

@@ -5,13 +5,13 @@ Every column has its unit and its meaning in its own metadata.
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from functools import partial
 from pathlib import Path
 from typing import Any
 
+from netboard.export.dictionary import Described
 from netboard.export.formats import Progress, library
 from netboard.export.layout import Sheet, write_sheets
-from netboard.export.tables import Rows, Table
+from netboard.export.tables import Rows
 
 
 def write(recordings: Sequence[Path], folder: Path, progress: Progress) -> None:
@@ -33,13 +33,32 @@ def write(recordings: Sequence[Path], folder: Path, progress: Progress) -> None:
     RecordingError
         If a recording cannot be read.
     """
-    arrow, parquet = library("pyarrow", "parquet"), library("pyarrow.parquet", "parquet")
-    write_sheets(recordings, folder, progress, partial(_open, arrow, parquet), ".parquet")
+    library("pyarrow.parquet", "parquet")
+    write_sheets(recordings, folder, progress, open_sheet, ".parquet")
 
 
 @contextmanager
-def _open(arrow: Any, parquet: Any, path: Path, table: Table) -> Iterator[Sheet]:
-    """Begin a file; its columns are typed even if no row comes."""
+def open_sheet(path: Path, table: Described) -> Iterator[Sheet]:
+    """Begin a file; its columns are typed even if no row comes.
+
+    Parameters
+    ----------
+    path : Path
+        The new file.
+    table : Described
+        What is in it.
+
+    Yields
+    ------
+    callable
+        Takes the next rows.
+
+    Raises
+    ------
+    ConfigError
+        If pyarrow is not installed.
+    """
+    arrow, parquet = library("pyarrow", "parquet"), library("pyarrow.parquet", "parquet")
     schema = _schema(arrow, table)
     texts = [field.name for field in table.fields if field.kind == "string"]
     counts = {field.name: "DELTA_BINARY_PACKED" for field in table.fields if field.kind == "integer"}
@@ -52,7 +71,7 @@ def _open(arrow: Any, parquet: Any, path: Path, table: Table) -> Iterator[Sheet]
         yield put
 
 
-def _schema(arrow: Any, table: Table) -> Any:
+def _schema(arrow: Any, table: Described) -> Any:
     kinds = {"integer": arrow.int64(), "number": arrow.float64(), "string": arrow.string()}
     columns = [
         arrow.field(field.name, kinds[field.kind], nullable=False, metadata={"unit": field.unit, "about": field.text})

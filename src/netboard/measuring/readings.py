@@ -21,7 +21,7 @@ from netboard.analysis.performance import Level, TrialTime
 from netboard.analysis.segments import Angle, Turning
 from netboard.analysis.signals import CutoffOf, OrderOf, Padding
 from netboard.experiment.quality import WORDS
-from netboard.settings import NO_EXTRAS, about, read, write
+from netboard.settings import NO_EXTRAS, about, read, write, write_template
 
 Flag = Literal[
     "late_ticks",
@@ -230,6 +230,11 @@ def parse(text: str, source: str = "analysis.toml", overrides: Sequence[str] = (
         If the text is not TOML, a key is unknown, of the wrong type or out of range.
     """
     return read(_ADAPTER, Readings, text, source, overrides)
+
+
+def template() -> str:
+    """Write the commented file with every key and its default, as TOML text."""
+    return write_template(Readings)
 
 
 def resolve(readings: Readings) -> str:

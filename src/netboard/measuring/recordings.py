@@ -4,22 +4,25 @@ A recording gives the same tables with the same readings, whoever computes them 
 what does not count is marked later (`netboard.measuring.exclusions`).
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from netboard.config import Side
+from netboard.config import Config, Side
+from netboard.experiment.quality import SEEN, Verdict
 from netboard.export.runs import Run
 from netboard.measuring.details import MOVEMENTS, PATHS, movements, path
 from netboard.measuring.modern import MODERN
 from netboard.measuring.paper import PAPER
 from netboard.measuring.readings import Readings
 from netboard.measuring.tables import DTYPES, PLACE, Columns, columns_of, count, number, words
-from netboard.measuring.take import RATE, Block, Take
-from netboard.proof.quality import judged
+from netboard.measuring.take import RATE, Block, Take, columns_for
+from netboard.proof.quality import judged_along
 from netboard.recording.reader import Recording
+from netboard.tick import TICK
 
 BLOCKS = (
     words("recording", "name of the recording"),
@@ -104,9 +107,10 @@ def measure(run: Run, readings: Readings) -> Measured:
     """
     name = run.path.stem
     with Recording(run.path) as recording:
-        flags = {verdict.release: verdict.flags for verdict in judged(recording)}
-        block = Block(recording, run.config, readings)
+        columns, verdicts = _read(recording, run.config, readings)
+        block = Block(recording, run.config, readings, columns)
         repaired = bool(recording.recovery)
+    flags = {verdict.release: verdict.flags for verdict in verdicts}
     takes = list(block.takes())
     places: list[dict[str, Any]] = [
         {"recording": name, "trial": take.attempt.trial, "attempt": take.attempt.attempt} for take in takes
@@ -119,6 +123,22 @@ def measure(run: Run, readings: Readings) -> Measured:
         columns_of(MOVEMENTS, turns),
         _paths(places, takes),
     )
+
+
+def _read(recording: Recording, config: Config, readings: Readings) -> tuple[Columns, tuple[Verdict, ...]]:
+    """Read the columns that are measured, and have the attempts judged on the way: chunks are decompressed once."""
+    wanted = columns_for(readings)
+    columns = {name: np.empty(recording.counts["/ticks"], TICK[name]) for name in wanted}
+
+    def portions() -> Iterator[NDArray[Any]]:
+        done = 0
+        for rows in recording.batches(names=tuple(dict.fromkeys((*wanted, *SEEN)))):
+            for name, column in columns.items():
+                column[done : done + rows.size] = rows[name]
+            done += rows.size
+            yield rows
+
+    return columns, judged_along(recording, config, portions())
 
 
 def _attempt(take: Take, flags: Mapping[int, tuple[str, ...]]) -> dict[str, Any]:

@@ -1,15 +1,16 @@
 """A study in memory: the tables of all its recordings, joined, in the order in which things were done."""
 
-from collections.abc import Iterable
-from dataclasses import dataclass, fields
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 
+import numpy as np
 import pandas as pd
 
 from netboard.analysis.performance import running_number
 from netboard.measuring.exclusions import excluded
 from netboard.measuring.readings import Readings
 from netboard.measuring.recordings import FIELDS, Measured
-from netboard.measuring.tables import count, words
+from netboard.measuring.tables import Columns, count, words
 
 PLACE_IN_STUDY = (
     words("dyad", "pseudonym of the dyad"),
@@ -66,7 +67,7 @@ def study_of(measured: Iterable[Measured], readings: Readings) -> Study:
     Parameters
     ----------
     measured : iterable of Measured
-        The tables of each recording, in any order.
+        The tables of each recording, one at least, in any order.
     readings : Readings
         The readings they were measured with; their exclusions are applied here.
 
@@ -80,20 +81,25 @@ def study_of(measured: Iterable[Measured], readings: Readings) -> Study:
     ConfigError
         If the exclusions name a trial that is not there.
     """
-    all_of = list(measured)
-    tables = {
-        field.name: pd.concat([pd.DataFrame(getattr(one, field.name)) for one in all_of], ignore_index=True)
-        for field in fields(Measured)
-    }
-    blocks = tables["blocks"].sort_values(["dyad", "block", "part", "recording"], ignore_index=True)
+    in_order = sorted(measured, key=_place)
+    tables = {name: _joined([getattr(one, name) for one in in_order]) for name in FIELDS}
+    blocks = tables["blocks"]
     blocks["condition"] = _conditions(blocks)
-    place = pd.Series(blocks.index, blocks["recording"])
-    for name in ("trials", "movements", "paths"):
-        tables[name] = tables[name].sort_values("recording", key=place.get, kind="stable", ignore_index=True)
     left_out = excluded(blocks, tables["trials"], readings.exclusions)
     trials = _placed(tables["trials"], blocks, left_out, readings)
     movements = tables["movements"].merge(trials[[*_KEYS, *_SHARED]], on=_KEYS, how="left", validate="many_to_one")
     return Study(readings, blocks, trials, movements, tables["paths"], left_out)
+
+
+def _place(one: Measured) -> tuple[str, int, int, str]:
+    """Tell where a recording belongs: by dyad and block, and by part where a block was interrupted."""
+    at = one.blocks
+    return at["dyad"][0], at["block"][0], at["part"][0], at["recording"][0]
+
+
+def _joined(parts: Sequence[Columns]) -> pd.DataFrame:
+    """Put tables one below the other, column by column: paths are long, and no more than one copy is made of them."""
+    return pd.DataFrame({name: np.concatenate([part[name] for part in parts]) for name in parts[0]}, copy=False)
 
 
 def _conditions(blocks: pd.DataFrame) -> pd.Series:

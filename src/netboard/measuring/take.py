@@ -4,10 +4,10 @@ Samples are numbered from the recording's first tick. A short hole of missing ti
 what is still missing is not a number, and nothing is computed across it. Only the columns that are needed are read.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +30,17 @@ _FORCES = ("left_coupling", "right_coupling")
 _RATES = ("left_used_vz", "right_used_vz")
 
 
+def columns_for(readings: Readings) -> tuple[str, ...]:
+    """Name the columns of ticks that a `Block` is made of.
+
+    Parameters
+    ----------
+    readings : Readings
+        How the recording is to be measured.
+    """
+    return ("tick", *_PLACES, *_FORCES, *(_RATES if readings.filters.velocity == "device" else ()))
+
+
 class Block:
     """A recording in memory.
 
@@ -41,6 +52,8 @@ class Block:
         Its configuration.
     readings : Readings
         How it is to be measured.
+    columns : mapping of str to ndarray, optional
+        Those of `columns_for`, if they have been read already; they are kept as they are [SI].
 
     Attributes
     ----------
@@ -61,14 +74,20 @@ class Block:
         If it has no ticks, or no ball.
     """
 
-    def __init__(self, recording: Recording, config: Config, readings: Readings) -> None:
+    def __init__(
+        self,
+        recording: Recording,
+        config: Config,
+        readings: Readings,
+        columns: Mapping[str, NDArray[Any]] | None = None,
+    ) -> None:
         if not recording.counts["/ticks"]:
             raise RecordingError(f"{recording.path}: has no ticks, so there is nothing to analyse; leave it out")
         if config.physics.balls == 0:
             raise RecordingError(f"{recording.path}: its scene has no ball, so it has no trials; leave it out")
         self.config, self.readings = config, readings
-        names = (*_PLACES, *_FORCES, *(_RATES if readings.filters.velocity == "device" else ()))
-        columns = recording.columns("tick", *names)
+        names = columns_for(readings)
+        columns = recording.columns(*names) if columns is None else columns
         ticks = columns["tick"]
         self.first = int(ticks[0])
         whole = int(ticks[-1]) + 1 - self.first
@@ -77,6 +96,7 @@ class Block:
         self._columns = {
             name: bridge(by_number(ticks, columns[name]), RATE, longest) if self.missing else np.asarray(columns[name])
             for name in names
+            if name != "tick"
         }
         self.attempts: tuple[Attempt, ...] = recording.attempts()
 

@@ -3,10 +3,14 @@
 The ticks are shown to the referee in portions and each portion's frames after it, as they come to a server.
 """
 
+from collections.abc import Iterable
 from operator import attrgetter
+from typing import Any
 
-from netboard.config import parse
-from netboard.experiment.quality import Referee, Verdict
+from numpy.typing import NDArray
+
+from netboard.config import Config, parse
+from netboard.experiment.quality import SEEN, Referee, Verdict
 from netboard.recording.reader import Recording
 from netboard.wire.motion import Safeguard
 
@@ -35,11 +39,31 @@ def judged(recording: Recording) -> tuple[Verdict, ...]:
         If that is not one of this version.
     """
     config = parse(recording.config_text, f"{recording.path} (its configuration)")
+    return judged_along(recording, config, recording.batches(names=SEEN))
+
+
+def judged_along(recording: Recording, config: Config, portions: Iterable[NDArray[Any]]) -> tuple[Verdict, ...]:
+    """Judge every attempt that has ended, while the ticks are read for something else too.
+
+    Parameters
+    ----------
+    recording : Recording
+        The recording, open.
+    config : Config
+        Its configuration.
+    portions : iterable of ndarray of TICK, shape (n,)
+        All its ticks in order, with the fields of `netboard.experiment.quality.SEEN` at least.
+
+    Returns
+    -------
+    tuple of Verdict
+        In order.
+    """
     referee = Referee(config, Safeguard.CLAMPED)
     frames = sorted(recording.frames(), key=attrgetter("tick"))
     verdicts: list[Verdict] = []
     told = 0
-    for rows in recording.batches():
+    for rows in portions:
         for first in range(0, rows.size, _PORTION):
             count = min(_PORTION, rows.size - first)
             verdicts += referee.watch(rows, first, count)

@@ -56,8 +56,8 @@ def pack(rows: NDArray[Any]) -> bytes:
 
 
 def words_of(rows: NDArray[Any]) -> NDArray[np.int64]:
-    """Look at ticks as words: shape (n, columns)."""
-    return rows.view(_BITS).reshape(len(rows), TICK.itemsize // _WORD)
+    """Look at ticks, or some fields of them, as words: shape (n, columns)."""
+    return rows.view(_BITS).reshape(len(rows), rows.dtype.itemsize // _WORD)
 
 
 def _joined(planes: NDArray[np.uint8]) -> NDArray[np.int64]:

@@ -186,26 +186,33 @@ class Recording:
         if not names:
             rows = self.ticks(first, stop)
             return {name: rows[name] for name in TICK.names or ()}
-        if unknown := set(names) - set(TICK.names or ()):
-            raise ValueError(f"ticks have no field {', '.join(sorted(unknown))}")
+        _refuse_unknown(names)
         found = self._some((*names, "tick"), self._between(first, stop))
         wanted = _wanted(found["tick"], first, stop)
         return {name: found[name] if wanted.all() else found[name][wanted] for name in names}
 
-    def batches(self, most: int = _PORTION) -> Iterator[NDArray[Any]]:
+    def batches(self, most: int = _PORTION, names: Sequence[str] = ()) -> Iterator[NDArray[Any]]:
         """Yield all ticks in order, a portion at a time: for recordings that do not fit into memory.
 
         Parameters
         ----------
         most : int
             A portion has this many ticks or a few more [1].
+        names : sequence of str
+            Fields of `netboard.tick.TICK` that are wanted, which takes less time; none means all.
 
         Yields
         ------
         ndarray of TICK, shape (n,)
-            The next rows.
+            The next rows, with the fields that are wanted.
+
+        Raises
+        ------
+        ValueError
+            If there is no such field.
         """
-        yield from self._portions(self._places, most)
+        _refuse_unknown(names)
+        yield from self._portions(self._places, most, names)
 
     def attempts(self) -> tuple[Attempt, ...]:
         """Every attempt at a trial, in order."""
@@ -238,21 +245,25 @@ class Recording:
             wanted &= self._places["first"] < stop
         return self._places[wanted]
 
-    def _portions(self, places: NDArray[Any], most: int) -> Iterator[NDArray[Any]]:
+    def _portions(self, places: NDArray[Any], most: int, names: Sequence[str]) -> Iterator[NDArray[Any]]:
         """Yield the ticks of some places, a portion at a time."""
         portions = np.cumsum(places["count"]) // most
         for portion in np.unique(portions):
-            yield self._rows(places[portions == portion])
+            yield self._rows(places[portions == portion], names)
 
-    def _rows(self, places: NDArray[Any]) -> NDArray[Any]:
-        """Ticks of some places."""
-        rows = np.zeros(int(places["count"].sum()), TICK)
+    def _rows(self, places: NDArray[Any], names: Sequence[str] = ()) -> NDArray[Any]:
+        """Ticks of some places, or the named fields of them."""
+        kind = np.dtype([(name, TICK[name]) for name in names]) if names else TICK
+        rows = np.zeros(int(places["count"].sum()), kind)
+        columns = self._layout.places(kind.names or ()) if self._in_batches else np.empty(0, np.int64)
 
         def take(at: slice, offset: int) -> None:
             if self._in_batches:
-                self._decode(offset, self._all, words_of(rows[at]))
-            else:
-                rows[at] = self._old_rows(offset)
+                self._decode(offset, columns, words_of(rows[at]))
+                return
+            older_rows = self._old_rows(offset)
+            for name in kind.names or ():
+                rows[name][at] = older_rows[name]
 
         self._each(places, take)
         return rows
@@ -365,6 +376,12 @@ class Recording:
         found = {_TICKS: find_gaps(self.columns("tick")["tick"])}
         found |= {stream: find_gaps(np.array(seqs, np.int64)) for stream, seqs in numbers.items()}
         return {stream: gaps for stream, gaps in found.items() if gaps}
+
+
+def _refuse_unknown(names: Sequence[str]) -> None:
+    """Find names that are no field of a tick."""
+    if unknown := set(names) - set(TICK.names or ()):
+        raise ValueError(f"ticks have no field {', '.join(sorted(unknown))}")
 
 
 def _wanted(numbers: NDArray[np.int64], first: int | None, stop: int | None) -> NDArray[np.bool_]:

@@ -1,0 +1,144 @@
+"""Analyses a study: from recordings to a folder with tables, pictures and a report."""
+
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+
+from netboard.errors import ConfigError
+from netboard.export.formats import need, new_folder, refuse_existing
+from netboard.measuring.cache import Cache, default_folder
+from netboard.measuring.crews import Crew, cores, dask, processes
+from netboard.measuring.readings import parse
+from netboard.measuring.running import Harvest, harvest
+from netboard.process import peak_memory
+from netboard.recording.finding import find_recordings
+from netboard.services.wording import telling
+
+if TYPE_CHECKING:
+    from netboard.measuring.study import Study
+
+LIBRARIES = ("pandas", "pyarrow", "matplotlib", "jinja2", "statsmodels")
+"""What an analysis needs beside what a session needs."""
+
+
+@dataclass(frozen=True, slots=True)
+class Wishes:
+    """How an analysis is to be run; of its numbers, only what cannot be measured depends on that.
+
+    Attributes
+    ----------
+    workers : int or None
+        How many processes; None for one a core [1].
+    dask : str or None
+        Address of a Dask scheduler, whose workers measure instead.
+    cache : Path or None
+        Where results are kept; None for the user's own folder.
+    keep : bool
+        Keep results, and use those kept.
+    skip : bool
+        Leave out recordings that cannot be measured.
+    beside_the_paper : bool
+        Put the study beside what the paper reported.
+    """
+
+    workers: int | None = None
+    dask: str | None = None
+    cache: Path | None = None
+    keep: bool = True
+    skip: bool = False
+    beside_the_paper: bool = False
+
+
+def main(
+    named: Sequence[Path], output: Path | None, settings: Path | None, overrides: Sequence[str], wishes: Wishes
+) -> int:
+    """Analyse recordings, and say in a few lines what came of it.
+
+    Parameters
+    ----------
+    named : sequence of Path
+        Recordings, and folders of them.
+    output : Path or None
+        The new folder; None names it after the first recording or folder.
+    settings : Path or None
+        A file of settings; None for the defaults.
+    overrides : sequence of str
+        Settings as ``table.key=value`` that go before those of the file.
+    wishes : Wishes
+        How to run.
+
+    Returns
+    -------
+    int
+        Exit code.
+    """
+    began = time.perf_counter()
+    readings = parse(_text_of(settings), str(settings or "defaults"), overrides)
+    need("analysis", *LIBRARIES)
+    folder = output or Path(f"{named[0].resolve().stem}_analysis")
+    refuse_existing(folder)
+    recordings = find_recordings(named)
+    cache = Cache(wishes.cache or default_folder()) if wishes.keep else None
+    crew = _crew(wishes)
+
+    from netboard.measuring.study import study_of
+    from netboard.report.folder import write_analysis
+
+    with telling() as tell:
+        found = harvest(recordings, readings, crew, cache, tell, skip=wishes.skip)
+        study = study_of(found.measured, readings)
+        with new_folder(folder) as part:
+            command = ["netboard", *sys.argv[1:]]
+            write_analysis(part, study, found, command, tell, beside_the_paper=wishes.beside_the_paper)
+    console = Console(highlight=False, soft_wrap=True)
+    for line in (*_in_words(study, found), _in_total(folder, time.perf_counter() - began, found.peak)):
+        console.print(line, markup=False)
+    return 0
+
+
+def _text_of(settings: Path | None) -> str:
+    """Read a file of settings."""
+    try:
+        return "" if settings is None else settings.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise ConfigError(f"{settings}: no such file; make one with: netboard analyse --template") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{settings}: cannot be read: {error}") from error
+
+
+def _crew(wishes: Wishes) -> Crew:
+    """Find out who measures."""
+    if wishes.dask is None:
+        return processes(wishes.workers or cores())
+    if wishes.workers is not None:
+        raise ConfigError("--workers: found with --dask, whose workers measure; expected one of them")
+    return dask(wishes.dask)
+
+
+def _in_words(study: "Study", found: Harvest) -> Iterator[str]:
+    """Say what was measured, and what does not count."""
+    hours, kept = study.blocks["duration"].sum() / 3600, sum(source.kept for source in found.sources)
+    yield f"{len(found.sources)} recordings, {hours:.2f} h" + (f"; {kept} were measured before" if kept else "")
+    for one in found.left_out:
+        yield f"  left out: {one.file}: {one.why}"
+    left_out = study.exclusions
+    failed = int((study.trials["outcome"] != "success").sum())
+    excluded = len(left_out.drop_duplicates(["recording", "trial", "attempt"]))
+    yield f"{len(study.counted)} trials count; {failed} attempts failed; {excluded} attempts are excluded"
+    for why, count in left_out["why"].value_counts().sort_index().items():
+        yield f"  excluded: {count} x {why}"
+
+
+def _in_total(folder: Path, seconds: float, peak: float) -> str:
+    """Say where everything is, and what it took."""
+    files = [path for path in folder.rglob("*") if path.is_file()]
+    size = sum(path.stat().st_size for path in files) / 1e6
+    most = f"at most {peak_memory() / 1e6:.0f} MB in memory" + (
+        f", {peak / 1e6:.0f} MB where it was measured" * bool(peak)
+    )
+    return f"{folder / 'report.html'} and {len(files) - 1} other files, {size:.1f} MB; {seconds:.1f} s, {most}"

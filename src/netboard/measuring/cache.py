@@ -1,0 +1,181 @@
+"""Results that are kept: the tables of a recording, by its bytes, the readings and the code that measured it.
+
+An entry is one file: the SHA-256 of what follows, then each table as an Arrow stream. Whoever changes a byte of the
+recording, its name, a reading that decides what is measured, or the code that measures, gets another key and measures
+anew; summaries and exclusions are no part of it. An entry is written under another name and renamed; one that was
+damaged since is not used. What was not used for longest goes when all entries are larger than a limit.
+"""
+
+import hashlib
+import os
+from io import BytesIO
+from pathlib import Path
+from tempfile import NamedTemporaryFile
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.errors import RecordingError
+from netboard.export.formats import library
+from netboard.measuring.fingerprint import fingerprint
+from netboard.measuring.readings import Readings, measured_with
+from netboard.measuring.recordings import FIELDS, Measured
+from netboard.recording.channels import Field
+
+LIMIT = 2_000_000_000
+"""What is kept is not more than this, in bytes: some twenty studies of the paper's size [1]."""
+
+ENDING = ".tables"
+"""What the name of an entry ends with."""
+
+_DIGEST_BYTES = 32
+
+
+def default_folder() -> Path:
+    """Where results are kept for this user."""
+    chosen = os.environ.get("XDG_CACHE_HOME")
+    return (Path(chosen) if chosen else Path.home() / ".cache") / "netboard" / "measures"
+
+
+class Cache:
+    """A folder of results.
+
+    Parameters
+    ----------
+    folder : Path
+        The folder; it is made if need be.
+    limit : int
+        What is kept is not more than this, in bytes [1].
+
+    Raises
+    ------
+    RecordingError
+        If it cannot be made.
+    ConfigError
+        If pyarrow is not installed.
+    """
+
+    def __init__(self, folder: Path, limit: int = LIMIT) -> None:
+        self._arrow, self._ipc = library("pyarrow", "analysis"), library("pyarrow.ipc", "analysis")
+        self._folder, self._limit = folder, limit
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise self._refused(error) from error
+
+    def _refused(self, error: OSError) -> RecordingError:
+        reason = error.strerror or str(error)
+        return RecordingError(f"{self._folder}: results cannot be kept there: {reason}; --no-cache keeps none")
+
+    def _path(self, key: str) -> Path:
+        return self._folder / f"{key}{ENDING}"
+
+    def get(self, key: str) -> Measured | None:
+        """Return the tables that are kept; None if there are none, or not as they were written.
+
+        Parameters
+        ----------
+        key : str
+            What `key_of` gives.
+        """
+        path = self._path(key)
+        try:
+            whole = path.read_bytes()
+            os.utime(path)
+        except FileNotFoundError:
+            return None
+        except OSError as error:
+            raise self._refused(error) from error
+        content = memoryview(whole)[_DIGEST_BYTES:]
+        if hashlib.sha256(content).digest() != whole[:_DIGEST_BYTES]:
+            return None
+        source = self._arrow.BufferReader(content)
+        return Measured(**{name: self._read(source, fields) for name, fields in FIELDS.items()})
+
+    def _read(self, source: Any, fields: tuple[Field, ...]) -> dict[str, NDArray[Any]]:
+        with self._ipc.open_stream(source) as stream:
+            table = stream.read_all()
+        return {field.name: _values(table[field.name].combine_chunks(), field.kind) for field in fields}
+
+    def put(self, key: str, measured: Measured) -> None:
+        """Keep the tables of a recording.
+
+        Parameters
+        ----------
+        key : str
+            What `key_of` gives.
+        measured : Measured
+            The tables.
+
+        Raises
+        ------
+        RecordingError
+            If they cannot be written.
+        """
+        sink = BytesIO()
+        for name, fields in FIELDS.items():
+            self._write(sink, getattr(measured, name), fields)
+        content = sink.getvalue()
+        part = None
+        try:
+            with NamedTemporaryFile(dir=self._folder, suffix=".part", delete=False) as file:
+                part = Path(file.name)
+                file.write(hashlib.sha256(content).digest() + content)
+            part.replace(self._path(key))
+        except OSError as error:
+            raise self._refused(error) from error
+        finally:
+            if part is not None:
+                part.unlink(missing_ok=True)
+
+    def _write(self, sink: BytesIO, columns: dict[str, NDArray[Any]], fields: tuple[Field, ...]) -> None:
+        arrow = self._arrow
+        text = arrow.dictionary(arrow.int32(), arrow.string())
+        kinds = {"integer": arrow.int64(), "number": arrow.float64(), "string": text}
+        schema = arrow.schema([arrow.field(field.name, kinds[field.kind]) for field in fields])
+        table = arrow.table({field.name: columns[field.name] for field in fields}, schema)
+        with self._ipc.new_stream(sink, schema, options=self._ipc.IpcWriteOptions(compression="zstd")) as stream:
+            stream.write_table(table)
+
+    def trim(self) -> None:
+        """Drop what was not used for longest, down to the limit.
+
+        Raises
+        ------
+        RecordingError
+            If that is not allowed.
+        """
+        try:
+            entries = [(path, path.stat()) for path in self._folder.glob(f"*{ENDING}")]
+            newest_first = sorted(entries, key=lambda entry: -entry[1].st_mtime_ns)
+            sizes = np.cumsum([stat.st_size for _, stat in newest_first])
+            for (path, _), size in zip(newest_first, sizes, strict=True):
+                if size > self._limit:
+                    path.unlink(missing_ok=True)
+        except OSError as error:
+            raise self._refused(error) from error
+
+
+def _values(column: Any, kind: str) -> NDArray[Any]:
+    """Turn a column into an array; equal texts are one object, as one is enough for the path of a whole recording."""
+    if kind == "string":
+        texts = np.array([*column.dictionary.to_pylist(), None], object)[:-1]
+        return np.asarray(texts[column.indices.to_numpy()])
+    return np.array(column.to_numpy())
+
+
+def key_of(name: str, sha256: str, readings: Readings) -> str:
+    """Name the entry of a recording.
+
+    Parameters
+    ----------
+    name : str
+        What the recording is called, which its tables say.
+    sha256 : str
+        SHA-256 of its bytes, in hexadecimal.
+    readings : Readings
+        How it is measured.
+    """
+    parts = (name, sha256, measured_with(readings), fingerprint())
+    return hashlib.sha256("\0".join(parts).encode()).hexdigest()

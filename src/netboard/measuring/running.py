@@ -1,0 +1,226 @@
+"""Measures many recordings: on all cores, or on the machines of a Dask cluster, and only those not measured before.
+
+A process holds one recording at a time, and what comes back are its tables, in the order of the recordings whatever
+was done first. So the same recordings give the same tables however many processes there are, and wherever they run.
+"""
+
+import hashlib
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from netboard.errors import NetboardError, RecordingError
+from netboard.export.formats import Progress
+from netboard.export.runs import Run, runs_of
+from netboard.measuring.cache import Cache, key_of
+from netboard.measuring.crews import Crew
+from netboard.measuring.readings import Readings
+from netboard.measuring.recordings import Measured, measure
+from netboard.process import peak_memory
+
+
+@dataclass(frozen=True, slots=True)
+class LeftOut:
+    """A recording that could not be measured.
+
+    Attributes
+    ----------
+    file : str
+        Name of its file.
+    why : str
+        What is wrong with it.
+    """
+
+    file: str
+    why: str
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """A recording that was measured.
+
+    Attributes
+    ----------
+    run : Run
+        The recording, and whose it is.
+    sha256 : str
+        SHA-256 of its bytes, in hexadecimal.
+    kept : bool
+        Its tables were kept from an earlier time.
+    """
+
+    run: Run
+    sha256: str
+    kept: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Harvest:
+    """All that was measured.
+
+    Attributes
+    ----------
+    sources : tuple of Source
+        Session by session, in the order of time within each.
+    left_out : tuple of LeftOut
+        Recordings that could not be measured, by name.
+    measured : iterator of Measured
+        The tables of each; what has been taken is let go of, so that it is not twice in memory.
+    peak : float
+        The most memory that a process held that measured, in bytes; 0 if none had to [1].
+    """
+
+    sources: tuple[Source, ...]
+    left_out: tuple[LeftOut, ...]
+    measured: Iterator[Measured]
+    peak: float
+
+
+def harvest(
+    recordings: Sequence[Path],
+    readings: Readings,
+    crew: Crew,
+    cache: Cache | None,
+    progress: Progress,
+    *,
+    skip: bool = False,
+) -> Harvest:
+    """Measure recordings.
+
+    Parameters
+    ----------
+    recordings : sequence of Path
+        The recordings, in any order.
+    readings : Readings
+        How they are measured.
+    crew : callable
+        Who measures: of `netboard.measuring.crews`.
+    cache : Cache or None
+        Where results are kept; None to measure all and keep nothing.
+    progress : callable
+        Is told how many recordings are done, and of how many.
+    skip : bool
+        Leave out what cannot be measured.
+
+    Returns
+    -------
+    Harvest
+        The tables, and what was left out.
+
+    Raises
+    ------
+    RecordingError
+        If a recording cannot be measured and is not to be left out, or none is left.
+    ConfigError
+        If the configuration of one is not of this version, or nobody can measure.
+    """
+    runs, left_out = _readable(recordings) if skip else (runs_of(recordings), [])
+    digests = _digests([run.path for run in runs])
+    keys = {run.path: key_of(run.path.stem, digests[run.path], readings) for run in runs}
+    tell = _Teller(progress, len(runs))
+    tables = {} if cache is None else _kept(keys, cache, tell)
+    missing = [run for run in runs if run.path not in tables]
+    kept, peak = set(tables), 0.0
+    for run, answer in _answers(missing, digests, readings, crew):
+        if isinstance(answer, Exception):
+            if not skip:
+                raise answer
+            left_out.append(_left_out(run.path, answer))
+            continue
+        tables[run.path], used = answer
+        peak = max(peak, used)
+        tell.done(tables[run.path])
+        if cache is not None:
+            cache.put(keys[run.path], tables[run.path])
+    if cache is not None:
+        cache.trim()
+    if not tables:
+        raise RecordingError("no recording is left that can be measured")
+    sources = tuple(Source(run, digests[run.path], run.path in kept) for run in runs if run.path in tables)
+    left_out.sort(key=lambda one: one.file)
+    return Harvest(sources, tuple(left_out), (tables.pop(source.run.path) for source in sources), peak)
+
+
+class _Teller:
+    """Counts what is done, for who waits."""
+
+    def __init__(self, progress: Progress, total: int) -> None:
+        self._progress, self._total = progress, total
+        self._recordings, self._seconds = 0, 0.0
+
+    def done(self, measured: Measured) -> None:
+        """Count a recording."""
+        self._recordings += 1
+        self._seconds += float(measured.blocks["duration"][0])
+        words = f"{self._recordings} of {self._total} recordings, {self._seconds:.0f} s of data"
+        self._progress(words, self._recordings, self._total)
+
+
+def _readable(recordings: Sequence[Path]) -> tuple[tuple[Run, ...], list[LeftOut]]:
+    """Find out who did what in those that can be opened."""
+    sound: list[Path] = []
+    left_out: list[LeftOut] = []
+    for path in recordings:
+        try:
+            runs_of([path])
+            sound.append(path)
+        except NetboardError as error:
+            left_out.append(_left_out(path, error))
+    return runs_of(sound), left_out
+
+
+def _left_out(path: Path, error: Exception) -> LeftOut:
+    """Say why, without the place of the file."""
+    why = str(error).replace(str(path.absolute()), path.name).replace(str(path), path.name)
+    return LeftOut(path.name, why.removeprefix(f"{path.name}: "))
+
+
+def _digests(paths: Sequence[Path]) -> dict[Path, str]:
+    """SHA-256 of the bytes of files, in hexadecimal."""
+    with ThreadPoolExecutor() as pool:
+        return dict(zip(paths, pool.map(_digest, paths), strict=True))
+
+
+def _digest(path: Path) -> str:
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be read: {error.strerror}") from error
+
+
+def _kept(keys: Mapping[Path, str], cache: Cache, tell: _Teller) -> dict[Path, Measured]:
+    """Take what was measured before."""
+    found: dict[Path, Measured] = {}
+    for path, key in keys.items():
+        if (measured := cache.get(key)) is not None:
+            found[path] = measured
+            tell.done(measured)
+    return found
+
+
+def _answers(
+    runs: Sequence[Run], digests: Mapping[Path, str], readings: Readings, crew: Crew
+) -> Iterator[tuple[Run, tuple[Measured, float] | NetboardError]]:
+    """Yield what comes of each recording, as it comes."""
+    if not runs:
+        return
+    with crew([run.path.absolute() for run in runs]) as executor:
+        asked = {
+            executor.submit(_measured, replace(run, path=run.path.absolute()), readings, digests[run.path]): run
+            for run in runs
+        }
+        for future in as_completed(asked):
+            run = asked.pop(future)
+            try:
+                yield run, future.result()
+            except NetboardError as error:
+                yield run, error
+
+
+def _measured(run: Run, readings: Readings, sha256: str) -> tuple[Measured, float]:
+    """Measure a recording, and tell how much memory that took [1]; this runs in another process, maybe elsewhere."""
+    if _digest(run.path) != sha256:
+        raise RecordingError(f"{run.path}: is not the file that it was, or another one where it is measured")
+    return measure(run, readings), peak_memory()

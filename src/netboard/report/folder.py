@@ -1,0 +1,217 @@
+"""The folder of an analysis: tables, their dictionary, the settings, where all of it comes from, pictures, the report.
+
+The tables are the same, byte for byte, for the same recordings and settings, whoever measured and whatever was kept.
+Nothing in the folder says when or on which machine it was made.
+"""
+
+import json
+import platform
+import shlex
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from netboard.export import delimited, parquet
+from netboard.export.dictionary import write_dictionary
+from netboard.export.formats import Progress
+from netboard.figures.everything import pictures
+from netboard.figures.picture import Picture, as_bytes
+from netboard.findings.everything import results_of
+from netboard.findings.paper import COMPARISON, compare
+from netboard.findings.results import RESULTS
+from netboard.measuring.exclusions import EXCLUSIONS
+from netboard.measuring.fingerprint import fingerprint
+from netboard.measuring.readings import resolve
+from netboard.measuring.running import Harvest, LeftOut
+from netboard.measuring.study import FIELDS_IN_STUDY, Study
+from netboard.measuring.tables import DTYPES, words
+from netboard.recording.channels import Field
+from netboard.report.html import write_report
+
+SOFTWARE = ("netboard", "numpy", "scipy", "numba", "pandas", "pyarrow", "matplotlib", "statsmodels")
+"""What takes part in an analysis."""
+
+KINDS = ("svg", "pdf", "png")
+"""As what each picture is written."""
+
+LEFT_OUT = (words("file", "name of the recording's file"), words("why", "why it could not be measured"))
+"""Columns of the table of recordings that were left out."""
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """A table of an analysis.
+
+    Attributes
+    ----------
+    name : str
+        What it is called.
+    about : str
+        What a row is.
+    fields : tuple of Field
+        Its columns.
+    """
+
+    name: str
+    about: str
+    fields: tuple[Field, ...]
+
+
+TABLES = (
+    Kind("blocks", "one recording", FIELDS_IN_STUDY["blocks"]),
+    Kind("trials", "one attempt at a trial", FIELDS_IN_STUDY["trials"]),
+    Kind("movements", "one movement of the board that begins in an attempt", FIELDS_IN_STUDY["movements"]),
+    Kind("paths", "one sample of the path of an attempt, each 20 ms", FIELDS_IN_STUDY["paths"]),
+    Kind("exclusions", "one reason why an attempt does not count", EXCLUSIONS),
+    Kind("left_out", "one recording that could not be measured", LEFT_OUT),
+    Kind("results", "one number that is reported", RESULTS),
+)
+"""Those of every analysis."""
+
+BESIDE_THE_PAPER = Kind("comparison", "one statement of the paper, and the same of the study", COMPARISON)
+"""The one that is made if it is asked for."""
+
+PLACES = "NAME.parquet and NAME.csv: a table, of all recordings; paths, which are long, as Parquet only"
+
+
+def write_analysis(
+    folder: Path,
+    study: Study,
+    harvest: Harvest,
+    command: Sequence[str],
+    progress: Progress,
+    *,
+    beside_the_paper: bool = False,
+) -> None:
+    """Write all of an analysis.
+
+    Parameters
+    ----------
+    folder : Path
+        An empty folder.
+    study : Study
+        The study.
+    harvest : Harvest
+        What it was made of.
+    command : sequence of str
+        The words of the command that asked for it.
+    progress : callable
+        Is told what is being done.
+    beside_the_paper : bool
+        Put the study beside what the paper reported.
+
+    Raises
+    ------
+    ConfigError
+        If a library is missing.
+    NetboardError
+        If the report cannot be written.
+    """
+    progress("numbers", 0, 3)
+    results = results_of(study)
+    comparison = compare(study) if beside_the_paper else None
+    origin = provenance(harvest, command)
+    (folder / "settings.toml").write_text(resolve(study.readings), encoding="utf-8")
+    text = json.dumps(origin, indent=1, ensure_ascii=False) + "\n"
+    (folder / "provenance.json").write_text(text, encoding="utf-8")
+    write_tables(folder / "tables", study, results, harvest.left_out, comparison)
+    progress("pictures", 1, 3)
+    drawn = list(pictures(study))
+    _write_pictures(folder / "figures", drawn)
+    progress("report", 2, 3)
+    write_report(folder, study, results, drawn, origin, comparison)
+    progress("report", 3, 3)
+
+
+def write_tables(
+    folder: Path,
+    study: Study,
+    results: pd.DataFrame,
+    left_out: Sequence[LeftOut],
+    comparison: pd.DataFrame | None = None,
+) -> None:
+    """Write every table as Parquet and CSV, and the data dictionary.
+
+    Parameters
+    ----------
+    folder : Path
+        The new folder.
+    study : Study
+        The study.
+    results : DataFrame
+        The columns of `netboard.findings.results.RESULTS`.
+    left_out : sequence of LeftOut
+        Recordings that could not be measured.
+    comparison : DataFrame, optional
+        The columns of `netboard.findings.paper.COMPARISON`.
+    """
+    folder.mkdir()
+    others = {
+        "results": results,
+        "left_out": pd.DataFrame([asdict(one) for one in left_out], columns=[field.name for field in LEFT_OUT]),
+        "comparison": comparison,
+    }
+    kinds = TABLES if comparison is None else (*TABLES, BESIDE_THE_PAPER)
+    for kind in kinds:
+        _write_table(folder, kind, others[kind.name] if kind.name in others else getattr(study, kind.name))
+    write_dictionary(folder, kinds, PLACES)
+
+
+def _write_table(folder: Path, kind: Kind, frame: pd.DataFrame) -> None:
+    """Write a table in both formats, or as Parquet alone if it is long."""
+    rows = {field.name: frame[field.name].to_numpy(DTYPES[field.kind]) for field in kind.fields}
+    with parquet.open_sheet(folder / f"{kind.name}.parquet", kind) as put:
+        put(rows)
+    if kind.name != "paths":
+        with delimited.open_sheet(folder / f"{kind.name}.csv", kind) as put:
+            put(rows)
+
+
+def _write_pictures(folder: Path, drawn: Sequence[Picture]) -> None:
+    """Write each picture that there is in all formats."""
+    folder.mkdir()
+    for picture in drawn:
+        if picture.figure is not None:
+            for kind in KINDS:
+                (folder / f"{picture.name}.{kind}").write_bytes(as_bytes(picture.figure, kind))
+
+
+def provenance(harvest: Harvest, command: Sequence[str]) -> dict[str, Any]:
+    """Say where an analysis comes from, without time and machine.
+
+    Parameters
+    ----------
+    harvest : Harvest
+        What it was made of.
+    command : sequence of str
+        The words of the command that asked for it.
+
+    Returns
+    -------
+    dict
+        ``command``; ``versions`` of the software; ``code_sha256`` of what measures; ``recordings`` by name, each with
+        its ``file`` as it was named, and the ``sha256`` of that; ``left_out``, with ``file`` and ``why`` of each;
+        ``handedness`` of the people by pseudonym.
+    """
+    return {
+        "command": shlex.join(command),
+        "versions": {name: version(name) for name in SOFTWARE} | {"python": platform.python_version()},
+        "code_sha256": fingerprint(),
+        "recordings": {
+            source.run.path.stem: {"file": str(source.run.path), "sha256": source.sha256}
+            for source in sorted(harvest.sources, key=lambda source: source.run.path.stem)
+        },
+        "left_out": [asdict(one) for one in harvest.left_out],
+        "handedness": dict(sorted(_hands(harvest))),
+    }
+
+
+def _hands(harvest: Harvest) -> Iterator[tuple[str, str]]:
+    """Yield pseudonym and dominant hand of everybody."""
+    for source in harvest.sources:
+        for person in source.run.people:
+            yield person.label, person.handedness

@@ -1,0 +1,90 @@
+"""A real Dask cluster measures the same tables, and what it lacks is said before anything is begun."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import pytest
+
+from netboard.errors import ConfigError, RecordingError
+from netboard.measuring import crews
+from netboard.measuring.crews import dask, processes
+from netboard.measuring.readings import Readings
+from netboard.measuring.running import harvest
+from netboard.measuring.study import study_of
+
+distributed = pytest.importorskip("distributed")
+pytestmark = pytest.mark.slow
+ANY_PORT = "127.0.0.1:0"
+
+
+@pytest.fixture(scope="module")
+def address() -> Iterator[str]:
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, dashboard_address=ANY_PORT, silence_logs=50
+    ) as cluster:
+        yield cluster.scheduler_address
+
+
+def quiet(what: str, done: int, total: int) -> None:
+    assert 0 < done <= total
+
+
+def test_the_tables_are_those_of_this_machine(address: str, recordings: tuple[Path, ...]) -> None:
+    there = harvest(recordings, Readings(), dask(address), None, quiet)
+    here = harvest(recordings, Readings(), processes(1), None, quiet)
+    assert there.peak > 1e7
+    one, other = study_of(there.measured, Readings()), study_of(here.measured, Readings())
+    for name in ("blocks", "trials", "movements", "paths", "exclusions"):
+        pd.testing.assert_frame_equal(getattr(one, name), getattr(other, name), check_exact=True)
+
+
+def test_what_cannot_be_measured_there_is_left_out(address: str, recordings: tuple[Path, ...], tmp_path: Path) -> None:
+    data = recordings[0].read_bytes()
+    damaged = tmp_path / "damaged.mcap"
+    damaged.write_bytes(data[:200_000] + bytes(64) + data[200_064:])
+    with pytest.raises(RecordingError, match=r"damaged.mcap: is damaged"):
+        harvest([damaged, recordings[1]], Readings(), dask(address), None, quiet)
+    found = harvest([damaged, recordings[1]], Readings(), dask(address), None, quiet, skip=True)
+    assert [one.file for one in found.left_out] == ["damaged.mcap"]
+
+
+def test_workers_must_see_the_files(address: str, tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"its worker tcp://127.*does not see .*there.mcap"):  # noqa: SIM117
+        with dask(address)([tmp_path / "there.mcap"]):
+            pytest.fail("it is not there")
+
+
+def test_workers_must_measure_alike(
+    address: str, recordings: tuple[Path, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(crews, "fingerprint", lambda: "other code")
+    with pytest.raises(ConfigError, match=r"has netboard .* with other code .* than here"):  # noqa: SIM117
+        with dask(address)(recordings):
+            pytest.fail("they measure otherwise")
+
+
+class Absent:
+    """What cannot be made again where it is sent."""
+
+    def __reduce__(self) -> Any:
+        return __import__, ("a_module_that_is_nowhere",)
+
+
+def test_workers_must_have_netboard(
+    address: str, recordings: tuple[Path, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(crews, "_account", Absent())
+    with pytest.raises(ConfigError, match=r"has not this netboard .*a_module_that_is_nowhere"):  # noqa: SIM117
+        with dask(address)(recordings):
+            pytest.fail("they have none")
+
+
+def test_a_scheduler_without_workers_is_not_waited_for(recordings: tuple[Path, ...]) -> None:
+    with (
+        distributed.LocalCluster(n_workers=0, dashboard_address=ANY_PORT, silence_logs=50) as cluster,
+        pytest.raises(ConfigError, match=r"has had no workers for 0.5 s"),
+        dask(cluster.scheduler_address, patience=0.5)(recordings),
+    ):
+        pytest.fail("nobody is there")

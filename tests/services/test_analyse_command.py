@@ -1,0 +1,175 @@
+"""`netboard analyse`: a new folder with everything in it, the same tables however they were made, or one clear line."""
+
+import csv
+import importlib.util
+import json
+import tomllib
+from collections.abc import Callable
+from importlib.machinery import ModuleSpec
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from netboard.export import formats
+from netboard.services.cli import app
+from rehearsed_study import small_study
+
+parquet = pytest.importorskip("pyarrow.parquet")
+pytest.importorskip("matplotlib")
+pytest.importorskip("jinja2")
+pytest.importorskip("statsmodels")
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return small_study(tmp_path_factory.mktemp("made"))[0].parent
+
+
+@pytest.fixture(autouse=True)
+def _apart(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "user"))
+    monkeypatch.setenv("COLUMNS", "200")
+    monkeypatch.setenv("NO_COLOR", "1")
+
+
+def analyse(*words: str | Path) -> Result:
+    return CliRunner().invoke(app, ["analyse", *map(str, words)])
+
+
+def refused(result: Result) -> str:
+    """The one line of an error."""
+    assert result.exit_code in (1, 2), result.output
+    (line,) = result.stderr.strip().splitlines()
+    return line
+
+
+def test_a_folder_has_everything(study: Path) -> None:
+    result = analyse(study, "-o", "out", "--workers", "1", "--set", "exclusions.warm_up=1")
+    assert result.exit_code == 0, result.output
+    assert "4 recordings" in result.output
+    assert "4 trials count" in result.output
+    assert "excluded: 4 x one of the first 1 trials of the block" in result.output
+    out = Path("out")
+    assert {path.name for path in out.iterdir()} == {
+        *("tables", "figures", "settings.toml", "provenance.json", "report.html")
+    }
+    assert tomllib.loads((out / "settings.toml").read_text())["exclusions"]["warm_up"] == 1
+    said = json.loads((out / "provenance.json").read_text())
+    assert set(said["recordings"]) == {path.stem for path in study.glob("*.mcap")}
+    assert all(len(one["sha256"]) == 64 for one in said["recordings"].values())
+    drawn = sorted(path.name for path in (out / "figures").iterdir())
+    assert drawn
+    assert {Path(name).suffix for name in drawn} == {".svg", ".pdf", ".png"}
+    assert list(Path().glob(".out*")) == []
+
+
+def test_tables_are_described_and_typed(study: Path) -> None:
+    assert analyse(study, "-o", "out", "--workers", "1").exit_code == 0
+    tables = Path("out/tables")
+    described = json.loads((tables / "dictionary.json").read_text())["tables"]
+    for name, table in described.items():
+        read = parquet.read_table(tables / f"{name}.parquet")
+        assert read.schema.names == list(table["columns"])
+        for column, about in table["columns"].items():
+            assert about["description"]
+            assert read.schema.field(column).metadata[b"unit"].decode() == about["unit"]
+            assert about["unit"] or about["type"] == "text"
+        if name != "paths":
+            with (tables / f"{name}.csv").open(encoding="utf-8", newline="") as file:
+                rows = list(csv.reader(file))
+            assert rows[0] == read.schema.names
+            assert len(rows) == read.num_rows + 1
+    assert not (tables / "paths.csv").exists()
+    assert set(described) == {"blocks", "trials", "movements", "paths", "exclusions", "left_out", "results"}
+
+
+def test_tables_are_the_same_to_the_byte_however_they_are_made(study: Path) -> None:
+    ways = {
+        "one": ("--workers", "1", "--no-cache"),
+        "two": ("--workers", "2"),
+        "kept": ("--workers", "1"),
+        "elsewhere": ("--workers", "1", "--cache", "other"),
+    }
+    for name, words in ways.items():
+        assert analyse(study, "-o", name, *words).exit_code == 0
+    files = [path.relative_to("one") for path in Path("one").rglob("*") if path.is_file()]
+    for name in ways:
+        for file in files:
+            if file.name not in ("provenance.json", "report.html"):
+                assert (Path(name) / file).read_bytes() == (Path("one") / file).read_bytes(), (name, file)
+    assert len(list(Path("user/netboard/measures").iterdir())) == len(list(Path("other").iterdir())) == 4
+
+
+def test_the_paper_is_put_beside_it_if_asked(study: Path) -> None:
+    assert analyse(study, "-o", "out", "--workers", "1", "--compare-paper").exit_code == 0
+    beside = parquet.read_table("out/tables/comparison.parquet").to_pylist()
+    assert {5.71, 3.61, 4.33, 3.62} <= {row["reported"] for row in beside}
+    assert "comparison" in json.loads(Path("out/tables/dictionary.json").read_text())["tables"]
+    assert analyse(study, "-o", "without", "--workers", "1").exit_code == 0
+    assert not Path("without/tables/comparison.csv").exists()
+
+
+def test_what_was_kept_is_said(study: Path) -> None:
+    assert "were measured before" not in analyse(study, "-o", "one", "--workers", "1").output
+    assert "; 4 were measured before" in analyse(study, "-o", "two", "--workers", "1").output
+
+
+def test_nothing_is_written_over_and_nothing_half_is_left(study: Path) -> None:
+    Path("out").mkdir()
+    assert "out: is there already; name another --output" in refused(analyse(study, "-o", "out"))
+    (broken := Path("broken")).mkdir()
+    (broken / "S01.mcap").write_text("nothing")
+    assert "S01.mcap: not an MCAP file" in refused(analyse(study, broken, "-o", "new", "--workers", "1"))
+    assert not Path("new").exists()
+    assert list(Path().glob(".new*")) == []
+
+
+def test_what_cannot_be_read_is_left_out_and_listed(study: Path) -> None:
+    Path("broken.mcap").write_text("nothing")
+    result = analyse(study, "broken.mcap", "-o", "out", "--workers", "1", "--skip-unreadable")
+    assert result.exit_code == 0, result.output
+    assert "left out: broken.mcap: not an MCAP file" in result.output
+    listed = parquet.read_table("out/tables/left_out.parquet").to_pylist()
+    assert listed == [{"file": "broken.mcap", "why": "not an MCAP file"}]
+    assert json.loads(Path("out/provenance.json").read_text())["left_out"] == listed
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (("--set", "filters.fst=1"), "[filters] fst: unknown key; did you mean fast"),
+        (("--settings", "mine.toml"), "mine.toml: no such file; make one with: netboard analyse --template"),
+        (("--cache", "x", "--no-cache"), "--cache and --no-cache: expected one of them"),
+        (("--dask", "tcp://127.0.0.1:9", "--workers", "2"), "--workers: found with --dask"),
+        (("--set", "exclusions.trials=['S99/1: sneezed']"), "there is no trial 1 in 'S99'"),
+    ],
+)
+def test_wrong_wishes_are_one_line(study: Path, words: tuple[str, ...], expected: str) -> None:
+    more = () if "--workers" in words else ("--workers", "1")
+    assert expected in refused(analyse(study, "-o", "out", *words, *more))
+    assert not Path("out").exists()
+
+
+def test_the_template_is_a_file_of_settings(study: Path) -> None:
+    result = analyse("--template")
+    assert result.exit_code == 0
+    assert "# cutoff for all force and kinematic data [Hz]" in result.output
+    Path("mine.toml").write_text(result.output)
+    assert analyse(study, "-o", "one", "--settings", "mine.toml", "--workers", "1").exit_code == 0
+    assert analyse(study, "-o", "two", "--workers", "1").exit_code == 0
+    assert Path("one/settings.toml").read_bytes() == Path("two/settings.toml").read_bytes()
+
+
+@pytest.mark.parametrize(("name", "extra"), [("statsmodels", "analysis"), ("pyarrow", "analysis")])
+def test_a_missing_library_is_one_line_at_once(
+    study: Path, monkeypatch: pytest.MonkeyPatch, name: str, extra: str
+) -> None:
+    def without(hidden: str) -> Callable[[str], ModuleSpec | None]:
+        return lambda wanted: None if wanted == hidden else importlib.util.find_spec(wanted)
+
+    monkeypatch.setattr(formats, "find_spec", without(name))
+    line = refused(analyse(study, "-o", "out"))
+    assert f"this needs {name}, which is not installed: pip install 'netboard[{extra}]'" in line
