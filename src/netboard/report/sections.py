@@ -1,0 +1,335 @@
+"""What a report says of a study besides its trials: head, summary, design, participants, results, settings, software.
+
+Everything is taken from the tables: no sentence says more than its numbers.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import isfinite
+from typing import Any
+
+import pandas as pd
+
+from netboard.measuring.readings import Readings
+from netboard.measuring.study import Study
+from netboard.report.grids import Cell, Column, Grid, code, grid, name, number
+from netboard.report.wording import amount, counted, decimals
+from netboard.settings import Table, tables, to_toml
+
+MOST_GROUPS = 6
+"""Of a quantity that has more groups the summary names none [1]."""
+
+MOST_SENTENCES = 24
+"""A summary with more would be no summary [1]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Head:
+    """What a study is, in a few lines.
+
+    Attributes
+    ----------
+    title : str
+        Its name.
+    facts : tuple of (str, str)
+        What, and how many or when.
+    warnings : tuple of str
+        What must be known before anything is believed.
+    """
+
+    title: str
+    facts: tuple[tuple[str, str], ...]
+    warnings: tuple[str, ...]
+
+
+def head(study: Study, provenance: Mapping[str, Any]) -> Head:
+    """Say what a study is.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+    provenance : mapping
+        As in `netboard.report.html.write_report`.
+    """
+    blocks, trials = study.blocks, study.trials
+    days = sorted({str(when)[:10] for when in blocks["opened_utc"]})
+    successes = int((trials["outcome"] == "success").sum())
+    facts = [
+        ("Dyads", amount(len(study.dyads))),
+        ("Recordings", f"{amount(len(blocks))}, {amount(blocks['duration'].sum() / 3600)} h"),
+        (
+            "Trials",
+            f"{amount(len(study.counted))} counted of {amount(successes)} done, in {amount(len(trials))} attempts",
+        ),
+        ("Recorded", days[0] if len(days) == 1 else f"{days[0]} to {days[-1]}" if days else "never"),
+    ]
+    if "made_utc" in provenance:
+        facts.append(("Analysed", str(provenance["made_utc"])))
+    title = ", ".join(sorted(word for word in blocks["study"].unique() if word)) or "unnamed"
+    return Head(title, tuple(facts), tuple(_warnings(blocks)))
+
+
+def _warnings(blocks: pd.DataFrame) -> list[str]:
+    """Say who was no person, and what was no experiment."""
+    said = []
+    if blocks["simulated"].all():
+        said.append("Simulated people: nobody held a device. Nothing here is evidence about people.")
+    elif blocks["simulated"].any():
+        said.append(
+            f"Simulated people in {int(blocks['simulated'].sum())} of {counted(len(blocks), 'recording')}: "
+            "what they contribute is no evidence about people."
+        )
+    if blocks["pilot"].any():
+        said.append(f"{int(blocks['pilot'].sum())} of {counted(len(blocks), 'recording')} are marked as pilots.")
+    return said
+
+
+# --- summary and results ---------------------------------------------------------------------------------------------
+
+
+def sentence(quantity: str, rows: Sequence[Mapping[str, Any]]) -> str:
+    """Say what a quantity is in each group, with intervals and of what it is made.
+
+    Parameters
+    ----------
+    quantity : str
+        What it is.
+    rows : sequence of mapping
+        Its rows in the table of results.
+
+    Returns
+    -------
+    str
+        Such as ``Completion time (4 dyads; 95 % t): on 3.61 s (3.02 to 4.20); off 4.01 s (3.55 to 4.47).``
+    """
+    made_of = [_made_of(row) for row in rows]
+    alike = len(set(made_of)) == 1
+    start = f"{quantity[:1].upper()}{quantity[1:]}{f' ({made_of[0]})' if alike else ''}"
+    parts = [_part(row, "" if alike else said) for row, said in zip(rows, made_of, strict=True)]
+    return f"{start}: {'; '.join(parts)}."
+
+
+def _made_of(row: Mapping[str, Any]) -> str:
+    """Say of what a result is made, and what its interval is."""
+    said = counted(int(row["n"]), row["of"])
+    return f"{said}; {row['interval']}" if row["interval"] and isfinite(row["low"]) else said
+
+
+def _part(row: Mapping[str, Any], made_of: str) -> str:
+    """Write one group's result."""
+    value, low, high = written(row)
+    unit = "" if row["unit"] in ("1", "") else f" {row['unit']}"
+    between = f"{low} to {high}" if isfinite(row["low"]) else ""
+    aside = "; ".join(part for part in (between, made_of) if part)
+    group = f"{row['group']} " if row["group"] else ""
+    return f"{group}{value}{unit}" + (f" ({aside})" if aside else "")
+
+
+def written(row: Mapping[str, Any]) -> tuple[str, str, str]:
+    """Write a result and the ends of its interval with the same decimals.
+
+    Parameters
+    ----------
+    row : mapping
+        A row of the table of results.
+    """
+    three = float(row["value"]), float(row["low"]), float(row["high"])
+    whole = all(part.is_integer() for part in three if isfinite(part))
+    places = 0 if whole else decimals(*three)
+    return amount(three[0], places), amount(three[1], places), amount(three[2], places)
+
+
+def summary(results: pd.DataFrame, topics: Sequence[tuple[str, str]]) -> tuple[tuple[str, str, tuple[str, ...]], ...]:
+    """Put the main results into sentences: of every picture the quantities that few groups are compared in.
+
+    Parameters
+    ----------
+    results : DataFrame
+        The tidy table of results.
+    topics : sequence of (str, str)
+        Names and titles of the pictures, in order.
+
+    Returns
+    -------
+    tuple of (str, str, tuple of str)
+        Name and title of a picture, and its sentences.
+    """
+    said = []
+    left = MOST_SENTENCES
+    for topic, title in topics:
+        mine = results[results["topic"] == topic]
+        sentences = []
+        for quantity, rows in mine.groupby("quantity", sort=False):
+            if 0 < len(rows) <= MOST_GROUPS and rows["value"].notna().any():
+                sentences.append(sentence(str(quantity), _records(rows)))
+        sentences = sentences[:left]
+        left -= len(sentences)
+        if sentences:
+            said.append((topic, title, tuple(sentences)))
+    return tuple(said)
+
+
+def few(dyads: int) -> str:
+    """Say what so many dyads can show.
+
+    Parameters
+    ----------
+    dyads : int
+        How many there are [1].
+    """
+    least = min(1.0, 2.0 / 2**dyads)
+    said = (
+        f"The dyad is the unit of replication: {counted(dyads, 'dyad')}, however many trials. "
+        f"An exact two-sided test of a difference within dyads has no p below {amount(least)} here"
+    )
+    if least > 0.05:
+        return f"{said}, so none can be significant at 5 %; six dyads are the least of which one can."
+    return f"{said}."
+
+
+def results_grids(results: pd.DataFrame, titles: Mapping[str, str]) -> tuple[tuple[str, str, Grid], ...]:
+    """Put all results into tables.
+
+    Parameters
+    ----------
+    results : DataFrame
+        The tidy table of results.
+    titles : mapping of str to str
+        Titles of pictures by their names.
+
+    Returns
+    -------
+    tuple of (str, str, Grid)
+        Of each topic its name, its title and its table.
+    """
+    columns = [
+        Column("Quantity"),
+        name("Group"),
+        number("Value"),
+        number("Low"),
+        number("High"),
+        Column("Unit"),
+        Column("Interval"),
+        number("n"),
+        Column("Of"),
+        Column("Note"),
+    ]
+    made = []
+    for topic, rows in results.groupby("topic", sort=False):
+        title = titles.get(str(topic), str(topic))
+        made.append((str(topic), title, grid(f"Results: {title}", columns, [_result(row) for row in _records(rows)])))
+    return tuple(made)
+
+
+def _result(row: Mapping[str, Any]) -> list[Cell | float]:
+    """Write a row of the table of results."""
+    return [
+        row["quantity"],
+        row["group"],
+        *written(row),
+        row["unit"],
+        row["interval"],
+        int(row["n"]),
+        row["of"],
+        row["note"],
+    ]
+
+
+def _records(table: pd.DataFrame) -> list[dict[str, Any]]:
+    return [{str(key): value for key, value in row.items()} for row in table.to_dict("records")]
+
+
+def any_grid(caption: str, table: pd.DataFrame) -> Grid:
+    """Put a table as it is into the report.
+
+    Parameters
+    ----------
+    caption : str
+        What it shows.
+    table : DataFrame
+        The table; columns of numbers are aligned as such.
+    """
+    numeric = [pd.api.types.is_numeric_dtype(table[label]) for label in table]
+    columns = [
+        number(_heading(label)) if is_number else name(_heading(label))
+        for label, is_number in zip(table, numeric, strict=True)
+    ]
+    rows = [
+        [float(cell) if is_number else str(cell) for cell, is_number in zip(row, numeric, strict=True)]
+        for row in table.itertuples(index=False, name=None)
+    ]
+    return grid(caption, columns, rows)
+
+
+def _heading(label: Any) -> str:
+    words = str(label).replace("_", " ")
+    return words[:1].upper() + words[1:]
+
+
+# --- settings, software, recordings ----------------------------------------------------------------------------------
+
+
+def settings_grids(readings: Readings) -> tuple[Grid, ...]:
+    """Put all settings of an analysis into tables; those that differ from their defaults are marked.
+
+    Parameters
+    ----------
+    readings : Readings
+        The settings.
+    """
+    return tuple(_settings(table, readings) for table in tables(Readings) if table.keys)
+
+
+def _settings(table: Table, readings: Readings) -> Grid:
+    node: Any = readings
+    for step in table.path:
+        node = getattr(node, step)
+    rows, marked = [], set()
+    for place, key in enumerate(table.keys):
+        value, default = to_toml(getattr(node, key.name)), to_toml(key.default)
+        unit = "" if key.unit in ("", "1") else key.unit
+        if value != default:
+            marked.add(place)
+        rows.append((key.name, value, unit, f"changed; default: {default}" if value != default else "", key.text))
+    columns = code("Setting"), code("Value"), Column("Unit"), code("Changed"), Column("What it decides")
+    return Grid(f"[{table.name}] {table.text.splitlines()[0]}", columns, tuple(rows), frozenset(marked))
+
+
+def software_grid(study: Study, versions: Mapping[str, str]) -> Grid:
+    """List the software.
+
+    Parameters
+    ----------
+    study : Study
+        The study, whose recordings name the version that recorded them.
+    versions : mapping of str to str
+        Versions of what analysed them.
+    """
+    recorded = sorted(study.blocks["netboard"].unique())
+    rows: list[tuple[Cell, ...]] = [("netboard, which recorded", ", ".join(recorded))]
+    rows += [(package, str(version)) for package, version in versions.items()]
+    return grid("Software", [Column("What"), code("Version")], rows)
+
+
+def recordings_grid(study: Study, known: Mapping[str, Mapping[str, Any]]) -> Grid:
+    """List the recordings with their SHA-256.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+    known : mapping of str to mapping
+        Files by the names of recordings, as in `netboard.report.html.write_report`.
+    """
+    rows = [
+        (
+            row["recording"],
+            str(row["opened_utc"])[:19].replace("T", " "),
+            known[row["recording"]]["file"],
+            known[row["recording"]]["sha256"],
+        )
+        for row in _records(study.blocks)
+    ]
+    columns = [name("Recording"), Column("Opened (UTC)"), code("File"), code("SHA-256")]
+    return grid("All recordings of the study, each with the SHA-256 of its file", columns, rows)
