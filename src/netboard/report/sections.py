@@ -322,14 +322,9 @@ def recordings_grid(study: Study, known: Mapping[str, Mapping[str, Any]]) -> Gri
     known : mapping of str to mapping
         Files by the names of recordings, as in `netboard.report.html.write_report`.
     """
-    rows = [
-        (
-            row["recording"],
-            str(row["opened_utc"])[:19].replace("T", " "),
-            known[row["recording"]]["file"],
-            known[row["recording"]]["sha256"],
-        )
-        for row in _records(study.blocks)
-    ]
+    rows = []
+    for recording, opened in study.blocks[["recording", "opened_utc"]].itertuples(index=False, name=None):
+        file = known[recording]
+        rows.append((recording, str(opened)[:19].replace("T", " "), str(file["file"]), str(file["sha256"])))
     columns = [name("Recording"), Column("Opened (UTC)"), code("File"), code("SHA-256")]
     return grid("All recordings of the study, each with the SHA-256 of its file", columns, rows)
