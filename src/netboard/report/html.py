@@ -21,7 +21,7 @@ from netboard.measuring.study import Study
 from netboard.report.design import design, participants
 from netboard.report.drawings import drawing
 from netboard.report.sections import (
-    any_grid,
+    comparison_grid,
     few,
     head,
     recordings_grid,
@@ -64,7 +64,9 @@ def write_report(
         mappings of ``file`` and ``why``; ``handedness``, the dominant hand by pseudonym; ``command``, which analysed;
         ``made_utc``, when.
     comparison : DataFrame, optional
-        The study beside the paper, a row for a statement.
+        The study beside the paper, a row for a statement: ``figure``, ``quantity``, ``group``, what is ``said``, the
+        number ``reported``, its ``reported_sd`` and ``reported_of`` how many, the study's ``value`` with the columns of a
+        result, and the ``verdict``.
 
     Returns
     -------
@@ -99,20 +101,20 @@ def _page(
     drawings = [drawing(picture) for picture in pictures]
     titles = {one.name: one.title for one in drawings}
     top = head(study, provenance)
-    caption = "This study beside the paper"
     known = provenance["recordings"]
     page: str = _template().render(
         head=top,
         running=Markup(css_text(f"netboard: study {top.title}")),
         style=Markup(files("netboard.report").joinpath("pages/report.css").read_text(encoding="utf-8")),
-        summary=summary(results, list(titles.items())),
+        summary=summary(results, titles),
         few=few(len(study.dyads)),
         design=design(study),
         participants=participants(study, provenance.get("handedness", {})),
         soundness=soundness(study, provenance.get("left_out", ())),
+        drawn=set(titles),
         drawings=[(one, Markup(one.svg)) for one in drawings],
         results=results_grids(results, titles),
-        comparison=None if comparison is None else any_grid(caption, comparison),
+        comparison=None if comparison is None else comparison_grid(comparison),
         settings=settings_grids(study.readings),
         software=software_grid(study, provenance["versions"]),
         recordings=recordings_grid(study, known),

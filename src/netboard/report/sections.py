@@ -13,14 +13,48 @@ import pandas as pd
 from netboard.measuring.readings import Readings
 from netboard.measuring.study import Study
 from netboard.report.grids import Cell, Column, Grid, code, grid, name, number
-from netboard.report.wording import amount, counted, decimals
+from netboard.report.wording import NONE, amount, counted, decimals
 from netboard.settings import Table, tables, to_toml
 
-MOST_GROUPS = 6
-"""Of a quantity that has more groups the summary names none [1]."""
+MAIN: tuple[tuple[str, tuple[str, ...]], ...] = (
+    (
+        "learning",
+        (
+            "completion time",
+            "change of completion time",
+            "number of velocity peaks",
+            "change of number of velocity peaks",
+        ),
+    ),
+    (
+        "dyads",
+        (
+            "completion time: mean of the two less dyad",
+            "completion time: dyads better than the mean of the two",
+            "number of velocity peaks: mean of the two less dyad",
+            "number of velocity peaks: dyads better than the mean of the two",
+        ),
+    ),
+    (
+        "classes",
+        (
+            "share of cooperative movement",
+            "share of competitive movement",
+            "share of single movement",
+            "share of stillness",
+        ),
+    ),
+    (
+        "strategy",
+        ("change of the area of the ellipse", "change of variance of distance", "change of variance of velocity"),
+    ),
+    ("delay", ("delay, mean of 10 to 40 %", "delay at 40 % less that at 10 %")),
+    ("contrasts", ("completion time: ratio", "velocity peaks: difference")),
+)
+"""Topics and quantities that the summary names, in this order."""
 
-MOST_SENTENCES = 24
-"""A summary with more would be no summary [1]."""
+_DIFFERENCE = " less "
+"""In the name of a group: it is a difference of two."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,12 +152,37 @@ def _made_of(row: Mapping[str, Any]) -> str:
 
 def _part(row: Mapping[str, Any], made_of: str) -> str:
     """Write one group's result."""
-    value, low, high = written(row)
+    aside = "; ".join(part for part in (between(row), made_of) if part)
     unit = "" if row["unit"] in ("1", "") else f" {row['unit']}"
-    between = f"{low} to {high}" if isfinite(row["low"]) else ""
-    aside = "; ".join(part for part in (between, made_of) if part)
     group = f"{row['group']} " if row["group"] else ""
-    return f"{group}{value}{unit}" + (f" ({aside})" if aside else "")
+    return f"{group}{written(row)[0]}{unit}" + (f" ({aside})" if aside else "")
+
+
+def between(row: Mapping[str, Any]) -> str:
+    """Write an interval.
+
+    Parameters
+    ----------
+    row : mapping
+        A row of the table of results, or of one that has its columns.
+
+    Returns
+    -------
+    str
+        Its ends, or how far it goes to either side if it is a standard deviation; empty without one.
+    """
+    value, low, high = written(row)
+    if not isfinite(row["low"]):
+        return ""
+    if row["interval"] == "SD":
+        return f"± {amount((row['high'] - row['low']) / 2, _places(row))}"
+    return f"{low} to {high}"
+
+
+def _places(row: Mapping[str, Any]) -> int:
+    """Say how many decimals a result and its interval have."""
+    three = [float(row[part]) for part in ("value", "low", "high")]
+    return 0 if all(part.is_integer() for part in three if isfinite(part)) else decimals(*three)
 
 
 def written(row: Mapping[str, Any]) -> tuple[str, str, str]:
@@ -134,40 +193,39 @@ def written(row: Mapping[str, Any]) -> tuple[str, str, str]:
     row : mapping
         A row of the table of results.
     """
-    three = float(row["value"]), float(row["low"]), float(row["high"])
-    whole = all(part.is_integer() for part in three if isfinite(part))
-    places = 0 if whole else decimals(*three)
-    return amount(three[0], places), amount(three[1], places), amount(three[2], places)
+    places = _places(row)
+    return amount(row["value"], places), amount(row["low"], places), amount(row["high"], places)
 
 
-def summary(results: pd.DataFrame, topics: Sequence[tuple[str, str]]) -> tuple[tuple[str, str, tuple[str, ...]], ...]:
-    """Put the main results into sentences: of every picture the quantities that few groups are compared in.
+def summary(results: pd.DataFrame, titles: Mapping[str, str]) -> tuple[tuple[str, str, tuple[str, ...]], ...]:
+    """Put the main results into sentences; where a quantity has differences, only those.
 
     Parameters
     ----------
     results : DataFrame
         The tidy table of results.
-    topics : sequence of (str, str)
-        Names and titles of the pictures, in order.
+    titles : mapping of str to str
+        Titles of pictures by their names.
 
     Returns
     -------
     tuple of (str, str, tuple of str)
-        Name and title of a picture, and its sentences.
+        Name and title of a topic, and its sentences.
     """
     said = []
-    left = MOST_SENTENCES
-    for topic, title in topics:
-        mine = results[results["topic"] == topic]
-        sentences = []
-        for quantity, rows in mine.groupby("quantity", sort=False):
-            if 0 < len(rows) <= MOST_GROUPS and rows["value"].notna().any():
-                sentences.append(sentence(str(quantity), _records(rows)))
-        sentences = sentences[:left]
-        left -= len(sentences)
+    for topic, quantities in MAIN:
+        mine = results[(results["topic"] == topic) & results["value"].notna()]
+        chosen = [(quantity, _chosen(mine[mine["quantity"] == quantity])) for quantity in quantities]
+        sentences = tuple(sentence(quantity, rows) for quantity, rows in chosen if rows)
         if sentences:
-            said.append((topic, title, tuple(sentences)))
+            said.append((topic, titles.get(topic, topic), sentences))
     return tuple(said)
+
+
+def _chosen(rows: pd.DataFrame) -> list[dict[str, Any]]:
+    """Choose the rows that a sentence names: differences, if there are any, each with its first interval."""
+    differences = rows["group"].str.contains(_DIFFERENCE, regex=False)
+    return _records((rows[differences] if differences.any() else rows).drop_duplicates("group"))
 
 
 def few(dyads: int) -> str:
@@ -240,31 +298,43 @@ def _records(table: pd.DataFrame) -> list[dict[str, Any]]:
     return [{str(key): value for key, value in row.items()} for row in table.to_dict("records")]
 
 
-def any_grid(caption: str, table: pd.DataFrame) -> Grid:
-    """Put a table as it is into the report.
+def comparison_grid(comparison: pd.DataFrame) -> Grid:
+    """Put a study's numbers beside those of the paper.
 
     Parameters
     ----------
-    caption : str
-        What it shows.
-    table : DataFrame
-        The table; columns of numbers are aligned as such.
+    comparison : DataFrame
+        As in `netboard.report.html.write_report`.
     """
-    numeric = [pd.api.types.is_numeric_dtype(table[label]) for label in table]
     columns = [
-        number(_heading(label)) if is_number else name(_heading(label))
-        for label, is_number in zip(table, numeric, strict=True)
+        Column("Figure"),
+        Column("Quantity"),
+        name("Group"),
+        Column("The paper says"),
+        number("Reported"),
+        number("Here"),
+        Column("Interval here"),
+        Column("Made of"),
+        Column("Verdict"),
+        name("Note"),
     ]
-    rows = [
-        [float(cell) if is_number else str(cell) for cell, is_number in zip(row, numeric, strict=True)]
-        for row in table.itertuples(index=False, name=None)
-    ]
-    return grid(caption, columns, rows)
+    return grid("This study beside the paper", columns, [_compared(row) for row in _records(comparison)])
 
 
-def _heading(label: Any) -> str:
-    words = str(label).replace("_", " ")
-    return words[:1].upper() + words[1:]
+def _compared(row: Mapping[str, Any]) -> tuple[str, ...]:
+    """Write a row of the comparison."""
+    unit = "" if row["unit"] in ("1", "") else f" {row['unit']}"
+    reported = amount(row["reported"])
+    if isfinite(row["reported_sd"]):
+        reported = f"{reported} ± {amount(row['reported_sd'])}"
+    if row["reported_of"]:
+        reported = f"{reported} of {amount(int(row['reported_of']))}"
+    here = f"{written(row)[0]}{unit}" if isfinite(row["value"]) else NONE
+    interval = f"{between(row)} ({row['interval']})" if between(row) else ""
+    made_of = counted(int(row["n"]), row["of"]) if row["n"] else ""
+    there = f"{reported}{unit}" if isfinite(row["reported"]) else NONE
+    labels = row["figure"], row["quantity"], row["group"], row["said"]
+    return *labels, there, here, interval, made_of, row["verdict"], row["note"]
 
 
 # --- settings, software, recordings ----------------------------------------------------------------------------------
