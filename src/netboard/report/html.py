@@ -25,10 +25,10 @@ from netboard.report.sections import (
     few,
     head,
     recordings_grid,
-    results_grids,
     settings_grids,
     software_grid,
     summary,
+    topics,
 )
 from netboard.report.soundness import soundness
 from netboard.report.trials import HEIGHT, LEAD, LONGEST, listings, reach
@@ -65,8 +65,8 @@ def write_report(
         ``made_utc``, when.
     comparison : DataFrame, optional
         The study beside the paper, a row for a statement: ``figure``, ``quantity``, ``group``, what is ``said``, the
-        number ``reported``, its ``reported_sd`` and ``reported_of`` how many, the study's ``value`` with the columns of a
-        result, and the ``verdict``.
+        number ``reported``, its ``reported_sd`` and ``reported_of`` how many, the study's ``value`` with the columns of
+        a result, and the ``verdict``.
 
     Returns
     -------
@@ -113,7 +113,7 @@ def _page(
         soundness=soundness(study, provenance.get("left_out", ())),
         drawn=set(titles),
         drawings=[(one, Markup(one.svg)) for one in drawings],
-        results=results_grids(results, titles),
+        results=topics(results, titles),
         comparison=None if comparison is None else comparison_grid(comparison),
         settings=settings_grids(study.readings),
         software=software_grid(study, provenance["versions"]),

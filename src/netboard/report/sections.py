@@ -13,7 +13,7 @@ import pandas as pd
 from netboard.measuring.readings import Readings
 from netboard.measuring.study import Study
 from netboard.report.grids import Cell, Column, Grid, code, grid, name, number
-from netboard.report.wording import NONE, amount, counted, decimals
+from netboard.report.wording import NONE, amount, counted, decimals, in_unit
 from netboard.settings import Table, tables, to_toml
 
 MAIN: tuple[tuple[str, tuple[str, ...]], ...] = (
@@ -153,7 +153,7 @@ def _made_of(row: Mapping[str, Any]) -> str:
 def _part(row: Mapping[str, Any], made_of: str) -> str:
     """Write one group's result."""
     aside = "; ".join(part for part in (between(row), made_of) if part)
-    unit = "" if row["unit"] in ("1", "") else f" {row['unit']}"
+    unit = in_unit(row["unit"])
     group = f"{row['group']} " if row["group"] else ""
     return f"{group}{written(row)[0]}{unit}" + (f" ({aside})" if aside else "")
 
@@ -171,7 +171,7 @@ def between(row: Mapping[str, Any]) -> str:
     str
         Its ends, or how far it goes to either side if it is a standard deviation; empty without one.
     """
-    value, low, high = written(row)
+    _, low, high = written(row)
     if not isfinite(row["low"]):
         return ""
     if row["interval"] == "SD":
@@ -246,7 +246,26 @@ def few(dyads: int) -> str:
     return f"{said}."
 
 
-def results_grids(results: pd.DataFrame, titles: Mapping[str, str]) -> tuple[tuple[str, str, Grid], ...]:
+@dataclass(frozen=True, slots=True)
+class Topic:
+    """All results of a topic.
+
+    Attributes
+    ----------
+    title : str
+        Its title.
+    table : Grid
+        The results.
+    notes : tuple of str
+        What must be known to read them; the table has their numbers, from 1.
+    """
+
+    title: str
+    table: Grid
+    notes: tuple[str, ...]
+
+
+def topics(results: pd.DataFrame, titles: Mapping[str, str]) -> tuple[Topic, ...]:
     """Put all results into tables.
 
     Parameters
@@ -258,9 +277,16 @@ def results_grids(results: pd.DataFrame, titles: Mapping[str, str]) -> tuple[tup
 
     Returns
     -------
-    tuple of (str, str, Grid)
-        Of each topic its name, its title and its table.
+    tuple of Topic
+        The topics in the order of the table.
     """
+    groups = results.groupby("topic", sort=False)
+    return tuple(_topic(titles.get(str(topic), str(topic)), _records(rows)) for topic, rows in groups)
+
+
+def _topic(title: str, rows: Sequence[Mapping[str, Any]]) -> Topic:
+    """Put the results of a topic into a table."""
+    notes = list(dict.fromkeys(row["note"] for row in rows if row["note"]))
     columns = [
         Column("Quantity"),
         name("Group"),
@@ -271,27 +297,17 @@ def results_grids(results: pd.DataFrame, titles: Mapping[str, str]) -> tuple[tup
         Column("Interval"),
         number("n"),
         Column("Of"),
-        Column("Note"),
+        number("Note"),
     ]
-    made = []
-    for topic, rows in results.groupby("topic", sort=False):
-        title = titles.get(str(topic), str(topic))
-        made.append((str(topic), title, grid(f"Results: {title}", columns, [_result(row) for row in _records(rows)])))
-    return tuple(made)
+    table = grid(f"Results: {title}", columns, [_result(row, notes) for row in rows])
+    return Topic(title, table, tuple(notes))
 
 
-def _result(row: Mapping[str, Any]) -> list[Cell | float]:
+def _result(row: Mapping[str, Any], notes: list[str]) -> list[Cell | float]:
     """Write a row of the table of results."""
-    return [
-        row["quantity"],
-        row["group"],
-        *written(row),
-        row["unit"],
-        row["interval"],
-        int(row["n"]),
-        row["of"],
-        row["note"],
-    ]
+    note = str(notes.index(row["note"]) + 1) if row["note"] else ""
+    labels, last = [row["quantity"], row["group"]], [row["interval"], int(row["n"]), row["of"], note]
+    return [*labels, *written(row), in_unit(row["unit"]).strip(), *last]
 
 
 def _records(table: pd.DataFrame) -> list[dict[str, Any]]:
@@ -323,7 +339,7 @@ def comparison_grid(comparison: pd.DataFrame) -> Grid:
 
 def _compared(row: Mapping[str, Any]) -> tuple[str, ...]:
     """Write a row of the comparison."""
-    unit = "" if row["unit"] in ("1", "") else f" {row['unit']}"
+    unit = in_unit(row["unit"])
     reported = amount(row["reported"])
     if isfinite(row["reported_sd"]):
         reported = f"{reported} ± {amount(row['reported_sd'])}"
