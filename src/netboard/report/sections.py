@@ -135,7 +135,7 @@ def sentence(quantity: str, rows: Sequence[Mapping[str, Any]]) -> str:
     Returns
     -------
     str
-        Such as ``Completion time (4 dyads; 95 % t): on 3.61 s (3.02 to 4.20); off 4.01 s (3.55 to 4.47).``
+        Such as ``Completion time (4 dyads; 95 % t): on = 3.61 s (3.02 to 4.20); off = 4.01 s (3.55 to 4.47).``
     """
     made_of = [_made_of(row) for row in rows]
     alike = len(set(made_of)) == 1
@@ -152,10 +152,12 @@ def _made_of(row: Mapping[str, Any]) -> str:
 
 def _part(row: Mapping[str, Any], made_of: str) -> str:
     """Write one group's result."""
-    aside = "; ".join(part for part in (between(row), made_of) if part)
-    unit = in_unit(row["unit"])
-    group = f"{row['group']} " if row["group"] else ""
-    return f"{group}{written(row)[0]}{unit}" + (f" ({aside})" if aside else "")
+    interval, value = between(row), written(row)[0]
+    if row["interval"] == "SD" and interval:
+        value, interval = f"{value} {interval}", ""
+    aside = "; ".join(part for part in (interval, made_of) if part)
+    group = f"{row['group']} = " if row["group"] else ""
+    return f"{group}{value}{in_unit(row['unit'])}" + (f" ({aside})" if aside else "")
 
 
 def between(row: Mapping[str, Any]) -> str:
