@@ -182,9 +182,11 @@ def between(row: Mapping[str, Any]) -> str:
 
 
 def _places(row: Mapping[str, Any]) -> int:
-    """Say how many decimals a result and its interval have."""
+    """Say how many decimals a result and its interval have: the larger of it and its reach decides."""
     three = [float(row[part]) for part in ("value", "low", "high")]
-    return 0 if all(part.is_integer() for part in three if isfinite(part)) else decimals(*three)
+    if all(part.is_integer() for part in three if isfinite(part)):
+        return 0
+    return decimals(three[0], (three[2] - three[1]) / 2)
 
 
 def written(row: Mapping[str, Any]) -> tuple[str, str, str]:
