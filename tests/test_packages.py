@@ -33,7 +33,8 @@ def test_no_package_is_deeper_than_two() -> None:
 
 def test_what_is_beside_the_code_is_packaged() -> None:
     listed = {folder(package) / name for package, names in SETUPTOOLS["package-data"].items() for name in names}
-    assert listed == {path for kind in ("*.md", "*.c", "*.toml") for path in (ROOT / "src").rglob(kind)}
+    kinds = ("*.md", "*.c", "*.toml", "*.jinja", "*.css")
+    assert listed == {path for kind in kinds for path in (ROOT / "src").rglob(kind)}
 
 
 def test_init_holds_only_a_docstring() -> None:

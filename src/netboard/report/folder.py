@@ -22,6 +22,7 @@ from netboard.figures.everything import pictures
 from netboard.figures.picture import Picture, as_bytes
 from netboard.findings.everything import results_of
 from netboard.findings.paper import COMPARISON, compare
+from netboard.findings.people import PEOPLE, people_of
 from netboard.findings.results import RESULTS
 from netboard.measuring.exclusions import EXCLUSIONS
 from netboard.measuring.fingerprint import fingerprint
@@ -66,6 +67,7 @@ TABLES = (
     Kind("trials", "one attempt at a trial", FIELDS_IN_STUDY["trials"]),
     Kind("movements", "one movement of the board that begins in an attempt", FIELDS_IN_STUDY["movements"]),
     Kind("paths", "one sample of the path of an attempt, each 20 ms", FIELDS_IN_STUDY["paths"]),
+    Kind("people", "one performer in one condition: a participant, or a dyad", PEOPLE),
     Kind("exclusions", "one reason why an attempt does not count", EXCLUSIONS),
     Kind("left_out", "one recording that could not be measured", LEFT_OUT),
     Kind("results", "one number that is reported", RESULTS),
@@ -152,6 +154,7 @@ def write_tables(
     folder.mkdir()
     others = {
         "results": results,
+        "people": people_of(study),
         "left_out": pd.DataFrame([asdict(one) for one in left_out], columns=[field.name for field in LEFT_OUT]),
         "comparison": comparison,
     }

@@ -1,0 +1,170 @@
+"""Who did what in which order: the blocks of each dyad, how conditions are balanced, and the people."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import pandas as pd
+
+from netboard.config import SIDES
+from netboard.measuring.study import Study
+from netboard.report.grids import Cell, Column, Grid, grid, name, number
+from netboard.report.wording import amount, counted
+
+_NOBODY = ("still", "robot")
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """A block in the order of a dyad.
+
+    Attributes
+    ----------
+    who : str
+        Who performed: the participant, or ``both``.
+    configuration, force : str
+        What was done, and what the hands felt.
+    haptics : bool
+        Whether they felt something.
+    """
+
+    who: str
+    configuration: str
+    force: str
+    haptics: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Design:
+    """What was done, and in which order.
+
+    Attributes
+    ----------
+    steps : tuple of (str, tuple of Step or None)
+        Each dyad with its blocks; None where one is missing.
+    numbers : tuple of int
+        Numbers of the blocks [1].
+    sentences : tuple of str
+        What the order is, in words.
+    conditions, beginnings : Grid
+        How much of each condition there is, and how often each force came first.
+    """
+
+    steps: tuple[tuple[str, tuple[Step | None, ...]], ...]
+    numbers: tuple[int, ...]
+    sentences: tuple[str, ...]
+    conditions: Grid
+    beginnings: Grid
+
+
+def design(study: Study) -> Design:
+    """Say what was done, and in which order.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+    """
+    blocks = study.blocks.drop_duplicates(["dyad", "block"])
+    numbers = tuple(sorted({int(block) for block in blocks["block"]}))
+    found = {(row["dyad"], row["block"]): _step(row) for row in blocks.to_dict("records")}
+    steps = tuple((dyad, tuple(found.get((dyad, block)) for block in numbers)) for dyad in study.dyads)
+    return Design(steps, numbers, tuple(_sentences(blocks)), _conditions(study, blocks), _beginnings(blocks))
+
+
+def _step(row: Mapping[Any, Any]) -> Step:
+    who = "both" if row["configuration"] == "dyadic" else str(row["performer"]).removeprefix(str(row["dyad"]))
+    return Step(who, row["configuration"], row["force"], bool(row["haptics"]))
+
+
+def _sentences(blocks: pd.DataFrame) -> list[str]:
+    """Say what came before what."""
+    both = blocks[blocks["configuration"] == "dyadic"]
+    alone = blocks[blocks["configuration"] == "bimanual"]
+    if both.empty or alone.empty:
+        return []
+    before = [
+        int((alone.loc[alone["dyad"] == dyad, "block"] < first).sum())
+        for dyad, first in both.groupby("dyad")["block"].min().items()
+    ]
+    if min(before) == 0:
+        return []
+    least, most = min(before), max(before)
+    had = counted(least, "bimanual block") if least == most else f"{least} to {most} bimanual blocks"
+    return [
+        f"Before its first block together, every dyad had {had}. So a comparison of dyads with their own participants "
+        "has practice in it."
+    ]
+
+
+def _conditions(study: Study, blocks: pd.DataFrame) -> Grid:
+    """Count blocks and trials of each condition, and say when they came on average."""
+    trials = study.trials
+    rows = []
+    for condition, mine in blocks.groupby("condition", sort=True):
+        of_it = trials[trials["condition"] == condition]
+        rows.append(
+            (
+                str(condition),
+                len(mine),
+                mine["performer"].nunique(),
+                int((of_it["outcome"] == "success").sum()),
+                int(of_it["counts"].sum()),
+                amount(mine["block"].mean(), 1),
+            )
+        )
+    columns = [
+        Column("Condition"),
+        number("Blocks"),
+        number("Performers"),
+        number("Trials done"),
+        number("Trials counted"),
+        number("Mean place in the order"),
+    ]
+    caption = "How much of each condition there is. A performer is a participant, or a dyad where both performed."
+    return grid(caption, columns, rows)
+
+
+def _beginnings(blocks: pd.DataFrame) -> Grid:
+    """Count with which force performers began."""
+    first = blocks.sort_values("block", kind="stable").drop_duplicates(["dyad", "performer", "configuration"])
+    counts = pd.crosstab(first["configuration"], first["force"])
+    columns = [Column("Configuration"), *(number(f"Began with {force}") for force in counts)]
+    rows: list[list[Cell | float]] = [[str(row[0]), *map(int, row[1:])] for row in counts.itertuples(name=None)]
+    return grid("Counterbalancing: how many performers began a configuration with which force.", columns, rows)
+
+
+def participants(study: Study, handedness: Mapping[str, str]) -> Grid:
+    """List the people.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+    handedness : mapping of str to str
+        The dominant hand by pseudonym, as far as known.
+    """
+    people: dict[tuple[str, str], list[dict[Any, Any]]] = {}
+    for row in study.blocks.to_dict("records"):
+        for who in sorted({row["left_by"], row["right_by"]} - set(_NOBODY)):
+            people.setdefault((row["dyad"], who), []).append(row)
+    rows = [_person(who, dyad, mine, handedness.get(who, "not known")) for (dyad, who), mine in sorted(people.items())]
+    columns = [
+        name("Participant"),
+        name("Dyad"),
+        Column("Dominant hand"),
+        Column("Seat when together"),
+        number("Recordings alone"),
+        number("Recordings together"),
+        Column("Simulated"),
+    ]
+    return grid("Participants, by pseudonym", columns, rows)
+
+
+def _person(who: str, dyad: str, mine: list[dict[Any, Any]], hand: str) -> tuple[str | int, ...]:
+    """Say what a person did."""
+    together = [row for row in mine if row["configuration"] == "dyadic"]
+    seats = [side for side in SIDES if any(row[f"{side}_by"] == who for row in together)]
+    simulated = sum(int(row["simulated"]) for row in mine)
+    part = "yes" if simulated == len(mine) else f"in {simulated} of {len(mine)}" if simulated else "no"
+    return who, dyad, hand, " and ".join(seats) or "none", len(mine) - len(together), len(together), part

@@ -1,0 +1,121 @@
+"""Tables of a report, as the page's template takes them: a caption, columns, and rows of texts, numbers and links."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from netboard.report.wording import amount
+
+Kind = Literal["text", "name", "number", "code"]
+"""What a column holds: words of the report, words of others, numbers, or what a machine reads."""
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """A column.
+
+    Attributes
+    ----------
+    title : str
+        Its heading.
+    kind : str
+        What it holds.
+    """
+
+    title: str
+    kind: Kind = "text"
+
+
+@dataclass(frozen=True, slots=True)
+class Link:
+    """A cell that leads to another place of the report.
+
+    Attributes
+    ----------
+    text : str
+        What is read.
+    to : str
+        The id of the place.
+    """
+
+    text: str
+    to: str
+
+
+Cell = str | Link
+
+
+@dataclass(frozen=True, slots=True)
+class Grid:
+    """A table.
+
+    Attributes
+    ----------
+    caption : str
+        What it shows, in a sentence.
+    columns : tuple of Column
+        The columns; the first one names the row.
+    rows : tuple of tuple of Cell
+        The rows.
+    marked : frozenset of int
+        Rows that stand out, from 0 [1].
+    """
+
+    caption: str
+    columns: tuple[Column, ...]
+    rows: tuple[tuple[Cell, ...], ...]
+    marked: frozenset[int] = frozenset()
+
+
+def grid(caption: str, columns: Sequence[Column], rows: Sequence[Sequence[Cell | float]]) -> Grid:
+    """Make a table.
+
+    Parameters
+    ----------
+    caption : str
+        What it shows, in a sentence.
+    columns : sequence of Column
+        The columns.
+    rows : sequence of sequence of str, Link, int or float
+        The rows; numbers are written here.
+
+    Returns
+    -------
+    Grid
+        The table.
+    """
+    written = tuple(tuple(cell if isinstance(cell, str | Link) else amount(cell) for cell in row) for row in rows)
+    return Grid(caption, tuple(columns), written)
+
+
+def number(title: str) -> Column:
+    """Describe a column of numbers.
+
+    Parameters
+    ----------
+    title : str
+        Its heading, with the unit.
+    """
+    return Column(title, "number")
+
+
+def name(title: str) -> Column:
+    """Describe a column of words that others have chosen.
+
+    Parameters
+    ----------
+    title : str
+        Its heading.
+    """
+    return Column(title, "name")
+
+
+def code(title: str) -> Column:
+    """Describe a column of what a machine reads.
+
+    Parameters
+    ----------
+    title : str
+        Its heading.
+    """
+    return Column(title, "code")

@@ -1,0 +1,293 @@
+"""All attempts of a study, block by block, each with the ball's path and the command that shows it again.
+
+The page has some thousands of them, so a path is a few dozen points with whole coordinates, and a row is little else.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import ceil, isfinite
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from netboard.measuring.study import Study
+from netboard.report.wording import amount, command, counted
+
+LEAD = 0.5
+"""How long before the release a replay begins [s]."""
+
+STEP = 0.1
+"""From one point of a path to the next [s]."""
+
+HEIGHT = 70
+"""Of a path, in its own units [1]."""
+
+PER_SECOND = 20
+"""Width of a path, in its own units [1/s]."""
+
+LONGEST = 20.0
+"""Paths that last longer are drawn as wide as one of this length [s]."""
+
+_PIXELS = 0.55
+_SIDES = {-1: "left", 1: "right"}
+Key = tuple[str, int, int]
+"""Recording, trial and attempt."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sparkline:
+    """The path of the ball in an attempt.
+
+    Attributes
+    ----------
+    d : str
+        The path, as that of an element of SVG.
+    extent : int
+        Its width in its own units [1].
+    width : int
+        Its width on the page [px].
+    squeezed : bool
+        Whether it was too long, and is drawn narrower than its time.
+    """
+
+    d: str
+    extent: int
+    width: int
+    squeezed: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """An attempt.
+
+    Attributes
+    ----------
+    anchor : str
+        Its id in the page.
+    trial, attempt : int
+        Which it is [1].
+    target, outcome, completion, peaks : str
+        Side of the target, how it ended, completion time [s], number of velocity peaks [1].
+    flags, why : str
+        Its marks of quality, and why it does not count.
+    path : Sparkline
+        Where the ball went.
+    command : str
+        What shows it again.
+    """
+
+    anchor: str
+    trial: int
+    attempt: int
+    target: str
+    outcome: str
+    completion: str
+    peaks: str
+    flags: str
+    why: str
+    path: Sparkline
+    command: str
+
+
+@dataclass(frozen=True, slots=True)
+class Listing:
+    """The attempts of a recording.
+
+    Attributes
+    ----------
+    anchor : str
+        Its id in the page.
+    recording, dyad, performer : str
+        What it is called, whose it is, and who performed.
+    heading : str
+        What was done, and how much of it.
+    rows : tuple of Row
+        The attempts.
+    """
+
+    anchor: str
+    recording: str
+    dyad: str
+    performer: str
+    heading: str
+    rows: tuple[Row, ...]
+
+
+def anchors(study: Study) -> dict[Key, str]:
+    """Give every attempt its place in the page.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+
+    Returns
+    -------
+    dict
+        The id by recording, trial and attempt.
+    """
+    place = {recording: number for number, recording in enumerate(study.blocks["recording"], start=1)}
+    return {key: f"r{place[key[0]]}t{key[1]}a{key[2]}" for key in _keys(study.trials)}
+
+
+def listings(study: Study, files: Mapping[str, str]) -> tuple[Listing, ...]:
+    """List all attempts of all recordings.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+    files : mapping of str to str
+        The file of each recording, as a command takes it.
+    """
+    known, paths, why = anchors(study), sparklines(study), reasons(study)
+    rows: dict[str, list[Row]] = {}
+    for key, row in zip(_keys(study.trials), study.trials.to_dict("records"), strict=True):
+        at = max(row["release"] - LEAD, 0.0)
+        rows.setdefault(key[0], []).append(
+            Row(
+                known[key],
+                key[1],
+                key[2],
+                _SIDES.get(row["target"], "unknown"),
+                str(row["outcome"]).replace("_", " "),
+                amount(row["completion"], 2) if row["outcome"] == "success" else "",
+                amount(int(row["peaks"])) if row["outcome"] == "success" else "",
+                flag_words(row["flags"]),
+                "; ".join(why.get(key, ())),
+                paths.get(key, _NOTHING),
+                command("netboard", "replay", files[key[0]], "--at", f"{at:.1f}"),
+            )
+        )
+    return tuple(
+        _listing(number, block, rows.get(block["recording"], []))
+        for number, block in enumerate(study.blocks.to_dict("records"), start=1)
+    )
+
+
+def flag_words(words: str) -> str:
+    """Write marks of quality.
+
+    Parameters
+    ----------
+    words : str
+        Words of `netboard.experiment.quality.WORDS` with spaces between.
+    """
+    return ", ".join(word.replace("_", " ") for word in str(words).split())
+
+
+def reasons(study: Study) -> dict[Key, list[str]]:
+    """Find out why attempts do not count.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+
+    Returns
+    -------
+    dict
+        Every reason, by recording, trial and attempt.
+    """
+    found: dict[Key, list[str]] = {}
+    for key, why in zip(_keys(study.exclusions), study.exclusions["why"], strict=True):
+        found.setdefault(key, []).append(why)
+    return found
+
+
+def _listing(number: int, block: Mapping[Any, Any], rows: list[Row]) -> Listing:
+    """Head the attempts of a recording."""
+    done = sum(row.outcome == "success" for row in rows)
+    excluded = sum(bool(row.why) for row in rows)
+    parts = [
+        f"block {block['block']}: {block['condition']}",
+        f"{done} of {counted(int(block['trials']), 'trial')} done in {counted(len(rows), 'attempt')}",
+    ]
+    if excluded:
+        parts.append(f"{counted(excluded, 'attempt')} excluded")
+    return Listing(f"r{number}", block["recording"], block["dyad"], block["performer"], "; ".join(parts), tuple(rows))
+
+
+def _keys(table: pd.DataFrame) -> list[Key]:
+    """Name the attempt of each row."""
+    columns = (table[name].tolist() for name in ("recording", "trial", "attempt"))
+    return [(recording, int(trial), int(attempt)) for recording, trial, attempt in zip(*columns, strict=True)]
+
+
+# --- paths -----------------------------------------------------------------------------------------------------------
+
+_NOTHING = Sparkline("", 1, 1, False)
+
+
+def reach(study: Study) -> float:
+    """Say how far from the board's middle paths are drawn.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+
+    Returns
+    -------
+    float
+        The largest distance of the ball, rounded up to 50 mm [m].
+    """
+    largest = float(np.nanmax(np.abs(study.paths["p"].to_numpy()), initial=0.0))
+    return max(ceil(largest / 0.05 - 1e-6), 1) * 0.05
+
+
+def sparklines(study: Study) -> dict[Key, Sparkline]:
+    """Draw the path of the ball in every attempt: up is right, and time goes to the right.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+
+    Returns
+    -------
+    dict
+        The paths by recording, trial and attempt.
+    """
+    paths = study.paths
+    if paths.empty:
+        return {}
+    codes = np.stack([paths["recording"].factorize()[0], paths["trial"].to_numpy(), paths["attempt"].to_numpy()])
+    first = np.concatenate(([0], np.flatnonzero((np.diff(codes) != 0).any(axis=0)) + 1))
+    far = reach(study)
+    time, p = paths["time"].to_numpy(np.float64), paths["p"].to_numpy(np.float64)
+    drawn = (_sparkline(*part, far) for part in zip(np.split(time, first[1:]), np.split(p, first[1:]), strict=True))
+    return dict(zip(_keys(paths.iloc[first]), drawn, strict=True))
+
+
+def _sparkline(time: NDArray[np.float64], p: NDArray[np.float64], far: float) -> Sparkline:
+    """Draw one path."""
+    spacing = float(np.median(np.diff(time))) if time.size > 1 else STEP
+    every = max(round(STEP / spacing), 1) if isfinite(spacing) and spacing > 0 else 1
+    chosen = np.unique(np.append(np.arange(0, time.size, every), time.size - 1))
+    gaps = np.flatnonzero(~np.isfinite(p[chosen]))
+    pieces = [piece[np.isfinite(p[piece])] for piece in np.split(chosen, gaps)]
+    d = "".join(
+        _path(
+            np.rint(PER_SECOND * time[piece]).astype(np.int64),
+            np.rint(HEIGHT / 2 * (1 - p[piece] / far)).astype(np.int64),
+        )
+        for piece in pieces
+    )
+    extent = max(ceil(PER_SECOND * float(time[-1])), 1)
+    squeezed = float(time[-1]) > LONGEST
+    width = max(round(_PIXELS * min(extent, LONGEST * PER_SECOND)), 1)
+    return Sparkline(d, extent, width, squeezed)
+
+
+def _path(x: NDArray[np.int64], y: NDArray[np.int64]) -> str:
+    """Write points as a path: the first one, and steps; equal steps that follow each other are one."""
+    if x.size < 2:
+        return ""
+    dx, dy = np.diff(x), np.diff(y)
+    last = np.append(np.flatnonzero((np.diff(dx) != 0) | (np.diff(dy) != 0)), dx.size - 1)
+    at_x, at_y = np.append(x[0], x[last + 1]), np.append(y[0], y[last + 1])
+    steps = (f"{a}{b}" if b < 0 else f"{a} {b}" for a, b in zip(np.diff(at_x), np.diff(at_y), strict=True))
+    return f"M{x[0]} {y[0]}l" + " ".join(steps)

@@ -1,0 +1,142 @@
+"""Studies that are made up, row by row, for reports."""
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from netboard.findings.results import Result, table_of
+from netboard.measuring.readings import Readings
+from netboard.measuring.recordings import BLOCKS, FIELDS, Measured
+from netboard.measuring.study import Study, study_of
+from netboard.measuring.tables import columns_of
+from netboard.recording.channels import Field
+
+_EMPTY: Mapping[str, Any] = {"integer": 0, "number": float("nan"), "string": ""}
+Row = Mapping[str, Any]
+
+
+def filled(fields: Sequence[Field], rows: Sequence[Row]) -> dict[str, Any]:
+    """Columns of rows that name some of their fields only."""
+    return columns_of(tuple(fields), [{f.name: _EMPTY[f.kind] for f in fields} | dict(row) for row in rows])
+
+
+def swings(name: str, attempts: Sequence[tuple[int, int]], seconds: float) -> dict[str, Any]:
+    """Paths of a ball that goes over to the target and swings there."""
+    time = np.arange(0.0, seconds, 0.02)
+    return {field.name: np.full(time.size * len(attempts), np.nan) for field in FIELDS["paths"]} | {
+        "recording": np.full(time.size * len(attempts), name, object),
+        "trial": np.repeat([trial for trial, _ in attempts], time.size),
+        "attempt": np.repeat([attempt for _, attempt in attempts], time.size),
+        "time": np.tile(time, len(attempts)),
+        "p": np.concatenate([0.15 * np.tanh(2 * (time - 1)) + 0.02 * np.sin(3 * time + k) for k, _ in attempts]),
+    }
+
+
+def block(
+    name: str, trials: int = 3, seconds: float = 4.0, falls: int = 1, rows: Row | None = None, **said: Any
+) -> Measured:
+    """A recording whose first trial fell ``falls`` times before it was done."""
+    whole = {
+        "recording": name,
+        "dyad": "D01",
+        "session": "S01",
+        "study": "made up",
+        "block": 1,
+        "part": 1,
+        "configuration": "bimanual",
+        "force": "full",
+        "haptics": 1,
+        "performer": "D01A",
+        "left_by": "D01A",
+        "right_by": "D01A",
+        "opened_utc": "2026-03-04T05:06:07+00:00",
+        "duration": 60.0,
+        "ticks": 60_000,
+        "trials": trials,
+        "netboard": "0.1.0",
+    } | said
+    attempts: list[Row] = [(trial, 1 + (falls if trial == 1 else 0), "success") for trial in range(1, trials + 1)]
+    attempts = [(1, k, "fell") for k in range(1, falls + 1)] + attempts
+    done = [
+        {
+            "recording": name,
+            "trial": trial,
+            "attempt": attempt,
+            "outcome": outcome,
+            "target": 1 if trial % 2 else -1,
+            "release": 2.0 + 6.0 * at,
+            "duration": seconds,
+            "completion": seconds - 1.5 + 0.01 * trial if outcome == "success" else float("nan"),
+            "peaks": 2 + trial % 3,
+        }
+        | dict(rows or {})
+        for at, (trial, attempt, outcome) in enumerate(attempts)
+    ]
+    return Measured(
+        filled(BLOCKS, [whole]),
+        filled(FIELDS["trials"], done),
+        filled(FIELDS["movements"], []),
+        swings(name, [(trial, attempt) for trial, attempt, _ in attempts], seconds),
+    )
+
+
+def small_study(readings: Readings | None = None, **said: Any) -> Study:
+    """One dyad: each alone, with and without forces, and both together."""
+    plans: list[dict[str, Any]] = [
+        {"configuration": "bimanual", "force": force, "performer": who, "left_by": who, "right_by": who}
+        for force in ("full", "none")
+        for who in ("D01A", "D01B")
+    ]
+    plans.append(
+        {"configuration": "dyadic", "force": "full", "performer": "D01", "left_by": "D01B", "right_by": "D01A"}
+    )
+    measured = [
+        block(f"made_{k}", **(plan | {"block": k, "part": k, "haptics": int(plan["force"] == "full")} | said))
+        for k, plan in enumerate(plans, start=1)
+    ]
+    return study_of(measured, readings or Readings())
+
+
+def provenance_of(study: Study, **said: Any) -> dict[str, Any]:
+    """Where it comes from: files named after the recordings, with the SHA-256 of their names."""
+    return {
+        "recordings": {
+            name: {"file": f"recordings/{name}.mcap", "sha256": sha256_of(name)} for name in study.blocks["recording"]
+        },
+        "versions": {"netboard": "0.1.0", "numpy": "2.2.0"},
+    } | said
+
+
+def sha256_of(name: str) -> str:
+    return hashlib.sha256(name.encode("utf-8", "surrogatepass")).hexdigest()
+
+
+def few_results() -> pd.DataFrame:
+    """Results of two topics."""
+    nan = float("nan")
+    return table_of(
+        [
+            Result("learning", "completion time", "bimanual, first 30", 5.714, 1.234, 10.194, "s", "SD", 720, "trial"),
+            Result("learning", "completion time", "bimanual, last 30", 3.61, 0.53, 6.69, "s", "SD", 720, "trial"),
+            Result(
+                "dyads", "completion time: dyads better than the mean of the two", "on", 4, nan, nan, "1", "", 4, "dyad"
+            ),
+            Result("classes", "share of stillness", "on", 0.2, 0.1, 0.3, "1", "95 % t", 4, "dyad", "of the time"),
+            Result(
+                "classes",
+                "share of stillness",
+                "on less off",
+                -0.05,
+                -0.12,
+                0.02,
+                "1",
+                "95 % t",
+                4,
+                "dyad",
+                "of the time",
+            ),
+        ]
+    )
