@@ -1,0 +1,456 @@
+"""What models of a study are made of, and what they say: the design, its effects and how sure they are.
+
+A design has two factors, forces felt or not (haptics) and two people or one (configuration), each coded as -1/2 and +1/2, and
+the trial number. With that coding a factor's effect is its average over the other factor. What data cannot tell is left
+out and said. Performers are told apart within their dyad only: "A" of one dyad is not "A" of another.
+
+Knows no model: `netboard.analysis.models` fits them.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import exp, inf, nan, sqrt
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import stats
+
+from netboard.analysis.statistics import Estimate
+
+Interval = Literal["t", "z"]
+
+COLUMNS = ("intercept", "haptics", "configuration", "haptics x configuration", "log trial")
+"""Columns of a design; the logarithm is the natural one."""
+
+WITHIN = {"haptics, bimanual": -0.5, "haptics, dyadic": 0.5}
+"""Haptics in one configuration: its own effect, and so much of the interaction [1]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Effect:
+    """One fixed effect of a model.
+
+    Attributes
+    ----------
+    name : str
+        One of `COLUMNS` or of `WITHIN`.
+    estimate : Estimate
+        Its coefficient; NaN where data cannot tell it [log of the response].
+    ratio : Estimate
+        The exponential of it: by how much the response, or the odds, are multiplied. That of the intercept is the response
+        at the first trial [1].
+    error : float
+        Standard error of the coefficient [log of the response].
+    free : float
+        Degrees of freedom of the interval; infinite for z [1].
+    p : float
+        How probable so large a coefficient is if there is none [1].
+    """
+
+    name: str
+    estimate: Estimate
+    ratio: Estimate
+    error: float
+    free: float
+    p: float
+
+
+@dataclass(frozen=True, slots=True)
+class Component:
+    """How much one source of chance contributes.
+
+    Attributes
+    ----------
+    name : str
+        The source.
+    variance : float
+        Its variance [square of the log of the response].
+    deviation : float
+        Its square root [log of the response].
+    levels : int
+        How many values of it there are [1].
+    """
+
+    name: str
+    variance: float
+    deviation: float
+    levels: int
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """What was observed in one condition.
+
+    Attributes
+    ----------
+    haptics, dyadic : bool
+        The condition.
+    trials, dyads : int
+        How many there are [1].
+    mean : float
+        Of all trials, of the response itself; for times the geometric one [its own].
+    """
+
+    haptics: bool
+    dyadic: bool
+    trials: int
+    dyads: int
+    mean: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Diagnostics:
+    """What residuals say of a model's assumptions.
+
+    There is no test of normality: of thousands of trials it rejects every model, of a few dyads none.
+
+    Attributes
+    ----------
+    quantiles : ndarray of float64, shape (n,)
+        Of the normal distribution, where the residuals should be [residual SD].
+    residuals : ndarray of float64, shape (n,)
+        What neither fixed nor random effects explain, in order of size [residual SD].
+    skewness, kurtosis : float
+        Of the residuals; 0 of normal ones, both [1].
+    spread : float
+        Rank correlation of the residuals' magnitude with the fitted value; 0 for equal variances [1].
+    successive : float
+        Correlation of residuals of successive trials of a performer in a condition; 0 for independent trials, NaN
+        without successive ones [1].
+    """
+
+    quantiles: NDArray[np.float64]
+    residuals: NDArray[np.float64]
+    skewness: float
+    kurtosis: float
+    spread: float
+    successive: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Model:
+    """A model of a study, fitted or not.
+
+    Attributes
+    ----------
+    name, equation : str
+        What it is.
+    fitted : bool
+        There are estimates; otherwise the notes say why not, and every number of the model is NaN.
+    converged : bool
+        The fit ended where it should.
+    effects : tuple of Effect
+        Those of `COLUMNS`, then those of `WITHIN`.
+    components : tuple of Component
+        Sources of chance, the residual last; none of a marginal model.
+    cells : tuple of Cell
+        What was observed, whatever became of the fit.
+    dispersion : float
+        Pearson's chi-square over its degrees of freedom, for the variance of a Poisson distribution; NaN of other models [1].
+    alpha : float
+        Variance beyond the mean over the square of the mean, if the model has it, otherwise NaN [1].
+    correlation : float
+        That of two trials of a dyad, as estimated for the weights of a marginal model; NaN of other models [1].
+    trials, performers, dyads : int
+        How many there are; the dyad is the unit [1].
+    left_out : int
+        Trials without a value [1].
+    assumptions : tuple of str
+        What must hold, as sentences.
+    notes : tuple of str
+        What went wrong or was left out, with the warnings of statsmodels.
+    diagnostics : Diagnostics or None
+        Residuals, if the model has any of one scale.
+    """
+
+    name: str
+    equation: str
+    fitted: bool
+    converged: bool
+    effects: tuple[Effect, ...]
+    components: tuple[Component, ...]
+    cells: tuple[Cell, ...]
+    dispersion: float
+    alpha: float
+    correlation: float
+    trials: int
+    performers: int
+    dyads: int
+    left_out: int
+    assumptions: tuple[str, ...]
+    notes: tuple[str, ...]
+    diagnostics: Diagnostics | None
+
+    def effect(self, name: str) -> Effect:
+        """Return the effect of a name.
+
+        Parameters
+        ----------
+        name : str
+            One of `COLUMNS` or of `WITHIN`.
+
+        Returns
+        -------
+        Effect
+            That one.
+
+        Raises
+        ------
+        ValueError
+            If there is none of that name.
+        """
+        found = {effect.name: effect for effect in self.effects}
+        if name not in found:
+            raise ValueError(f"no effect {name!r}, expected one of {', '.join(found)}")
+        return found[name]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Design:
+    """The trials that have a value, and what is asked of them.
+
+    Attributes
+    ----------
+    values : ndarray of float64, shape (n,)
+        The response [its own].
+    dyads, performers : ndarray of int64, shape (n,)
+        Numbers of theirs, from 0; a performer belongs to one dyad [1].
+    haptics, dyadic : ndarray of bool, shape (n,)
+        The condition.
+    order : ndarray of float64, shape (n,)
+        Number of the trial in its condition, from 1 [1].
+    names : tuple of str
+        Those of `COLUMNS` that these trials can tell.
+    columns : ndarray of float64, shape (n, k)
+        The columns of those names [1].
+    left_out : int
+        Trials without a value [1].
+    notes : tuple of str
+        Why columns are missing.
+    """
+
+    values: NDArray[np.float64]
+    dyads: NDArray[np.int64]
+    performers: NDArray[np.int64]
+    haptics: NDArray[np.bool_]
+    dyadic: NDArray[np.bool_]
+    order: NDArray[np.float64]
+    names: tuple[str, ...]
+    columns: NDArray[np.float64]
+    left_out: int
+    notes: tuple[str, ...]
+
+    @property
+    def n_dyads(self) -> int:
+        """How many dyads there are [1]."""
+        return len(np.unique(self.dyads))
+
+    @property
+    def n_performers(self) -> int:
+        """How many performers there are [1]."""
+        return len(np.unique(self.performers))
+
+
+def design_of(
+    values: ArrayLike,
+    dyads: ArrayLike,
+    performers: ArrayLike,
+    haptics: ArrayLike,
+    dyadic: ArrayLike,
+    order: ArrayLike,
+) -> Design:
+    """Bring trials and their labels together, and find out what they can tell.
+
+    Parameters
+    ----------
+    values : array_like, shape (n,)
+        The response; trials where it is NaN are left out [its own].
+    dyads, performers : array_like, shape (n,)
+        Whose trial it is: labels of any kind. The performer is a person, or the two of a dyad together.
+    haptics, dyadic : array_like of bool, shape (n,)
+        Forces are felt; two people perform.
+    order : array_like, shape (n,)
+        Number of the trial in its condition, from 1 [1].
+
+    Returns
+    -------
+    Design
+        Without the columns that are constant, or sums of others.
+
+    Raises
+    ------
+    ValueError
+        If there is not one label for each trial, or a trial number below 1.
+    """
+    y = np.asarray(values, dtype=float)
+    given = {"dyads": dyads, "performers": performers, "haptics": haptics, "dyadic": dyadic, "order": order}
+    labels = {name: np.asarray(label) for name, label in given.items()}
+    for name, label in labels.items():
+        if y.ndim != 1 or label.shape != y.shape:
+            raise ValueError(f"{name}: one for each of {y.shape} values is expected, found shape {label.shape}")
+    known = np.isfinite(y)
+    number = labels["order"][known].astype(float)
+    if not (number >= 1.0).all():
+        raise ValueError(f"order: trial numbers from 1 are expected, found {number[~(number >= 1.0)][0]}")
+    felt, both = (labels[name][known].astype(bool) for name in ("haptics", "dyadic"))
+    pair = np.unique(labels["dyads"][known], return_inverse=True)[1].astype(np.int64)
+    label = np.unique(labels["performers"][known], return_inverse=True)[1].astype(np.int64)
+    person = np.unique(pair * (len(label) + 1) + label, return_inverse=True)[1].astype(np.int64)
+    names, columns, notes = _told_apart(felt, both, number)
+    return Design(y[known], pair, person, felt, both, number, names, columns, int((~known).sum()), notes)
+
+
+def _told_apart(
+    haptics: NDArray[np.bool_], dyadic: NDArray[np.bool_], order: NDArray[np.float64]
+) -> tuple[tuple[str, ...], NDArray[np.float64], tuple[str, ...]]:
+    """Keep the columns that are no sums of those before them."""
+    h, c = haptics - 0.5, dyadic - 0.5
+    kept: list[str] = []
+    columns = np.empty((len(h), 0))
+    for name, column in zip(COLUMNS, (np.ones(len(h)), h, c, h * c, np.log(order)), strict=True):
+        wider = np.column_stack([columns, column])
+        if len(h) and np.linalg.matrix_rank(wider) == wider.shape[1]:
+            kept, columns = [*kept, name], wider
+    missing = [name for name in COLUMNS if name not in kept]
+    return tuple(kept), columns, tuple(f"{name}: left out, these trials cannot tell it" for name in missing)
+
+
+def cells_of(design: Design, *, geometric: bool = False) -> tuple[Cell, ...]:
+    """Describe what was observed in each condition.
+
+    Parameters
+    ----------
+    design : Design
+        The trials.
+    geometric : bool
+        Values are logarithms; the mean is that of what they are logarithms of.
+
+    Returns
+    -------
+    tuple of Cell
+        Conditions that have trials.
+    """
+    cells = []
+    for dyadic in (False, True):
+        for haptics in (False, True):
+            own = (design.haptics == haptics) & (design.dyadic == dyadic)
+            if own.any():
+                mean = float(design.values[own].mean())
+                dyads = len(np.unique(design.dyads[own]))
+                cells.append(Cell(haptics, dyadic, int(own.sum()), dyads, exp(mean) if geometric else mean))
+    return tuple(cells)
+
+
+def effects_of(
+    design: Design,
+    coefficients: NDArray[np.float64],
+    covariance: NDArray[np.float64],
+    *,
+    level: float,
+    interval: Interval,
+) -> tuple[Effect, ...]:
+    """Turn coefficients into effects, those of haptics in each configuration with them.
+
+    Parameters
+    ----------
+    design : Design
+        Its names are those of the coefficients.
+    coefficients : ndarray of float64, shape (k,)
+        One for each name [log of the response].
+    covariance : ndarray of float64, shape (k, k)
+        Their covariance; NaN without one [square of the log of the response].
+    level : float
+        Confidence [1].
+    interval : {"t", "z"}
+        Student's with one degree of freedom less than dyads; or the normal one.
+
+    Returns
+    -------
+    tuple of Effect
+        Those of `COLUMNS`, then those of `WITHIN`; NaN where data cannot tell.
+    """
+    free = design.n_dyads - 1.0 if interval == "t" else inf
+    rows: dict[str, NDArray[np.float64]] = {name: np.eye(len(design.names))[i] for i, name in enumerate(design.names)}
+    if COLUMNS[3] in rows:
+        rows |= {name: rows[COLUMNS[1]] + share * rows[COLUMNS[3]] for name, share in WITHIN.items()}
+    found = []
+    for name in (*COLUMNS, *WITHIN):
+        row = rows.get(name)
+        value = nan if row is None else float(row @ coefficients)
+        variance = nan if row is None else float(row @ covariance @ row)
+        error = sqrt(variance) if variance >= 0.0 else nan
+        found.append(_effect(name, value, error, free, level, design.n_dyads))
+    return tuple(found)
+
+
+def _effect(name: str, value: float, error: float, free: float, level: float, n: int) -> Effect:
+    """Put an interval round a coefficient."""
+    method = "z" if free == inf else f"t, {free:.0f} df"
+    p = half = nan
+    if free > 0.0 and error > 0.0:
+        half = float(stats.t.ppf(0.5 + level / 2.0, free)) * error
+        p = float(2.0 * stats.t.sf(abs(value) / error, free))
+    ends = (value, value - half, value + half)
+    estimate, ratio = (Estimate(*numbers, level, n, "dyad", method) for numbers in (ends, map(_exp, ends)))
+    return Effect(name, estimate, ratio, error, free, p)
+
+
+def _exp(x: float) -> float:
+    """Return the exponential, infinite where no number is large enough."""
+    return float(np.exp(x)) if x < 700.0 else (x if np.isnan(x) else inf)
+
+
+def diagnose(design: Design, residuals: NDArray[np.float64], fitted: NDArray[np.float64]) -> Diagnostics:
+    """Look at the residuals of a model.
+
+    Parameters
+    ----------
+    design : Design
+        The trials.
+    residuals, fitted : ndarray of float64, shape (n,)
+        What is not explained, and what is [log of the response].
+
+    Returns
+    -------
+    Diagnostics
+        Quantiles after Blom: of the i-th of n residuals, that at (i - 3/8) / (n + 1/4).
+    """
+    scaled = residuals / residuals.std()
+    n = len(scaled)
+    varied = np.ptp(fitted) > 1e-9 * max(1.0, float(np.abs(fitted).max()))
+    return Diagnostics(
+        stats.norm.ppf((np.arange(1, n + 1) - 0.375) / (n + 0.25)),
+        np.sort(scaled),
+        float(stats.skew(scaled)),
+        float(stats.kurtosis(scaled)),
+        float(stats.spearmanr(np.abs(scaled), fitted).statistic) if varied else nan,
+        _successive(design, scaled),
+    )
+
+
+def _successive(design: Design, residuals: NDArray[np.float64]) -> float:
+    """Correlate residuals of trials k and k + 1 of one performer in one condition."""
+    keys = np.column_stack([design.performers, design.haptics, design.dyadic, design.order])
+    by = np.lexsort(keys.T[::-1])
+    keys, residuals = keys[by], residuals[by]
+    next_to = (np.diff(keys[:, :3], axis=0) == 0.0).all(axis=1) & (np.diff(keys[:, 3]) == 1.0)
+    if next_to.sum() < 3:
+        return nan
+    return float(np.corrcoef(residuals[:-1][next_to], residuals[1:][next_to])[0, 1])
+
+
+def said(sentences: Sequence[str]) -> tuple[str, ...]:
+    """Say everything once, in the order in which it was said first.
+
+    Parameters
+    ----------
+    sentences : sequence of str
+        Notes.
+
+    Returns
+    -------
+    tuple of str
+        Those notes.
+    """
+    return tuple(dict.fromkeys(sentences))

@@ -1,0 +1,491 @@
+"""Models of a whole study: completion times, counts and failures over haptics, configuration and practice.
+
+Trials of a dyad are alike, and so are trials of a performer. The mixed model of log times says so with sources of chance;
+the models of counts and shares leave it open and take the spread between dyads for their errors. Either way the dyad is
+the unit, and an interval has one degree of freedom less than there are dyads. What cannot be fitted is said in the
+result, with every warning of statsmodels; it is no exception.
+
+Needs statsmodels (extra `analysis`). docs/analysis-modern.md has the equations, and how often the intervals are right.
+"""
+
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from math import nan, sqrt
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from statsmodels.genmod import families
+from statsmodels.genmod.cov_struct import Exchangeable
+from statsmodels.genmod.generalized_estimating_equations import GEE
+from statsmodels.genmod.generalized_linear_model import GLM
+from statsmodels.regression.mixed_linear_model import MixedLM, MixedLMParams, VCSpec
+
+from netboard.analysis.effects import (
+    Component,
+    Design,
+    Diagnostics,
+    Interval,
+    Model,
+    cells_of,
+    design_of,
+    diagnose,
+    effects_of,
+    said,
+)
+
+Slopes = Literal["none", "dyad", "performer"]
+Family = Literal["poisson", "negative_binomial"]
+
+FEW = 20
+"""With fewer dyads than this, a result says what few dyads do to it [1]."""
+
+TIMES = "log(time) = intercept + haptics x configuration + b log(trial) + dyad + performer (+ slopes) + residual"
+COUNTS = "log(mean count) = intercept + haptics x configuration + b log(trial)"
+SHARES = "log(odds) = intercept + haptics x configuration + b log(trial)"
+
+_MIXED = (
+    "Dyads are a random sample of one population, and performers of a dyad of another: any two could change places.",
+    "Deviations of dyads, of performers and of trials are normal on the log scale, and independent of each other.",
+    "The spread of trials is the same in all conditions and for all performers, on the log scale.",
+    "Trials of a performer depend on each other through performer and trial number only; no streaks, no tiredness.",
+    "Practice is a power law with one exponent for all conditions and performers.",
+    "Trials without a time are missing by chance.",
+)
+_MARGINAL = (
+    "Dyads are independent of each other; within a dyad, trials may depend on each other in any way.",
+    "Effects multiply the {what}; practice is a power law with one exponent for all conditions and performers.",
+    "The effects are those on the average of the population, not on one performer.",
+    "There are many dyads; with few, the covariance is that of Mancl and DeRouen, and t has as few degrees of freedom.",
+)
+
+
+def log_time_model(
+    times: ArrayLike,
+    dyads: ArrayLike,
+    performers: ArrayLike,
+    haptics: ArrayLike,
+    dyadic: ArrayLike,
+    order: ArrayLike,
+    *,
+    slopes: Slopes = "performer",
+    level: float = 0.95,
+    interval: Interval = "t",
+) -> Model:
+    """Fit a linear mixed model of log completion times (REML, `statsmodels` MixedLM).
+
+    Parameters
+    ----------
+    times : array_like, shape (n,)
+        Completion times of trials; NaN are left out [s].
+    dyads, performers : array_like, shape (n,)
+        Whose trial it is: labels of any kind. The performer is a person, or the two of a dyad together.
+    haptics, dyadic : array_like of bool, shape (n,)
+        Forces are felt; two people perform.
+    order : array_like, shape (n,)
+        Number of the trial in its condition, from 1 [1].
+    slopes : {"none", "dyad", "performer"}
+        Whose effect of haptics differs by chance: nobody's, a dyad's, or a dyad's and a performer's. Without them an
+        effect that differs between dyads is taken for surer than it is.
+    level : float
+        Confidence [1].
+    interval : {"t", "z"}
+        Student's with one degree of freedom less than dyads; or the normal one, which is too short for few.
+
+    Returns
+    -------
+    Model
+        With components and diagnostics. With one dyad, least squares without intervals.
+
+    Raises
+    ------
+    ValueError
+        If there is not one label for each trial, a trial number below 1, or a time that is not positive.
+    """
+    seconds = np.asarray(times, dtype=float)
+    if (seconds <= 0.0).any():
+        raise ValueError(f"times: positive times are expected, found {seconds[seconds <= 0.0][0]} s")
+    design = design_of(np.log(seconds), dyads, performers, haptics, dyadic, order)
+    fit = _Fit("linear mixed model, REML", TIMES, _MIXED, level, interval, geometric=True)
+    lack = _lack(design)
+    if lack:
+        return fit.without(design, lack)
+    spread = _spread(design)
+    if not spread > 1e-9 * max(1.0, float(np.abs(design.values).max())):
+        return fit.without(design, "not fitted: the times do not vary beyond the effects")
+    if design.n_dyads < 2:
+        return fit.alone(design, families.Gaussian())
+    parts, notes = _parts(design, slopes)
+    return _mixed(fit, design, parts, spread, notes)
+
+
+def count_model(
+    counts: ArrayLike,
+    dyads: ArrayLike,
+    performers: ArrayLike,
+    haptics: ArrayLike,
+    dyadic: ArrayLike,
+    order: ArrayLike,
+    *,
+    family: Family = "poisson",
+    level: float = 0.95,
+    interval: Interval = "t",
+) -> Model:
+    """Fit a marginal model of counts, such as velocity peaks or falls of a trial (GEE, exchangeable within dyads).
+
+    The covariance is that of the dyads' own deviations, with its bias for few dyads taken away (Mancl and DeRouen,
+    Biometrics 57:126, 2001). It holds whatever the variance of a count is; the family only weights the trials.
+
+    Parameters
+    ----------
+    counts : array_like, shape (n,)
+        Whole numbers from 0; NaN are left out [1].
+    dyads, performers : array_like, shape (n,)
+        Whose trial it is: labels of any kind. The performer is a person, or the two of a dyad together.
+    haptics, dyadic : array_like of bool, shape (n,)
+        Forces are felt; two people perform.
+    order : array_like, shape (n,)
+        Number of the trial in its condition, from 1 [1].
+    family : {"poisson", "negative_binomial"}
+        Variance of a count: its mean m; or m + alpha m^2, with alpha from the residuals of the first.
+    level : float
+        Confidence [1].
+    interval : {"t", "z"}
+        Student's with one degree of freedom less than dyads; or the normal one, which is too short for few.
+
+    Returns
+    -------
+    Model
+        With dispersion, and ratios of means. With one dyad, without intervals.
+
+    Raises
+    ------
+    ValueError
+        If there is not one label for each trial, a trial number below 1, or a value that is no count.
+    """
+    values = np.asarray(counts, dtype=float)
+    strange = np.isfinite(values) & ((values < 0.0) | (values != np.floor(values)))
+    if strange.any():
+        raise ValueError(f"counts: whole numbers from 0 are expected, found {values[strange][0]}")
+    design = design_of(values, dyads, performers, haptics, dyadic, order)
+    assumptions = tuple(sentence.format(what="mean count") for sentence in _MARGINAL)
+    fit = _Fit("Poisson GEE", COUNTS, assumptions, level, interval)
+    lack = _lack(design) or _one_sided(design, "nothing was counted", 0.0)
+    if lack:
+        return fit.without(design, lack)
+    poisson = _marginal(fit, design, families.Poisson())
+    if family == "poisson" or not poisson.fitted:
+        return poisson
+    return _over_dispersed(fit, design, poisson)
+
+
+def share_model(
+    failed: ArrayLike,
+    dyads: ArrayLike,
+    performers: ArrayLike,
+    haptics: ArrayLike,
+    dyadic: ArrayLike,
+    order: ArrayLike,
+    *,
+    level: float = 0.95,
+    interval: Interval = "t",
+) -> Model:
+    """Fit a marginal logistic model of whether attempts failed (GEE, exchangeable within dyads; see `count_model`).
+
+    Parameters
+    ----------
+    failed : array_like, shape (n,)
+        1 for an attempt that failed, 0 for one that did not; NaN are left out [1].
+    dyads, performers : array_like, shape (n,)
+        Whose attempt it is: labels of any kind. The performer is a person, or the two of a dyad together.
+    haptics, dyadic : array_like of bool, shape (n,)
+        Forces are felt; two people perform.
+    order : array_like, shape (n,)
+        Number of the trial in its condition, from 1 [1].
+    level : float
+        Confidence [1].
+    interval : {"t", "z"}
+        Student's with one degree of freedom less than dyads; or the normal one, which is too short for few.
+
+    Returns
+    -------
+    Model
+        With ratios of odds. Not fitted if all or none failed in a condition: such odds have no finite estimate.
+
+    Raises
+    ------
+    ValueError
+        If there is not one label for each attempt, a trial number below 1, or a value that is neither 0 nor 1.
+    """
+    values = np.asarray(failed, dtype=float)
+    strange = np.isfinite(values) & (values != 0.0) & (values != 1.0)
+    if strange.any():
+        raise ValueError(f"failed: 0 or 1 is expected, found {values[strange][0]}")
+    design = design_of(values, dyads, performers, haptics, dyadic, order)
+    assumptions = tuple(sentence.format(what="odds") for sentence in _MARGINAL)
+    fit = _Fit("logistic GEE", SHARES, assumptions, level, interval)
+    lack = _lack(design) or _one_sided(design, "none failed", 0.0) or _one_sided(design, "all failed", 1.0)
+    return fit.without(design, lack) if lack else _marginal(fit, design, families.Binomial())
+
+
+# --- parts -------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class _Fit:
+    """What all results of a model have in common."""
+
+    name: str
+    equation: str
+    assumptions: tuple[str, ...]
+    level: float
+    interval: Interval
+    geometric: bool = False
+
+    def model(
+        self,
+        design: Design,
+        coefficients: NDArray[np.float64],
+        covariance: NDArray[np.float64],
+        *,
+        converged: bool,
+        notes: tuple[str, ...] = (),
+        components: tuple[Component, ...] = (),
+        diagnostics: Diagnostics | None = None,
+        dispersion: float = nan,
+        correlation: float = nan,
+    ) -> Model:
+        """Say everything about a fit; numbers that are not finite are no fit."""
+        fitted = bool(np.isfinite(coefficients).all() and len(coefficients))
+        few = self._few(design) if fitted else ()
+        return Model(
+            self.name,
+            self.equation,
+            fitted,
+            converged and fitted,
+            effects_of(design, coefficients, covariance, level=self.level, interval=self.interval),
+            components,
+            cells_of(design, geometric=self.geometric),
+            dispersion,
+            nan,
+            correlation,
+            len(design.values),
+            design.n_performers,
+            design.n_dyads,
+            design.left_out,
+            self.assumptions,
+            said((*design.notes, *notes, *few)),
+            diagnostics,
+        )
+
+    def _few(self, design: Design) -> tuple[str, ...]:
+        n = design.n_dyads
+        if n < 2:
+            return ("one dyad: nothing is known about others, and there are no intervals",)
+        if n >= FEW:
+            return ()
+        what = "z intervals are too short for so few" if self.interval == "z" else f"t has {n - 1} degrees of freedom"
+        return (f"{n} dyads: {what}",)
+
+    def without(self, design: Design, why: str) -> Model:
+        """Say why there is no fit."""
+        nothing = np.full(len(design.names), np.nan)
+        return self.model(design, nothing, np.full((len(nothing),) * 2, np.nan), converged=False, notes=(why,))
+
+    def alone(self, design: Design, family: Any) -> Model:
+        """Fit a single dyad as if its trials were independent, without intervals."""
+        fit, notes = _noting(lambda: GLM(design.values, design.columns, family=family).fit())
+        if fit is None:
+            return self.without(design, notes[-1])
+        unknown = np.full((len(design.names),) * 2, np.nan)
+        coefficients = np.asarray(fit.params)
+        return self.model(design, coefficients, unknown, converged=bool(fit.converged), notes=notes)
+
+
+def _lack(design: Design) -> str:
+    """Say what a design has too little of."""
+    n, k = design.columns.shape
+    return "" if n > k and k else f"not fitted: {n} trials are too few for {k} effects"
+
+
+def _one_sided(design: Design, what: str, value: float) -> str:
+    """Say where the response has the same extreme value in all trials of a condition."""
+    for cell in cells_of(design):
+        if cell.mean == value:
+            where = f"{'dyadic' if cell.dyadic else 'bimanual'}, haptics {'on' if cell.haptics else 'off'}"
+            return f"not fitted: {what} in one condition ({where}), so an effect has no finite estimate"
+    return ""
+
+
+def _noting(fit: Callable[[], Any]) -> tuple[Any, tuple[str, ...]]:
+    """Fit, and turn warnings and singular matrices into notes; the fit is None without a result."""
+    with warnings.catch_warnings(record=True) as heard:
+        warnings.simplefilter("always")
+        try:
+            found = fit()
+            failed = () if found is not None else ("not fitted: statsmodels found no estimate",)
+        except np.linalg.LinAlgError as error:
+            found, failed = None, (f"not fitted: {error}",)
+    return found, said([*(f"statsmodels: {warning.message}" for warning in heard), *failed])
+
+
+# --- the mixed model ---------------------------------------------------------------------------------------------
+
+
+def _spread(design: Design) -> float:
+    """Return the deviation that least squares leave."""
+    coefficients = np.linalg.lstsq(design.columns, design.values, rcond=None)[0]
+    residuals = design.values - design.columns @ coefficients
+    return sqrt(float(residuals @ residuals) / (len(residuals) - design.columns.shape[1]))
+
+
+def _parts(design: Design, slopes: Slopes) -> tuple[dict[str, NDArray[np.float64]], tuple[str, ...]]:
+    """Return the sources of chance that these trials can tell, each as its indicator matrix.
+
+    A source is told from others if its share of the variances is no sum of theirs: the information of REML about the
+    variances, at equal ones, is not singular (Searle, Casella and McCulloch, Variance Components, 1992, 6.6).
+    """
+    slope = (design.haptics - 0.5)[:, None]
+    dyad, performer = (np.eye(index.max() + 1)[index] for index in (design.dyads, design.performers))
+    wanted = {"dyad": dyad, "performer": performer}
+    if slopes != "none":
+        wanted["haptics by dyad"] = slope * dyad
+    if slopes == "performer":
+        wanted["haptics by performer"] = slope * performer
+    n, k = design.columns.shape
+    basis = np.linalg.qr(design.columns)[0]
+    kept: dict[str, NDArray[np.float64]] = {}
+    free: list[NDArray[np.float64]] = []
+    notes = []
+    for name, matrix in wanted.items():
+        left = matrix - basis @ (basis.T @ matrix)
+        if _independent([*free, left], n - k):
+            kept[name] = matrix
+            free.append(left)
+        else:
+            notes.append(f"{name}: no source of chance of its own, these trials cannot tell it")
+    return kept, tuple(notes)
+
+
+def _independent(sources: list[NDArray[np.float64]], residual: int) -> bool:
+    """Say whether variances of these sources, and of the residual, can be told from each other."""
+    size = len(sources) + 1
+    information = np.empty((size, size))
+    information[0, 0] = residual
+    for i, one in enumerate(sources, start=1):
+        information[0, i] = information[i, 0] = (one**2).sum()
+        for j, other in enumerate(sources, start=1):
+            information[i, j] = ((one.T @ other) ** 2).sum()
+    scale = np.sqrt(np.diag(information))
+    if not (scale > 1e-6 * sqrt(residual)).all():
+        return False
+    return float(np.linalg.eigvalsh(information / np.outer(scale, scale))[0]) > 1e-9
+
+
+def _mixed(
+    fit: _Fit, design: Design, parts: dict[str, NDArray[np.float64]], spread: float, notes: tuple[str, ...]
+) -> Model:
+    """Fit the mixed model, in units of the spread: so an offset or a unit of the times changes nothing else."""
+    if not parts:
+        return fit.without(design, "not fitted: no source of chance beside the residual can be told")
+    shift = design.values.mean()
+    found, warned = _noting(lambda: _reml((design.values - shift) / spread, design, parts))
+    notes = (*notes, *warned)
+    if found is None:
+        return replace(fit.without(design, notes[-1]), notes=said((*design.notes, *notes)))
+    k = len(design.names)
+    coefficients = np.asarray(found.fe_params) * spread
+    coefficients[0] += shift
+    variances = dict(zip(parts, np.asarray(found.vcomp) * spread**2, strict=True))
+    residual = float(found.scale) * spread**2
+    notes += tuple(f"{name}: its variance is estimated as 0" for name, s in variances.items() if s < 1e-6 * residual)
+    components = [Component(name, float(s), sqrt(s), int(parts[name].any(axis=0).sum())) for name, s in variances.items()]
+    return fit.model(
+        design,
+        coefficients,
+        np.asarray(found.cov_params())[:k, :k] * spread**2,
+        converged=bool(found.converged),
+        notes=notes,
+        components=(*components, Component("residual", residual, sqrt(residual), len(design.values))),
+        diagnostics=_left(design, coefficients, parts, variances, residual),
+    )
+
+
+def _reml(response: NDArray[np.float64], design: Design, parts: dict[str, NDArray[np.float64]]) -> Any:
+    """Maximise the restricted likelihood.
+
+    The gradient methods that statsmodels tries by itself stop on the flat parts near a variance of 0 and say they have
+    converged; Powell's reaches the maximum.
+    """
+    groups = range(design.n_dyads)
+    own = {name: [matrix[design.dyads == group] for group in groups] for name, matrix in parts.items()}
+    own = {name: [x[:, x.any(axis=0)] for x in matrices] for name, matrices in own.items()}
+    labels = [[[str(i) for i in range(x.shape[1])] for x in matrices] for matrices in own.values()]
+    model = MixedLM(
+        response, design.columns, groups=design.dyads, exog_vc=VCSpec(list(own), labels, list(own.values()))
+    )
+    start = MixedLMParams(len(design.names), 0, len(own))
+    start.fe_params, start.vcomp = np.zeros(len(design.names)), np.full(len(own), 0.05)
+    start.cov_re = np.empty((0, 0))
+    return model.fit(reml=True, method="powell", start_params=start, ftol=1e-12, maxiter=10_000)
+
+
+def _left(
+    design: Design,
+    coefficients: NDArray[np.float64],
+    parts: dict[str, NDArray[np.float64]],
+    variances: dict[str, float],
+    residual: float,
+) -> Diagnostics:
+    """Take the best predictions of the random effects away as well, and look at what is left."""
+    fixed = design.columns @ coefficients
+    chance = np.hstack(list(parts.values()))
+    scale = np.sqrt(np.repeat([s / residual for s in variances.values()], [part.shape[1] for part in parts.values()]))
+    system = np.eye(len(scale)) + scale[:, None] * (chance.T @ chance) * scale
+    predicted = fixed + chance @ (scale * np.linalg.solve(system, scale * (chance.T @ (design.values - fixed))))
+    return diagnose(design, design.values - predicted, predicted)
+
+
+# --- the marginal models -----------------------------------------------------------------------------------------
+
+
+def _marginal(fit: _Fit, design: Design, family: Any) -> Model:
+    """Fit estimating equations, with the covariance that dyads show."""
+    if design.n_dyads < 2:
+        return fit.alone(design, family)
+    model = GEE(design.values, design.columns, groups=design.dyads, family=family, cov_struct=Exchangeable())
+    found, notes = _noting(lambda: model.fit(cov_type="bias_reduced", maxiter=200))
+    if found is None:
+        return replace(fit.without(design, notes[-1]), notes=said((*design.notes, *notes)))
+    k = len(design.names)
+    if design.n_dyads <= k:
+        notes += (f"{design.n_dyads} dyads for {k} effects: each effect has an interval, all of them together have none",)
+    counted = not isinstance(family, families.Binomial)
+    return fit.model(
+        design,
+        np.asarray(found.params),
+        np.asarray(found.cov_params()),
+        converged=bool(found.converged),
+        notes=notes,
+        dispersion=_dispersion(design, np.asarray(found.params)) if counted else nan,
+        correlation=float(found.cov_struct.dep_params),
+    )
+
+
+def _dispersion(design: Design, coefficients: NDArray[np.float64]) -> float:
+    """Return Pearson's chi-square over its degrees of freedom, 1 for counts of Poisson's distribution."""
+    mean = np.exp(design.columns @ coefficients)
+    n, k = design.columns.shape
+    return float(((design.values - mean) ** 2 / mean).sum() / (n - k))
+
+
+def _over_dispersed(fit: _Fit, design: Design, poisson: Model) -> Model:
+    """Fit again, with the variance that the residuals of the first fit have beyond the mean."""
+    coefficients = np.array([poisson.effect(name).estimate.value for name in design.names])
+    mean = np.exp(design.columns @ coefficients)
+    alpha = float(((design.values - mean) ** 2 - mean).sum() / (mean**2).sum())
+    if alpha <= 0.0:
+        return replace(poisson, notes=(*poisson.notes, "counts vary no more than Poisson's: its variance is used"))
+    named = replace(fit, name="negative binomial GEE")
+    return replace(_marginal(named, design, families.NegativeBinomial(alpha=alpha)), alpha=alpha)
