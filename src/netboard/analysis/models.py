@@ -1,9 +1,9 @@
 """Models of a whole study: completion times, counts and failures over haptics, configuration and practice.
 
-Trials of a dyad are alike, and so are trials of a performer. The mixed model of log times says so with sources of chance;
-the models of counts and shares leave it open and take the spread between dyads for their errors. Either way the dyad is
-the unit, and an interval has one degree of freedom less than there are dyads. What cannot be fitted is said in the
-result, with every warning of statsmodels; it is no exception.
+Trials of a dyad are alike, and so are trials of a performer. The mixed model of log times says so with sources of
+chance; the models of counts and shares leave it open and take the spread between dyads for their errors. Either way the
+dyad is the unit, and an interval has one degree of freedom less than there are dyads. What cannot be fitted is said in
+the result, with every warning of statsmodels; it is no exception.
 
 Needs statsmodels (extra `analysis`). docs/analysis-modern.md has the equations, and how often the intervals are right.
 """
@@ -24,16 +24,14 @@ from statsmodels.regression.mixed_linear_model import MixedLM, MixedLMParams, VC
 
 from netboard.analysis.effects import (
     Component,
-    Design,
     Diagnostics,
     Interval,
     Model,
-    cells_of,
-    design_of,
     diagnose,
     effects_of,
     said,
 )
+from netboard.analysis.factors import Design, cells_of, design_of
 
 Slopes = Literal["none", "dyad", "performer"]
 Family = Literal["poisson", "negative_binomial"]
@@ -400,7 +398,9 @@ def _mixed(
     variances = dict(zip(parts, np.asarray(found.vcomp) * spread**2, strict=True))
     residual = float(found.scale) * spread**2
     notes += tuple(f"{name}: its variance is estimated as 0" for name, s in variances.items() if s < 1e-6 * residual)
-    components = [Component(name, float(s), sqrt(s), int(parts[name].any(axis=0).sum())) for name, s in variances.items()]
+    components = [
+        Component(name, float(s), sqrt(s), int(parts[name].any(axis=0).sum())) for name, s in variances.items()
+    ]
     return fit.model(
         design,
         coefficients,
@@ -460,12 +460,19 @@ def _marginal(fit: _Fit, design: Design, family: Any) -> Model:
         return replace(fit.without(design, notes[-1]), notes=said((*design.notes, *notes)))
     k = len(design.names)
     if design.n_dyads <= k:
-        notes += (f"{design.n_dyads} dyads for {k} effects: each effect has an interval, all of them together have none",)
+        notes += (
+            f"{design.n_dyads} dyads for {k} effects: each effect has an interval, all of them together have none",
+        )
     counted = not isinstance(family, families.Binomial)
+    covariance = np.asarray(found.cov_params())
+    if design.lonely:
+        # The correction divides by 1 less the leverage of a dyad, which is 1 here.
+        covariance = np.full((k, k), np.nan)
+        notes += ("no intervals: dyads cannot show the error of what one of them alone tells",)
     return fit.model(
         design,
         np.asarray(found.params),
-        np.asarray(found.cov_params()),
+        covariance,
         converged=bool(found.converged),
         notes=notes,
         dispersion=_dispersion(design, np.asarray(found.params)) if counted else nan,

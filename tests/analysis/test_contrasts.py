@@ -1,0 +1,119 @@
+"""Differences between two conditions, dyad by dyad, against the parts they are made of and other libraries."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import stats
+from statsmodels.stats.multitest import multipletests
+
+from netboard.analysis.contrasts import Contrast, condition_contrast, holm, paired_t_test
+from netboard.analysis.statistics import cluster_mean, paired_effect, permutation_test, sign_test, t_interval
+
+# Completion times of four dyads, with and without forces.
+WITH = np.array([3.1, 2.8, 4.0, 3.3])
+WITHOUT = np.array([3.6, 3.0, 4.9, 3.4])
+NAMES = ["D01", "D02", "D03", "D04"]
+
+
+def rng() -> np.random.Generator:
+    return np.random.default_rng(5)
+
+
+def contrast(first: np.ndarray, second: np.ndarray, names: list[str]) -> Contrast:
+    condition = np.repeat([True, False], len(names))
+    return condition_contrast(np.r_[first, second], [*names, *names], condition, rng(), name="haptics", resamples=999)
+
+
+def test_it_is_everything_that_can_be_said_of_the_differences() -> None:
+    found = contrast(WITH, WITHOUT, NAMES)
+    gaps = WITH - WITHOUT
+    assert (found.name, found.n, found.unit, found.labels, found.left_out) == ("haptics", 4, "dyad", tuple(NAMES), ())
+    assert found.differences == pytest.approx(gaps)
+    assert found.means == (t_interval(WITH), t_interval(WITHOUT))
+    assert found.difference == t_interval(gaps)
+    assert found.bootstrap == cluster_mean([[gap] for gap in gaps], rng(), resamples=999)
+    assert found.signs == sign_test(gaps)
+    assert found.permutation == permutation_test(gaps)
+    assert found.effect == paired_effect(gaps)
+    other = stats.ttest_rel(WITH, WITHOUT)
+    assert (found.t.statistic, found.t.p) == pytest.approx((other.statistic, other.pvalue), rel=1e-12)
+    assert any("below 0.125" in note for note in found.notes)
+
+
+def test_a_unit_counts_once_however_many_values_it_has() -> None:
+    values = [*np.repeat(WITH, 7), 3.5, 3.7, *WITHOUT[1:]]
+    units = [*np.repeat(NAMES, 7), "D01", "D01", *NAMES[1:]]
+    found = condition_contrast(values, units, [True] * 28 + [False] * 5, rng(), name="haptics", resamples=999)
+    assert found.differences == pytest.approx(contrast(WITH, WITHOUT, NAMES).differences)
+    assert found.difference.value == pytest.approx(float((WITH - WITHOUT).mean()))
+
+
+@given(st.permutations(range(8)))
+def test_the_order_of_rows_changes_nothing(by: list[int]) -> None:
+    values, units, condition = np.r_[WITH, WITHOUT], np.array([*NAMES, *NAMES]), np.repeat([True, False], 4)
+    found = condition_contrast(values[by], units[by], condition[by], rng(), name="haptics", resamples=99)
+    assert found == condition_contrast(values, units, condition, rng(), name="haptics", resamples=99)
+
+
+def test_conditions_change_places() -> None:
+    one, other = contrast(WITH, WITHOUT, NAMES), contrast(WITHOUT, WITH, NAMES)
+    assert other.differences == pytest.approx([-gap for gap in one.differences])
+    assert (other.difference.low, other.difference.high) == pytest.approx((-one.difference.high, -one.difference.low))
+    assert (one.first, one.second) == (other.second, other.first)
+    assert (one.t.p, one.signs.p, one.permutation.p) == (other.t.p, other.signs.p, other.permutation.p)
+
+
+def test_a_unit_without_one_of_the_conditions_is_named() -> None:
+    found = contrast(WITH, np.array([3.6, np.nan, 4.9, 3.4]), NAMES)
+    assert (found.n, found.labels, found.left_out) == (3, ("D01", "D03", "D04"), ("D02",))
+    assert found.difference == t_interval((WITH - WITHOUT)[[0, 2, 3]])
+    assert found.means[0] == t_interval(WITH[[0, 2, 3]])
+
+
+@pytest.mark.parametrize("n", [0, 1])
+def test_too_few_units_have_no_test(n: int) -> None:
+    found = contrast(WITH[:n], WITHOUT[:n], NAMES[:n])
+    assert found.n == n
+    ends = [found.difference.low, found.bootstrap.high, found.t.p, found.permutation.p, found.effect.value]
+    assert np.isnan(ends).all()
+    assert ["no interval" in note for note in found.notes] == [True]
+
+
+def test_differences_that_do_not_vary_have_no_size() -> None:
+    found = contrast(np.arange(6.0), np.arange(6.0) + 2.0, [f"D{i}" for i in range(6)])
+    assert (found.bootstrap.low, found.bootstrap.high) == (-2.0, -2.0)
+    assert np.isnan([found.t.p, found.effect.value]).all()
+    assert found.permutation.p == pytest.approx(2.0 / 64)
+    assert any("equal" in note for note in found.notes)
+
+
+def test_many_units_need_no_note() -> None:
+    source = np.random.default_rng(1)
+    found = contrast(source.normal(size=24), source.normal(size=24), [f"D{i:02}" for i in range(24)])
+    assert found.notes == ()
+    assert not found.permutation.exact
+    assert found.permutation.p == pytest.approx(found.t.p, abs=0.05)
+
+
+def test_labels_must_be_as_many_as_values() -> None:
+    with pytest.raises(ValueError, match="one unit and one condition for each"):
+        condition_contrast([1.0, 2.0], ["D01"], [True, False], rng(), name="haptics")
+
+
+def test_a_t_test_leaves_out_what_is_missing() -> None:
+    assert paired_t_test([1.0, np.nan, 2.0, 4.0]) == paired_t_test([1.0, 2.0, 4.0])
+    assert paired_t_test([1.0, 2.0, 4.0]).p == pytest.approx(stats.ttest_1samp([1.0, 2.0, 4.0], 0.0).pvalue)
+
+
+@given(st.lists(st.floats(0.0, 1.0), min_size=1, max_size=12))
+def test_holms_correction_is_that_of_another_library(p: list[float]) -> None:
+    assert holm(p) == pytest.approx(multipletests(p, method="holm")[1], rel=1e-12, abs=1e-300)
+
+
+def test_holms_correction_by_hand() -> None:
+    assert holm([0.01, 0.04, 0.03, 0.005]) == pytest.approx([0.03, 0.06, 0.06, 0.02])
+    assert holm([0.01, np.nan, 0.03]) == pytest.approx([0.02, np.nan, 0.03], nan_ok=True)
+    assert len(holm([])) == 0
+    with pytest.raises(ValueError, match="probabilities are expected"):
+        holm([0.5, 1.5])

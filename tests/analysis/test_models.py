@@ -1,0 +1,585 @@
+"""Models of a study, against closed forms, likelihoods and covariances written out, and other ways into statsmodels."""
+
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+import statsmodels.formula.api as smf
+from numpy.typing import NDArray
+from scipy import stats
+from statsmodels.genmod import families
+from statsmodels.genmod.generalized_linear_model import GLM
+
+from netboard.analysis.effects import Model
+from netboard.analysis.factors import COLUMNS
+from netboard.analysis.models import count_model, log_time_model, share_model
+from netboard.analysis.statistics import t_interval
+
+Labels = dict[str, NDArray[Any]]
+NAMES = ("dyads", "performers", "haptics", "dyadic", "order")
+
+
+@dataclass(frozen=True)
+class Truth:
+    """Coefficients in the order of COLUMNS, and deviations."""
+
+    effects: tuple[float, ...] = (1.5, -0.1, 0.2, -0.15, -0.1)
+    dyad: float = 0.2
+    performer: float = 0.1
+    dyad_slope: float = 0.1
+    performer_slope: float = 0.1
+    residual: float = 0.4
+
+
+def plan(dyads: int, trials: int) -> Labels:
+    """Two people and their dyad, each with and without forces."""
+    rows = [
+        (f"D{dyad:02}", performer, haptics, performer == "both", trial)
+        for dyad in range(dyads)
+        for performer in ("A", "B", "both")
+        for haptics in (False, True)
+        for trial in range(1, trials + 1)
+    ]
+    return {name: np.array(column) for name, column in zip(NAMES, zip(*rows, strict=True), strict=True)}
+
+
+def columns(labels: Labels) -> NDArray[np.float64]:
+    h, c = labels["haptics"] - 0.5, labels["dyadic"] - 0.5
+    return np.column_stack([np.ones(len(h)), h, c, h * c, np.log(labels["order"])])
+
+
+def people(labels: Labels) -> NDArray[np.int64]:
+    pairs = np.char.add(labels["dyads"].astype(str), labels["performers"].astype(str))
+    return np.unique(pairs, return_inverse=True)[1]
+
+
+def explained(labels: Labels, truth: Truth, seed: int) -> NDArray[np.float64]:
+    """What trials have in common: effects, dyads and performers."""
+    source = np.random.default_rng(seed)
+    h = labels["haptics"] - 0.5
+    dyad, person = np.unique(labels["dyads"], return_inverse=True)[1], people(labels)
+    parts = ((truth.dyad, truth.dyad_slope, dyad), (truth.performer, truth.performer_slope, person))
+    chance = sum(source.normal(0, s, 999)[i] + source.normal(0, slope, 999)[i] * h for s, slope, i in parts)
+    return np.asarray(columns(labels) @ truth.effects + chance)
+
+
+def times_of(labels: Labels, truth: Truth, seed: int) -> NDArray[np.float64]:
+    noise = np.random.default_rng(1000 + seed).normal(0, truth.residual, len(labels["order"]))
+    return np.exp(explained(labels, truth, seed) + noise)
+
+
+def counts_of(labels: Labels, truth: Truth, seed: int) -> NDArray[np.float64]:
+    return np.random.default_rng(seed).poisson(np.exp(explained(labels, truth, seed))).astype(float)
+
+
+def failures_of(labels: Labels, truth: Truth, seed: int) -> NDArray[np.float64]:
+    odds = np.exp(explained(labels, truth, seed) - 2.5)
+    return (np.random.default_rng(seed).random(len(odds)) < odds / (1.0 + odds)).astype(float)
+
+
+def numbers(model: Model) -> NDArray[np.float64]:
+    """Everything estimated about the effects."""
+    found = [(e.estimate.value, e.estimate.low, e.estimate.high, e.ratio.value, e.p) for e in model.effects]
+    return np.array(found)
+
+
+def variances(model: Model) -> dict[str, float]:
+    return {component.name: component.variance for component in model.components}
+
+
+def kept(labels: Labels, keep: Any) -> Labels:
+    return {name: label[keep] for name, label in labels.items()}
+
+
+MODELS: list[tuple[Callable[..., Model], Callable[[Labels, Truth, int], NDArray[np.float64]]]] = [
+    (log_time_model, times_of),
+    (count_model, counts_of),
+    (share_model, failures_of),
+]
+every_model = pytest.mark.parametrize(("model", "sample"), MODELS, ids=["times", "counts", "shares"])
+
+
+# --- the mixed model: closed forms -------------------------------------------------------------------------------
+
+
+def one_condition(dyads: int, performers: int, trials: int) -> Labels:
+    dyad, performer, _ = (index.ravel() for index in np.indices((dyads, performers, trials)))
+    always = np.ones(len(dyad), dtype=bool)
+    return {"dyads": dyad, "performers": performer, "haptics": always, "dyadic": always, "order": always.astype(int)}
+
+
+def test_balanced_dyads_have_the_estimates_of_an_analysis_of_variance() -> None:
+    labels = one_condition(6, 1, 8)
+    source = np.random.default_rng(3)
+    log = 1.0 + np.repeat(source.normal(0, 0.5, 6), 8) + source.normal(0, 0.3, 48)
+    groups = log.reshape(6, 8)
+    between, within = 8 * groups.mean(axis=1).var(ddof=1), groups.var(axis=1, ddof=1).mean()
+    found = log_time_model(np.exp(log), **labels)
+    assert variances(found) == pytest.approx({"dyad": (between - within) / 8, "residual": within}, rel=1e-5)
+    assert found.effect("intercept").error == pytest.approx(np.sqrt(between / 48), rel=1e-5)
+    alone = t_interval(groups.mean(axis=1))
+    estimate = found.effect("intercept").estimate
+    assert (estimate.value, estimate.low, estimate.high) == pytest.approx(
+        (alone.value, alone.low, alone.high), rel=1e-5
+    )
+    assert any(note.startswith("performer: no source") for note in found.notes)
+    assert any(note.startswith("haptics: left out") for note in found.notes)
+
+
+def test_balanced_performers_within_dyads_have_the_estimates_of_an_analysis_of_variance() -> None:
+    labels = one_condition(7, 3, 5)
+    source = np.random.default_rng(4)
+    log = source.normal(0, 0.6, (7, 1, 1)) + source.normal(0, 0.4, (7, 3, 1)) + source.normal(0, 0.3, (7, 3, 5))
+    dyads, performers = 15 * log.mean(axis=(1, 2)).var(ddof=1), 5 * log.mean(axis=2).var(axis=1, ddof=1).mean()
+    residual = log.var(axis=2, ddof=1).mean()
+    expected = {"dyad": (dyads - performers) / 15, "performer": (performers - residual) / 5, "residual": residual}
+    found = log_time_model(np.exp(log.ravel()), **labels)
+    assert variances(found) == pytest.approx(expected, rel=1e-5)
+    assert [component.levels for component in found.components] == [7, 21, 105]
+    assert (found.trials, found.performers, found.dyads) == (105, 21, 7)
+
+
+def test_of_a_balanced_design_haptics_is_the_paired_t_test_of_dyads() -> None:
+    labels = kept(plan(5, 12), plan(5, 12)["dyadic"])
+    times = times_of(labels, Truth(dyad_slope=0.3), 1)
+    cells = np.log(times).reshape(5, 2, 12).mean(axis=2)
+    expected = t_interval(cells[:, 1] - cells[:, 0])
+    found = log_time_model(times, **labels).effect("haptics")
+    ends = (found.estimate.value, found.estimate.low, found.estimate.high)
+    assert ends == pytest.approx((expected.value, expected.low, expected.high), rel=1e-4)
+    assert found.p == pytest.approx(stats.ttest_rel(cells[:, 1], cells[:, 0]).pvalue, rel=1e-4)
+    assert (found.estimate.n, found.estimate.unit, found.free) == (5, "dyad", 4.0)
+
+
+# --- the mixed model: other ways ---------------------------------------------------------------------------------
+
+
+def test_a_formula_says_the_same() -> None:
+    labels = plan(10, 10)
+    truth = Truth(dyad=0.5, performer=0.4, dyad_slope=0.4)
+    times = times_of(labels, truth, 2)
+    table = pd.DataFrame(labels | {"log": np.log(times), "h": labels["haptics"] - 0.5, "c": labels["dyadic"] - 0.5})
+    parts = {"performer": "0 + C(performers)", "slope": "0 + h"}
+    other = smf.mixedlm("log ~ h * c + np.log(order)", table, groups="dyads", vc_formula=parts, re_formula="1")
+    fit = other.fit(reml=True, method=["powell", "lbfgs"])
+    found = log_time_model(times, **labels, slopes="dyad")
+    theirs = [fit.fe_params[name] for name in ("Intercept", "h", "c", "h:c", "np.log(order)")]
+    errors = [fit.bse_fe[name] for name in ("Intercept", "h", "c", "h:c", "np.log(order)")]
+    assert [found.effect(name).estimate.value for name in COLUMNS] == pytest.approx(theirs, rel=1e-4)
+    assert [found.effect(name).error for name in COLUMNS] == pytest.approx(errors, rel=2e-3)
+    assert variances(found)["dyad"] == pytest.approx(fit.cov_re.iloc[0, 0], rel=5e-3)
+    assert [variances(found)["performer"], variances(found)["haptics by dyad"]] == pytest.approx(fit.vcomp, rel=5e-3)
+    assert found.diagnostics is not None
+    assert found.diagnostics.residuals == pytest.approx(np.sort(fit.resid / np.std(fit.resid)), abs=5e-3)
+
+
+def restricted(log: NDArray[np.float64], labels: Labels, parts: dict[str, float]) -> tuple[float, NDArray[np.float64]]:
+    """The restricted log-likelihood and the covariance of effects, with matrices of all trials written out."""
+    h, x = labels["haptics"] - 0.5, columns(labels)
+    dyad = np.unique(labels["dyads"], return_inverse=True)[1]
+    indicators = {"dyad": np.eye(dyad.max() + 1)[dyad], "performer": np.eye(people(labels).max() + 1)[people(labels)]}
+    indicators |= {f"haptics by {name}": z * h[:, None] for name, z in indicators.items()}
+    covariance = parts["residual"] * np.eye(len(log))
+    covariance += sum(max(0.0, parts[name]) * z @ z.T for name, z in indicators.items())
+    inverse = np.linalg.inv(covariance)
+    information = x.T @ inverse @ x
+    left = log - x @ np.linalg.solve(information, x.T @ inverse @ log)
+    logs = np.linalg.slogdet(covariance)[1] + np.linalg.slogdet(information)[1]
+    return -0.5 * (logs + left @ inverse @ left), np.linalg.inv(information)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_restricted_likelihood_is_largest_at_the_estimates(seed: int) -> None:
+    labels = plan(4, 6)
+    log = np.log(times_of(labels, Truth(dyad_slope=0.05 * seed, performer_slope=0.05), seed))
+    found = log_time_model(np.exp(log), **labels)
+    parts = variances(found)
+    best, covariance = restricted(log, labels, parts)
+    for name in parts:
+        for step in (-0.02, 0.02):
+            other = parts | {name: parts[name] + step * max(parts[name], 0.1 * parts["residual"])}
+            assert restricted(log, labels, other)[0] <= best + 1e-6, name
+    errors = [found.effect(name).error for name in COLUMNS]
+    assert errors == pytest.approx(np.sqrt(np.diag(covariance)), rel=1e-4)
+    combined = np.array([0.0, 1.0, 0.0, 0.5, 0.0])
+    assert found.effect("haptics, dyadic").error == pytest.approx(np.sqrt(combined @ covariance @ combined), rel=1e-4)
+
+
+@pytest.mark.slow
+def test_what_was_put_in_comes_out() -> None:
+    labels, truth = plan(30, 10), Truth()
+    found = log_time_model(times_of(labels, truth, 7), **labels)
+    assert found.converged
+    for name, true in zip(COLUMNS, truth.effects, strict=True):
+        effect = found.effect(name)
+        assert abs(effect.estimate.value - true) < 4 * effect.error, name
+    deviations = {component.name: component.deviation for component in found.components}
+    assert deviations["residual"] == pytest.approx(truth.residual, rel=0.07)
+    assert deviations["dyad"] == pytest.approx(truth.dyad, rel=0.5)
+    assert deviations["performer"] == pytest.approx(truth.performer, rel=0.5)
+    assert 0.02 < deviations["haptics by dyad"] + deviations["haptics by performer"] < 0.4
+
+
+@pytest.mark.slow
+def test_z_intervals_of_four_dyads_are_too_short() -> None:
+    labels, truth = kept(plan(4, 4), plan(4, 4)["dyadic"]), Truth(dyad_slope=0.5)
+    hits = {"t": 0, "z": 0}
+    for seed in range(120):
+        times = times_of(labels, truth, seed)
+        effect = log_time_model(times, **labels).effect("haptics")
+        off = abs(effect.estimate.value - (truth.effects[1] + 0.5 * truth.effects[3]))
+        hits["t"] += effect.estimate.high - effect.estimate.value >= off
+        hits["z"] += stats.norm.ppf(0.975) * effect.error >= off
+    # Normal slopes, nearly: t holds 0.95, z with the spread of four holds 0.855; three standard errors of 120 draws.
+    assert hits["t"] / 120 > 0.95 - 0.06
+    assert hits["z"] / 120 < 0.855 + 0.08
+
+
+def test_slopes_make_an_effect_less_sure() -> None:
+    labels = plan(6, 20)
+    times = times_of(labels, Truth(dyad_slope=0.3, performer_slope=0.3), 3)
+    without, dyad, performer = (log_time_model(times, **labels, slopes=s) for s in ("none", "dyad", "performer"))
+    assert without.effect("haptics").error < 0.5 * dyad.effect("haptics").error
+    assert dyad.effect("haptics x configuration").error < 0.5 * performer.effect("haptics x configuration").error
+    assert [len(model.components) for model in (without, dyad, performer)] == [3, 4, 5]
+
+
+# --- marginal models ---------------------------------------------------------------------------------------------
+
+
+def mancl_derouen(labels: Labels, values: NDArray[np.float64], model: Model, power: float, alpha: float = 0.0) -> Any:
+    """The covariance of Mancl and DeRouen, written out; `power` is 1 of counts and 2 of shares."""
+    x = columns(labels)
+    coefficients = np.array([model.effect(name).estimate.value for name in COLUMNS])
+    linear = x @ coefficients
+    mean = np.exp(linear) if power == 1 else 1.0 / (1.0 + np.exp(-linear))
+    variance = mean + alpha * mean**2 if power == 1 else mean * (1.0 - mean)
+    slope = mean if power == 1 else variance
+    weighted = []
+    for dyad in np.unique(labels["dyads"]):
+        own = labels["dyads"] == dyad
+        d, s, n = slope[own, None] * x[own], np.sqrt(variance[own]), own.sum()
+        working = s[:, None] * s * (np.eye(n) + model.correlation * (1.0 - np.eye(n)))
+        weighted.append((d, np.linalg.inv(working), (values - mean)[own]))
+    bread = np.linalg.inv(sum(d.T @ inverse @ d for d, inverse, _ in weighted))
+    meat = np.zeros((x.shape[1],) * 2)
+    for d, inverse, residual in weighted:
+        leverage = d @ bread @ d.T @ inverse
+        score = d.T @ inverse @ np.linalg.solve(np.eye(len(residual)) - leverage, residual)
+        meat += np.outer(score, score)
+    return bread @ meat @ bread
+
+
+def test_errors_of_counts_are_mancl_and_derouens() -> None:
+    labels = plan(5, 8)
+    counts = counts_of(labels, Truth(), 1)
+    found = count_model(counts, **labels)
+    errors = [found.effect(name).error for name in COLUMNS]
+    assert errors == pytest.approx(np.sqrt(np.diag(mancl_derouen(labels, counts, found, 1))), rel=1e-6)
+    assert found.effect("haptics").free == 4.0
+
+
+def test_errors_of_shares_are_mancl_and_derouens() -> None:
+    labels = plan(5, 12)
+    failed = failures_of(labels, Truth(), 1)
+    found = share_model(failed, **labels)
+    errors = [found.effect(name).error for name in COLUMNS]
+    assert errors == pytest.approx(np.sqrt(np.diag(mancl_derouen(labels, failed, found, 2))), rel=1e-6)
+
+
+def test_dyads_of_one_trial_are_a_generalised_linear_model() -> None:
+    labels = plan(8, 3)
+    labels["dyads"] = labels["performers"] = np.arange(len(labels["order"]))
+    counts, failed = counts_of(labels, Truth(), 2), failures_of(labels, Truth(), 2)
+    for values, model, family in (
+        (counts, count_model, families.Poisson()),
+        (failed, share_model, families.Binomial()),
+    ):
+        other = GLM(values, columns(labels), family=family).fit()
+        found = model(values, **labels)
+        assert [found.effect(name).estimate.value for name in COLUMNS] == pytest.approx(other.params, rel=1e-5)
+
+
+def test_means_of_conditions_are_those_observed() -> None:
+    labels = plan(4, 9)
+    labels["order"] = np.ones_like(labels["order"])
+    counts = counts_of(labels, Truth(), 3)
+    found = count_model(counts, **labels)
+    at = {name: found.effect(name).estimate.value for name in COLUMNS[:4]}
+    assert len(found.cells) == 4
+    for cell in found.cells:
+        h, c = cell.haptics - 0.5, cell.dyadic - 0.5
+        log = at["intercept"] + h * at["haptics"] + c * at["configuration"] + h * c * at["haptics x configuration"]
+        own = (labels["haptics"] == cell.haptics) & (labels["dyadic"] == cell.dyadic)
+        assert np.exp(log) == pytest.approx(cell.mean, rel=1e-6)
+        assert (cell.mean, cell.trials, cell.dyads) == (pytest.approx(counts[own].mean()), own.sum(), 4)
+    bimanual, dyadic = ((np.array([c.mean for c in found.cells])[i + 1] / found.cells[i].mean) for i in (0, 2))
+    assert found.effect("haptics, bimanual").ratio.value == pytest.approx(bimanual, rel=1e-6)
+    assert found.effect("haptics, dyadic").ratio.value == pytest.approx(dyadic, rel=1e-6)
+
+
+def test_over_dispersion_is_measured_and_used() -> None:
+    labels = plan(12, 20)
+    calm = Truth(dyad=0.0, performer=0.0, dyad_slope=0.0, performer_slope=0.0)
+    mean = np.exp(explained(labels, calm, 1))
+    source = np.random.default_rng(1)
+    plain = count_model(source.poisson(mean), **labels)
+    wild_counts = source.poisson(mean * source.gamma(2.0, 0.5, len(mean)))
+    wild, negative = (count_model(wild_counts, **labels, family=f) for f in ("poisson", "negative_binomial"))
+    assert plain.dispersion == pytest.approx(1.0, abs=4 * np.sqrt(2 / plain.trials))
+    assert wild.dispersion > 2.0
+    assert negative.alpha == pytest.approx(0.5, abs=0.1)
+    assert (wild.name, negative.name) == ("Poisson GEE", "negative binomial GEE")
+    errors = [negative.effect(name).error for name in COLUMNS]
+    written = mancl_derouen(labels, wild_counts.astype(float), negative, 1, negative.alpha)
+    assert errors == pytest.approx(np.sqrt(np.diag(written)), rel=1e-6)
+    steady = np.round(mean)
+    fallen_back = count_model(steady, **labels, family="negative_binomial")
+    assert fallen_back.name == "Poisson GEE"
+    assert any("no more than Poisson's" in note for note in fallen_back.notes)
+
+
+@pytest.mark.slow
+@every_model
+def test_effects_of_many_dyads_are_recovered(model: Any, sample: Any) -> None:
+    labels, truth = plan(40, 8), Truth(dyad=0.1, performer=0.05, dyad_slope=0.05, performer_slope=0.05)
+    found = model(sample(labels, truth, 11), **labels)
+    for name, true in zip(COLUMNS[1:], truth.effects[1:], strict=True):
+        effect = found.effect(name)
+        assert abs(effect.estimate.value - true) < 4 * effect.error, name
+        assert effect.error < 0.5
+    assert not any("dyads:" in note for note in found.notes)
+
+
+# --- invariances -------------------------------------------------------------------------------------------------
+
+
+def test_another_unit_of_time_shifts_the_intercept_only() -> None:
+    labels = plan(4, 8)
+    times = times_of(labels, Truth(), 5)
+    seconds, milliseconds = log_time_model(times, **labels), log_time_model(1000.0 * times, **labels)
+    first, second = seconds.effect("intercept"), milliseconds.effect("intercept")
+    assert second.estimate.value - first.estimate.value == pytest.approx(np.log(1000.0))
+    assert second.ratio.high == pytest.approx(1000.0 * first.ratio.high, rel=1e-6)
+    assert numbers(milliseconds)[1:] == pytest.approx(numbers(seconds)[1:], rel=1e-4, abs=1e-7)
+    assert variances(milliseconds) == pytest.approx(variances(seconds), rel=1e-4, abs=1e-8)
+
+
+@every_model
+def test_names_of_dyads_and_the_order_of_rows_change_nothing(model: Any, sample: Any) -> None:
+    labels = plan(5, 10)
+    values = sample(labels, Truth(), 6)
+    by = np.random.default_rng(1).permutation(len(values))
+    renamed = kept(labels, by)
+    renamed["dyads"] = np.array([{"D00": 7, "D01": 3, "D02": 9, "D03": 1, "D04": 5}[d] for d in renamed["dyads"]])
+    renamed["performers"] = np.char.add("P", renamed["performers"].astype(str))
+    one, other = model(values, **labels), model(values[by], **renamed)
+    assert numbers(other) == pytest.approx(numbers(one), rel=2e-3, abs=1e-5)
+    assert one.notes == other.notes
+    assert one.cells == tuple(replace(cell, mean=pytest.approx(cell.mean)) for cell in other.cells)
+
+
+@every_model
+def test_performers_belong_to_their_dyad(model: Any, sample: Any) -> None:
+    labels = plan(4, 8)
+    values = sample(labels, Truth(), 7)
+    alone = model(values, **(labels | {"performers": people(labels)}))
+    assert numbers(model(values, **labels)) == pytest.approx(numbers(alone), rel=1e-6, abs=1e-9)
+    assert alone.performers == 12
+
+
+@every_model
+def test_conditions_change_places(model: Any, sample: Any) -> None:
+    labels = plan(4, 10)
+    values = sample(labels, Truth(), 8)
+    one, other = model(values, **labels), model(values, **(labels | {"haptics": ~labels["haptics"]}))
+    for name, sign in zip(COLUMNS, (1, -1, 1, -1, 1), strict=True):
+        value = one.effect(name).estimate.value
+        assert other.effect(name).estimate.value == pytest.approx(sign * value, rel=1e-3, abs=1e-5)
+        assert other.effect(name).error == pytest.approx(one.effect(name).error, rel=1e-3)
+
+
+@every_model
+def test_t_and_z_differ_in_their_quantile_only(model: Any, sample: Any) -> None:
+    labels = plan(4, 10)
+    values = sample(labels, Truth(), 9)
+    t, z = (model(values, **labels, interval=interval, level=0.9).effect("haptics") for interval in ("t", "z"))
+    assert (t.estimate.value, t.error) == (z.estimate.value, z.error)
+    assert t.estimate.high - t.estimate.value == pytest.approx(stats.t.ppf(0.95, 3) * t.error)
+    assert z.estimate.high - z.estimate.value == pytest.approx(stats.norm.ppf(0.95) * z.error)
+    assert t.p == pytest.approx(2 * stats.t.sf(abs(t.estimate.value) / t.error, 3))
+    assert (t.estimate.method, z.estimate.method, t.estimate.level) == ("t, 3 df", "z", 0.9)
+    assert (t.ratio.value, t.ratio.low) == pytest.approx((np.exp(t.estimate.value), np.exp(t.estimate.low)))
+
+
+# --- what is missing, and what cannot be ---------------------------------------------------------------------------
+
+
+@every_model
+def test_missing_values_are_left_out_and_counted(model: Any, sample: Any) -> None:
+    labels = plan(4, 10)
+    values = sample(labels, Truth(), 10)
+    gone = np.random.default_rng(2).random(len(values)) < 0.1
+    found = model(np.where(gone, np.nan, values), **labels)
+    assert numbers(found) == pytest.approx(numbers(model(values[~gone], **kept(labels, ~gone))))
+    assert (found.left_out, found.trials) == (gone.sum(), (~gone).sum())
+
+
+@every_model
+def test_one_dyad_has_estimates_and_no_intervals(model: Any, sample: Any) -> None:
+    labels = plan(1, 20)
+    values = sample(labels, Truth(), 11)
+    found = model(values, **labels)
+    assert found.fitted
+    assert np.isfinite([effect.estimate.value for effect in found.effects]).all()
+    assert np.isnan([(e.estimate.low, e.estimate.high, e.error, e.p) for e in found.effects]).all()
+    assert any(note.startswith("one dyad") for note in found.notes)
+    if model is log_time_model:
+        least = np.linalg.lstsq(columns(labels), np.log(values), rcond=None)[0]
+        assert [found.effect(name).estimate.value for name in COLUMNS] == pytest.approx(least)
+
+
+@every_model
+def test_a_missing_configuration_is_said(model: Any, sample: Any) -> None:
+    labels = kept(plan(4, 12), ~plan(4, 12)["dyadic"])
+    found = model(sample(labels, Truth(), 12), **labels)
+    assert found.fitted
+    for name in ("configuration", "haptics x configuration", "haptics, dyadic"):
+        assert np.isnan([found.effect(name).estimate.value, found.effect(name).error, found.effect(name).p]).all()
+    assert np.isfinite(found.effect("haptics").p)
+    assert sum("these trials cannot tell it" in note for note in found.notes) >= 2
+    assert [(cell.haptics, cell.dyadic) for cell in found.cells] == [(False, False), (True, False)]
+
+
+@every_model
+def test_without_one_cell_there_is_no_interaction(model: Any, sample: Any) -> None:
+    full = plan(4, 12)
+    labels = kept(full, ~(full["dyadic"] & full["haptics"]))
+    found = model(sample(labels, Truth(), 13), **labels)
+    assert np.isfinite([found.effect("haptics").p, found.effect("configuration").p]).all()
+    assert np.isnan(found.effect("haptics x configuration").estimate.value)
+    assert len(found.cells) == 3
+
+
+@every_model
+def test_no_trials_are_no_model(model: Any, sample: Any) -> None:
+    for labels in (kept(plan(2, 2), slice(0, 0)), kept(plan(2, 2), slice(0, 1))):
+        found = model(sample(labels, Truth(), 14), **labels)
+        assert not found.fitted
+        assert not found.converged
+        assert np.isnan(numbers(found)).all()
+        assert any("too few" in note for note in found.notes)
+
+
+def test_times_without_chance_are_no_model() -> None:
+    labels = plan(3, 4)
+    for times in (np.full(len(labels["order"]), 2.5), np.exp(columns(labels) @ Truth().effects)):
+        found = log_time_model(times, **labels)
+        assert not found.fitted
+        assert any("do not vary" in note for note in found.notes)
+
+
+@pytest.mark.parametrize(
+    ("model", "value", "what"),
+    [(share_model, 0.0, "none failed"), (share_model, 1.0, "all failed"), (count_model, 0.0, "nothing was counted")],
+)
+def test_a_condition_without_failures_has_no_finite_odds(model: Any, value: float, what: str) -> None:
+    labels = plan(4, 20)
+    values = failures_of(labels, Truth(), 15)
+    values[labels["dyadic"] & labels["haptics"]] = value
+    found = model(values, **labels)
+    assert not found.fitted
+    assert np.isnan(numbers(found)).all()
+    assert any(f"{what} in one condition (dyadic, haptics on)" in note for note in found.notes)
+    assert found.cells[3].mean == value
+
+
+def test_single_trials_do_not_tell_performers_from_chance() -> None:
+    labels = kept(plan(8, 2), plan(8, 2)["order"] == 1)
+    labels = kept(labels, labels["haptics"])
+    found = log_time_model(times_of(labels, Truth(), 16), **labels)
+    assert list(variances(found)) == ["dyad", "residual"]
+    assert sum("no source of chance of its own" in note for note in found.notes) == 3
+
+
+def test_warnings_are_notes() -> None:
+    labels = plan(4, 6)
+    still = Truth(dyad=0.0, performer=0.0, dyad_slope=0.0, performer_slope=0.0)
+    found = log_time_model(times_of(labels, still, 17), **labels)
+    assert any(note.startswith("statsmodels: ") for note in found.notes)
+    assert any("its variance is estimated as 0" in note for note in found.notes)
+    assert len(set(found.notes)) == len(found.notes)
+
+
+def test_dyads_show_no_error_of_an_effect_that_one_of_them_tells() -> None:
+    full = plan(3, 8)
+    labels = kept(full, (full["dyads"] == "D00") | ~full["dyadic"])
+    found = count_model(counts_of(labels, Truth(), 18), **labels)
+    assert {"configuration: a single dyad tells it"} < set(found.notes)
+    assert any(note.startswith("no intervals") for note in found.notes)
+    assert np.isfinite(found.effect("configuration").estimate.value)
+    assert np.isnan([effect.error for effect in found.effects]).all()
+    mixed = log_time_model(times_of(labels, Truth(), 18), **labels)
+    assert "configuration: a single dyad tells it" in mixed.notes
+    assert np.isfinite(mixed.effect("configuration").error)
+
+
+@every_model
+def test_wrong_input_is_named(model: Any, sample: Any) -> None:
+    labels = plan(2, 3)
+    values = sample(labels, Truth(), 19)
+    with pytest.raises(ValueError, match="haptics: one for each of"):
+        model(values, **(labels | {"haptics": [True]}))
+    with pytest.raises(ValueError, match="order: trial numbers from 1"):
+        model(values, **(labels | {"order": labels["order"] - 1}))
+    with pytest.raises(ValueError, match="expected, found -1"):
+        model(np.where(values == values[0], -1.0, values), **labels)
+    with pytest.raises(ValueError, match="no effect 'sex'"):
+        model(values, **labels).effect("sex")
+
+
+# --- residuals ---------------------------------------------------------------------------------------------------
+
+
+def test_normal_residuals_lie_on_a_line() -> None:
+    labels = plan(4, 40)
+    found = log_time_model(times_of(labels, Truth(), 20), **labels).diagnostics
+    assert found is not None
+    assert np.corrcoef(found.quantiles, found.residuals)[0, 1] > 0.997
+    assert (found.residuals.mean(), found.residuals.std()) == pytest.approx((0.0, 1.0), abs=1e-6)
+    n = len(found.residuals)
+    assert abs(found.skewness) < 4 * np.sqrt(6 / n)
+    assert abs(found.kurtosis) < 4 * np.sqrt(24 / n)
+    assert max(abs(found.spread), abs(found.successive)) < 4 / np.sqrt(n)
+
+
+def test_diagnostics_find_what_is_wrong() -> None:
+    labels = plan(4, 40)
+    common = explained(labels, Truth(effects=(1.5, -0.1, 1.2, 0.0, -0.1)), 21)
+    source = np.random.default_rng(21)
+    streaks = source.normal(0, 0.4, len(common))
+    for i in np.flatnonzero(labels["order"] > 1):
+        streaks[i] += 0.6 * streaks[i - 1]
+    skewed = source.exponential(0.4, len(common))
+    louder = source.normal(0, 0.4, len(common)) * np.where(labels["dyadic"], 3.0, 1.0)
+    found = [log_time_model(np.exp(common + x), **labels).diagnostics for x in (streaks, skewed, louder)]
+    assert all(one is not None for one in found)
+    assert found[0].successive == pytest.approx(0.6, abs=0.1)
+    assert found[1].skewness == pytest.approx(2.0, abs=0.5)
+    assert found[2].spread > 0.3
+    by = np.random.default_rng(0).permutation(len(common))
+    mixed = log_time_model(np.exp(common + streaks)[by], **kept(labels, by)).diagnostics
+    assert mixed.successive == pytest.approx(found[0].successive, abs=1e-3)
+
+
+def test_statistics_need_no_statsmodels() -> None:
+    program = (
+        "import sys; sys.modules['statsmodels'] = sys.modules['pandas'] = None\n"
+        "import netboard.analysis.statistics, netboard.analysis.contrasts, netboard.analysis.effects, netboard.analysis.factors"
+    )
+    subprocess.run([sys.executable, "-c", program], check=True)
