@@ -5,25 +5,26 @@ none, within each configuration; two people less one, within each force; and the
 measures of a family are one family of tests (Holm). They are declared here, before anybody looks at results.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, TypeVar
 
 import numpy as np
 import pandas as pd
 
 from netboard.analysis.contrasts import Contrast, condition_contrast, holm
 from netboard.analysis.statistics import Estimate, paired_effect
+from netboard.findings.groups import conditions, estimated, with_base
 from netboard.findings.measures import EXPLAINED, Measure, as_read, exponential, levels
 from netboard.findings.results import Result
 from netboard.measuring.study import Study
 
 Kind = Literal["forces", "configuration", "interaction"]
 
+T = TypeVar("T")
+
 SEED = 20_220_302
 """Of bootstraps, and of permutations of many dyads."""
-
-BOOTSTRAP = "95 % bootstrap of dyads, BCa"
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,30 +60,32 @@ def questions_of(study: Study) -> tuple[Question, ...]:
     tuple of Question
         All of them; none for a study of one condition.
     """
-    trials = study.counted
-    people = trials[trials["condition"] == trials["configuration"] + ", " + trials["force"]]
-    there = set(people["condition"])
-    felt = sorted(people.loc[people["haptics"] == 1, "force"].unique())
-    return tuple(
-        question
-        for question in _all_questions(felt, sorted(people["force"].unique()))
-        if there.issuperset(question.first + question.second)
+    people = tuple(one for one in conditions(study) if not one.partner)
+    forces = {(one.configuration, one.force): one for one in people}
+    effects = {(one.configuration, one.force): (one, off) for one, off in with_base(people)}
+    return (
+        *(Question("forces", f"{one.label} less off", (one.name,), (off.name,)) for one, off in effects.values()),
+        *(
+            Question("configuration", f"dyadic less bimanual, {one.feeling}", (one.name,), (alone.name,))
+            for one, alone in _both(forces)
+        ),
+        *(
+            Question(
+                "interaction",
+                f"{two[0].feeling} less off, dyadic less bimanual",
+                (two[0].name, two[1].name),
+                (one[0].name, one[1].name),
+            )
+            for two, one in _both(effects)
+        ),
     )
 
 
-def _all_questions(felt: list[str], forces: list[str]) -> Iterator[Question]:
-    for configuration in ("bimanual", "dyadic"):
-        for force in felt:
-            name = f"{configuration}: {force} less none"
-            yield Question("forces", name, (f"{configuration}, {force}",), (f"{configuration}, none",))
-    for force in forces:
-        yield Question(
-            "configuration", f"{force}: dyadic less bimanual", (f"dyadic, {force}",), (f"bimanual, {force}",)
-        )
-    for force in felt:
-        name = f"({force} less none), dyadic less bimanual"
-        pairs = [(f"{who}, {force}", f"{who}, none") for who in ("dyadic", "bimanual")]
-        yield Question("interaction", name, pairs[0], pairs[1])
+def _both(of: Mapping[tuple[str, str], T]) -> Iterator[tuple[T, T]]:
+    """Yield what there is of a force both of two people and of one."""
+    for (configuration, force), found in of.items():
+        if configuration == "dyadic" and ("bimanual", force) in of:
+            yield found, of["bimanual", force]
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,29 +141,24 @@ class Comparisons:
     comparisons: tuple[Comparison, ...]
 
     @property
-    def results(self) -> list[Result]:
+    def results(self) -> tuple[Result, ...]:
         """Differences with both intervals, sizes of effects, and tests."""
-        return [row for one in self.comparisons for row in _rows(one)]
+        return tuple(row for one in self.comparisons for row in _rows(one))
 
 
 def _rows(one: Comparison) -> Iterator[Result]:
     contrast = one.contrast
     note = "; ".join(filter(None, (EXPLAINED.get(one.measure.name, ""), *contrast.notes)))
-    yield _estimate(one, one.what, one.difference, "95 % t", one.unit, note)
-    yield _estimate(one, one.what, one.bootstrap, BOOTSTRAP, one.unit, note)
-    yield _estimate(one, f"{one.measure.name}: d_z", contrast.effect, "95 % noncentral t", "1", note)
-    yield _estimate(one, f"{one.measure.name}: g_z", one.hedges, "95 % noncentral t", "1", note)
+    group = one.question.name
+    yield estimated("contrasts", one.what, group, one.difference, one.unit, note)
+    yield estimated("contrasts", one.what, group, one.bootstrap, one.unit, note)
+    yield estimated("contrasts", f"{one.measure.name}: effect size", group, contrast.effect, "1", note)
+    yield estimated("contrasts", f"{one.measure.name}: effect size", group, one.hedges, "1", note)
     for name, test in (("sign test", contrast.signs), ("permutation test", contrast.permutation)):
         least = f"at least {test.least_p:.3g} with so many" if np.isfinite(test.least_p) else "too few to test"
         yield _number(one, f"{one.measure.name}: p, {name}", test.p, test.n, least)
     family = f"all contrasts of all measures of {one.measure.family}, permutation tests"
     yield _number(one, f"{one.measure.name}: p, Holm", one.corrected, contrast.n, family)
-
-
-def _estimate(one: Comparison, quantity: str, found: Estimate, interval: str, unit: str, note: str) -> Result:
-    name = interval if np.isfinite(found.low) else ""
-    numbers = (found.value, found.low, found.high)
-    return Result("contrasts", quantity, one.question.name, *numbers, unit, name, found.n, "dyad", note)
 
 
 def _number(one: Comparison, quantity: str, value: float, n: int, note: str) -> Result:

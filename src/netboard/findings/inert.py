@@ -13,6 +13,7 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from netboard.analysis.statistics import Estimate, bootstrap, ratio_of_sums, t_interval
+from netboard.findings.groups import Condition, conditions, estimated, with_base
 from netboard.findings.measures import as_read, levels
 from netboard.findings.results import Result
 from netboard.measuring.modern import STIFFNESSES
@@ -28,8 +29,8 @@ class Control:
 
     Attributes
     ----------
-    force : str
-        What was felt.
+    condition : Condition
+        What was felt, by two people.
     stiffness : int
         Of the inert partner's arm [N/m].
     dyads : tuple of str
@@ -42,7 +43,7 @@ class Control:
         Sum of the passive effects over that of the effects, by drawing whole dyads: 1 = all is mechanics [1].
     """
 
-    force: str
+    condition: Condition
     stiffness: int
     dyads: tuple[str, ...]
     effect: NDArray[np.float64]
@@ -70,26 +71,25 @@ class Controls:
     controls: tuple[Control, ...]
 
     @property
-    def results(self) -> list[Result]:
+    def results(self) -> tuple[Result, ...]:
         """The effect of each force, and for each stiffness the passive effect and its share."""
         rows = []
         for one in self.controls:
-            group = f"dyadic, {one.force} less none"
+            group = f"{one.condition.label} less off"
             arm = f"inert partner of {one.stiffness} N/m"
             if one.stiffness == STIFFNESSES[0]:
-                rows.append(_row("haptic effect on cooperative share", group, one.mean_effect, "95 % t", ""))
-            rows.append(_row("passive effect on cooperative share", group, one.mean_passive, "95 % t", arm))
+                rows.append(_row("haptic effect on cooperative share", group, one.mean_effect, ""))
+            rows.append(_row("passive effect on cooperative share", group, one.mean_passive, arm))
             share, note = one.share, f"{arm}; 1 = all is mechanics; intervals of few dyads are too short"
             if not one.has_effect:
                 share = replace(share, value=np.nan, low=np.nan, high=np.nan)
                 note = f"{arm}; no share of an effect whose interval has 0 in it"
-            rows.append(_row("passive share of the effect", group, share, "95 % bootstrap of dyads, BCa", note))
-        return rows
+            rows.append(_row("passive share of the effect", group, share, note))
+        return tuple(rows)
 
 
-def _row(quantity: str, group: str, found: Estimate, interval: str, note: str) -> Result:
-    method = interval if np.isfinite(found.low) else ""
-    return Result("inert", quantity, group, found.value, found.low, found.high, "1", method, found.n, "dyad", note)
+def _row(quantity: str, group: str, found: Estimate, note: str) -> Result:
+    return estimated("inert", quantity, group, found, "1", note)
 
 
 def controls(study: Study) -> Controls:
@@ -110,28 +110,28 @@ def controls(study: Study) -> Controls:
     found = []
     for stiffness in STIFFNESSES:
         inert = levels(study, replace(cooperative, values=_column_of(stiffness)))
-        for force in sorted(study.counted.loc[study.counted["haptics"] == 1, "force"].unique()):
-            felt = f"dyadic, {force}"
-            table = pd.concat([_of(live, felt), _of(live, "dyadic, none"), _of(inert, felt)], axis=1, join="inner")
-            if len(table):
-                found.append(_control(force, stiffness, table.sort_index()))
-    return Controls(tuple(sorted(found, key=lambda one: (one.force, one.stiffness))))
+        for felt, off in with_base(conditions(study)):
+            columns = [_of(live, felt), _of(live, off), _of(inert, felt)]
+            table = pd.concat(columns, axis=1, join="inner").sort_index()
+            if felt.team == "dyadic" and len(table):
+                found.append(_control(felt, stiffness, table))
+    return Controls(tuple(sorted(found, key=lambda one: one.condition.name)))
 
 
 def _column_of(stiffness: int) -> Callable[[pd.DataFrame], ArrayLike]:
     return lambda rows: rows[f"inert_{stiffness}"]
 
 
-def _of(table: pd.DataFrame, condition: str) -> pd.Series:
+def _of(table: pd.DataFrame, condition: Condition) -> pd.Series:
     """Return the levels of the dyads in a condition."""
-    return table[table["condition"] == condition].set_index("dyad")["level"]
+    return table[table["condition"] == condition.name].set_index("dyad")["level"]
 
 
-def _control(force: str, stiffness: int, table: pd.DataFrame) -> Control:
+def _control(condition: Condition, stiffness: int, table: pd.DataFrame) -> Control:
     """Compare the columns on, off and passive of a table of dyads."""
     on, off, passive = table.to_numpy().T
     effect = on - off
     share = bootstrap((passive, effect), ratio_of_sums, np.random.default_rng(SEED))
     return Control(
-        force, stiffness, tuple(table.index), effect, passive, t_interval(effect), t_interval(passive), share
+        condition, stiffness, tuple(table.index), effect, passive, t_interval(effect), t_interval(passive), share
     )

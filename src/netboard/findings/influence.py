@@ -19,7 +19,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from netboard.analysis.information import Chance, Past, chance_level, granger
-from netboard.findings.measures import conditions_of
+from netboard.findings.groups import Condition, conditions
 from netboard.findings.paths import joined
 from netboard.findings.results import Result
 from netboard.measuring.study import Study
@@ -47,7 +47,7 @@ class Influence:
 
     Attributes
     ----------
-    condition : str
+    condition : Condition
         The condition.
     direction : {"left to right", "right to left"}
         Whose past, and who is foretold.
@@ -63,7 +63,7 @@ class Influence:
         Trials that each dyad has at least, of which these were drawn [1].
     """
 
-    condition: str
+    condition: Condition
     direction: Direction
     dyads: tuple[str, ...]
     values: NDArray[np.float64]
@@ -85,14 +85,14 @@ class Influences:
     influences: tuple[Influence, ...]
 
     @property
-    def results(self) -> list[Result]:
+    def results(self) -> tuple[Result, ...]:
         """Strength in true dyads, level of chance, excess, and p."""
-        return [row for one in self.influences for row in _rows(one)]
+        return tuple(row for one in self.influences for row in _rows(one))
 
 
 def _rows(one: Influence) -> list[Result]:
     n, chance = len(one.dyads), one.chance
-    group = f"{one.condition}, {one.direction}"
+    group = f"{one.condition.label}, {one.direction}"
     note = f"{one.trials} of {one.of} trials of each dyad; given the ball"
     if chance is None:
         numbers = [("Granger strength", float(one.values.mean()), "nat", f"{note}; one dyad: no surrogates")]
@@ -123,15 +123,15 @@ def influences(study: Study) -> Influences:
         For each condition with two people; empty without paths.
     """
     found: list[Influence] = []
-    for condition in conditions_of(study):
-        blocks = study.blocks[study.blocks["condition"] == condition]
+    for condition in conditions(study):
+        blocks = study.blocks[study.blocks["condition"] == condition.name]
         movers = blocks[["left_by", "right_by"]]
         if (movers["left_by"] != movers["right_by"]).all() and not movers.isin(["still", "robot"]).any(axis=None):
-            found += _in_condition(condition, study.counted[study.counted["condition"] == condition], study.paths)
+            found += _in_condition(condition, study.counted[study.counted["condition"] == condition.name], study.paths)
     return Influences(tuple(found))
 
 
-def _in_condition(condition: str, trials: pd.DataFrame, paths: pd.DataFrame) -> list[Influence]:
+def _in_condition(condition: Condition, trials: pd.DataFrame, paths: pd.DataFrame) -> list[Influence]:
     """Look at both directions."""
     there = _signals(trials, paths)
     if not there:
@@ -166,7 +166,7 @@ def _signals(trials: pd.DataFrame, paths: pd.DataFrame) -> dict[str, Trials]:
 
 
 def _influence(
-    condition: str,
+    condition: Condition,
     direction: Direction,
     dyads: tuple[str, ...],
     sources: Sequence[Trials],

@@ -4,7 +4,7 @@ A delay is the left side's time less the right one's, + = right first. In bimanu
 person, in dyadic ones two people. A level is that of a dyad, as in `netboard.findings.measures`.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from netboard.analysis.lags import leadership
 from netboard.analysis.statistics import Estimate, t_interval
+from netboard.findings.groups import Condition, conditions, estimated
 from netboard.findings.measures import PLACE, Of, rows_of
 from netboard.findings.results import Result
 from netboard.measuring.study import Study
@@ -66,7 +67,7 @@ class Lead:
     ----------
     question : Question
         What was asked.
-    condition : str
+    condition : Condition
         The condition.
     dyads : tuple of str
         The dyads that have an answer.
@@ -79,7 +80,7 @@ class Lead:
     """
 
     question: Question
-    condition: str
+    condition: Condition
     dyads: tuple[str, ...]
     values: NDArray[np.float64]
     rows: int
@@ -102,21 +103,17 @@ class Leaders:
     changed: tuple[str, ...]
 
     @property
-    def results(self) -> list[Result]:
+    def results(self) -> tuple[Result, ...]:
         """The mean over dyads, and each dyad's own."""
-        return [row for lead in self.leads for row in self._rows(lead)]
+        return tuple(row for lead in self.leads for row in self._rows(lead))
 
-    def _rows(self, lead: Lead) -> list[Result]:
-        mean, question = lead.mean, lead.question
-        sides = "+ = right first"
-        ends = (mean.value, mean.low, mean.high, question.unit, "95 % t" if np.isfinite(mean.low) else "")
-        rows = [Result("leadership", question.name, lead.condition, *ends, mean.n, "dyad", sides)]
+    def _rows(self, lead: Lead) -> Iterator[Result]:
+        question, group, sides = lead.question, lead.condition.label, "+ = right first"
+        yield estimated("leadership", question.name, group, lead.mean, question.unit, sides)
         for dyad, value in zip(lead.dyads, lead.values, strict=True):
             note = f"{sides}; partners changed seats" if dyad in self.changed else sides
-            group = f"{lead.condition}, {dyad}"
             one = (float(value), np.nan, np.nan, question.unit, "")
-            rows.append(Result("leadership", question.name, group, *one, 1, "dyad", note))
-        return rows
+            yield Result("leadership", question.name, f"{group}, {dyad}", *one, 1, "dyad", note)
 
 
 def leaders(study: Study) -> Leaders:
@@ -138,9 +135,11 @@ def leaders(study: Study) -> Leaders:
         rows = rows[np.isfinite(rows[question.column])]
         people = rows.groupby(PLACE)[question.column].agg([question.level, "size"]).set_axis(["level", "rows"], axis=1)
         dyads = people.groupby(["condition", "dyad"], as_index=False).agg({"level": "mean", "rows": "sum"})
-        for condition, own in dyads.groupby("condition"):
-            names, values = tuple(own["dyad"]), own["level"].to_numpy(float)
-            found.append(Lead(question, str(condition), names, values, int(own["rows"].sum()), t_interval(values)))
+        for condition in conditions(study):
+            own = dyads[dyads["condition"] == condition.name]
+            if len(own):
+                names, values = tuple(own["dyad"]), own["level"].to_numpy(float)
+                found.append(Lead(question, condition, names, values, int(own["rows"].sum()), t_interval(values)))
     return Leaders(tuple(found), _changed_seats(study))
 
 

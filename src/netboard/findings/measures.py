@@ -14,14 +14,12 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from netboard.analysis.statistics import Estimate, t_interval
+from netboard.findings.groups import CLASSES, Condition, conditions, counted, estimated
 from netboard.findings.results import Result
 from netboard.measuring.study import Study
 
 Of = Literal["trial", "movement", "attempt"]
 Family = Literal["performance", "coordination", "forces"]
-
-CLASSES = ["cooperative", "competitive", "single", "still"]
-"""Classes of movement, which together are the whole time."""
 
 PLACE = ["condition", "dyad", "performer"]
 
@@ -71,7 +69,7 @@ def _share(name: str) -> Callable[[pd.DataFrame], ArrayLike]:
 
 
 def _known_time(rows: pd.DataFrame) -> NDArray[np.float64]:
-    return np.asarray(rows[CLASSES].to_numpy(float).sum(axis=1))
+    return np.asarray(rows[list(CLASSES)].to_numpy(float).sum(axis=1))
 
 
 def _reaction(rows: pd.DataFrame) -> ArrayLike:
@@ -142,7 +140,7 @@ def rows_of(study: Study, of: Of) -> pd.DataFrame:
         Rows of the table of trials or of movements.
     """
     if of == "trial":
-        return study.counted
+        return counted(study)
     if of == "movement":
         return study.movements[(study.movements["counts"] == 1) & (study.movements["cooperative"] == 1)]
     keys = ["recording", "trial", "attempt"]
@@ -197,22 +195,6 @@ def as_read(study: Study) -> tuple[Measure, ...]:
     return tuple(replace(one, weights=_known_time) if one.name in shares else one for one in MEASURES)
 
 
-def conditions_of(study: Study) -> list[str]:
-    """Name the conditions that have trials that count.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-
-    Returns
-    -------
-    list of str
-        Their names, sorted.
-    """
-    return sorted(study.counted["condition"].unique())
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Levels:
     """A measure in a condition.
@@ -221,7 +203,7 @@ class Levels:
     ----------
     measure : Measure
         What is measured.
-    condition : str
+    condition : Condition
         The condition.
     dyads : tuple of str
         The dyads that have a level.
@@ -234,7 +216,7 @@ class Levels:
     """
 
     measure: Measure
-    condition: str
+    condition: Condition
     dyads: tuple[str, ...]
     values: NDArray[np.float64]
     rows: int
@@ -254,24 +236,16 @@ class Overview:
     levels: tuple[Levels, ...]
 
     @property
-    def results(self) -> list[Result]:
+    def results(self) -> tuple[Result, ...]:
         """The mean of each measure in each condition, and how much of it there was."""
-        return [
-            Result(
-                "measures",
-                one.measure.name,
-                one.condition,
-                one.mean.value,
-                one.mean.low,
-                one.mean.high,
-                one.measure.unit,
-                "95 % t" if np.isfinite(one.mean.low) else "",
-                one.mean.n,
-                "dyad",
-                "; ".join(filter(None, (EXPLAINED.get(one.measure.name, ""), f"of {one.rows} {one.measure.of}s"))),
-            )
+        return tuple(
+            estimated("measures", one.measure.name, one.condition.label, one.mean, one.measure.unit, _note(one))
             for one in self.levels
-        ]
+        )
+
+
+def _note(one: Levels) -> str:
+    return "; ".join(filter(None, (EXPLAINED.get(one.measure.name, ""), f"of {one.rows} {one.measure.of}s")))
 
 
 def overview(study: Study) -> Overview:
@@ -290,11 +264,14 @@ def overview(study: Study) -> Overview:
     found = []
     for measure in as_read(study):
         table = levels(study, measure)
-        for condition, own in table.groupby("condition"):
+        for condition in conditions(study):
+            own = table[table["condition"] == condition.name]
+            if not len(own):
+                continue
             estimate, values = t_interval(own["level"]), own["level"].to_numpy()
             if measure.ratio:
                 estimate, values = exponential(estimate), np.exp(values)
-            found.append(Levels(measure, str(condition), tuple(own["dyad"]), values, int(own["rows"].sum()), estimate))
+            found.append(Levels(measure, condition, tuple(own["dyad"]), values, int(own["rows"].sum()), estimate))
     return Overview(tuple(found))
 
 

@@ -56,9 +56,9 @@ class Fits:
     notes: tuple[str, ...]
 
     @property
-    def results(self) -> list[Result]:
+    def results(self) -> tuple[Result, ...]:
         """Each term with its p, the sources of chance, and what speaks against the assumptions."""
-        return [row for fit in self.fits for row in (*self._terms(fit), *_chance(fit), *_checks(fit))]
+        return tuple(row for fit in self.fits for row in (*self._terms(fit), *_chance(fit), *_checks(fit)))
 
     def _terms(self, fit: Fit) -> Iterator[Result]:
         note = "; ".join((fit.model.name, *self.notes, *fit.model.notes))

@@ -5,6 +5,7 @@ target's side and the other one. A path goes on through the hold to the end of i
 of ten trials go, so that hardly any trial drops out on the way.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +13,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from netboard.analysis.statistics import t_interval
+from netboard.findings.groups import Condition, conditions, estimated
 from netboard.findings.results import Result
 from netboard.measuring.details import STEP
 from netboard.measuring.study import Study
@@ -41,7 +43,7 @@ class Course:
 
     Attributes
     ----------
-    condition : str
+    condition : Condition
         The condition.
     quantity : {"ball", "near", "far"}
         Place of the ball, + = towards the target; height of the hand at the target's side; height of the other one.
@@ -59,7 +61,7 @@ class Course:
         How many there are [1].
     """
 
-    condition: str
+    condition: Condition
     quantity: str
     time: NDArray[np.float64]
     dyads: tuple[str, ...]
@@ -83,22 +85,16 @@ class Courses:
     courses: tuple[Course, ...]
 
     @property
-    def results(self) -> list[Result]:
+    def results(self) -> tuple[Result, ...]:
         """Where ball and hands were at some times."""
-        return [row for one in self.courses for row in _rows(one)]
+        return tuple(row for one in self.courses for row in _rows(one))
 
 
-def _rows(one: Course) -> list[Result]:
-    rows = []
+def _rows(one: Course) -> Iterator[Result]:
     for k in range(0, len(one.time), round(REPORTED / PERIOD)):
-        mean = t_interval(one.each[:, k])
-        group, interval = f"{one.condition}, {one.time[k]:.1f} s", "95 % t" if np.isfinite(mean.low) else ""
-        numbers = (mean.value, mean.low, mean.high, "m", interval, mean.n, "dyad")
-        note = (
-            f"of {one.trials} trials, + = towards the target" if one.quantity == "ball" else f"of {one.trials} trials"
-        )
-        rows.append(Result("paths", QUANTITIES[one.quantity], group, *numbers, note))
-    return rows
+        note = f"of {one.trials} trials, + = {'towards the target' if one.quantity == 'ball' else 'up'}"
+        group = f"{one.condition.label}, {one.time[k]:.1f} s"
+        yield estimated("paths", QUANTITIES[one.quantity], group, t_interval(one.each[:, k]), "m", note)
 
 
 def courses(study: Study) -> Courses:
@@ -119,7 +115,11 @@ def courses(study: Study) -> Courses:
     samples = int(study.counted["duration"].quantile(GOING_ON) / PERIOD)
     table = joined(study.counted, study.paths[study.paths["time"] < samples * PERIOD])
     return Courses(
-        tuple(course for condition, own in table.groupby("condition") for course in _courses(condition, own))
+        tuple(
+            course
+            for condition in conditions(study)
+            for course in _courses(condition, table[table["condition"] == condition.name])
+        )
     )
 
 
@@ -143,8 +143,10 @@ def joined(trials: pd.DataFrame, paths: pd.DataFrame) -> pd.DataFrame:
     return table.assign(number=table.groupby(KEYS, sort=False).ngroup(), sample=samples)
 
 
-def _courses(condition: str, table: pd.DataFrame) -> list[Course]:
+def _courses(condition: Condition, table: pd.DataFrame) -> list[Course]:
     """Average the paths of a condition."""
+    if not len(table):
+        return []
     right = table["target"] > 0
     places = {
         "ball": table["p"] * table["target"],

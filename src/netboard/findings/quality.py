@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 
 from netboard.analysis.statistics import Estimate, t_interval
+from netboard.findings.groups import conditions, estimated
 from netboard.findings.measures import exponential
 from netboard.findings.results import Result
 from netboard.measuring.study import Study
@@ -46,10 +47,10 @@ class Quality:
     drift: Estimate
 
     @property
-    def results(self) -> list[Result]:
+    def results(self) -> tuple[Result, ...]:
         """Counts of each condition, reasons of exclusion, missing ticks, and the drift."""
         rows = []
-        for condition, own in [("all", self.blocks), *self.blocks.groupby("condition")]:
+        for condition, own in [("all", self.blocks), *self.blocks.groupby("condition", sort=False)]:
             dyads = own["dyad"].nunique()
             rows.append(_count("attempts", condition, own["attempts"].sum(), dyads))
             rows += [_count(f"attempts that {OUTCOMES[end]}", condition, own[end].sum(), dyads) for end in OUTCOMES]
@@ -58,10 +59,8 @@ class Quality:
             rows.append(_count("missing ticks", condition, own["missing"].sum(), dyads))
         everybody = self.blocks["dyad"].nunique()
         rows += [_count("attempts excluded", why, number, everybody) for why, number in self.reasons.items()]
-        found, note = self.drift, "ratio of times of successive blocks; practice and tiredness too"
-        interval = "95 % t" if np.isfinite(found.low) else ""
-        numbers = (found.value, found.low, found.high, "1", interval, found.n, "dyad", note)
-        return [*rows, Result("quality", "drift of completion time", "all", *numbers)]
+        note = "ratio of times of successive blocks; practice and tiredness too"
+        return (*rows, estimated("quality", "drift of completion time", "all", self.drift, "1", note))
 
 
 def _count(quantity: str, group: str, value: float, n: int) -> Result:
@@ -107,6 +106,7 @@ def _blocks(study: Study) -> pd.DataFrame:
     counted = ["attempts", *OUTCOMES, "counts", "excluded"]
     place = ["dyad", "block"]
     blocks = study.blocks.groupby(place).agg(condition=("condition", "first"), missing=("missing", "sum"))
+    blocks["condition"] = blocks["condition"].map({one.name: one.label for one in conditions(study)})
     sums = trials.groupby(place)[counted].sum().reindex(blocks.index, fill_value=0)
     return blocks.join(sums).assign(time=np.exp(trials.groupby(place)["log_time"].mean())).reset_index()
 
