@@ -20,6 +20,9 @@ KINDS = {
 }
 """Titles of the panels."""
 
+TICKS = (-100, -30, -10, -3, -1, 0, 1, 3, 10, 30, 100)
+"""Of an axis that is linear up to 1 and logarithmic beyond [1]."""
+
 _BAND = "#F3F3F3"
 
 
@@ -64,10 +67,9 @@ def looks_of(study: Study, questions: Sequence[Question]) -> dict[str, Look]:
 
 
 def _reach(found: Sequence[Comparison]) -> float:
-    """Choose how far the axis goes: intervals of few dyads would leave no room for their middles."""
-    largest = max(abs(one.hedges.value) for one in found)
-    ends = max(np.nan_to_num([abs(end) for one in found for end in (one.hedges.low, one.hedges.high)]))
-    return 1.08 * float(min(max(1.5 * largest, 1.0), max(ends, largest, 1.0)))
+    """Choose how far the axes go."""
+    ends = [abs(end) for one in found for end in (one.hedges.value, one.hedges.low, one.hedges.high)]
+    return 1.2 * max(1.0, float(np.nanmax(ends)))
 
 
 def _panel(axes: Axes, found: Sequence[Comparison], names: Sequence[str], looks: dict[str, Look], reach: float) -> None:
@@ -83,12 +85,16 @@ def _panel(axes: Axes, found: Sequence[Comparison], names: Sequence[str], looks:
             axes, at, one.hedges, looks[one.question.name], f"{one.measure.name}: {one.question.name}", across=True
         )
         p = one.contrast.permutation.p
-        axes.text(1.02, at, f"{p:.2g}", transform=axes.get_yaxis_transform(), va="center", fontsize=5.5)
+        axes.text(1.02, at, f"{p:.3g}", transform=axes.get_yaxis_transform(), va="center", fontsize=5.5)
     axes.text(1.02, -0.75, "p", transform=axes.get_yaxis_transform(), va="center", fontsize=6.5, style="italic")
     axes.set_yticks(range(len(names)), names, fontsize=7)
     axes.tick_params(axis="y", length=0)
     axes.set_ylim(len(names) - 0.5, -0.5)
+    axes.set_xscale("asinh", linear_width=1.0)
     axes.set_xlim(-reach, reach)
+    ticks = [tick for tick in TICKS if abs(tick) <= reach]
+    axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks], fontsize=6.5)
+    axes.set_xticks([], minor=True)
     axes.set_xlabel("effect size g_z [1]")
     if len(questions) > 1:
         _legend(axes, questions, looks)
@@ -122,8 +128,9 @@ def _caption(found: Sequence[Comparison]) -> str:
     least = min(one.contrast.permutation.least_p for one in found)
     sure = sum(one.corrected < 0.05 for one in found)
     return (
-        f"Mean difference over the standard deviation of the dyads' differences, without its bias in small samples (g_z), "
-        f"with 95 % intervals of the noncentral t distribution; those that reach the frame go on. n = {many} dyads, each "
-        f"compared with itself. Completion times by their logarithms. p: exact permutation tests, which can give no p below "
-        f"{least:.3g} with so many dyads; corrected for all of a family of measures (Holm), {sure} of {len(found)} are below 0.05."
+        "Mean difference over the standard deviation of the dyads' differences, without its bias in small samples "
+        f"(g_z), with 95 % intervals of the noncentral t distribution; beyond 1 the axis is logarithmic. n = {many} "
+        "dyads, each compared with itself. Completion times by their logarithms. p: exact permutation tests, which "
+        f"can give no p below {least:.3g} with so many dyads; corrected for all of a family of measures (Holm), {sure} "
+        f"of {len(found)} are below 0.05."
     )

@@ -61,17 +61,12 @@ def _panel(axes: Axes, found: Sequence[Comparison], questions: Sequence[Question
     axes.tick_params(axis="y", labelsize=6.5)
     axes.set_xticks(range(len(questions)), list(_LETTERS[: len(questions)]), fontsize=7)
     axes.set_xlim(-0.6, len(questions) - 0.4)
-    if measure.ratio:
-        axes.set_yscale("log")
-        axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
-        axes.yaxis.set_minor_formatter(lambda value, _: f"{value:.2g}")
-        axes.tick_params(axis="y", which="minor", labelsize=6.5)
 
 
 def _caption(found: Sequence[Comparison]) -> str:
     n = sorted({one.contrast.n for one in found})
     many = f"{n[0]}" if len(n) == 1 else f"{n[0]} to {n[-1]}"
     return (
-        f"Each dyad compared with itself (small points), and the mean over dyads with its 95 % t interval (large); n = {many} "
-        "dyads. Of completion times the ratio, of everything else the difference."
+        "Each dyad compared with itself (small points), and the mean over dyads with its 95 % t interval (large); n = "
+        f"{many} dyads. Of completion times the ratio, of everything else the difference."
     )

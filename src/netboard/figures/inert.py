@@ -41,8 +41,9 @@ def picture(study: Study) -> Picture:
         for column, mean in zip(columns, means, strict=True):
             draw_mean(axes, column + offset, mean, look, f"{condition.name}, {column}")
         axes.plot([], [], linestyle="none", marker=look.marker, color=look.colour, label=condition.feeling)
-    names = ["forces felt less not,\nas recorded", *(f"inert partner less still one,\n{k} N/m" for k in STIFFNESSES)]
+    names = ["haptics less off,\nas recorded", *(f"inert partner less still one,\n{k} N/m" for k in STIFFNESSES)]
     axes.set_xticks(columns, names, fontsize=7)
+    axes.set_xlim(-0.5, columns[-1] + 0.5)
     axes.set_ylabel("change of the cooperative share [1]")
     if len(felt) > 1:
         axes.legend()
@@ -52,10 +53,10 @@ def picture(study: Study) -> Picture:
 def _caption(found: tuple[Control, ...]) -> str:
     shares = "; ".join(_share(one) for one in found)
     return (
-        "Share of cooperative movement in dyadic trials. Left: with forces less without. Right: what either side's recorded "
-        "movement gives with an inert hand instead of the partner, which is pushed and never acts. Small points: dyads, "
-        f"joined; large points: means over dyads with 95 % t intervals; n = {len(found[0].dyads)} dyads. Part of the effect "
-        f"that is mechanics: {shares}."
+        "Share of cooperative movement in dyadic trials. Left: with forces less without. Right: what either side's "
+        "recorded movement gives with an inert hand instead of the partner, which is pushed and never acts. Small "
+        f"points: dyads, joined; large points: means over dyads with 95 % t intervals; n = {len(found[0].dyads)} "
+        f"dyads. Part of the effect that is mechanics: {shares}."
     )
 
 

@@ -85,8 +85,8 @@ def _caption(found: list[Influence]) -> str:
             f"{1 / (1 + max(pairings)):.2g}."
         )
     return (
-        "How much better the velocity of one side is foretold with 60 ms of the other's past than with its own and the "
-        "ball's alone, from the release to the completion; trials with the target at the left are turned over. Points: true "
-        f"dyads, n = {' or '.join(map(str, n))}; bars: their mean. {found[0].trials} of {found[0].of} trials of each. "
-        f"{chance} What passes through the board is influence too."
+        "How much better the velocity of one side is foretold with 60 ms of the other's past than with its own and "
+        "the ball's alone, from the release to the completion; trials with the target at the left are turned over. "
+        f"Points: true dyads, n = {' or '.join(map(str, n))}; bars: their mean. {found[0].trials} of {found[0].of} "
+        f"trials of each. {chance} What passes through the board is influence too."
     )

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 from matplotlib.axes import Axes
 
-from netboard.figures.marks import draw_dyads, draw_mean, in_lines, look_of, new_mosaic, styled, titled
-from netboard.figures.measures import places
+from netboard.figures.marks import draw_dyads, draw_mean, look_of, new_mosaic, styled, titled
+from netboard.figures.measures import BESIDE, legend, places
 from netboard.figures.picture import Picture
 from netboard.findings.leadership import QUESTIONS, Lead, Leaders, leaders
 from netboard.measuring.study import Study
@@ -29,10 +29,12 @@ def picture(study: Study) -> Picture:
         return Picture("leadership", TITLE, "No trial that counts has a delay.", None)
     names = [question.name for question in QUESTIONS if any(one.question == question for one in found.leads)]
     figure, axes = new_mosaic(5.0, [names[:2], names[2:]] if len(names) == 4 else [names])
-    at = places(tuple(dict.fromkeys(one.condition for one in found.leads)))
+    shown = tuple(dict.fromkeys(one.condition for one in found.leads))
+    at = places(shown)
     for name, letter in zip(names, "ABCD", strict=False):
         _panel(axes[name], [one for one in found.leads if one.question.name == name], at)
         titled(axes[name], letter, name)
+    legend(figure, shown)
     return Picture("leadership", TITLE, _caption(found), figure)
 
 
@@ -45,7 +47,7 @@ def _panel(axes: Axes, found: Sequence[Lead], at: dict[str, float]) -> None:
         own = [one for one in found if one.condition.team == team]
         for dyad in sorted({dyad for one in own for dyad in one.dyads}):
             here = [one for one in own if dyad in one.dyads]
-            x = [at[one.condition.name] for one in here]
+            x = [at[one.condition.name] + BESIDE for one in here]
             y = [scale * one.values[one.dyads.index(dyad)] for one in here]
             draw_dyads(axes, x, y, look_of(own[0].condition).colour, f"{dyad} {team}", joined=True)
     for one in found:
@@ -53,8 +55,7 @@ def _panel(axes: Axes, found: Sequence[Lead], at: dict[str, float]) -> None:
     reach = 1.1 * max(abs(end) for end in axes.get_ylim())
     axes.set_ylim(-reach, reach)
     axes.set_ylabel("left first   [ms]   right first" if in_ms else "left first   [1]   right first")
-    ticks = {at[one.condition.name]: in_lines(one.condition) for one in found}
-    axes.set_xticks(list(ticks), list(ticks.values()), fontsize=6.5)
+    axes.set_xticks([])
     axes.set_xlim(-0.6, max(at.values()) + 0.6)
 
 
@@ -68,9 +69,9 @@ def _caption(found: Leaders) -> str:
         f" In {', '.join(found.changed)} partners changed seats: there a side is no person." if found.changed else ""
     )
     return (
-        "Time of the left side less that of the right one, in cooperative movements (A, B) and by cross-correlation of a "
-        "trial (C); index: movements in which the right side was first less those in which the left one was, over both (D, "
-        "delays of B). Small points: dyads, those of a team joined; large points: means over dyads with 95 % t "
-        f"intervals. Sides are hands of one person in bimanual conditions, people in dyadic ones.{changed} "
+        "Time of the left side less that of the right one, in cooperative movements (A, B) and by cross-correlation "
+        "of a trial (C); index: movements in which the right side was first less those in which the left one was, "
+        "over both (D, delays of B). Small points: dyads, those of a team joined; large points: means over dyads with "
+        f"95 % t intervals. Sides are hands of one person in bimanual conditions, people in dyadic ones.{changed} "
         f"{known[:1].upper()}{known[1:]}."
     )

@@ -1,6 +1,7 @@
 """Every measure in every condition: each dyad, and the mean over dyads."""
 
 from collections.abc import Sequence
+from typing import Literal
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -12,6 +13,8 @@ from netboard.findings.groups import Condition
 from netboard.findings.measures import MEASURES, Levels, overview
 from netboard.measuring.study import Study
 
+Where = Literal["outside upper center", "outside lower center"]
+
 TITLE = "All measures"
 
 COLUMNS = 4
@@ -19,6 +22,10 @@ COLUMNS = 4
 
 TEAM_GAP = 0.5
 """Further from the conditions of one team to those of the next than between conditions [1]."""
+
+
+BESIDE = 0.22
+"""From a mean to its dyads [1]."""
 
 
 @styled
@@ -69,8 +76,8 @@ def places(shown: Sequence[Condition]) -> dict[str, float]:
     return {one.name: k + TEAM_GAP * teams.index(one.team) for k, one in enumerate(shown)}
 
 
-def legend(figure: Figure, shown: Sequence[Condition]) -> None:
-    """Name conditions over the panels.
+def legend(figure: Figure, shown: Sequence[Condition], where: Where = "outside upper center") -> None:
+    """Name conditions beside the panels.
 
     Parameters
     ----------
@@ -78,6 +85,8 @@ def legend(figure: Figure, shown: Sequence[Condition]) -> None:
         The picture.
     shown : sequence of Condition
         The conditions.
+    where : {"outside upper center", "outside lower center"}
+        Above or below them.
     """
     looks = [look_of(one) for one in shown]
     handles = [
@@ -85,7 +94,7 @@ def legend(figure: Figure, shown: Sequence[Condition]) -> None:
         for look in looks
     ]
     labels = [one.label for one in shown]
-    figure.legend(handles, labels, loc="outside upper center", ncols=min(4, len(shown)), handletextpad=0.2)
+    figure.legend(handles, labels, loc=where, ncols=min(4, len(shown)), handletextpad=0.2)
 
 
 def _panel(axes: Axes, found: Sequence[Levels], at: dict[str, float]) -> None:
@@ -94,7 +103,7 @@ def _panel(axes: Axes, found: Sequence[Levels], at: dict[str, float]) -> None:
         own = [one for one in found if one.condition.team == team]
         for dyad in sorted({dyad for one in own for dyad in one.dyads}):
             here = [one for one in own if dyad in one.dyads]
-            x = [at[one.condition.name] for one in here]
+            x = [at[one.condition.name] + BESIDE for one in here]
             y = [one.values[one.dyads.index(dyad)] for one in here]
             draw_dyads(axes, x, y, look_of(own[0].condition).colour, f"{dyad} {team}", joined=True)
     for one in found:
@@ -115,7 +124,7 @@ def _caption(found: Sequence[Levels], shown: Sequence[Condition]) -> str:
     fewer = [one for one in found if one.mean.n < max(other.mean.n for other in found)]
     less = f" Fewer have: {', '.join(dict.fromkeys(one.measure.name for one in fewer))}." if fewer else ""
     return (
-        "Small points: the dyads, which are means of performers' means, those of a team joined; large points: means over "
-        "dyads with 95 % t intervals. Completion times are geometric means. Nearer to zero, SPARC and LDLJ are smoother. "
-        f"{known[0].upper()}{known[1:]}.{less}"
+        "Small points: the dyads, which are means of performers' means, those of a team joined; large points: means "
+        "over dyads with 95 % t intervals. Completion times are geometric means. Nearer to zero, SPARC and LDLJ are "
+        f"smoother. {known[0].upper()}{known[1:]}.{less}"
     )

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.ticker import LogLocator, NullLocator
 
 from netboard.analysis.effects import Effect
 from netboard.figures.marks import Look, beside, draw_mean, new_mosaic, styled, titled
@@ -70,11 +71,10 @@ def _terms(axes: Axes, shown: Sequence[Fit]) -> None:
             draw_mean(axes, names.index(effect.name) + offset, effect.ratio, look, label, across=True)
         axes.plot([], [], linestyle="none", marker=look.marker, color=look.colour, label=f"{fit.measure}, {fit.ratio}")
     axes.set_xscale("log")
+    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 1.5, 2.0, 3.0, 5.0, 7.0)))
     axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
-    axes.xaxis.set_minor_formatter(
-        lambda value, _: f"{value:.2g}" if round(10 * value) in (2, 4, 5, 6, 8, 15, 20, 30, 40) else ""
-    )
-    axes.tick_params(axis="x", which="both", labelsize=6.5)
+    axes.xaxis.set_minor_locator(NullLocator())
+    axes.tick_params(axis="x", labelsize=7)
     axes.set_yticks(range(len(names)), names, fontsize=7)
     axes.set_ylim(len(names) - 0.5, -0.5)
     axes.set_xlabel("ratio [1]")
@@ -110,7 +110,7 @@ def _caption(found: Fits, shown: Sequence[Fit]) -> str:
     )
     left = f" {'; '.join(found.notes)}." if found.notes else ""
     return (
-        "Ratios by which a factor multiplies the response (the odds, of falls), averages over the other factor; below, haptics "
-        "in each configuration. Bars: 95 % intervals with one degree of freedom less than dyads. B: residuals in order "
-        f"of size. {fitted[0].upper()}{fitted[1:]}.{failed}{left}"
+        "Ratios by which a factor multiplies the response (the odds, of falls), averages over the other factor; "
+        "below, haptics in each configuration. Bars: 95 % intervals with one degree of freedom less than dyads. B: "
+        f"residuals in order of size. {fitted[0].upper()}{fitted[1:]}.{failed}{left}"
     )

@@ -1,16 +1,24 @@
 """The mean course of a trial in each condition: ball and hands, with the spread of the trials."""
 
+from typing import Literal
+
 from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
 
 from netboard.figures.marks import look_of, new_mosaic, styled, titled
-from netboard.figures.picture import Picture
+from netboard.figures.picture import BLACK, Picture
+from netboard.findings.groups import Condition
 from netboard.findings.paths import BAND, QUANTITIES, Course, courses
 from netboard.measuring.study import Study
 
 TITLE = "The course of a trial"
 
+COLUMNS = 4
+"""Conditions beside each other [1]."""
+
 _MM = 1000.0
-_STYLES = {"near": "-", "far": "--"}
+_STYLES: dict[str, Literal["-", "--"]] = {"near": "-", "far": "--"}
+_HANDS = {"near": BLACK, "far": "#555555"}
 _LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
 
 
@@ -27,26 +35,38 @@ def picture(study: Study) -> Picture:
     if not found:
         return Picture("paths", TITLE, "No trial that counts has a path.", None)
     shown = list(dict.fromkeys(one.condition for one in found))
-    rows = [[f"{what} {one.name}" for one in shown] for what in ("ball", "hands")]
-    figure, axes = new_mosaic(4.2, rows, sharex=True)
+    lines = [shown[k : k + COLUMNS] for k in range(0, len(shown), COLUMNS)]
+    figure, axes = new_mosaic(0.4 + 3.9 * len(lines), _layout(lines))
     for place, condition in enumerate(shown):
         ball, hands = (axes[f"{what} {condition.name}"] for what in ("ball", "hands"))
         for one in (one for one in found if one.condition == condition):
             _course(ball if one.quantity == "ball" else hands, one)
         titled(ball, _LETTERS[place], condition.label.replace(", ", ",\n"))
         hands.set_xlabel("time from the release [s]")
-        if place:
-            ball.tick_params(labelleft=False)
-            hands.tick_params(labelleft=False)
-    first = shown[0].name
-    axes[f"ball {first}"].set_ylabel("ball towards the target [m]")
-    axes[f"hands {first}"].set_ylabel("height of the hands [mm]")
-    axes[f"hands {first}"].legend(loc="upper right", fontsize=6.5)
-    for row in rows:
-        lows, highs = zip(*(axes[name].get_ylim() for name in row), strict=True)
-        for name in row:
-            axes[name].set_ylim(min(lows), max(highs))
+        ball.tick_params(labelbottom=False)
+    for what, label in (("ball", "ball towards the target [m]"), ("hands", "height of the hands [mm]")):
+        _alike(axes, [[f"{what} {one.name}" for one in line] for line in lines], label)
+    handles = [Line2D([], [], color=colour, linestyle=_STYLES[name]) for name, colour in _HANDS.items()]
+    figure.legend(handles, [QUANTITIES[name] for name in _HANDS], loc="outside lower center", ncols=2)
     return Picture("paths", TITLE, _caption(found), figure)
+
+
+def _layout(lines: list[list[Condition]]) -> list[list[str]]:
+    """Put the hands of each condition below its ball."""
+    width = len(lines[0])
+    rows = [[f"{what} {one.name}" for one in line] for line in lines for what in ("ball", "hands")]
+    return [row + ["."] * (width - len(row)) for row in rows]
+
+
+def _alike(axes: dict[str, Axes], lines: list[list[str]], label: str) -> None:
+    """Give panels of one quantity one scale, and its name to the first of each line."""
+    names = [name for line in lines for name in line]
+    lows, highs = zip(*(axes[name].get_ylim() for name in names), strict=True)
+    for name in names:
+        axes[name].set_ylim(min(lows), max(highs))
+        axes[name].tick_params(labelleft=any(name == line[0] for line in lines))
+    for line in lines:
+        axes[line[0]].set_ylabel(label)
 
 
 def _course(axes: Axes, one: Course) -> None:
@@ -60,9 +80,13 @@ def _course(axes: Axes, one: Course) -> None:
     )
     for dyad, own in zip(one.dyads, one.each, strict=True):
         axes.plot(one.time, scale * own, color=colour, linewidth=0.5, alpha=0.5, label=f"_{name}, {dyad}")
-    label = f"_{name}" if one.quantity == "ball" else QUANTITIES[one.quantity]
     axes.plot(
-        one.time, scale * one.mean, color=colour, linewidth=1.5, linestyle=_STYLES.get(one.quantity, "-"), label=label
+        one.time,
+        scale * one.mean,
+        color=colour,
+        linewidth=1.5,
+        linestyle=_STYLES.get(one.quantity, "-"),
+        label=f"_{name}",
     )
 
 
@@ -74,7 +98,7 @@ def _caption(found: tuple[Course, ...]) -> str:
         if one.quantity == "ball"
     )
     return (
-        "From the release on, the hold included; trials with the target at the left are mirrored. Thick: mean of the dyads' "
-        f"means; thin: dyads; bands: from {low} % to {high} % of the trials at each time. At the end at least nine of ten "
-        f"trials of the study are still going on. {known[0].upper()}{known[1:]}."
+        "From the release on, the hold included; trials with the target at the left are mirrored. Thick: mean of the "
+        f"dyads' means; thin: dyads; bands: from {low} % to {high} % of the trials at each time. At the end at least "
+        f"nine of ten trials of the study are still going on. {known[0].upper()}{known[1:]}."
     )

@@ -2,8 +2,10 @@
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator
 
 from netboard.figures.marks import look_of, new_mosaic, styled, titled
+from netboard.figures.measures import legend
 from netboard.figures.picture import Picture
 from netboard.findings.groups import conditions
 from netboard.findings.quality import Quality, quality
@@ -29,13 +31,14 @@ def picture(study: Study) -> Picture:
         return Picture("quality", TITLE, "There is no recording.", None)
     dyads = found.blocks["dyad"].nunique()
     tall = 0.55 + 0.2 * min(dyads, 40)
-    figure, axes = new_mosaic(2.3 + tall, [["falls", "excluded"], ["times", "times"]], height_ratios=[tall, 2.2])
+    figure, axes = new_mosaic(2.6 + tall, [["falls", "excluded"], ["times", "times"]], height_ratios=[tall, 2.2])
     _counts(axes["falls"], found, "fell")
     titled(axes["falls"], "A", "attempts that fell [1]")
     _counts(axes["excluded"], found, "excluded")
     titled(axes["excluded"], "B", "attempts excluded [1]")
     _times(axes["times"], found, study)
     titled(axes["times"], "C", "completion time through the session")
+    legend(figure, conditions(study), "outside lower center")
     return Picture("quality", TITLE, _caption(found, dyads), figure)
 
 
@@ -71,12 +74,12 @@ def _times(axes: Axes, found: Quality, study: Study) -> None:
             color=look.colour,
             markerfacecolor=look.face,
             zorder=2,
-            label=condition.label,
+            label=f"_{condition.name}",
         )
     axes.set_ylim(bottom=0.0)
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.set_xlabel("block of the plan [1]")
     axes.set_ylabel("completion time [s]")
-    axes.legend(loc="lower center", ncols=4, handletextpad=0.2, columnspacing=1.2)
 
 
 def _caption(found: Quality, dyads: int) -> str:
@@ -84,10 +87,10 @@ def _caption(found: Quality, dyads: int) -> str:
     reasons = "; ".join(f"{why}: {number}" for why, number in found.reasons.items())
     return (
         f"Blocks of {dyads} {'dyad' if dyads == 1 else 'dyads'}: {total['attempts']} attempts, of which "
-        f"{total['success']} succeeded, {total['fell']} fell and {total['timed_out']} timed out; {total['excluded']} are "
-        f"excluded{f' ({reasons})' if reasons else ''}, {total['counts']} trials count, {total['missing']} ticks are "
-        f"missing. A, B: how many in each block; squares without a number: none. C: geometric mean of the trials that "
-        f"count in each block, a line for each dyad. {_drift(found)}"
+        f"{total['success']} succeeded, {total['fell']} fell and {total['timed_out']} timed out; {total['excluded']} "
+        f"are excluded{f' ({reasons})' if reasons else ''}, {total['counts']} trials count, {total['missing']} ticks "
+        "are missing. A, B: how many in each block; squares without a number: none. C: geometric mean of the trials "
+        f"that count in each block, a line for each dyad. {_drift(found)}"
     )
 
 

@@ -107,7 +107,7 @@ MEASURES = (
     Measure("exchanged energy", "J", "forces", "trial", lambda rows: rows["to_left"] + rows["to_right"]),
     Measure("work given", "J", "forces", "trial", _both("given"), compared=False),
     Measure("work received", "J", "forces", "trial", _both("received"), compared=False),
-    Measure("right hand's force share", "1", "forces", "trial", _column("force_share"), compared=False),
+    Measure("force share, right", "1", "forces", "trial", _column("force_share"), compared=False),
 )
 """All of them."""
 
@@ -118,6 +118,7 @@ EXPLAINED = {
     "|delay at 20 %|": "of cooperative movements",
     "|lag|": "by cross-correlation",
     "interaction force": "mean magnitude of what cancels in the tilt",
+    "force share, right": "of the right hand, without what each must bear",
     "work given": "of both hands on the coupling",
     "work received": "by both hands from the coupling",
 }
