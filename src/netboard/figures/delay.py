@@ -13,6 +13,7 @@ from netboard.figures.marks import (
     in_lines,
     listed,
     look_of,
+    many,
     new_mosaic,
     styled,
     titled,
@@ -25,7 +26,8 @@ TITLE = "Delay between the sides"
 
 _MS = 1000.0
 _WIDTH = 0.6
-_GREYS = ("#B0B0B0", "#858585", "#555555", "#000000")
+_BESIDE = 0.09
+_GREYS = ("#A0A0A0", "#757575", "#4A4A4A", "#000000")
 
 
 @styled
@@ -68,7 +70,7 @@ def _panel(axes: Axes, shown: list[ConditionDelay], delays: Callable[[ConditionD
         for offset, q, grey, mean in zip(beside(len(PERCENT), _WIDTH), PERCENT, _GREYS, found.means, strict=True):
             label = f"{one.condition.name}, {q} %"
             units = (found.units if few else found.dyads)[q]
-            draw_dyads(axes, np.full(len(units), place + offset + 0.055), _MS * units, look.colour, f"{label}, units")
+            draw_dyads(axes, np.full(len(units), place + offset + _BESIDE), _MS * units, look.colour, f"{label}, units")
             face = "white" if look.face == "white" else grey
             draw_mean(axes, place + offset, mean, Look(grey, look.marker, face, look.line), label, scale=_MS)
     axes.set_xticks(range(len(shown)), [in_lines(one.condition) for one in shown], fontsize=7.5)
@@ -82,6 +84,7 @@ def _panel(axes: Axes, shown: list[ConditionDelay], delays: Callable[[ConditionD
 
 def _deviations(axes: Axes, shown: list[ConditionDelay]) -> None:
     """Draw the standard deviation of the signed delays as pale bars."""
+    axes.use_sticky_edges = False
     for place, one in enumerate(shown):
         for offset, q, mean, spread in zip(
             beside(len(PERCENT), _WIDTH), PERCENT, one.signed.means, one.deviations.means, strict=True
@@ -111,7 +114,8 @@ def _caption(study: Study, shown: list[ConditionDelay]) -> str:
     of = {"dyads": "dyads", "people": "participants alone and dyads together", "movements": "single movements"}
     unit = study.readings.summaries.intervals
     each = "; ".join(
-        f"{one.condition.label}: n = {one.as_set.means[0].n} {one.as_set.means[0].unit}s, {one.movements} movements"
+        f"{one.condition.label}: n = {many(one.as_set.means[0].n, one.as_set.means[0].unit)}, "
+        f"{many(one.movements, 'movement')}"
         for one in shown
     )
     warning = (
@@ -119,10 +123,11 @@ def _caption(study: Study, shown: list[ConditionDelay]) -> str:
         if unit == "movements"
         else ""
     )
+    few = of["dyads" if unit == "movements" else unit]
     return (
-        f"Time between the sides' reaching a portion of a peak velocity in cooperative movements of trials that count, at "
-        f"{listed([str(q) for q in PERCENT])} % (the darker the higher). Large points: means with 95 % t intervals over "
-        f"{of[unit]}; small points: {of[unit] if unit != 'movements' else 'dyads'}. A: the threshold that is set; B: without the bias that one threshold for both sides has; "
-        f"C: left less right, with the standard deviation within performers (pale bars: mean ± SD).{warning} "
-        f"{each[0].upper()}{each[1:]}."
+        "Time between the sides' reaching a portion of a peak velocity in cooperative movements of trials that count, "
+        f"at {listed([str(q) for q in PERCENT])} % (the darker the higher). Large points: means with 95 % t intervals "
+        f"over {of[unit]}; small points: {few}. A: the threshold that is set; B: without the bias that one threshold "
+        "for both sides has; C: left less right, with the standard deviation within performers (pale bars: "
+        f"mean ± SD).{warning} {each[0].upper()}{each[1:]}."
     )

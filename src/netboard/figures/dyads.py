@@ -1,8 +1,7 @@
 """The paper's figure 3: participants beside their partners and their dyads, in completion time and velocity peaks."""
 
-from matplotlib.axes import Axes
-
 import numpy as np
+from matplotlib.axes import Axes
 
 from netboard.figures.marks import Look, draw_dyads, draw_mean, listed, look_of, new_mosaic, styled, titled
 from netboard.figures.picture import BLACK, GREEN, PINK, SKY, Picture
@@ -55,7 +54,7 @@ def _plane(axes: Axes, found: list[Comparison]) -> None:
         for point in one.points
         for value in (point.relative.against_partner, point.relative.of_dyad)
     ]
-    reach = 1.15 * max(max(abs(value) for value in every), 1e-3) if every else 1.0
+    reach = 1.15 * max([1e-3, *map(abs, every)])
     axes.fill_between([-reach, reach], [-reach, reach], -reach, color="#EEEEEE", zorder=0, linewidth=0.0)
     axes.plot([-reach, reach], [-reach, reach], color="#888888", linewidth=0.8, zorder=1, label="_diagonal")
     axes.text(0.97 * reach, -0.97 * reach, "dyad better\nthan the mean of both", ha="right", va="bottom", fontsize=7)
@@ -87,8 +86,8 @@ def _plane(axes: Axes, found: list[Comparison]) -> None:
     axes.set_xlim(-reach, reach)
     axes.set_ylim(-reach, reach)
     axes.set_aspect("equal")
-    axes.set_xlabel(f"half of what the partner needs more [{unit}]")
-    axes.set_ylabel(f"what the dyad needs more [{unit}]")
+    axes.set_xlabel(f"(partner - self) / 2 [{unit}]")
+    axes.set_ylabel(f"dyad - self [{unit}]")
 
 
 def _gains(axes: Axes, found: list[Comparison]) -> None:
@@ -109,8 +108,8 @@ def _caption(found: list[Comparison]) -> str:
     least = min(one.test.least_p for one in found)
     return (
         "Two points for each dyad (joined), one for each participant. To the right: better alone than the partner; "
-        "upwards: the dyad needs more than the participant alone; below the diagonal: the dyad is better than the mean of "
-        "its two participants. The participants' values are those of their bimanual trials with the same force. Below: the "
-        "same gain of each dyad (small), and the mean over dyads (large) with its 95 % t interval. "
+        "upwards: the dyad needs more than the participant alone; below the diagonal: the dyad is better than the mean "
+        "of its two participants. The participants' values are those of their bimanual trials with the same force. "
+        "Below: the same gain of each dyad (small), and the mean over dyads (large) with its 95 % t interval. "
         f"n dyads: {listed(known)}. A sign test of so many dyads can give no p below {least:.3g}."
     )

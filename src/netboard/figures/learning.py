@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib.axes import Axes
 
-from netboard.figures.marks import apart, beside, draw_dyads, draw_mean, new_mosaic, styled, team_look, titled
+from netboard.figures.marks import apart, beside, draw_dyads, draw_mean, many, new_mosaic, styled, team_look, titled
 from netboard.figures.picture import BLACK, CLASSES, Picture
 from netboard.findings.groups import CLASSES as ORDER
 from netboard.findings.learning import Course, TeamLearning, learning
@@ -120,13 +120,16 @@ def _top(course: Course) -> float:
     return float(np.nanmax(every))
 
 
+def _performers(one: TeamLearning) -> str:
+    """Say how many participants there are, where dyads are not what performs."""
+    return f"{many(one.performers, 'participant')}, " if one.team == "bimanual" else ""
+
+
 def _caption(study: Study, teams: tuple[TeamLearning, ...]) -> str:
     how = study.readings.summaries
-    level, of = 95, teams[0].courses[0].of
+    of = "trials" if how.spread == "trials" else "participants or dyads"
     people = "; ".join(
-        f"{one.team}: n = {one.dyads} dyads ({one.performers} {'participants' if one.team == 'bimanual' else 'dyads'} "
-        f"performing, {one.trials} trials)"
-        for one in teams
+        f"{one.team}: n = {many(one.dyads, 'dyad')} ({_performers(one)}{one.trials} trials)" for one in teams
     )
     areas = "they add up to the completion time"
     if study.readings.movements.window == "whole":
@@ -135,6 +138,6 @@ def _caption(study: Study, teams: tuple[TeamLearning, ...]) -> str:
         f"Completion time (top) and number of velocity peaks of the ball (bottom) over the trials of a condition, all "
         f"haptic conditions together. Thin lines: mean of all trials with the same number; areas: mean time of each "
         f"class of movement in them; {areas}. Points: dyads' means in groups of {how.group} trials (small) and their "
-        f"mean (large) with {level} % t intervals over dyads. Numbers: mean ± SD of the first and of the last "
-        f"{how.ends} trials (SD of single {of}s). {people[0].upper()}{people[1:]}."
+        f"mean (large) with 95 % t intervals over dyads. Numbers: mean ± SD of the first and of the last "
+        f"{how.ends} trials (SD of {of}). {people[0].upper()}{people[1:]}."
     )
