@@ -151,9 +151,9 @@ def _rows(one: Comparison) -> Iterator[Result]:
     note = "; ".join(filter(None, (EXPLAINED.get(one.measure.name, ""), *contrast.notes)))
     group = one.question.name
     yield estimated("contrasts", one.what, group, one.difference, one.unit, note)
-    yield estimated("contrasts", one.what, group, one.bootstrap, one.unit, note)
-    yield estimated("contrasts", f"{one.measure.name}: effect size", group, contrast.effect, "1", note)
-    yield estimated("contrasts", f"{one.measure.name}: effect size", group, one.hedges, "1", note)
+    yield estimated("contrasts", f"{one.what}, bootstrap", group, one.bootstrap, one.unit, note)
+    yield estimated("contrasts", f"{one.measure.name}: d_z", group, contrast.effect, "1", note)
+    yield estimated("contrasts", f"{one.measure.name}: g_z", group, one.hedges, "1", note)
     for name, test in (("sign test", contrast.signs), ("permutation test", contrast.permutation)):
         least = f"at least {test.least_p:.3g} with so many" if np.isfinite(test.least_p) else "too few to test"
         yield _number(one, f"{one.measure.name}: p, {name}", test.p, test.n, least)
