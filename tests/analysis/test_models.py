@@ -131,6 +131,7 @@ def test_balanced_dyads_have_the_estimates_of_an_analysis_of_variance() -> None:
     assert any(note.startswith("haptics: left out") for note in found.notes)
 
 
+@pytest.mark.slow
 def test_balanced_performers_within_dyads_have_the_estimates_of_an_analysis_of_variance() -> None:
     labels = one_condition(7, 3, 5)
     source = np.random.default_rng(4)
@@ -240,6 +241,7 @@ def test_z_intervals_of_four_dyads_are_too_short() -> None:
     assert hits["z"] / 120 < 0.855 + 0.08
 
 
+@pytest.mark.slow
 def test_slopes_make_an_effect_less_sure() -> None:
     labels = plan(6, 20)
     times = times_of(labels, Truth(dyad_slope=0.3, performer_slope=0.3), 3)
@@ -370,6 +372,7 @@ def test_another_unit_of_time_shifts_the_intercept_only() -> None:
     assert variances(milliseconds) == pytest.approx(variances(seconds), rel=1e-4, abs=1e-8)
 
 
+@pytest.mark.slow
 @every_model
 def test_names_of_dyads_and_the_order_of_rows_change_nothing(model: Any, sample: Any) -> None:
     labels = plan(5, 10)
@@ -558,6 +561,7 @@ def test_normal_residuals_lie_on_a_line() -> None:
     assert max(abs(found.spread), abs(found.successive)) < 4 / np.sqrt(n)
 
 
+@pytest.mark.slow
 def test_diagnostics_find_what_is_wrong() -> None:
     labels = plan(4, 40)
     common = explained(labels, Truth(effects=(1.5, -0.1, 1.2, 0.0, -0.1)), 21)
@@ -577,9 +581,10 @@ def test_diagnostics_find_what_is_wrong() -> None:
     assert mixed.successive == pytest.approx(found[0].successive, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_statistics_need_no_statsmodels() -> None:
     program = (
         "import sys; sys.modules['statsmodels'] = sys.modules['pandas'] = None\n"
-        "import netboard.analysis.statistics, netboard.analysis.contrasts, netboard.analysis.effects, netboard.analysis.factors"
+        "from netboard.analysis import contrasts, effects, factors, statistics"
     )
     subprocess.run([sys.executable, "-c", program], check=True)

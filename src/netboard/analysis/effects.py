@@ -120,8 +120,8 @@ class Model:
     cells : tuple of Cell
         What was observed, whatever became of the fit.
     dispersion : float
-        Pearson's chi-square over its degrees of freedom, for the variance of a Poisson distribution; NaN of other models
-        [1].
+        Pearson's chi-square over its degrees of freedom, with the variance of a Poisson distribution; NaN of other
+        models [1].
     alpha : float
         Variance beyond the mean over the square of the mean, if the model has it, otherwise NaN [1].
     correlation : float
