@@ -1,6 +1,9 @@
 """Models of a study: their terms are the results, and what cannot be fitted says why."""
 
+from dataclasses import replace
+
 import numpy as np
+import pandas as pd
 import pytest
 
 from made_modern import modern_blocks, modern_study
@@ -8,29 +11,32 @@ from made_study import Block, made_study, times
 from netboard.analysis.models import log_time_model
 from netboard.findings.models import Fits, fits
 from netboard.findings.results import table_of
+from netboard.measuring.study import Study
 
 
-def slower(row: dict[str, float], configuration: str, force: str, dyad: int) -> None:
-    """Forces make two people 1.5 times as fast; every third attempt of a dyad's is no fall."""
-    row["completion"] *= 1.0 / 1.5 if (configuration, force) == ("dyadic", "full") else 1.0
-
-
-@pytest.fixture(scope="module")
-def found() -> Fits:
-    return fits(modern_study(modern_blocks(dyads=6, trials=12, change=slower)))
-
-
-def test_terms_are_those_of_the_models(found: Fits) -> None:
-    study = modern_study(modern_blocks(dyads=6, trials=12, change=slower))
+def _columns(study: Study) -> tuple[pd.Series, ...]:
     rows = study.counted
-    model = log_time_model(
-        rows["completion"],
-        rows["dyad"],
-        rows["performer"],
+    return (
+        *(rows[name] for name in ("completion", "dyad", "performer")),
         rows["haptics"] == 1,
         rows["configuration"] == "dyadic",
         rows["order"],
     )
+
+
+def slower(row: dict[str, float], configuration: str, force: str, dyad: int) -> None:
+    """Forces make two people 1.5 times as fast; dyads differ."""
+    row["completion"] *= (1.0 / 1.5 if (configuration, force) == ("dyadic", "full") else 1.0) * 1.3 ** (dyad % 3)
+
+
+@pytest.fixture(scope="module")
+def found() -> Fits:
+    return fits(modern_study(modern_blocks(seed=5, dyads=6, trials=12, change=slower)))
+
+
+def test_terms_are_those_of_the_models(found: Fits) -> None:
+    study = modern_study(modern_blocks(seed=5, dyads=6, trials=12, change=slower))
+    model = log_time_model(*_columns(study))
     table = table_of(found.results).set_index(["quantity", "group"])
     for name in ("haptics", "configuration", "haptics x configuration", "haptics, bimanual", "haptics, dyadic"):
         row, effect = table.loc[("completion time: ratio", name)], model.effect(name)
@@ -48,6 +54,23 @@ def test_sources_of_chance_and_checks_are_reported(found: Fits) -> None:
     deviations = table[table["quantity"] == "completion time: SD on the log scale"].set_index("group")
     assert deviations.loc["residual", "value"] == pytest.approx(0.4, rel=0.15)
     assert table["note"].str.contains("Assumptions:").any()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_model_that_cannot_be_fitted_gives_way_to_a_simpler_one_and_says_so(seed: int) -> None:
+    """Where nobody differs from anybody, some components of chance can be too many."""
+    study = modern_study(modern_blocks(seed, dyads=6, trials=12))
+    whole = log_time_model(*_columns(study))
+    model = fits(study).fits[0].model
+    assert model.fitted != any("not fitted" in note for note in model.notes if "the whole model" not in note)
+    assert (whole.fitted or not model.fitted) != any("the whole model" in note for note in model.notes)
+    assert not model.fitted or abs(np.log(model.effect("haptics").ratio.value)) < 0.2
+
+
+def test_a_trial_that_took_no_time_is_left_out() -> None:
+    blocks = modern_blocks(seed=5, dyads=3)
+    first = replace(blocks[0], trials=[{**blocks[0].trials[0], "completion": 0.0}, *blocks[0].trials[1:]])
+    assert fits(modern_study([first, *blocks[1:]])).fits[0].model.left_out == 1
 
 
 def test_falls_without_any_are_not_fitted_and_say_so(found: Fits) -> None:

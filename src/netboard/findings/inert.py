@@ -76,15 +76,17 @@ class Controls:
         rows = []
         for one in self.controls:
             group = f"{one.condition.label} less off"
-            arm = f"inert partner of {one.stiffness} N/m"
+            arm = f"{one.stiffness} N/m"
             if one.stiffness == STIFFNESSES[0]:
                 rows.append(_row("haptic effect on cooperative share", group, one.mean_effect, ""))
-            rows.append(_row("passive effect on cooperative share", group, one.mean_passive, arm))
-            share, note = one.share, f"{arm}; 1 = all is mechanics; intervals of few dyads are too short"
+            rows.append(
+                _row(f"passive effect on cooperative share, {arm}", group, one.mean_passive, "by an inert partner")
+            )
+            share, note = one.share, "1 = all is mechanics; intervals of few dyads are too short"
             if not one.has_effect:
                 share = replace(share, value=np.nan, low=np.nan, high=np.nan)
-                note = f"{arm}; no share of an effect whose interval has 0 in it"
-            rows.append(_row("passive share of the effect", group, share, note))
+                note = "no share of an effect whose interval has 0 in it"
+            rows.append(_row(f"passive share of the effect, {arm}", group, share, note))
         return tuple(rows)
 
 
