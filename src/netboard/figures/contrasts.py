@@ -45,7 +45,14 @@ def picture(study: Study) -> Picture:
     most = max(len({one.question for one in found if one.question.kind == kind}) for kind in kinds)
     figure, axes = new_mosaic(1.3 + len(names) * (0.14 + 0.1 * most), [kinds])
     for kind, letter in zip(kinds, "ABC", strict=False):
-        _panel(axes[kind], [one for one in found if one.question.kind == kind], names, looks, _reach(found))
+        _panel(
+            axes[kind],
+            [one for one in found if one.question.kind == kind],
+            names,
+            looks,
+            _reach(found),
+            figure.get_figheight(),
+        )
         titled(axes[kind], letter, KINDS[kind].replace(", ", ",\n"))
         if kind != kinds[0]:
             axes[kind].set_yticklabels([])
@@ -72,10 +79,12 @@ def _reach(found: Sequence[Comparison]) -> float:
     return 1.2 * max(1.0, float(np.nanmax(ends)))
 
 
-def _panel(axes: Axes, found: Sequence[Comparison], names: Sequence[str], looks: dict[str, Look], reach: float) -> None:
+def _panel(
+    axes: Axes, found: Sequence[Comparison], names: Sequence[str], looks: dict[str, Look], reach: float, height: float
+) -> None:
     """Draw a kind of effects, a row for each measure, with exact p values at the right."""
     questions = list(dict.fromkeys(one.question for one in found))
-    offsets = dict(zip(questions, beside(len(questions), 0.5), strict=True))
+    offsets = dict(zip(questions, beside(len(questions), 0.5 if len(questions) <= 2 else 0.75), strict=True))
     for row in range(0, len(names), 2):
         axes.axhspan(row - 0.5, row + 0.5, color=_BAND, zorder=0, linewidth=0.0)
     axes.axvline(0.0, color="#888888", linewidth=0.8, zorder=1)
@@ -97,10 +106,10 @@ def _panel(axes: Axes, found: Sequence[Comparison], names: Sequence[str], looks:
     axes.set_xticks([], minor=True)
     axes.set_xlabel("effect size g_z [1]")
     if len(questions) > 1:
-        _legend(axes, questions, looks)
+        _legend(axes, questions, looks, height)
 
 
-def _legend(axes: Axes, questions: Sequence[Question], looks: dict[str, Look]) -> None:
+def _legend(axes: Axes, questions: Sequence[Question], looks: dict[str, Look], height: float) -> None:
     for one in questions:
         look = looks[one.name]
         axes.plot(
@@ -112,14 +121,14 @@ def _legend(axes: Axes, questions: Sequence[Question], looks: dict[str, Look]) -
             markerfacecolor=look.face,
             label=_short(one),
         )
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.09), fontsize=6.5, handletextpad=0.2)
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.6 / height), fontsize=6.5, handletextpad=0.2)
 
 
 def _short(question: Question) -> str:
     """What tells a question from others of its kind."""
     if question.kind == "configuration":
         return question.name.removeprefix("dyadic less bimanual, ")
-    return question.name.removesuffix(" less off")
+    return question.name.partition(" less off")[0]
 
 
 def _caption(found: Sequence[Comparison]) -> str:

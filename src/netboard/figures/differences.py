@@ -8,12 +8,15 @@ from matplotlib.lines import Line2D
 
 from netboard.figures.contrasts import looks_of
 from netboard.figures.marks import Look, draw_dyads, draw_mean, styled
-from netboard.figures.measures import grid
+from netboard.figures.measures import COLUMNS, grid
 from netboard.figures.picture import Picture
 from netboard.findings.contrasts import Comparison, Question, comparisons
 from netboard.measuring.study import Study
 
 TITLE = "Effects of forces and of a partner"
+
+FEW = 8
+"""More differences than this take wider panels [1]."""
 
 
 @styled
@@ -31,7 +34,7 @@ def picture(study: Study) -> Picture:
     names = list(dict.fromkeys(one.measure.name for one in found))
     questions = sorted({one.question for one in found}, key=[one.question for one in found].index)
     looks = looks_of(study, questions)
-    figure, axes = grid(names, 1.35)
+    figure, axes = grid(names, 1.35, COLUMNS if len(questions) <= FEW else COLUMNS // 2)
     for name in names:
         _panel(axes[name], [one for one in found if one.measure.name == name], questions, looks)
     handles = [

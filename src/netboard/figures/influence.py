@@ -10,6 +10,9 @@ from netboard.measuring.study import Study
 
 TITLE = "Influence between partners"
 
+FEW = 6
+"""More columns than this have turned names [1]."""
+
 
 @styled
 def picture(study: Study) -> Picture:
@@ -29,10 +32,13 @@ def picture(study: Study) -> Picture:
         _column(axes["all"], place, one)
     names = [f"{one.condition.feeling}\n{one.direction}" for one in found]
     axes["all"].set_xticks(range(len(found)), names, fontsize=7)
+    if len(found) > FEW:
+        for label in axes["all"].get_xticklabels():
+            label.set(rotation=35, ha="right", rotation_mode="anchor")
     axes["all"].set_xlim(-0.6, len(found) - 0.4)
     axes["all"].set_ylim(bottom=min(0.0, axes["all"].get_ylim()[0]))
     axes["all"].set_ylabel("Granger strength [nat]")
-    axes["all"].legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=3)
+    figure.legend(*axes["all"].get_legend_handles_labels(), loc="outside lower center", ncols=3)
     return Picture("influence", TITLE, _caption(found), figure)
 
 

@@ -49,7 +49,7 @@ def picture(study: Study) -> Picture:
     return Picture("measures", TITLE, _caption(found, shown), figure)
 
 
-def grid(names: Sequence[str], height: float) -> tuple[Figure, dict[str, Axes]]:
+def grid(names: Sequence[str], height: float, columns: int = COLUMNS) -> tuple[Figure, dict[str, Axes]]:
     """Begin a picture of many small panels.
 
     Parameters
@@ -58,9 +58,11 @@ def grid(names: Sequence[str], height: float) -> tuple[Figure, dict[str, Axes]]:
         Names of the panels.
     height : float
         Of a row of them [in].
+    columns : int
+        How many are beside each other [1].
     """
-    rows = [list(names[k : k + COLUMNS]) for k in range(0, len(names), COLUMNS)]
-    rows[-1] += ["."] * (COLUMNS - len(rows[-1])) if len(rows) > 1 else []
+    rows = [list(names[k : k + columns]) for k in range(0, len(names), columns)]
+    rows[-1] += ["."] * (columns - len(rows[-1])) if len(rows) > 1 else []
     return new_mosaic(0.35 + height * len(rows), rows)
 
 
@@ -94,7 +96,7 @@ def legend(figure: Figure, shown: Sequence[Condition], where: Where = "outside u
         for look in looks
     ]
     labels = [one.label for one in shown]
-    figure.legend(handles, labels, loc=where, ncols=min(4, len(shown)), handletextpad=0.2)
+    figure.legend(handles, labels, loc=where, ncols=4 if len(shown) <= 4 else 3, handletextpad=0.2)
 
 
 def _panel(axes: Axes, found: Sequence[Levels], at: dict[str, float]) -> None:
