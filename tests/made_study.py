@@ -24,7 +24,7 @@ def rows_of(fields: tuple[Field, ...], rows: Iterable[Row]) -> dict[str, Any]:
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """A recording: who performed in which condition, and its attempts, a row each (trial, attempt, outcome are added)."""
+    """A recording: who performed in which condition, and its attempts, a row each; what they do not say is usual."""
 
     dyad: str
     performer: str
@@ -120,7 +120,7 @@ def random_block(
 
 
 def random_blocks(
-    seed: int = 0, dyads: int = 3, trials: int = 8, forces: Sequence[str] = ("full", "none")
+    seed: int = 0, dyads: int = 3, trials: int = 9, forces: Sequence[str] = ("full", "none")
 ) -> list[Block]:
     """Make the recordings of a whole study: everybody alone and together, with each force."""
     chance = np.random.default_rng(seed)

@@ -122,7 +122,7 @@ def test_the_time_that_is_set_is_used() -> None:
 
 def test_the_classes_stack_up_to_the_completion_time() -> None:
     for one in learning(made_study(random_blocks())).teams:
-        assert one.seconds.shape == (8, len(CLASSES))
+        assert one.seconds.shape == (9, len(CLASSES))
         np.testing.assert_allclose(one.seconds.sum(axis=1), one.courses[0].curve.mean)
 
 

@@ -27,6 +27,9 @@ TITLE = "Delay between the sides"
 _MS = 1000.0
 _WIDTH = 0.6
 _BESIDE = 0.09
+_FEW = 4
+"""More conditions have panels below each other."""
+
 _GREYS = ("#A0A0A0", "#757575", "#4A4A4A", "#000000")
 
 
@@ -43,7 +46,9 @@ def picture(study: Study) -> Picture:
     shown = [one for one in found.conditions if any(np.isfinite(mean.value) for mean in one.as_set.means)]
     if not shown:
         return Picture("delay", TITLE, "No trial that counts has a cooperative movement, so there are no delays.", None)
-    figure, axes = new_mosaic(5.0, [["set", "set"], ["own", "signed"]], height_ratios=[1.25, 1])
+    few = len(shown) <= _FEW
+    layout = [["set", "set"], ["own", "signed"]] if few else [["set"], ["own"], ["signed"]]
+    figure, axes = new_mosaic(5.0 if few else 7.2, layout, height_ratios=[1.25, 1] if few else None)
     panels: tuple[tuple[str, str, Callable[[ConditionDelay], Delays]], ...] = (
         ("set", f"{found.kind} delay, {_threshold(study)}", lambda one: one.as_set),
         ("own", f"{found.kind} delay, each side's own peak", lambda one: one.own_peak),
@@ -53,7 +58,10 @@ def picture(study: Study) -> Picture:
         titled(axes[name], letter, title)
         _panel(axes[name], shown, delays)
     _deviations(axes["signed"], shown)
-    _portions(axes["set"], len(shown))
+    if few:
+        _portions(axes["set"], len(shown))
+    for name in () if few else ("set", "own"):
+        axes[name].tick_params(axis="x", labelbottom=False)
     return Picture("delay", TITLE, _caption(study, shown), figure)
 
 
@@ -73,7 +81,10 @@ def _panel(axes: Axes, shown: list[ConditionDelay], delays: Callable[[ConditionD
             draw_dyads(axes, np.full(len(units), place + offset + _BESIDE), _MS * units, look.colour, f"{label}, units")
             face = "white" if look.face == "white" else grey
             draw_mean(axes, place + offset, mean, Look(grey, look.marker, face, look.line), label, scale=_MS)
-    axes.set_xticks(range(len(shown)), [in_lines(one.condition) for one in shown], fontsize=7.5)
+    if len(shown) <= _FEW:
+        axes.set_xticks(range(len(shown)), [in_lines(one.condition) for one in shown], fontsize=7.5)
+    else:
+        axes.set_xticks(range(len(shown)), [one.condition.label for one in shown], fontsize=7.5, rotation=90)
     axes.set_xlim(-0.5, len(shown) - 0.5)
     axes.set_ylabel("delay [ms]")
     if axes.get_ylim()[0] < 0.0:
