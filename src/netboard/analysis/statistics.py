@@ -26,6 +26,9 @@ Correction = Literal["none", "hedges"]
 MOST_EXACT = 100_000
 """Up to so many arrangements are all looked at [1]."""
 
+ROUNDING = 1e-12
+"""Relative differences up to this are none, but of rounding [1]."""
+
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
@@ -203,8 +206,8 @@ def bootstrap(
     Returns
     -------
     Estimate
-        The statistic; without an interval for fewer than two units, or where draws have none. Where all units are
-        alike the interval is a point.
+        The statistic; without an interval for fewer than two units, or where draws have none. Where any one unit alone
+        gives the same the interval is a point.
 
     Raises
     ------
@@ -218,7 +221,8 @@ def bootstrap(
     value = float(statistic(*data, axis=-1)) if n else np.nan
     if n < 2 or not np.isfinite(value):
         return Estimate(value, np.nan, np.nan, level, n, unit, f"bootstrap, {method}")
-    if all(np.ptp(column) == 0.0 for column in data):
+    alone = statistic(*(np.repeat(column[:, None], n, axis=1) for column in data), axis=-1)
+    if np.allclose(alone, value, rtol=ROUNDING, atol=0.0):
         return Estimate(value, value, value, level, n, unit, f"bootstrap, {method}")
     found = stats.bootstrap(
         data,
@@ -369,7 +373,7 @@ def paired_effect(
     """
     x = _finite(differences)
     name = "d_z, noncentral t" if correction == "none" else "g_z, noncentral t"
-    if len(x) < 2 or not np.ptp(x) > 0.0:
+    if len(x) < 2 or not np.ptp(x) > ROUNDING * np.abs(x).max():
         return Estimate(np.nan, np.nan, np.nan, level, len(x), unit, name)
     factor = hedges_factor(len(x) - 1) if correction == "hedges" else 1.0
     return _effect(_mean(x) / float(x.std(ddof=1)), sqrt(len(x)), len(x) - 1, factor, level, len(x), unit, name)

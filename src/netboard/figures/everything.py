@@ -2,7 +2,22 @@
 
 from collections.abc import Callable, Iterator
 
-from netboard.figures import classes, delay, dyads, learning, strategy
+from netboard.figures import (
+    classes,
+    contrasts,
+    delay,
+    differences,
+    dyads,
+    inert,
+    influence,
+    leadership,
+    learning,
+    measures,
+    models,
+    paths,
+    quality,
+    strategy,
+)
 from netboard.figures.picture import Picture
 from netboard.measuring.study import Study
 
@@ -15,7 +30,20 @@ PAPER: tuple[Callable[[Study], Picture], ...] = (
 )
 """Those of the paper, its figures 2 to 6."""
 
-PICTURES: tuple[Callable[[Study], Picture], ...] = PAPER
+MODERN: tuple[Callable[[Study], Picture], ...] = (
+    quality.picture,
+    measures.picture,
+    contrasts.picture,
+    differences.picture,
+    models.picture,
+    leadership.picture,
+    influence.picture,
+    inert.picture,
+    paths.picture,
+)
+"""What a reader of today asks besides."""
+
+PICTURES: tuple[Callable[[Study], Picture], ...] = PAPER + MODERN
 """All of them."""
 
 

@@ -6,9 +6,17 @@ from typing import Protocol
 import pandas as pd
 
 from netboard.findings.classes import classes
+from netboard.findings.contrasts import comparisons
 from netboard.findings.delay import delay
 from netboard.findings.dyads import dyads
+from netboard.findings.inert import controls
+from netboard.findings.influence import influences
+from netboard.findings.leadership import leaders
 from netboard.findings.learning import learning
+from netboard.findings.measures import overview
+from netboard.findings.models import fits
+from netboard.findings.paths import courses
+from netboard.findings.quality import quality
 from netboard.findings.results import Result, table_of
 from netboard.findings.strategy import strategy
 from netboard.measuring.study import Study
@@ -25,7 +33,19 @@ class Finding(Protocol):
 PAPER: tuple[Callable[[Study], Finding], ...] = (learning, dyads, classes, strategy, delay)
 """What the paper reports, in the order of its figures 2 to 6."""
 
-FINDINGS: tuple[Callable[[Study], Finding], ...] = PAPER
+MODERN: tuple[Callable[[Study], Finding], ...] = (
+    quality,
+    overview,
+    comparisons,
+    fits,
+    leaders,
+    influences,
+    controls,
+    courses,
+)
+"""What a reader of today asks besides."""
+
+FINDINGS: tuple[Callable[[Study], Finding], ...] = PAPER + MODERN
 """All that is found."""
 
 

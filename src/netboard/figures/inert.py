@@ -1,0 +1,68 @@
+"""The effect of forces on cooperative movement, beside what they would do to a partner who never acts."""
+
+import numpy as np
+
+from netboard.figures.marks import beside, draw_dyads, draw_mean, look_of, new_mosaic, styled
+from netboard.figures.picture import Picture
+from netboard.findings.inert import Control, controls
+from netboard.measuring.modern import STIFFNESSES
+from netboard.measuring.study import Study
+
+TITLE = "How much of it an inert partner would show"
+
+
+@styled
+def picture(study: Study) -> Picture:
+    """Draw the effect of forces beside the passive one.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+    """
+    found = controls(study).controls
+    if not found:
+        why = "No dyad has trials of two people both with and without forces, in a scene with a free board."
+        return Picture("inert", TITLE, why, None)
+    figure, panels = new_mosaic(3.0, [["all"]])
+    axes = panels["all"]
+    axes.axhline(0.0, color="#888888", linewidth=0.8, zorder=1)
+    felt = list(dict.fromkeys(one.condition for one in found))
+    columns = list(range(1 + len(STIFFNESSES)))
+    for condition, offset in zip(felt, beside(len(felt), 0.5), strict=True):
+        own = [one for one in found if one.condition == condition]
+        look = look_of(condition)
+        for k, dyad in enumerate(own[0].dyads):
+            values = [own[0].effect[k], *(one.passive[k] for one in own)]
+            draw_dyads(
+                axes, np.array(columns) + offset + 0.06, values, look.colour, f"{condition.name}, {dyad}", joined=True
+            )
+        means = [own[0].mean_effect, *(one.mean_passive for one in own)]
+        for column, mean in zip(columns, means, strict=True):
+            draw_mean(axes, column + offset, mean, look, f"{condition.name}, {column}")
+        axes.plot([], [], linestyle="none", marker=look.marker, color=look.colour, label=condition.feeling)
+    names = ["haptics less off,\nas recorded", *(f"inert partner less still one,\n{k} N/m" for k in STIFFNESSES)]
+    axes.set_xticks(columns, names, fontsize=7)
+    axes.set_xlim(-0.5, columns[-1] + 0.5)
+    axes.set_ylabel("change of the cooperative share [1]")
+    if len(felt) > 1:
+        axes.legend()
+    return Picture("inert", TITLE, _caption(found), figure)
+
+
+def _caption(found: tuple[Control, ...]) -> str:
+    shares = "; ".join(_share(one) for one in found)
+    return (
+        "Share of cooperative movement in dyadic trials. Left: with forces less without. Right: what either side's "
+        "recorded movement gives with an inert hand instead of the partner, which is pushed and never acts. Small "
+        f"points: dyads, joined; large points: means over dyads with 95 % t intervals; n = {len(found[0].dyads)} "
+        f"dyads. Part of the effect that is mechanics: {shares}."
+    )
+
+
+def _share(one: Control) -> str:
+    where = f"{one.condition.feeling}, {one.stiffness} N/m"
+    if not one.has_effect:
+        return f"{where}: none to tell, for the effect may be 0"
+    ends = f" [{one.share.low:.2g}, {one.share.high:.2g}]" if np.isfinite(one.share.low) else ""
+    return f"{where}: {one.share.value:.2g}{ends}"

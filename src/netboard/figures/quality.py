@@ -1,0 +1,110 @@
+"""What was recorded: falls and exclusions of every block, and completion times through the sessions."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator
+
+from netboard.figures.marks import look_of, new_mosaic, styled, titled
+from netboard.figures.measures import legend
+from netboard.figures.picture import Picture
+from netboard.findings.groups import conditions
+from netboard.findings.quality import Quality, quality
+from netboard.measuring.study import Study
+
+TITLE = "What was recorded"
+
+_READABLE = 30
+"""With more dyads than this, squares have no numbers [1]."""
+
+
+@styled
+def picture(study: Study) -> Picture:
+    """Draw what was recorded.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+    """
+    found = quality(study)
+    if not len(found.blocks):
+        return Picture("quality", TITLE, "There is no recording.", None)
+    dyads = found.blocks["dyad"].nunique()
+    tall = 0.55 + 0.2 * min(dyads, 40)
+    figure, axes = new_mosaic(2.6 + tall, [["falls", "excluded"], ["times", "times"]], height_ratios=[tall, 2.2])
+    _counts(axes["falls"], found, "fell")
+    titled(axes["falls"], "A", "attempts that fell [1]")
+    _counts(axes["excluded"], found, "excluded")
+    titled(axes["excluded"], "B", "attempts excluded [1]")
+    _times(axes["times"], found, study)
+    titled(axes["times"], "C", "completion time through the session")
+    legend(figure, conditions(study), "outside lower center")
+    return Picture("quality", TITLE, _caption(found, dyads), figure)
+
+
+def _counts(axes: Axes, found: Quality, column: str) -> None:
+    """Draw a square for each block, the darker the more; a block that was not recorded has none."""
+    table = found.blocks.pivot(index="dyad", columns="block", values=column)
+    values = table.to_numpy(float)
+    most = max(float(np.nanmax(values)), 1.0)
+    axes.imshow(values, cmap="Blues", vmin=0.0, vmax=1.6 * most, aspect="auto", label=f"_{column}")
+    if len(table) <= _READABLE:
+        for row, column_number in zip(*np.nonzero(np.nan_to_num(values)), strict=True):
+            axes.text(column_number, row, f"{values[row, column_number]:.0f}", ha="center", va="center", fontsize=6.5)
+    axes.set_yticks(range(len(table)), table.index if len(table) <= _READABLE else [""] * len(table), fontsize=7)
+    step = max(1, table.shape[1] // 9)
+    axes.set_xticks(range(0, table.shape[1], step), table.columns[::step], fontsize=7)
+    axes.set_xlabel("block of the plan [1]")
+    axes.set_ylabel("dyad")
+
+
+def _times(axes: Axes, found: Quality, study: Study) -> None:
+    """Draw the geometric mean of each block, those of a dyad joined."""
+    for dyad, own in found.blocks.groupby("dyad"):
+        axes.plot(own["block"], own["time"], color="#BBBBBB", linewidth=0.6, zorder=1, label=f"_{dyad}")
+    for condition in conditions(study):
+        look = look_of(condition)
+        own = found.blocks[found.blocks["condition"] == condition.label]
+        axes.plot(
+            own["block"],
+            own["time"],
+            linestyle="none",
+            marker=look.marker,
+            markersize=4,
+            color=look.colour,
+            markerfacecolor=look.face,
+            zorder=2,
+            label=f"_{condition.name}",
+        )
+    axes.set_ylim(bottom=0.0)
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    axes.set_xlabel("block of the plan [1]")
+    axes.set_ylabel("completion time [s]")
+
+
+def _caption(found: Quality, dyads: int) -> str:
+    total = found.blocks[["attempts", "success", "fell", "timed_out", "excluded", "counts", "missing"]].sum()
+    reasons = "; ".join(f"{why}: {number}" for why, number in found.reasons.items())
+    return (
+        f"Blocks of {dyads} {'dyad' if dyads == 1 else 'dyads'}: {total['attempts']} attempts, of which "
+        f"{total['success']} succeeded, {total['fell']} fell and {total['timed_out']} timed out; {total['excluded']} "
+        f"are excluded{f' ({reasons})' if reasons else ''}, {total['counts']} trials count, {total['missing']} ticks "
+        "are missing. A, B: how many in each block; squares without a number: none. C: geometric mean of the trials "
+        f"that count in each block, a line for each dyad. {_drift(found)}"
+    )
+
+
+def _drift(found: Quality) -> str:
+    """Say how times change from block to block."""
+    if not np.isfinite(found.drift.value):
+        return "No drift can be told from conditions."
+    ends = f" [{_percent(found.drift.low)}, {_percent(found.drift.high)}]" if np.isfinite(found.drift.low) else ""
+    interval = f", 95 % t interval over {found.drift.n} dyads" if ends else ""
+    return (
+        f"Within a performer and a condition, times change by {_percent(found.drift.value)}{ends} from block to "
+        f"block{interval}."
+    )
+
+
+def _percent(ratio: float) -> str:
+    return f"{100 * (ratio - 1):+.1f} %"

@@ -1,0 +1,139 @@
+"""How much of the effect of forces is mechanics: cooperative movement with a partner who never acts.
+
+The effect is the dyad's share of cooperative movement with forces less that without. The passive effect is the share
+that either side's recorded movement would have with an inert partner instead of the other person; with a partner who is
+still there is none (`netboard.analysis.passive`).
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+from numpy.typing import ArrayLike, NDArray
+
+from netboard.analysis.statistics import Estimate, bootstrap, ratio_of_sums, t_interval
+from netboard.findings.groups import Condition, conditions, estimated, with_base
+from netboard.findings.measures import as_read, levels
+from netboard.findings.results import Result
+from netboard.measuring.modern import STIFFNESSES
+from netboard.measuring.study import Study
+
+SEED = 20_170_605
+"""Of the bootstrap."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Control:
+    """The effect of a force beside the passive one.
+
+    Attributes
+    ----------
+    condition : Condition
+        What was felt, by two people.
+    stiffness : int
+        Of the inert partner's arm [N/m].
+    dyads : tuple of str
+        Dyads with trials with and without forces.
+    effect, passive : ndarray of float64, shape (n,)
+        Of each dyad [1].
+    mean_effect, mean_passive : Estimate
+        Their means, with t intervals [1].
+    share : Estimate
+        Sum of the passive effects over that of the effects, by drawing whole dyads: 1 = all is mechanics [1].
+    """
+
+    condition: Condition
+    stiffness: int
+    dyads: tuple[str, ...]
+    effect: NDArray[np.float64]
+    passive: NDArray[np.float64]
+    mean_effect: Estimate
+    mean_passive: Estimate
+    share: Estimate
+
+    @property
+    def has_effect(self) -> bool:
+        """There may be something to have a share of: no interval of the effect, or one without 0."""
+        return not self.mean_effect.low <= 0.0 <= self.mean_effect.high
+
+
+@dataclass(frozen=True, slots=True)
+class Controls:
+    """For every force and every stiffness.
+
+    Attributes
+    ----------
+    controls : tuple of Control
+        By force, then by stiffness.
+    """
+
+    controls: tuple[Control, ...]
+
+    @property
+    def results(self) -> tuple[Result, ...]:
+        """The effect of each force, and for each stiffness the passive effect and its share."""
+        rows = []
+        for one in self.controls:
+            group = f"{one.condition.label} less off"
+            arm = f"{one.stiffness} N/m"
+            if one.stiffness == STIFFNESSES[0]:
+                rows.append(_row("haptic effect on cooperative share", group, one.mean_effect, ""))
+            rows.append(
+                _row(f"passive effect on cooperative share, {arm}", group, one.mean_passive, "by an inert partner")
+            )
+            share, note = one.share, "1 = all is mechanics; intervals of few dyads are too short"
+            if not one.has_effect:
+                share = replace(share, value=np.nan, low=np.nan, high=np.nan)
+                note = "no share of an effect whose interval has 0 in it"
+            rows.append(_row(f"passive share of the effect, {arm}", group, share, note))
+        return tuple(rows)
+
+
+def _row(quantity: str, group: str, found: Estimate, note: str) -> Result:
+    return estimated("inert", quantity, group, found, "1", note)
+
+
+def controls(study: Study) -> Controls:
+    """Put the effect of forces beside what an inert partner would show.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+
+    Returns
+    -------
+    Controls
+        Empty where no dyad has trials of two people with and without forces.
+    """
+    cooperative = next(measure for measure in as_read(study) if measure.name == "cooperative share")
+    live = levels(study, cooperative)
+    found = []
+    for stiffness in STIFFNESSES:
+        inert = levels(study, replace(cooperative, values=_column_of(stiffness)))
+        for felt, off in with_base(conditions(study)):
+            columns = [_of(live, felt), _of(live, off), _of(inert, felt)]
+            table = pd.concat(columns, axis=1, join="inner").sort_index()
+            if felt.team == "dyadic" and len(table):
+                found.append(_control(felt, stiffness, table))
+    return Controls(tuple(sorted(found, key=lambda one: one.condition.name)))
+
+
+def _column_of(stiffness: int) -> Callable[[pd.DataFrame], ArrayLike]:
+    return lambda rows: rows[f"inert_{stiffness}"]
+
+
+def _of(table: pd.DataFrame, condition: Condition) -> pd.Series:
+    """Return the levels of the dyads in a condition."""
+    return table[table["condition"] == condition.name].set_index("dyad")["level"]
+
+
+def _control(condition: Condition, stiffness: int, table: pd.DataFrame) -> Control:
+    """Compare the columns on, off and passive of a table of dyads."""
+    on, off, passive = table.to_numpy().T
+    effect = on - off
+    share = bootstrap((passive, effect), ratio_of_sums, np.random.default_rng(SEED))
+    return Control(
+        condition, stiffness, tuple(table.index), effect, passive, t_interval(effect), t_interval(passive), share
+    )

@@ -1,0 +1,173 @@
+"""Models of all trials at once: completion times, velocity peaks and falls over forces, configuration and practice.
+
+The models are those of `netboard.analysis.models`; here they are given a study, and their terms, notes and assumptions
+become results. All forces that are felt are one level of a model; the contrasts tell them apart.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+
+from netboard.analysis.effects import Effect, Model
+from netboard.analysis.models import Slopes, count_model, log_time_model, share_model
+from netboard.findings.measures import rows_of
+from netboard.findings.results import Result
+from netboard.measuring.study import Study
+
+
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """A model of a measure.
+
+    Attributes
+    ----------
+    measure : str
+        What is modelled.
+    of : str
+        What was counted: trials or attempts.
+    ratio, first : str
+        What the exponentials of a coefficient, and of the intercept, are.
+    model : Model
+        The model, fitted or not.
+    """
+
+    measure: str
+    of: str
+    ratio: str
+    first: str
+    model: Model
+
+
+@dataclass(frozen=True, slots=True)
+class Fits:
+    """All models.
+
+    Attributes
+    ----------
+    fits : tuple of Fit
+        Of completion times, velocity peaks and falls.
+    notes : tuple of str
+        What was left out of all of them.
+    """
+
+    fits: tuple[Fit, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def results(self) -> tuple[Result, ...]:
+        """Each term with its p, the sources of chance, and what speaks against the assumptions."""
+        return tuple(row for fit in self.fits for row in (*self._terms(fit), *_chance(fit), *_checks(fit)))
+
+    def _terms(self, fit: Fit) -> Iterator[Result]:
+        note = "; ".join((fit.model.name, *self.notes, *fit.model.notes))
+        for effect in fit.model.effects:
+            group, (value, low, high), unit = effect.name, _shown(effect), "1"
+            interval = f"95 % {effect.estimate.method}" if np.isfinite(low) else ""
+            rest = (effect.estimate.n, "dyad", note)
+            quantity = f"{fit.measure}: {fit.ratio}"
+            if effect.name == "log trial":
+                quantity = f"{fit.measure}: exponent of practice"
+            elif effect.name == "intercept":
+                quantity, unit = f"{fit.measure}: {fit.first}", "s" if fit.measure == "completion time" else "1"
+            yield Result("models", quantity, group, value, low, high, unit, interval, *rest)
+            yield Result("models", f"{fit.measure}: p", group, effect.p, np.nan, np.nan, "1", "", *rest)
+
+
+def _shown(effect: Effect) -> tuple[float, float, float]:
+    """Return a term as what it multiplies; practice as its exponent."""
+    of = effect.estimate if effect.name == "log trial" else effect.ratio
+    return of.value, of.low, of.high
+
+
+def _chance(fit: Fit) -> Iterator[Result]:
+    for component in fit.model.components:
+        numbers = (component.deviation, np.nan, np.nan, "1", "", component.levels)
+        of = "trial" if component.name == "residual" else component.name.removeprefix("haptics by ")
+        yield Result("models", f"{fit.measure}: SD on the log scale", component.name, *numbers, of)
+
+
+def _checks(fit: Fit) -> Iterator[Result]:
+    """Numbers beside the assumptions that they speak of; the rest of these is a note."""
+    model = fit.model
+    checks = [("correlation within dyads", model.correlation), ("Pearson's dispersion", model.dispersion)]
+    if model.diagnostics is not None:
+        found = model.diagnostics
+        checks += [("residual skewness", found.skewness), ("residual kurtosis", found.kurtosis)]
+        checks += [("rank correlation of residual size and fit", found.spread)]
+        checks += [("correlation of successive residuals", found.successive)]
+    note = " ".join(("Assumptions:", *model.assumptions))
+    for name, value in checks:
+        if np.isfinite(value):
+            yield Result(
+                "models", f"{fit.measure}: {name}", "all", value, np.nan, np.nan, "1", "", model.trials, fit.of, note
+            )
+
+
+def fits(study: Study) -> Fits:
+    """Fit all models.
+
+    Parameters
+    ----------
+    study : Study
+        The study; trials with a robot or a hand that is still are left out.
+
+    Returns
+    -------
+    Fits
+        The models. One that cannot be fitted says why in its notes.
+    """
+    trials, attempts = (_people(rows_of(study, of)) for of in ("trial", "attempt"))
+    attempts = attempts.assign(order=_number_of(attempts))
+    times = _times(trials)
+    peaks = count_model(trials["peaks"], *_labels(trials))
+    falls = share_model(attempts["outcome"] == "fell", *_labels(attempts))
+    return Fits(
+        (
+            Fit("completion time", "trial", "ratio", "at the first trial", times),
+            Fit("velocity peaks", "trial", "ratio", "at the first trial", peaks),
+            Fit("falls per attempt", "attempt", "ratio of odds", "odds at the first trial", falls),
+        ),
+        _left_out(study, len(trials), trials),
+    )
+
+
+def _times(trials: pd.DataFrame) -> Model:
+    """Fit log times; where effects that differ between performers or dyads cannot be, without them, and say so."""
+    seconds = trials["completion"].where(trials["completion"] > 0.0)
+    whole = log_time_model(seconds, *_labels(trials))
+    simpler: tuple[Slopes, ...] = ("dyad", "none") if not whole.fitted and whole.dyads > 1 else ()
+    for slopes in simpler:
+        model = log_time_model(seconds, *_labels(trials), slopes=slopes)
+        if model.fitted:
+            whose = "of dyads only" if slopes == "dyad" else "left out"
+            why = f"the whole model is {'; '.join(whole.notes)}: chance in the effect of haptics {whose}"
+            return replace(model, notes=(*model.notes, why))
+    return whole
+
+
+def _people(rows: pd.DataFrame) -> pd.DataFrame:
+    return rows[rows["condition"] == rows["configuration"] + ", " + rows["force"]]
+
+
+def _labels(rows: pd.DataFrame) -> tuple[pd.Series, ...]:
+    return rows["dyad"], rows["performer"], rows["haptics"] == 1, rows["configuration"] == "dyadic", rows["order"]
+
+
+def _number_of(attempts: pd.DataFrame) -> pd.Series:
+    """Number attempts by the successful trial of the performer in the condition that they are at, from 1."""
+    succeeded = (attempts["outcome"] == "success").astype("int64")
+    done = succeeded.groupby([attempts[name] for name in ("dyad", "performer", "condition")]).cumsum()
+    return done - succeeded + 1
+
+
+def _left_out(study: Study, kept: int, trials: pd.DataFrame) -> tuple[str, ...]:
+    """Say what the models do not tell apart or leave out."""
+    notes = []
+    if kept < len(study.counted):
+        notes.append(f"{len(study.counted) - kept} trials with a robot or a still hand are left out")
+    felt = sorted(trials.loc[trials["haptics"] == 1, "force"].unique())
+    if len(felt) > 1:
+        notes.append(f"haptics: {', '.join(felt)} together")
+    return tuple(notes)

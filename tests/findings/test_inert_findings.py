@@ -1,0 +1,69 @@
+"""The inert partner by hand: an effect, a passive effect, and the share of the one in the other."""
+
+import numpy as np
+import pytest
+
+from made_modern import modern_blocks, modern_study
+from made_study import Block, made_study
+from netboard.findings.inert import Control, controls
+from netboard.findings.results import table_of
+
+OFF = (0.40, 0.42, 0.38, 0.44)
+
+
+def shares(row: dict[str, float], configuration: str, force: str, dyad: int) -> None:
+    """Forces add 0.2, 0.22, ... to the cooperative share, of which half is mechanics at 150 N/m."""
+    effect = 0.2 + 0.02 * dyad
+    share = OFF[dyad % 4] + (effect if force == "full" else 0.0)
+    row |= {"cooperative": 2.0 * share, "single": 2.0 * (1.0 - share), "competitive": 0.0, "still": 0.0}
+    if configuration == "dyadic" and force == "full":
+        row |= {"inert_50": effect, "inert_150": effect / 2.0, "inert_300": 0.0}
+
+
+def control(stiffness: int, dyads: int = 4) -> Control:
+    found = controls(modern_study(modern_blocks(dyads=dyads, change=shares)))
+    (only,) = [one for one in found.controls if one.stiffness == stiffness]
+    return only
+
+
+@pytest.mark.parametrize(("stiffness", "share"), [(50, 1.0), (150, 0.5), (300, 0.0)])
+def test_the_share_is_that_of_mechanics(stiffness: int, share: float) -> None:
+    one = control(stiffness)
+    assert one.effect == pytest.approx([0.2, 0.22, 0.24, 0.26])
+    assert one.mean_effect.value == pytest.approx(0.23)
+    assert one.mean_passive.value == pytest.approx(0.23 * share)
+    assert one.share.value == pytest.approx(share)
+    assert one.share.low <= share + 1e-12
+    assert one.share.high >= share - 1e-12
+    assert (one.share.n, one.share.unit) == (4, "dyad")
+
+
+def test_there_is_no_share_of_an_effect_that_may_be_none() -> None:
+    def nothing(row: dict[str, float], configuration: str, force: str, dyad: int) -> None:
+        shares(row, configuration, "none", dyad)
+        row["cooperative"] += 0.02 * (-1.0) ** dyad * (force == "full")
+
+    found = controls(modern_study(modern_blocks(change=nothing)))
+    assert not any(one.has_effect for one in found.controls)
+    results = table_of(found.results)
+    told = results[results["quantity"].str.startswith("passive share of the effect")]
+    assert told["value"].isna().all()
+    assert told["note"].str.contains("interval has 0").all()
+    assert results.loc[results["quantity"].str.startswith("passive effect"), "value"].notna().all()
+
+
+def test_one_dyad_has_a_share_without_an_interval() -> None:
+    one = control(150, dyads=1)
+    assert one.share.value == pytest.approx(0.5)
+    assert np.isnan(one.share.low)
+    assert one.has_effect
+
+
+def test_alone_without_a_pair_or_with_a_robot_there_is_no_control() -> None:
+    row = {"completion": 3.0, "cooperative": 1.0, "single": 1.0, "competitive": 0.0, "still": 0.0, "inert_50": 0.1}
+    alone = [Block("D01", "D01A", "bimanual", force, [row]) for force in ("full", "none")]
+    robot = [Block("D01", "D01", "dyadic", force, [row], right_by="robot") for force in ("full", "none")]
+    one_force = [Block("D01", "D01", "dyadic", "full", [row])]
+    for blocks in (alone, robot, one_force):
+        assert controls(made_study(blocks)).controls == ()
+        assert controls(made_study(blocks)).results == ()

@@ -1,0 +1,90 @@
+"""Studies made up of numbers with all that is measured beyond the paper, and with paths."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from made_study import Block, made_study, random_movement, random_trial
+from netboard.measuring.details import PATHS
+from netboard.measuring.study import Study
+from netboard.measuring.tables import DTYPES
+
+Path = Mapping[str, NDArray[np.float64]]
+"""Columns of the path of a trial, all but its place and the time."""
+
+
+def modern_trial(chance: np.random.Generator) -> dict[str, float]:
+    """Make a trial of any numbers, all that is measured among them."""
+    sides = {
+        f"{side}_{name}": float(value)
+        for side in ("left", "right")
+        for name, value in zip(
+            ("reaction", "given", "received", "effort", "power"),
+            (0.3 + 0.1 * chance.random(), *(0.01 * chance.random(4))),
+            strict=True,
+        )
+    }
+    names = ("to_left", "to_right", "interaction", "force_share", "in_target", "overshoot")
+    return {
+        **random_trial(chance),
+        **sides,
+        **{name: float(chance.random()) for name in names},
+        "overshoots": int(chance.poisson(0.7)),
+        "lag": float(chance.normal(0.0, 0.05)),
+        "correlation": float(chance.random()),
+        "sparc": float(chance.normal(-1.8, 0.1)),
+        "ldlj": float(chance.normal(-8.0, 0.5)),
+    }
+
+
+def modern_blocks(
+    seed: int = 0,
+    dyads: int = 4,
+    trials: int = 6,
+    forces: Sequence[str] = ("full", "none"),
+    change: Callable[[dict[str, float], str, str, int], None] = lambda *_: None,
+) -> list[Block]:
+    """Make the recordings of a whole study, in which nothing makes a difference but what is changed.
+
+    `change` gets a trial, its configuration, its force and the number of the dyad from 0.
+    """
+    chance = np.random.default_rng(seed)
+    blocks = []
+    for number in range(dyads):
+        dyad = f"D{number + 1:02}"
+        for force in forces:
+            for performer, configuration in ((f"{dyad}A", "bimanual"), (f"{dyad}B", "bimanual"), (dyad, "dyadic")):
+                rows = [modern_trial(chance) for _ in range(trials)]
+                for row in rows:
+                    if configuration == "dyadic" and force != "none":
+                        row |= {f"inert_{k}": share for k, share in ((50, 0.3), (150, 0.2), (300, 0.1))}
+                    change(row, configuration, force, number)
+                moves = [random_movement(chance, trial) for trial in range(1, trials + 1) for _ in range(3)]
+                partner = f"{dyad}B" if configuration == "dyadic" else ""
+                blocks.append(Block(dyad, performer, configuration, force, rows, moves, partner))
+    return blocks
+
+
+def modern_study(blocks: Sequence[Block], *overrides: str) -> Study:
+    """Join recordings; in dyadic ones participant A sits at the left."""
+    study = made_study(blocks, *overrides)
+    together = (study.blocks["configuration"] == "dyadic") & (study.blocks["left_by"] == study.blocks["dyad"])
+    left = study.blocks["left_by"].where(~together, study.blocks["dyad"] + "A")
+    return replace(study, blocks=study.blocks.assign(left_by=left))
+
+
+def with_paths(study: Study, draw: Callable[[pd.Series], Path]) -> Study:
+    """Give every trial that counts a path."""
+    rows = []
+    for _, trial in study.counted.iterrows():
+        drawn = draw(trial)
+        count = len(drawn["left_vz"])
+        place = {name: np.full(count, trial[name], dtype=object) for name in ("recording", "trial", "attempt")}
+        rows.append(pd.DataFrame({**place, "time": 0.02 * np.arange(count), **drawn}))
+    types: dict[str, Any] = {field.name: DTYPES[field.kind] for field in PATHS}
+    paths = pd.concat(rows, ignore_index=True).reindex(columns=list(types)).astype(types)
+    return replace(study, paths=paths)
