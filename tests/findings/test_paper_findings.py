@@ -131,7 +131,7 @@ def test_the_table_for_the_terminal_has_all_rows(compared: pd.DataFrame) -> None
     assert table.row_count == len(REPORTED)
     console = Console(width=200, file=StringIO(), record=True)
     console.print(table)
-    text = console.export_text()
+    text = console.export_text().replace("\N{NO-BREAK SPACE}", " ")
     assert "5.71 ± 4.48 s" in text
     assert "sign test: p" in " ".join(text.split())
 

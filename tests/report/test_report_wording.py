@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from netboard.report.trials import _path
-from netboard.report.wording import amount, command, counted, css_text, decimals, in_unit, visible
+from netboard.report.wording import amount, command, counted, css_text, decimals, visible
 
 
 @pytest.mark.parametrize(
@@ -46,10 +46,6 @@ def test_the_largest_number_decides_about_decimals() -> None:
 
 def test_plurals() -> None:
     assert [counted(1, "dyad"), counted(4, "dyad"), counted(2, "person")] == ["1 dyad", "4 dyads", "2 people"]
-
-
-def test_units() -> None:
-    assert [in_unit(unit) for unit in ("", "1", "m2/s2", "N2 s", "s")] == ["", "", " m²/s²", " N² s", " s"]
 
 
 @given(st.text())

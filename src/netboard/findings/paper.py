@@ -15,6 +15,7 @@ import pandas as pd
 from netboard.findings.delay import APART, OVER_ALL, RISE
 from netboard.findings.everything import PAPER
 from netboard.findings.results import Result
+from netboard.findings.units import read_in
 from netboard.measuring.study import Study
 from netboard.measuring.tables import count, number, words
 
@@ -232,7 +233,10 @@ def _verdict(said: Reported, found: Result) -> str:
     if said.kind == "number":
         difference = found.value - said.value
         deviations = difference / said.deviation
-        return f"{deviations:+.2f} SD" if isfinite(deviations) else f"{difference:+.3g} {found.unit}, no SD reported"
+        if isfinite(deviations):
+            return f"{deviations:+.2f} SD"
+        unit = read_in(found.unit, found.quantity)
+        return f"{difference * unit.scale:+.3g} {unit.symbol}, no SD reported"
     if said.kind == "count":
         return "same count" if (found.value, found.n) == (said.value, said.of) else "other count"
     return _direction(said.kind, found)

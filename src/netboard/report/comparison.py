@@ -7,6 +7,7 @@ import pandas as pd
 from rich.table import Table
 
 from netboard.findings.paper import REMINDER
+from netboard.report.numbers import after, between, reported, unit_of, written
 
 
 def comparison_table(compared: pd.DataFrame) -> Table:
@@ -32,26 +33,19 @@ def comparison_table(compared: pd.DataFrame) -> Table:
 
 def _paper(row: dict[str, Any]) -> str:
     """Write what the paper says."""
-    if row["kind"] != "number" or not isfinite(row["reported_sd"]):
-        return str(row["said"])
-    return f"{row['reported']:.2f} ± {row['reported_sd']:.2f}{_unit(row)}"
+    return reported(row) if row["kind"] == "number" and isfinite(row["reported_sd"]) else str(row["said"])
 
 
 def _study(row: dict[str, Any]) -> str:
     """Write what the study says: with the standard deviation, the interval, or of how many."""
     if not isfinite(row["value"]):
         return "-"
+    value, interval, unit = written(row)[0], between(row), after(unit_of(row))
     if row["kind"] == "count":
-        return f"{row['value']:.0f} of {row['n']}"
+        return f"{value} of {row['n']}"
     if row["interval"] == "SD":
-        return f"{row['value']:.2f} ± {row['value'] - row['low']:.2f}{_unit(row)}"
-    scale, unit = (1e3, " ms") if row["figure"] == "6" else (1.0, _unit(row))
-    value, low, high = (row[name] * scale for name in ("value", "low", "high"))
-    return f"{value:.3g}{unit}" if not isfinite(low) else f"{value:.3g} [{low:.3g}, {high:.3g}]{unit}"
-
-
-def _unit(row: dict[str, Any]) -> str:
-    return "" if row["unit"] in ("", "1") else f" {row['unit']}"
+        return f"{value} {interval}{unit}"
+    return f"{value}{unit} ({interval})" if interval else f"{value}{unit}"
 
 
 def _colour(verdict: str) -> str:

@@ -20,9 +20,10 @@ from netboard.figures.picture import Picture
 from netboard.measuring.study import Study
 from netboard.report.design import design, participants
 from netboard.report.drawings import drawing
-from netboard.report.numbers import comparison_grid, few, summary, topics
+from netboard.report.numbers import comparison_grid, topics
 from netboard.report.sections import head, recordings_grid, settings_grids, software_grid
 from netboard.report.soundness import soundness
+from netboard.report.summary import few, summary
 from netboard.report.trials import HEIGHT, LEAD, LONGEST, listings, reach
 from netboard.report.wording import css_text, visible
 

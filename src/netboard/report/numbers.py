@@ -1,6 +1,7 @@
-"""The results of a study in a report: the main ones in sentences, all of them in tables, and beside the paper.
+"""The results of a study in a report: how a number is written with its interval, all of them in tables, and the paper.
 
-No sentence says more than its numbers: what they are of, their intervals, and of how many they are made.
+Numbers are written in the units in which they are read (`netboard.findings.units`); those in the tables of an analysis
+are in SI units.
 """
 
 from collections.abc import Mapping, Sequence
@@ -10,86 +11,31 @@ from typing import Any
 
 import pandas as pd
 
+from netboard.findings.units import Unit, read_in
 from netboard.report.grids import Cell, Column, Grid, grid, name, number
-from netboard.report.wording import NONE, amount, counted, decimals, in_unit
-
-MAIN: tuple[tuple[str, tuple[str, ...]], ...] = (
-    (
-        "learning",
-        (
-            "completion time",
-            "change of completion time",
-            "number of velocity peaks",
-            "change of number of velocity peaks",
-        ),
-    ),
-    (
-        "dyads",
-        (
-            "completion time: mean of the two less dyad",
-            "completion time: dyads better than the mean of the two",
-            "number of velocity peaks: mean of the two less dyad",
-            "number of velocity peaks: dyads better than the mean of the two",
-        ),
-    ),
-    (
-        "classes",
-        (
-            "share of cooperative movement",
-            "share of competitive movement",
-            "share of single movement",
-            "share of stillness",
-        ),
-    ),
-    (
-        "strategy",
-        ("change of the area of the ellipse", "change of variance of distance", "change of variance of velocity"),
-    ),
-    ("delay", ("delay, mean of 10 to 40 %", "delay at 40 % less that at 10 %")),
-    ("contrasts", ("completion time: ratio", "velocity peaks: difference")),
-)
-"""Topics and quantities that the summary names, in this order."""
-
-_DIFFERENCE = " less "
-"""In the name of a group: it is a difference of two."""
+from netboard.report.wording import NONE, amount, counted, decimals
 
 
-def sentence(quantity: str, rows: Sequence[Mapping[str, Any]]) -> str:
-    """Say what a quantity is in each group, with intervals and of what it is made.
+def unit_of(row: Mapping[str, Any]) -> Unit:
+    """Choose the unit in which a result is read.
 
     Parameters
     ----------
-    quantity : str
-        What it is.
-    rows : sequence of mapping
-        Its rows in the table of results.
-
-    Returns
-    -------
-    str
-        Such as ``Completion time (4 dyads; 95 % t): on = 3.61 s (3.02 to 4.20); off = 4.01 s (3.55 to 4.47).``
+    row : mapping
+        A row of the table of results, or of one that has its columns.
     """
-    made_of = [_made_of(row) for row in rows]
-    alike = len(set(made_of)) == 1
-    start = f"{quantity[:1].upper()}{quantity[1:]}{f' ({made_of[0]})' if alike else ''}"
-    parts = [_part(row, "" if alike else said) for row, said in zip(rows, made_of, strict=True)]
-    return f"{start}: {'; '.join(parts)}."
+    return read_in(row["unit"], row["quantity"], row["group"])
 
 
-def _made_of(row: Mapping[str, Any]) -> str:
-    """Say of what a result is made, and what its interval is."""
-    said = counted(int(row["n"]), row["of"])
-    return f"{said}; {row['interval']}" if row["interval"] and isfinite(row["low"]) else said
+def after(unit: Unit) -> str:
+    """Write a unit as it follows a number, on the same line: nothing for a pure number.
 
-
-def _part(row: Mapping[str, Any], made_of: str) -> str:
-    """Write one group's result."""
-    interval, value = between(row), written(row)[0]
-    if row["interval"] == "SD" and interval:
-        value, interval = f"{value} {interval}", ""
-    aside = "; ".join(part for part in (interval, made_of) if part)
-    group = f"{row['group']} = " if row["group"] else ""
-    return f"{group}{value}{in_unit(row['unit'])}" + (f" ({aside})" if aside else "")
+    Parameters
+    ----------
+    unit : Unit
+        The unit.
+    """
+    return "\N{NO-BREAK SPACE}" + unit.symbol.replace(" ", "\N{NO-BREAK SPACE}") if unit.symbol else ""
 
 
 def between(row: Mapping[str, Any]) -> str:
@@ -109,77 +55,40 @@ def between(row: Mapping[str, Any]) -> str:
     if not isfinite(row["low"]):
         return ""
     if row["interval"] == "SD":
-        return f"± {amount((row['high'] - row['low']) / 2, _places(row))}"
+        _, bottom, top = _three(row)
+        return f"± {amount((top - bottom) / 2, _places(row))}"
     return f"{low} to {high}"
 
 
+def _three(row: Mapping[str, Any]) -> tuple[float, float, float]:
+    """Return a result and the ends of its interval in the unit in which it is read."""
+    scale = unit_of(row).scale
+    return float(row["value"]) * scale, float(row["low"]) * scale, float(row["high"]) * scale
+
+
 def _places(row: Mapping[str, Any]) -> int:
-    """Say how many decimals a result and its interval have: the larger of it and its reach decides."""
-    three = [float(row[part]) for part in ("value", "low", "high")]
-    if all(part.is_integer() for part in three if isfinite(part)):
-        return 0
-    return decimals(three[0], (three[2] - three[1]) / 2)
+    """Say how many decimals a result and its interval have: the larger of it and its reach decides.
+
+    That one has three digits; two are enough where it is below 1 and has an interval, which says how little they mean.
+    """
+    value, low, high = _three(row)
+    if not isfinite(low):
+        return 0 if value.is_integer() else min(decimals(value), unit_of(row).finest)
+    reach = (high - low) / 2
+    return min(decimals(value, reach, digits=2 if max(abs(value), reach) < 1.0 else 3), unit_of(row).finest)
 
 
 def written(row: Mapping[str, Any]) -> tuple[str, str, str]:
-    """Write a result and the ends of its interval with the same decimals.
+    """Write a result and the ends of its interval with the same decimals, in the unit in which it is read.
 
     Parameters
     ----------
     row : mapping
-        A row of the table of results.
+        A row of the table of results, or of one that has its columns.
     """
     places = _places(row)
-    return amount(row["value"], places), amount(row["low"], places), amount(row["high"], places)
-
-
-def summary(results: pd.DataFrame, titles: Mapping[str, str]) -> tuple[tuple[str, str, tuple[str, ...]], ...]:
-    """Put the main results into sentences; where a quantity has differences, only those.
-
-    Parameters
-    ----------
-    results : DataFrame
-        The tidy table of results.
-    titles : mapping of str to str
-        Titles of pictures by their names.
-
-    Returns
-    -------
-    tuple of (str, str, tuple of str)
-        Name and title of a topic, and its sentences.
-    """
-    said = []
-    for topic, quantities in MAIN:
-        mine = results[(results["topic"] == topic) & results["value"].notna()]
-        chosen = [(quantity, _chosen(mine[mine["quantity"] == quantity])) for quantity in quantities]
-        sentences = tuple(sentence(quantity, rows) for quantity, rows in chosen if rows)
-        if sentences:
-            said.append((topic, titles.get(topic, topic), sentences))
-    return tuple(said)
-
-
-def _chosen(rows: pd.DataFrame) -> list[dict[str, Any]]:
-    """Choose the rows that a sentence names: differences, if there are any, each with its first interval."""
-    differences = rows["group"].str.contains(_DIFFERENCE, regex=False)
-    return _records((rows[differences] if differences.any() else rows).drop_duplicates("group"))
-
-
-def few(dyads: int) -> str:
-    """Say what so many dyads can show.
-
-    Parameters
-    ----------
-    dyads : int
-        How many there are [1].
-    """
-    least = min(1.0, 2.0 / 2**dyads)
-    said = (
-        f"The dyad is the unit of replication: {counted(dyads, 'dyad')}, however many trials. "
-        f"An exact two-sided test of a difference within dyads has no p below {amount(least)} here"
-    )
-    if least > 0.05:
-        return f"{said}, so none can be significant at 5 %; six dyads are the least of which one can."
-    return f"{said}."
+    value, low, high = (amount(part, places) for part in _three(row))
+    return value, low, high
 
 
 @dataclass(frozen=True, slots=True)
@@ -217,7 +126,7 @@ def topics(results: pd.DataFrame, titles: Mapping[str, str]) -> tuple[Topic, ...
         The topics in the order of the table.
     """
     groups = results.groupby("topic", sort=False)
-    return tuple(_topic(titles.get(str(topic), str(topic)), _records(rows)) for topic, rows in groups)
+    return tuple(_topic(titles.get(str(topic), str(topic)), records(rows)) for topic, rows in groups)
 
 
 def _topic(title: str, rows: Sequence[Mapping[str, Any]]) -> Topic:
@@ -243,10 +152,17 @@ def _result(row: Mapping[str, Any], notes: list[str]) -> list[Cell | float]:
     """Write a row of the table of results."""
     note = str(notes.index(row["note"]) + 1) if row["note"] else ""
     labels, last = [row["quantity"], row["group"]], [row["interval"], int(row["n"]), row["of"], note]
-    return [*labels, *written(row), in_unit(row["unit"]).strip(), *last]
+    return [*labels, *written(row), unit_of(row).symbol, *last]
 
 
-def _records(table: pd.DataFrame) -> list[dict[str, Any]]:
+def records(table: pd.DataFrame) -> list[dict[str, Any]]:
+    """Return the rows of a table.
+
+    Parameters
+    ----------
+    table : DataFrame
+        The table.
+    """
     return [{str(key): value for key, value in row.items()} for row in table.to_dict("records")]
 
 
@@ -270,20 +186,31 @@ def comparison_grid(comparison: pd.DataFrame) -> Grid:
         Column("Verdict"),
         name("Note"),
     ]
-    return grid("This study beside the paper", columns, [_compared(row) for row in _records(comparison)])
+    return grid("This study beside the paper", columns, [_compared(row) for row in records(comparison)])
 
 
 def _compared(row: Mapping[str, Any]) -> tuple[str, ...]:
     """Write a row of the comparison."""
-    unit = in_unit(row["unit"])
-    reported = amount(row["reported"])
-    if isfinite(row["reported_sd"]):
-        reported = f"{reported} ± {amount(row['reported_sd'])}"
-    if row["reported_of"]:
-        reported = f"{reported} of {amount(int(row['reported_of']))}"
-    here = f"{written(row)[0]}{unit}" if isfinite(row["value"]) else NONE
+    here = f"{written(row)[0]}{after(unit_of(row))}" if isfinite(row["value"]) else NONE
     interval = f"{between(row)} ({row['interval']})" if between(row) else ""
     made_of = counted(int(row["n"]), row["of"]) if row["n"] else ""
-    there = f"{reported}{unit}" if isfinite(row["reported"]) else NONE
+    there = reported(row) if isfinite(row["reported"]) else NONE
     labels = row["figure"], row["quantity"], row["group"], row["said"]
     return *labels, there, here, interval, made_of, row["verdict"], row["note"]
+
+
+def reported(row: Mapping[str, Any]) -> str:
+    """Write the paper's number, with its standard deviation or of how many it is.
+
+    Parameters
+    ----------
+    row : mapping
+        A row of the comparison.
+    """
+    unit = unit_of(row)
+    parts = [amount(row["reported"] * unit.scale)]
+    if isfinite(row["reported_sd"]):
+        parts.append(f"± {amount(row['reported_sd'] * unit.scale)}")
+    if row["reported_of"]:
+        parts.append(f"of {amount(int(row['reported_of']))}")
+    return " ".join(parts) + after(unit)

@@ -14,7 +14,6 @@ NONE = "–"
 
 _UNSEEN = {"Cc", "Cf", "Cs", "Zl", "Zp"}
 _FINEST = 6
-_RAISED = {"2": "²", "3": "³"}
 _PLURALS = {"person": "people", "": ""}
 
 
@@ -102,22 +101,6 @@ def counted(n: int, of: str) -> str:
     """
     word = of if n == 1 else _PLURALS.get(of, f"{of}s")
     return f"{amount(n)} {word}".strip()
-
-
-def in_unit(unit: str) -> str:
-    """Write a unit as it follows a number.
-
-    Parameters
-    ----------
-    unit : str
-        Symbol of the SI, such as ``m2/s``.
-
-    Returns
-    -------
-    str
-        A space and the symbol with raised powers; empty for a pure number.
-    """
-    return "" if unit in ("", "1") else " " + re.sub(r"(?<=[A-Za-z])[23]", lambda power: _RAISED[power[0]], unit)
 
 
 def command(*words: str) -> str:
