@@ -218,4 +218,5 @@ def _step(here: _Point) -> Array:
         scaled = here.expected * both + FLAT * np.eye(len(both))
     root = np.linalg.cholesky(scaled)
     lowest = root.T @ (here.ratios / here.scale) - np.linalg.solve(root, here.scale * here.gradient)
-    return here.scale * np.asarray(nnls(root.T, lowest)[0]) - here.ratios
+    there: Array = nnls(root.T, lowest)[0]
+    return here.scale * there - here.ratios
