@@ -162,7 +162,11 @@ def test_gains_are_drawn_as_found(study: Study) -> None:
 def test_bars_of_the_classes_are_drawn_as_found(study: Study) -> None:
     axes = titled(classes.picture(study), "mean shares")
     widths = {bars.get_label(): bars.patches[0].get_width() for bars in axes.containers}
+    begins = {bars.get_label(): bars.patches[0].get_x() for bars in axes.containers}
     for one in find_classes(study).shares:
+        labels = [f"_{one.condition.name}: {name}" for name in classes.STACK]
+        ends = np.cumsum([widths[label] for label in labels])
+        np.testing.assert_allclose([begins[label] for label in labels], [0.0, *ends[:-1]], atol=1e-12)
         for name, mean in zip(CLASSES, one.means, strict=True):
             assert widths[f"_{one.condition.name}: {name}"] == pytest.approx(mean.value)
 

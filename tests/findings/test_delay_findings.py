@@ -99,7 +99,7 @@ def test_searches_that_were_cut_off_are_counted() -> None:
     assert result(found, "share of searches cut off at 20 %", "dyadic, haptics on").value == 0.0
 
 
-@pytest.mark.parametrize(("felt", "apart"), [(0.1, 4.0), (0.295, 0.0)])
+@pytest.mark.parametrize(("felt", "apart"), [(0.1, 4.0), (0.295, 0.0), (0.5, 4.0)])
 def test_thresholds_at_which_intervals_do_not_overlap_are_counted(felt: float, apart: float) -> None:
     blocks = [
         block(f"D{k:02}", f"D{k:02}", moves(value + 0.01 * k), force)

@@ -82,6 +82,26 @@ def test_a_direction_is_that_of_the_difference_and_its_interval() -> None:
         assert compared.loc[place, "verdict"] == verdict
 
 
+@pytest.mark.parametrize(("alone", "direction"), [(3.0, "same direction"), (0.5, "other direction")])
+def test_what_is_to_rise_rises(alone: float, direction: str) -> None:
+    """The paper has more cooperative movement bimanually; the dyad has it in half of the time."""
+    blocks = [
+        Block(
+            "D01",
+            performer,
+            configuration,
+            "none",
+            [{"completion": 2.0, "cooperative": cooperative, "competitive": 0, "single": 0, "still": 1.0}],
+        )
+        for performer, configuration, cooperative in (("D01A", "bimanual", alone), ("D01", "dyadic", 1.0))
+    ]
+    compared = compare(made_study(blocks)).set_index(["quantity", "group"])
+    assert (
+        compared.loc[("share of cooperative movement", "bimanual less dyadic"), "verdict"]
+        == f"{direction}, no interval"
+    )
+
+
 def test_counts_are_alike_or_not() -> None:
     def verdicts(better: int) -> dict[str, str]:
         blocks = []
