@@ -5,6 +5,7 @@ across it. Only the columns that are needed are read.
 """
 
 from collections.abc import Iterator
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
@@ -28,6 +29,7 @@ RATE = 1 / TICK_SECONDS
 _PLACES = ("theta", "p", "left_used_z", "right_used_z")
 _FORCES = ("left_coupling", "right_coupling")
 _RATES = ("left_used_vz", "right_used_vz")
+_FILTERED = ("placed", "fast", "slow", "whole", "forces", "_turns")
 
 
 class Block:
@@ -77,6 +79,38 @@ class Block:
             name: by_number(ticks, columns[name]) if self.missing else np.asarray(columns[name]) for name in names
         }
         self.attempts: tuple[Attempt, ...] = recording.attempts()
+
+    def again(self, readings: Readings, **columns: NDArray[np.float64]) -> "Block":
+        """See the same recording by other readings, or with other columns; what stays the same is not filtered again.
+
+        Parameters
+        ----------
+        readings : Readings
+            How it is to be measured.
+        **columns : ndarray, shape (n,)
+            Columns in place of the recorded ones [SI].
+
+        Returns
+        -------
+        Block
+            The recording, seen so.
+
+        Raises
+        ------
+        ValueError
+            If the devices' velocities are to be measured and were not read.
+        """
+        if readings.filters.velocity == "device" and _RATES[0] not in self._columns:
+            raise ValueError("the devices' velocities were not read: open the recording with filters.velocity=device")
+        other = copy(self)
+        other.readings, other._columns = readings, self._columns | columns
+        if columns or readings.filters != self.readings.filters:
+            stale: tuple[str, ...] = _FILTERED
+        else:
+            stale = ("_turns",) if readings.segments != self.readings.segments else ()
+        for name in stale:
+            other.__dict__.pop(name, None)
+        return other
 
     @property
     def samples(self) -> int:

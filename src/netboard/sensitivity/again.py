@@ -1,0 +1,231 @@
+"""Recordings measured many times over: by other readings, or disturbed, each read from its file only once.
+
+What a reading does not touch is not computed again: filters, movements of the board, marks of quality. With the base's
+own readings the tables are the same as the base's, bit for bit.
+"""
+
+import zlib
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass, replace
+from multiprocessing import get_context
+
+import numpy as np
+
+from netboard.config import SIDES
+from netboard.export.runs import Run
+from netboard.measuring.details import MOVEMENTS, movements
+from netboard.measuring.modern import MODERN
+from netboard.measuring.paper import PAPER
+from netboard.measuring.readings import Readings
+from netboard.measuring.recordings import Measured, measure
+from netboard.measuring.tables import Columns, Group, columns_of
+from netboard.measuring.take import Block
+from netboard.recording.reader import Recording
+from netboard.sensitivity.disturbances import Disturbance
+from netboard.sensitivity.forms import Form, compared
+
+_SMOOTHNESS = tuple(group for group in MODERN if {"sparc", "lag"} & {field.name for field in group.fields})
+
+
+@dataclass(frozen=True, slots=True)
+class Wish:
+    """What is to be measured of one recording.
+
+    Attributes
+    ----------
+    run : Run
+        The recording.
+    base : Readings
+        The readings that the others are compared with.
+    others : tuple of Readings
+        Other readings.
+    disturbances : tuple of Disturbance
+        What is done to it, and the readings for that.
+    disturbed_by : tuple of Readings
+        The readings of each disturbance.
+    """
+
+    run: Run
+    base: Readings
+    others: tuple[Readings, ...] = ()
+    disturbances: tuple[Disturbance, ...] = ()
+    disturbed_by: tuple[Readings, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Fulfilled:
+    """A recording, measured.
+
+    Attributes
+    ----------
+    base : Measured
+        By the base's readings, without paths.
+    others : tuple of Measured
+        By each of the others.
+    calm, disturbed : tuple of dict of ndarray
+        Measures of each attempt without and with each disturbance [SI].
+    forms : tuple of Form
+        The ball's place by other forms of the filter.
+    """
+
+    base: Measured
+    others: tuple[Measured, ...]
+    calm: tuple[Columns, ...]
+    disturbed: tuple[Columns, ...]
+    forms: tuple[Form, ...]
+
+
+def opened(run: Run, readings: Readings) -> Block:
+    """Read a recording, with everything that a reading may ask for.
+
+    Parameters
+    ----------
+    run : Run
+        The recording.
+    readings : Readings
+        How it is measured at first.
+    """
+    everything = replace(readings, filters=replace(readings.filters, velocity="device"))
+    with Recording(run.path) as recording:
+        return Block(recording, run.config, everything).again(readings)
+
+
+def again(base: Measured, block: Block, groups: tuple[Group, ...] = PAPER) -> Measured:
+    """Measure the paper's measures anew; all else is that of the base.
+
+    Parameters
+    ----------
+    base : Measured
+        The tables of the recording.
+    block : Block
+        The recording, seen by other readings or disturbed.
+    groups : tuple of Group
+        Measures of an attempt.
+    """
+    takes = list(block.takes())
+    fields = tuple(field for group in groups for field in group.fields)
+    rows = [{name: value for group in groups for name, value in group.measure(take).items()} for take in takes]
+    turns = [
+        {"recording": block_name, "trial": take.attempt.trial, "attempt": take.attempt.attempt} | dict(row)
+        for block_name, take in zip(base.trials["recording"], takes, strict=True)
+        for row in movements(take)
+    ]
+    return replace(base, trials=base.trials | columns_of(fields, rows), movements=columns_of(MOVEMENTS, turns))
+
+
+def of_attempts(measured: Measured) -> Columns:
+    """Bring what is measured to one value an attempt.
+
+    Parameters
+    ----------
+    measured : Measured
+        The tables of a recording.
+
+    Returns
+    -------
+    dict of ndarray, shape (n,)
+        Time, peaks, shares, mean delays, strategy, smoothness; NaN where an attempt has none [SI].
+    """
+    trials, moves = measured.trials, measured.movements
+    names = ("completion", "peaks", "braking_distance", "braking_velocity", "sparc", "ldlj")
+    found: Columns = {name: trials[name].astype(np.float64) for name in names}
+    found["peaks"][np.isnan(found["completion"])] = np.nan
+    time = sum(trials[name] for name in ("cooperative", "competitive", "single", "still"))
+    for name in ("cooperative", "competitive", "single", "still"):
+        found[name] = np.divide(trials[name], time, out=np.full(len(time), np.nan), where=time > 0)
+    places = {place: row for row, place in enumerate(zip(trials["trial"], trials["attempt"], strict=True))}
+    whose = np.array([places[p] for p in zip(moves["trial"], moves["attempt"], strict=True)], np.int64)
+    for percent in (10, 20, 30, 40):
+        delay = np.abs(moves[f"delay_{percent}"])
+        known = np.isfinite(delay)
+        sums = np.bincount(whose[known], delay[known], len(time))
+        counts = np.bincount(whose[known], minlength=len(time))
+        found[f"delay_{percent}"] = np.divide(sums, counts, out=np.full(len(time), np.nan), where=counts > 0)
+    found["movements"] = np.bincount(whose, minlength=len(time)).astype(np.float64)
+    return found
+
+
+def fulfil(wish: Wish) -> Fulfilled:
+    """Measure one recording.
+
+    Parameters
+    ----------
+    wish : Wish
+        Which, and how.
+    """
+    whole = measure(wish.run, wish.base)
+    base = replace(whole, paths={name: values[:0] for name, values in whole.paths.items()})
+    block = opened(wish.run, wish.base)
+    others: dict[int, Measured] = {}
+    seen = block
+    for number in _in_order(wish):
+        seen = seen.again(wish.others[number])
+        others[number] = again(base, seen)
+    calm, disturbed = [], []
+    for number, (disturbance, readings) in enumerate(zip(wish.disturbances, wish.disturbed_by, strict=True)):
+        still = block.again(readings)
+        generator = np.random.default_rng([zlib.crc32(wish.run.path.stem.encode()), number])
+        shaken = still.again(readings, **disturbance.change(recorded(still), generator))
+        for one, found in ((still, calm), (shaken, disturbed)):
+            found.append(of_attempts(again(base, one, (*PAPER, *_SMOOTHNESS))))
+    forms = compared(block.raw("p"), block.placed) if wish.disturbances else ()
+    return Fulfilled(base, tuple(others[number] for number in range(len(others))), tuple(calm), tuple(disturbed), forms)
+
+
+def _in_order(wish: Wish) -> list[int]:
+    """Put readings that filter alike one after the other, those that filter like the base first."""
+
+    def place(number: int) -> tuple[bool, str, str]:
+        readings = wish.others[number]
+        return readings.filters != wish.base.filters, repr(readings.filters), repr(readings.segments)
+
+    return sorted(range(len(wish.others)), key=place)
+
+
+def recorded(block: Block) -> Columns:
+    """Return the columns that a disturbance may change.
+
+    Parameters
+    ----------
+    block : Block
+        The recording.
+
+    Returns
+    -------
+    dict of ndarray, shape (n,)
+        Heights and velocities of the styluses, tilt and ball [SI].
+    """
+    names = ("theta", "p", *(f"{side}_used_{what}" for side in SIDES for what in ("z", "vz")))
+    return {name: block.raw(name) for name in names}
+
+
+def fulfil_all(
+    wishes: Sequence[Wish], workers: int, tell: Callable[[int], object] = lambda done: None
+) -> Iterator[Fulfilled]:
+    """Measure recordings, several at once, each in a process of its own.
+
+    Parameters
+    ----------
+    wishes : sequence of Wish
+        What is to be measured.
+    workers : int
+        How many processes; 1 for this one [1].
+    tell : callable
+        Hears how many are done.
+
+    Yields
+    ------
+    Fulfilled
+        The next one, in the order of the wishes.
+    """
+    if workers == 1:
+        for done, wish in enumerate(wishes, start=1):
+            yield fulfil(wish)
+            tell(done)
+        return
+    with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
+        asked = [pool.submit(fulfil, wish) for wish in wishes]
+        for done, _ in enumerate(as_completed(asked), start=1):
+            tell(done)
+        yield from (answer.result() for answer in asked)
