@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 
 import typer
 
+from netboard.errors import ConfigError
 from netboard.services import configuration
 
 app = typer.Typer(
@@ -232,3 +233,27 @@ def recording(output: Output = None, quick: Quick = False, force: Force = False,
     from netboard.studies.running import run_named
 
     run_named("recording", study, output, json, quick=quick, force=force)
+
+
+@app.command(
+    epilog="Examples:\n\n  netboard bench analysis --sensitivity --quick\n\n"
+    "  netboard bench analysis --sensitivity recordings -o results"
+)
+def analysis(
+    recordings: Annotated[
+        Path | None, typer.Argument(metavar="[FOLDER]", help="Recordings of the paper's plan; else rehearses some.")
+    ] = None,
+    sensitivity: Annotated[
+        bool, typer.Option("--sensitivity", help="How far open questions, noise and lost samples move each number.")
+    ] = False,
+    output: Output = None,
+    quick: Quick = False,
+    force: Force = False,
+    json: Json = None,
+) -> None:
+    """How far each open question of the paper, noise and lost samples move the numbers of an analysis."""
+    if not sensitivity:
+        raise ConfigError("bench analysis: expected --sensitivity")
+    from netboard.services import sensitivity as service
+
+    service.main(recordings, output, json, quick=quick, force=force)

@@ -19,13 +19,18 @@ from netboard.measuring.modern import MODERN
 from netboard.measuring.paper import PAPER
 from netboard.measuring.readings import Readings
 from netboard.measuring.recordings import Measured, measure
-from netboard.measuring.tables import Columns, Group, columns_of
-from netboard.measuring.take import Block
+from netboard.measuring.tables import PLACE, Columns, Group, columns_of
+from netboard.measuring.take import Block, Take
 from netboard.recording.reader import Recording
 from netboard.sensitivity.disturbances import Disturbance
 from netboard.sensitivity.forms import Form, compared
 
-_SMOOTHNESS = tuple(group for group in MODERN if {"sparc", "lag"} & {field.name for field in group.fields})
+_SMOOTHNESS = tuple(group for group in MODERN if "sparc" in {field.name for field in group.fields})
+_NEEDED = tuple(
+    field
+    for field in MOVEMENTS
+    if field.name in {"cooperative", *(name.name for name in PLACE)} or field.name[:6] == "delay_"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,27 +96,47 @@ def opened(run: Run, readings: Readings) -> Block:
         return Block(recording, run.config, everything).again(readings)
 
 
-def again(base: Measured, block: Block, groups: tuple[Group, ...] = PAPER) -> Measured:
+def again(base: Measured, takes: Sequence[Take], groups: tuple[Group, ...] = PAPER) -> Measured:
     """Measure the paper's measures anew; all else is that of the base.
 
     Parameters
     ----------
     base : Measured
         The tables of the recording.
-    block : Block
-        The recording, seen by other readings or disturbed.
+    takes : sequence of Take
+        Its attempts, seen by other readings or disturbed.
     groups : tuple of Group
         Measures of an attempt.
+
+    Returns
+    -------
+    Measured
+        The tables, of movements only the columns that delays need.
     """
-    takes = list(block.takes())
     fields = tuple(field for group in groups for field in group.fields)
     rows = [{name: value for group in groups for name, value in group.measure(take).items()} for take in takes]
     turns = [
-        {"recording": block_name, "trial": take.attempt.trial, "attempt": take.attempt.attempt} | dict(row)
-        for block_name, take in zip(base.trials["recording"], takes, strict=True)
+        {"recording": name, "trial": take.attempt.trial, "attempt": take.attempt.attempt} | dict(row)
+        for name, take in zip(base.trials["recording"], takes, strict=True)
         for row in movements(take)
     ]
-    return replace(base, trials=base.trials | columns_of(fields, rows), movements=columns_of(MOVEMENTS, turns))
+    return replace(base, trials=base.trials | columns_of(fields, rows), movements=columns_of(_NEEDED, turns))
+
+
+def in_windows_of(takes: Sequence[Take], calm: Sequence[Take]) -> list[Take]:
+    """See attempts in the windows of others, so that a disturbed completion time disturbs nothing else.
+
+    Parameters
+    ----------
+    takes, calm : sequence of Take
+        The same attempts, disturbed and undisturbed.
+
+    Returns
+    -------
+    list of Take
+        The disturbed ones.
+    """
+    return [replace(one, trial=other.trial) for one, other in zip(takes, calm, strict=True)]
 
 
 def of_attempts(measured: Measured) -> Columns:
@@ -130,7 +155,6 @@ def of_attempts(measured: Measured) -> Columns:
     trials, moves = measured.trials, measured.movements
     names = ("completion", "peaks", "braking_distance", "braking_velocity", "sparc", "ldlj")
     found: Columns = {name: trials[name].astype(np.float64) for name in names}
-    found["peaks"][np.isnan(found["completion"])] = np.nan
     time = sum(trials[name] for name in ("cooperative", "competitive", "single", "still"))
     for name in ("cooperative", "competitive", "single", "still"):
         found[name] = np.divide(trials[name], time, out=np.full(len(time), np.nan), where=time > 0)
@@ -161,16 +185,28 @@ def fulfil(wish: Wish) -> Fulfilled:
     seen = block
     for number in _in_order(wish):
         seen = seen.again(wish.others[number])
-        others[number] = again(base, seen)
+        others[number] = again(base, list(seen.takes()))
+    calm, disturbed = _disturbed(wish, base, block) if wish.disturbances else ((), ())
+    forms = compared(block.raw("p"), block.placed) if wish.disturbances else ()
+    return Fulfilled(base, tuple(others[number] for number in range(len(others))), calm, disturbed, forms)
+
+
+def _disturbed(wish: Wish, base: Measured, block: Block) -> tuple[tuple[Columns, ...], tuple[Columns, ...]]:
+    """Measure without and with each disturbance."""
+    groups = (*PAPER, *_SMOOTHNESS)
+    still: dict[str, tuple[Block, list[Take], Columns]] = {}
     calm, disturbed = [], []
     for number, (disturbance, readings) in enumerate(zip(wish.disturbances, wish.disturbed_by, strict=True)):
-        still = block.again(readings)
+        if repr(readings) not in still:
+            seen = block.again(readings)
+            takes = list(seen.takes())
+            still[repr(readings)] = seen, takes, of_attempts(again(base, takes, groups))
+        seen, takes, values = still[repr(readings)]
         generator = np.random.default_rng([zlib.crc32(wish.run.path.stem.encode()), number])
-        shaken = still.again(readings, **disturbance.change(recorded(still), generator))
-        for one, found in ((still, calm), (shaken, disturbed)):
-            found.append(of_attempts(again(base, one, (*PAPER, *_SMOOTHNESS))))
-    forms = compared(block.raw("p"), block.placed) if wish.disturbances else ()
-    return Fulfilled(base, tuple(others[number] for number in range(len(others))), tuple(calm), tuple(disturbed), forms)
+        shaken = seen.again(readings, **disturbance.change(recorded(seen), generator))
+        calm.append(values)
+        disturbed.append(of_attempts(again(base, in_windows_of(list(shaken.takes()), takes), groups)))
+    return tuple(calm), tuple(disturbed)
 
 
 def _in_order(wish: Wish) -> list[int]:

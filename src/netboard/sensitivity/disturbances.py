@@ -220,7 +220,7 @@ DISTURBANCES = (
     ),
     *(
         Disturbance("noise of the ball", f"{1e3 * sd:g} mm", partial(noise, names=BALL, deviation=sd))
-        for sd in (1e-4, 3e-4, 1e-3)
+        for sd in (3e-5, 1e-4, 3e-4)
     ),
     Disturbance(
         "noise of the ball, peaks by 10 mm/s", "0.3 mm", partial(noise, names=BALL, deviation=3e-4), _PROMINENT
@@ -237,10 +237,7 @@ DISTURBANCES = (
     Disturbance("holes of 10 ms, bridged", "0.1 %", partial(lost, share=1e-3, length=0.01, bridged=True)),
     Disturbance("holes of 50 ms", "0.5 %", partial(lost, share=5e-3, length=0.05)),
     *(Disturbance("recorded at", f"{rate} Hz", partial(slower, rate=rate)) for rate in (500, 250, 100)),
-    *(
-        Disturbance("clock jitter", f"{1e3 * sd:g} ms", partial(jitter, deviation=sd))
-        for sd in (1e-4, 1e-3, 5e-3)
-    ),
+    *(Disturbance("clock jitter", f"{1e3 * sd:g} ms", partial(jitter, deviation=sd)) for sd in (1e-5, 1e-4, 1e-3)),
     Disturbance("offset of the left stylus", "5 mm", partial(offset, names=HANDS[:1], by=5e-3)),
 )
 """All of them."""

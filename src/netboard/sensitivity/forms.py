@@ -1,4 +1,4 @@
-"""Why filters are second-order sections always: the same filters as one fraction of two polynomials, on a recorded ball."""
+"""Why filters are second-order sections always: the same ones as a fraction of two polynomials, on a recorded ball."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass

@@ -160,8 +160,12 @@ def _spreads(study: Study, trials: pd.DataFrame) -> Iterator[tuple[str, Number]]
             yield f"ellipse's width, {team}, {when} group", Number("strategy", one.width, unit)
             yield f"ellipse's height, {team}, {when} group", Number("strategy", one.height, unit)
             yield f"ellipse's area, {team}, {when} group", Number("strategy", one.area, "m2/s")
-        ratios = np.array([_shrinkage(_points(part), groups[own["series"] == name], how.variance, ends)
-                           for name, part in own.groupby("series")])
+        ratios = np.array(
+            [
+                _shrinkage(_points(part), groups[own["series"] == name], how.variance, ends)
+                for name, part in own.groupby("series")
+            ]
+        )
         for column, quantity in enumerate(("distance", "velocity")):
             value = float(np.exp(np.nanmean(np.log(ratios[:, column]))))
             yield f"variance of {quantity}, last over first, {team}", Number("strategy", value, "1")
@@ -179,7 +183,9 @@ def _shrinkage(
     places = [np.flatnonzero(spread.groups == end) for end in ends]
     if not all(place.size for place in places):
         return np.full(2, np.nan)
-    values = np.stack([spread.generalised, spread.generalised], axis=1) if variance == "generalised" else spread.variance
+    values = (
+        np.stack([spread.generalised, spread.generalised], axis=1) if variance == "generalised" else spread.variance
+    )
     first, last = (values[place[0]] for place in places)
     return np.asarray(np.divide(last, first, out=np.full(2, np.nan), where=(first > 0) & (last > 0)))
 
@@ -254,7 +260,8 @@ STATEMENTS = (
         _less("cooperative share, dyadic, none", "cooperative share, dyadic, full"),
     ),
     Statement(
-        "with haptics, dyads have less single movement", _less("single share, dyadic, full", "single share, dyadic, none")
+        "with haptics, dyads have less single movement",
+        _less("single share, dyadic, full", "single share, dyadic, none"),
     ),
     Statement(
         "with haptics, dyads have less competitive movement",
@@ -265,7 +272,8 @@ STATEMENTS = (
         _less("delay at 20 %, bimanual, none", "delay at 20 %, dyadic, none"),
     ),
     Statement(
-        "with haptics, delays of dyads are shorter (20 %)", _less("delay at 20 %, dyadic, full", "delay at 20 %, dyadic, none")
+        "with haptics, delays of dyads are shorter (20 %)",
+        _less("delay at 20 %, dyadic, full", "delay at 20 %, dyadic, none"),
     ),
     Statement(
         "without haptics, delays of dyads grow from 10 to 40 %",
