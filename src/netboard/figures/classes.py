@@ -1,0 +1,124 @@
+"""The paper's figure 4: shares of the classes of movement in each condition."""
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from netboard.figures.marks import apart, draw_dyads, draw_mean, look_of, new_mosaic, styled, titled
+from netboard.figures.picture import CLASSES, Picture
+from netboard.findings.classes import Shares, classes
+from netboard.findings.groups import CLASSES as ORDER
+from netboard.findings.groups import FORCES
+from netboard.measuring.study import Study
+
+TITLE = "Classes of movement"
+
+STACK = ("cooperative", "single", "competitive", "still")
+"""From the left: dark and light colours in turn, so that neighbours differ in grey too."""
+
+_READABLE = 0.06
+"""A smaller share has no number in its bar [1]."""
+
+_NAME = 0.13
+"""Room of a name below the bars [1]."""
+
+_BESIDE = 0.25
+"""How far beside its dyads a mean stands, of the distance of two conditions [1]."""
+
+
+@styled
+def picture(study: Study) -> Picture:
+    """Draw the shares of the classes of movement.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+    """
+    found = [one for one in classes(study).shares if len(one.dyads)]
+    if not found:
+        return Picture("classes", TITLE, "No trial that counts has a movement, so there are no shares.", None)
+    rows = [["bars"] * len(ORDER), list(ORDER)]
+    figure, axes = new_mosaic(3.1 + 0.3 * len(found), rows, height_ratios=[0.5 + 0.3 * len(found), 2.2])
+    _bars(axes["bars"], found)
+    titled(axes["bars"], "A", "mean shares")
+    for name, letter in zip(ORDER, "BCDE", strict=True):
+        _dots(axes[name], found, name)
+        titled(axes[name], letter, name)
+    axes[ORDER[0]].set_ylabel("share of the time [1]")
+    return Picture("classes", TITLE, _caption(study, found), figure)
+
+
+def _bars(axes: Axes, found: list[Shares]) -> None:
+    """Draw a bar of all shares for each condition."""
+    for row, one in enumerate(found):
+        begin = 0.0
+        for name in STACK:
+            share = one.means[ORDER.index(name)].value
+            axes.barh(row, share, left=begin, height=0.72, color=CLASSES[name], label=f"_{one.condition.name}: {name}")
+            if share >= _READABLE:
+                axes.text(begin + share / 2, row, f"{share:.2f}", ha="center", va="center", fontsize=7.5)
+            begin += share
+    shares = np.array([found[-1].means[ORDER.index(name)].value for name in STACK])
+    for name, middle in zip(STACK, apart(list(np.cumsum(shares) - shares / 2), _NAME), strict=True):
+        axes.text(middle, len(found) - 0.55, name, ha="center", va="top", fontsize=7.5)
+    axes.set_yticks(range(len(found)), [one.condition.label for one in found])
+    axes.set_ylim(len(found) + 0.05, -0.5)
+    axes.set_xlim(0.0, 1.0)
+    axes.set_xlabel("share of the time [1]")
+    axes.spines["left"].set_visible(False)
+    axes.tick_params(axis="y", length=0)
+
+
+def _dots(axes: Axes, found: list[Shares], name: str) -> None:
+    """Draw the share of one class in each condition: each dyad, and the mean."""
+    at = _places(found)
+    for team in dict.fromkeys(one.condition.team for one in found):
+        own = [one for one in found if one.condition.team == team]
+        for dyad in sorted({dyad for one in own for dyad in one.dyads.index}):
+            here = [one for one in own if dyad in one.dyads.index]
+            x = [at[one.condition.name] for one in here]
+            y = [one.dyads.loc[dyad, name] for one in here]
+            draw_dyads(axes, x, y, look_of(own[0].condition).colour, f"{dyad} {team}", joined=True)
+    first = {one.condition.team: one for one in reversed(found)}
+    for one in found:
+        mean, aside = one.means[ORDER.index(name)], -_BESIDE if first[one.condition.team] is one else _BESIDE
+        draw_mean(axes, at[one.condition.name] + aside, mean, look_of(one.condition), one.condition.name)
+    _named(axes, found, at)
+    axes.set_xlim(-0.7, max(at.values()) + 0.7)
+    axes.set_ylim(bottom=0.0)
+
+
+def _named(axes: Axes, found: list[Shares], at: dict[str, float]) -> None:
+    """Write the forces at the axis, and the teams below them."""
+    short = [FORCES[one.condition.force].removeprefix("haptics ") for one in found]
+    turned = 90 if max(map(len, short)) > 3 or len(found) > 6 else 0
+    axes.set_xticks(list(at.values()), short, fontsize=7, rotation=turned)
+    teams = dict.fromkeys(one.condition.team for one in found)
+    middles = [
+        float(np.mean([at[one.condition.name] for one in found if one.condition.team == team])) for team in teams
+    ]
+    axes.set_xticks(middles, [team.replace(", ", "\n") for team in teams], minor=True, fontsize=7)
+    axes.tick_params(axis="x", which="minor", length=0, pad=62 if turned else 16)
+
+
+def _places(found: list[Shares]) -> dict[str, float]:
+    """Put conditions beside each other, teams farther apart."""
+    at, place = {}, 0.0
+    for before, one in zip([found[0], *found], found, strict=False):
+        place += (0.0 if before is one else 1.0) + 0.5 * (before.condition.team != one.condition.team)
+        at[one.condition.name] = place
+    return at
+
+
+def _caption(study: Study, found: list[Shares]) -> str:
+    window = "from the release to the completion"
+    if study.readings.movements.window == "whole":
+        window = "from the release to the end of the hold"
+    weight = "every trial" if study.readings.summaries.shares == "trials" else "every second"
+    known = "; ".join(f"{one.condition.label}: n = {len(one.dyads)} dyads" for one in found)
+    return (
+        f"Shares of the time {window} in which the sides move in opposite directions (cooperative), in the same one "
+        f"(competitive), one of them moves (single) or none (still). {weight[0].upper()}{weight[1:]} counts the same "
+        "within a performer; then means of performers, and of dyads. A: means over dyads. B to E: each dyad (small "
+        f"points, its haptic conditions joined) and the mean over dyads with its 95 % t interval (large). {known}."
+    )

@@ -1,0 +1,140 @@
+"""The paper's figure 2: completion time with the classes of movement, and velocity peaks, over the trials."""
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from netboard.figures.marks import apart, beside, draw_dyads, draw_mean, new_mosaic, styled, team_look, titled
+from netboard.figures.picture import BLACK, CLASSES, Picture
+from netboard.findings.groups import CLASSES as ORDER
+from netboard.findings.learning import Course, TeamLearning, learning
+from netboard.measuring.study import Study
+
+TITLE = "Learning"
+
+STACK = ("cooperative", "single", "competitive", "still")
+"""From below: dark and light colours in turn, so that neighbours differ in grey too."""
+
+
+@styled
+def picture(study: Study) -> Picture:
+    """Draw how people and dyads learn.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+    """
+    found = learning(study)
+    if not found.teams:
+        return Picture("learning", TITLE, "No trial counts, so there is no learning to show.", None)
+    teams = found.teams
+    rows = [[f"{kind} {one.team}" for one in teams] for kind in ("time", "peaks")]
+    figure, axes = new_mosaic(4.6, rows, height_ratios=[1.35, 1])
+    letters, size = iter("ABCDEFGHIJKLMNOP"), study.readings.summaries.group
+    for one in teams:
+        _areas(axes[f"time {one.team}"], one)
+        titled(axes[f"time {one.team}"], next(letters), one.team)
+    for one in teams:
+        titled(axes[f"peaks {one.team}"], next(letters), one.team)
+    for row, kind in enumerate(("time", "peaks")):
+        top = max(_top(one.courses[row]) for one in teams)
+        for one in teams:
+            own = axes[f"{kind} {one.team}"]
+            _course(own, one.courses[row], one.team)
+            _ends(own, one.courses[row], study.readings.summaries.ends, top)
+            own.set_ylim(0.0, 1.22 * top)
+            own.set_xlim(0.5, one.courses[row].curve.order.max() + 0.5)
+            own.set_xticks([1, *range(size, int(own.get_xlim()[1]) + 1, size)])
+            if kind == "peaks":
+                own.set_xlabel("trial of the condition [1]")
+        unit = teams[0].courses[row].quantity.unit
+        name = ("completion time", "velocity peaks")[row]
+        axes[f"{kind} {teams[0].team}"].set_ylabel(f"{name} [{unit}]")
+    _names(axes[f"time {teams[-1].team}"], teams[-1], 1.22 * max(_top(one.courses[0]) for one in teams))
+    return Picture("learning", TITLE, _caption(study, teams), figure)
+
+
+def _areas(axes: Axes, one: TeamLearning) -> None:
+    """Stack the classes of movement."""
+    order = one.courses[0].curve.order
+    heights = [np.nan_to_num(one.seconds[:, ORDER.index(name)]) for name in STACK]
+    colours = [CLASSES[name] for name in STACK]
+    labels = [f"_{name}" for name in STACK]
+    axes.stackplot(order, heights, colors=colours, labels=labels, linewidth=0.0, zorder=1)
+
+
+def _course(axes: Axes, course: Course, team: str) -> None:
+    """Draw the mean of each trial, and the dyads in groups of trials."""
+    on_areas = course.quantity.column == "completion"
+    look = team_look(team)
+    colour = BLACK if on_areas else look.colour
+    look = type(look)(colour, look.marker, colour, look.line)
+    axes.plot(
+        course.curve.order,
+        course.curve.mean,
+        color=colour,
+        linewidth=0.6,
+        alpha=0.75 if on_areas else 0.45,
+        zorder=2,
+        label="_each trial",
+    )
+    middles = (course.stages.first + course.stages.last) / 2
+    dyads = course.stages.dyads
+    for offset, (dyad, values) in zip(
+        beside(len(dyads), 0.5 * float(np.ptp(middles[:2]))), dyads.iterrows(), strict=True
+    ):
+        draw_dyads(axes, middles + offset, values, colour, str(dyad))
+    for middle, mean in zip(middles, course.stages.means, strict=True):
+        draw_mean(axes, float(middle), mean, look, "dyads")
+
+
+def _ends(axes: Axes, course: Course, count: int, top: float) -> None:
+    """Write mean and standard deviation of the first and the last trials over them."""
+    last = int(course.curve.order.max())
+    ends = ((course.ends.first, 1, "left"), (course.ends.last, last, "right"))
+    for spread, edge, side in ends:
+        if not np.isfinite(spread.mean):
+            continue
+        other = edge + count - 1 if side == "left" else edge - count + 1
+        axes.plot([edge, other], [1.06 * top, 1.06 * top], color=BLACK, linewidth=1.0, label=f"_{side} end")
+        deviation = f" ± {spread.deviation:.2f}" if np.isfinite(spread.deviation) else ""
+        unit = f" {course.quantity.unit}" if course.quantity.unit != "1" else ""
+        axes.text(edge, 1.09 * top, f"{spread.mean:.2f}{deviation}{unit}", ha=side, va="bottom", fontsize=7.5)
+
+
+def _names(axes: Axes, one: TeamLearning, height: float) -> None:
+    """Write the names of the classes at the right of the areas."""
+    tail = np.nanmean(one.seconds[-30:], axis=0)
+    shown = np.array([tail[ORDER.index(name)] for name in STACK])
+    places = apart(list(np.cumsum(shown) - shown / 2), 0.075 * height)
+    to_right = axes.get_yaxis_transform()
+    for name, place in zip(STACK, places, strict=True):
+        axes.plot([1.03], [place], "s", color=CLASSES[name], transform=to_right, clip_on=False, markersize=5)
+        axes.text(1.06, place, name, transform=to_right, va="center", fontsize=7.5)
+
+
+def _top(course: Course) -> float:
+    """Find the largest value that is drawn."""
+    highs = [mean.high for mean in course.stages.means]
+    every = np.concatenate([course.curve.mean, course.stages.dyads.to_numpy().ravel(), highs])
+    return float(np.nanmax(every))
+
+
+def _caption(study: Study, teams: tuple[TeamLearning, ...]) -> str:
+    how = study.readings.summaries
+    level, of = 95, teams[0].courses[0].of
+    people = "; ".join(
+        f"{one.team}: n = {one.dyads} dyads ({one.performers} {'participants' if one.team == 'bimanual' else 'dyads'} "
+        f"performing, {one.trials} trials)"
+        for one in teams
+    )
+    areas = "they add up to the completion time"
+    if study.readings.movements.window == "whole":
+        areas = "the hold is in them, so they go beyond the completion time"
+    return (
+        f"Completion time (top) and number of velocity peaks of the ball (bottom) over the trials of a condition, all "
+        f"haptic conditions together. Thin lines: mean of all trials with the same number; areas: mean time of each "
+        f"class of movement in them; {areas}. Points: dyads' means in groups of {how.group} trials (small) and their "
+        f"mean (large) with {level} % t intervals over dyads. Numbers: mean ± SD of the first and of the last "
+        f"{how.ends} trials (SD of single {of}s). {people[0].upper()}{people[1:]}."
+    )

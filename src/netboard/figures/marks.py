@@ -1,0 +1,281 @@
+"""How conditions, means and intervals are drawn, alike in all pictures: also without colours they can be told apart.
+
+A configuration is a colour. A force is a shape: hollow without haptics, filled with them, and shapes of their own for
+parts of the force. Dyads are small pale points behind their mean.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import wraps
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
+from numpy.typing import ArrayLike
+
+from netboard.analysis.statistics import Estimate
+from netboard.figures.picture import BLACK, COLOURS, PINK, SKY, STYLE, WIDTH, Picture
+from netboard.findings.groups import Condition, simulated
+from netboard.measuring.study import Study
+
+PARTNERS = {"robot partner": SKY, "still partner": PINK}
+"""Colours of dyadic conditions whose partner is no person."""
+
+_SHAPES = {
+    "none": ("o", "white", "--"),
+    "full": ("o", "", "-"),
+    "partner_only": ("^", "", "-."),
+    "environment_only": ("s", "", ":"),
+    "unrelated": ("D", "white", (0, (5, 1, 1, 1, 1, 1))),
+}
+_OTHER = ("X", "", ":")
+
+_HALO = [withStroke(linewidth=2.6, foreground="white")]
+"""Keeps means readable on areas and among points."""
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """How something is drawn.
+
+    Attributes
+    ----------
+    colour : str
+        Of its lines and edges.
+    marker : str
+        Shape of its points.
+    face : str
+        Colour of the points' insides.
+    line : str or tuple
+        Dashes of its line.
+    """
+
+    colour: str
+    marker: str
+    face: str
+    line: Any
+
+
+def team_colour(team: str) -> str:
+    """Colour of a team.
+
+    Parameters
+    ----------
+    team : str
+        As `Condition.team`.
+    """
+    configuration, _, partner = team.partition(", ")
+    return PARTNERS.get(partner, COLOURS.get(configuration, BLACK))
+
+
+def look_of(condition: Condition, colour: str = "") -> Look:
+    """Look of a condition.
+
+    Parameters
+    ----------
+    condition : Condition
+        The condition.
+    colour : str
+        Instead of its team's.
+    """
+    own = colour or team_colour(condition.team)
+    marker, face, line = _SHAPES.get(condition.force, _OTHER)
+    return Look(own, marker, face or own, line)
+
+
+def team_look(team: str) -> Look:
+    """Look of a team, over all of its forces.
+
+    Parameters
+    ----------
+    team : str
+        As `Condition.team`; or all teams together.
+    """
+    markers = {"bimanual": "o", "dyadic": "s"}
+    lines = {"bimanual": "-", "dyadic": "--"}
+    colour = team_colour(team)
+    return Look(colour, markers.get(team, "^"), colour, lines.get(team, ":"))
+
+
+def styled(draw: Callable[[Study], Picture]) -> Callable[[Study], Picture]:
+    """Let a function draw in the style of all pictures, and say under the picture whether people are simulated.
+
+    Parameters
+    ----------
+    draw : callable
+        Draws a picture of a study.
+    """
+
+    @wraps(draw)
+    def drawn(study: Study) -> Picture:
+        with mpl.rc_context(STYLE):
+            picture = draw(study)
+        said = simulated(study) if picture.figure is not None else ""
+        return replace(picture, caption=f"{picture.caption} {said}".rstrip())
+
+    return drawn
+
+
+def new_mosaic(height: float, layout: Sequence[Sequence[str]], **options: Any) -> tuple[Figure, dict[str, Axes]]:
+    """Begin a picture of axes of different sizes.
+
+    Parameters
+    ----------
+    height : float
+        Its height [in].
+    layout : sequence of sequence of str
+        Names of the axes, as in `matplotlib.figure.Figure.subplot_mosaic`.
+    **options
+        More for that function.
+    """
+    figure = Figure(figsize=(WIDTH, height))
+    return figure, figure.subplot_mosaic([list(row) for row in layout], **options)
+
+
+def titled(axes: Axes, letter: str, text: str) -> None:
+    """Name a panel: a bold letter, and what it is of.
+
+    Parameters
+    ----------
+    axes : Axes
+        The panel.
+    letter, text : str
+        Its letter and its title.
+    """
+    axes.set_title(f"$\\bf{{{letter}}}$  {text}", loc="left")
+
+
+def draw_mean(
+    axes: Axes, at: float, mean: Estimate, look: Look, label: str, *, scale: float = 1.0, across: bool = False
+) -> None:
+    """Draw a mean and its interval; nothing where there is no mean.
+
+    Parameters
+    ----------
+    axes : Axes
+        Where.
+    at : float
+        Place on the other axis [its unit].
+    mean : Estimate
+        The mean.
+    look : Look
+        How.
+    label : str
+        Name of the two artists: the interval's goes on with ``, interval``.
+    scale : float
+        What values are multiplied by, such as 1000 for ms [1].
+    across : bool
+        Values run to the right instead of upwards.
+    """
+    if not np.isfinite(mean.value):
+        return
+    ends, value = np.array([mean.low, mean.high]) * scale, mean.value * scale
+    if np.isfinite(ends).all():
+        place = (ends, [at, at]) if across else ([at, at], ends)
+        axes.plot(
+            *place,
+            color=look.colour,
+            linewidth=1.3,
+            solid_capstyle="butt",
+            zorder=4,
+            path_effects=_HALO,
+            label=f"_{label}, interval",
+        )
+    point = ([value], [at]) if across else ([at], [value])
+    axes.plot(
+        *point,
+        linestyle="none",
+        marker=look.marker,
+        markersize=5,
+        markerfacecolor=look.face,
+        markeredgecolor=look.colour,
+        markeredgewidth=1.1,
+        zorder=5,
+        path_effects=_HALO,
+        label=f"_{label}",
+    )
+
+
+def draw_dyads(axes: Axes, x: ArrayLike, y: ArrayLike, colour: str, label: str, *, joined: bool = False) -> None:
+    """Draw the values of single dyads behind their mean.
+
+    Parameters
+    ----------
+    axes : Axes
+        Where.
+    x, y : array_like, shape (n,)
+        Places [the axes' units].
+    colour : str
+        Their colour, of which they are a pale version.
+    label : str
+        Name of the artist.
+    joined : bool
+        With a thin line from one to the next.
+    """
+    axes.plot(
+        np.asarray(x, float),
+        np.asarray(y, float),
+        linestyle="-" if joined else "none",
+        linewidth=0.6,
+        marker="o",
+        markersize=3.2,
+        color=colour,
+        alpha=0.45,
+        markeredgewidth=0.0,
+        zorder=3,
+        label=f"_{label}",
+    )
+
+
+def beside(count: int, width: float) -> list[float]:
+    """Offsets that put some things beside each other round a place.
+
+    Parameters
+    ----------
+    count : int
+        How many [1].
+    width : float
+        From the first to the last [the axis' unit].
+    """
+    return [0.0] if count == 1 else [float(x) for x in np.linspace(-width / 2, width / 2, count)]
+
+
+def apart(places: Sequence[float], least: float) -> list[float]:
+    """Move places of labels apart, as little as their order allows, upwards.
+
+    Parameters
+    ----------
+    places : sequence of float
+        Where they would be, rising [the axis' unit].
+    least : float
+        Least distance of neighbours [the axis' unit].
+    """
+    moved: list[float] = []
+    for place in places:
+        moved.append(max(place, moved[-1] + least) if moved else place)
+    return moved
+
+
+def in_lines(condition: Condition) -> str:
+    """Label of a condition on a narrow axis.
+
+    Parameters
+    ----------
+    condition : Condition
+        The condition.
+    """
+    return condition.label.replace(", ", "\n")
+
+
+def listed(words: Sequence[str]) -> str:
+    """Put words in a row, with ``and`` before the last.
+
+    Parameters
+    ----------
+    words : sequence of str
+        The words.
+    """
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"

@@ -1,0 +1,134 @@
+"""The paper's figure 5: ellipses of the strategies in groups of trials, and how their spread goes down."""
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from netboard.figures.marks import draw_dyads, styled, team_look, titled
+from netboard.figures.picture import WIDTH, Picture
+from netboard.findings.strategy import EVERYBODY, Spread, TeamStrategy, strategy
+from netboard.measuring.study import Study
+
+TITLE = "Convergence of the strategy"
+
+
+@styled
+def picture(study: Study) -> Picture:
+    """Draw how the strategy converges.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+    """
+    teams = strategy(study).teams
+    if not any(np.isfinite(one.width) for team in teams for one in team.ellipses):
+        why = "No group of trials has enough first braking movements for an ellipse."
+        return Picture("strategy", TITLE, why, None)
+    figure = Figure(figsize=(WIDTH, 4.9))
+    above, below = figure.subfigures(2, 1, height_ratios=[1.25, 1])
+    ellipses = list(above.subplots(1, len(teams), squeeze=False, sharex=True, sharey=True).flat)
+    letters = iter("ABCDEFGHIJKLMNOP")
+    for axes, team in zip(ellipses, teams, strict=True):
+        _ellipses(axes, team)
+        titled(axes, next(letters), "all participants and dyads" if team.team == EVERYBODY else team.team)
+    ellipses[0].set_ylabel("velocity to the target [m/s]")
+    _numbers(ellipses[-1], teams[-1])
+    shown = [team for team in teams if team.team != EVERYBODY]
+    kinds = len(shown[0].spreads)
+    for k, axes in enumerate(below.subplots(1, kinds, squeeze=False).flat):
+        titled(axes, next(letters), shown[0].spreads[k].quantity)
+        _spreads(axes, shown, k, study.readings.summaries.group)
+    return Picture("strategy", TITLE, _caption(study, teams), figure)
+
+
+def _unit(unit: str) -> str:
+    """Write powers as such."""
+    return unit.replace("2", "²").replace("4", "⁴")
+
+
+def _colours(count: int) -> list[tuple[float, float, float, float]]:
+    """From light to dark, the later the darker."""
+    return [mpl.colormaps["viridis"](x) for x in np.linspace(0.75, 0.0, count)]
+
+
+def _ellipses(axes: Axes, team: TeamStrategy) -> None:
+    """Draw the ellipse and the mean of each group."""
+    known = [one for one in team.ellipses if np.isfinite(one.width)]
+    for k, (one, colour) in enumerate(zip(known, _colours(len(known)), strict=True)):
+        x, y = one.outline().T
+        width = 0.9 + 1.1 * k / max(len(known) - 1, 1)
+        axes.plot(x, y, color=colour, linewidth=width, label=f"_{team.team}, group {k}")
+        axes.plot(*one.centre, "o", color=colour, markersize=3.5, label=f"_{team.team}, centre {k}")
+    axes.set_xlabel("distance to the target [m]")
+
+
+def _numbers(axes: Axes, team: TeamStrategy) -> None:
+    """Write which trials each ellipse is of."""
+    known = [k for k, one in enumerate(team.ellipses) if np.isfinite(one.width)]
+    for line, (k, colour) in enumerate(zip(known, _colours(len(known)), strict=True)):
+        words = f"{team.first[k]} to {team.last[k]}"
+        axes.text(1.03, 0.9 - 0.09 * line, words, color=colour, transform=axes.transAxes, weight="bold")
+    axes.text(1.03, 0.99, "trials", transform=axes.transAxes)
+
+
+def _spreads(axes: Axes, teams: list[TeamStrategy], kind: int, size: int) -> None:
+    """Draw one kind of spread over the groups of trials: each team's dyads, their mean and its band."""
+    for team in teams:
+        _spread(axes, team, team.spreads[kind])
+    last = max(int(team.last[-1]) for team in teams)
+    axes.set_xticks([1, *range(size, last + 1, size)])
+    axes.set_xlim(0.5, 1.22 * last)
+    axes.spines["bottom"].set_bounds(1, last)
+    axes.set_ylim(bottom=0.0)
+    axes.set_xlabel("trial of the condition [1]")
+    axes.set_ylabel(f"variance [{_unit(teams[0].spreads[kind].unit)}]")
+
+
+def _spread(axes: Axes, team: TeamStrategy, spread: Spread) -> None:
+    """Draw the spread of a team."""
+    look = team_look(team.team)
+    middles = (team.first + team.last) / 2
+    for dyad, values in spread.dyads.iterrows():
+        draw_dyads(axes, middles, values, look.colour, f"{dyad} {team.team}", joined=True)
+    means, low, high = (np.array([getattr(one, name) for one in spread.means]) for name in ("value", "low", "high"))
+    axes.fill_between(
+        middles, low, high, color=look.colour, alpha=0.15, linewidth=0.0, zorder=1, label=f"_{team.team}, interval"
+    )
+    axes.plot(
+        middles,
+        means,
+        color=look.colour,
+        linestyle=look.line,
+        marker=look.marker,
+        markersize=4.5,
+        zorder=4,
+        label=f"_{team.team}",
+    )
+    known = np.flatnonzero(np.isfinite(means))
+    if known.size:
+        end = (middles[known[-1]], means[known[-1]])
+        axes.annotate(team.team, end, (8, 0), textcoords="offset points", color=look.colour, va="center")
+
+
+def _caption(study: Study, teams: tuple[TeamStrategy, ...]) -> str:
+    how = study.readings.summaries
+    extent = {
+        "middle_90": "from the 5th to the 95th percentile of the scores along each component",
+        "twice_p90": "twice the 90th percentile of the scores' magnitudes along each component",
+        "p10_to_p90": "from the 10th to the 90th percentile of the scores along each component",
+        "nine_tenths": "nine tenths of the scores' range along each component",
+    }[how.extent]
+    counts = [[one.count for one in team.ellipses] for team in teams]
+    each = "; ".join(
+        f"{team.team}: n = {min(count)} to {max(count)} trials an ellipse, {len(team.spreads[0].dyads)} dyads"
+        for team, count in zip(teams, counts, strict=True)
+    )
+    return (
+        f"Ball at the onset of the first braking movement, in groups of {how.group} trials of each condition in the "
+        "order in which they were done. Ellipses: of everybody's trials of a group; centre: mean; axes: principal "
+        f"components, {extent}. Below: variances of each performer's trials of a condition, averaged for each dyad (thin "
+        "lines); thick lines: means over dyads, with bands of their 95 % t intervals. "
+        f"{each[0].upper()}{each[1:]}."
+    )

@@ -1,0 +1,308 @@
+"""Who and what is compared in a study: its conditions in a fixed order, and values of trials made into those of dyads.
+
+The unit of replication is the dyad. Values of trials are averaged for each performer (a participant, or a dyad in
+whose trials both have a hand), and the performers' means for each dyad: however many trials somebody has, and however
+many blocks, a dyad is one value.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from netboard.analysis.performance import trial_times
+from netboard.analysis.statistics import Estimate, t_interval
+from netboard.findings.results import Result
+from netboard.measuring.study import Study
+
+FORCES = {
+    "none": "haptics off",
+    "full": "haptics on",
+    "partner_only": "partner's force",
+    "environment_only": "environment's force",
+    "unrelated": "unrelated force",
+}
+"""What each force condition is called, in the order in which they are shown."""
+
+CONFIGURATIONS = ("bimanual", "dyadic")
+"""In the order in which they are shown."""
+
+CLASSES = ("cooperative", "competitive", "single", "still")
+"""Classes of movement, as the columns of the table of trials and as `netboard.analysis.movements` orders them."""
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """What tells how well a trial went; less is better.
+
+    Attributes
+    ----------
+    column : str
+        Its column in the table of trials.
+    name : str
+        What it is called.
+    unit : str
+        Its SI unit.
+    """
+
+    column: str
+    name: str
+    unit: str
+
+
+QUANTITIES = (Quantity("completion", "completion time", "s"), Quantity("peaks", "number of velocity peaks", "1"))
+"""The paper's two."""
+
+
+@dataclass(frozen=True, slots=True)
+class Condition:
+    """A condition of a study.
+
+    Attributes
+    ----------
+    name : str
+        As in the tables.
+    configuration : str
+        Bimanual or dyadic.
+    force : str
+        What the hands felt, a key of `FORCES`.
+    partner : str
+        Who the partner was if none of the two people, such as ``robot partner``; else empty.
+    """
+
+    name: str
+    configuration: str
+    force: str
+    partner: str
+
+    @property
+    def team(self) -> str:
+        """Who performs: configuration and partner."""
+        return f"{self.configuration}, {self.partner}" if self.partner else self.configuration
+
+    @property
+    def feeling(self) -> str:
+        """What the hands felt, in words."""
+        return FORCES.get(self.force, self.force)
+
+    @property
+    def label(self) -> str:
+        """Team and what it felt."""
+        return f"{self.team}, {self.feeling}"
+
+
+def conditions(study: Study) -> tuple[Condition, ...]:
+    """List the conditions of a study, bimanual ones first, and without haptics first.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+    """
+    found = {
+        Condition(name, configuration, force, name.removeprefix(f"{configuration}, {force}").removeprefix(", "))
+        for name, configuration, force in zip(
+            study.blocks["condition"], study.blocks["configuration"], study.blocks["force"], strict=True
+        )
+    }
+    return tuple(sorted(found, key=_place))
+
+
+def _place(condition: Condition) -> tuple[int, str, int, str]:
+    """Where a condition stands among the others."""
+    known = list(FORCES)
+    return (
+        CONFIGURATIONS.index(condition.configuration),
+        condition.partner,
+        known.index(condition.force) if condition.force in known else len(known),
+        condition.name,
+    )
+
+
+def teams(study: Study) -> tuple[str, ...]:
+    """List the teams of a study, in the order of its conditions.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+    """
+    return tuple(dict.fromkeys(condition.team for condition in conditions(study)))
+
+
+def counted(study: Study) -> pd.DataFrame:
+    """Return the trials that count, with their team, and with the completion time that is set.
+
+    Where failed attempts' time counts too, these are the ones in the same recording.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+
+    Returns
+    -------
+    DataFrame
+        The columns of the table of trials, and ``team``.
+    """
+    rows = study.counted.assign(team=with_team(study, study.counted))
+    if study.readings.summaries.time == "all_attempts":
+        rows["completion"] = _times_of_all_attempts(study).reindex(rows.index)
+    return rows
+
+
+def with_team(study: Study, rows: pd.DataFrame) -> pd.Series:
+    """Say whose each row of trials or movements is: the team of its condition.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+    rows : DataFrame
+        The rows.
+    """
+    return rows["condition"].map({condition.name: condition.team for condition in conditions(study)})
+
+
+def _times_of_all_attempts(study: Study) -> pd.Series:
+    """Return the time of each trial that counts, that of its failed attempts added."""
+    trials = study.trials[(study.trials["counts"] == 1) | (study.trials["outcome"] != "success")]
+    found = [pd.Series(dtype=np.float64)]
+    for _, own in trials.groupby("recording", sort=False):
+        counts = own["counts"].to_numpy() == 1
+        completions = np.where(counts, own["completion"], np.nan)
+        numbers, times = trial_times(
+            own["trial"].to_numpy(), own["duration"].to_numpy(), completions, of="all_attempts"
+        )
+        kept = own["trial"][counts]
+        found.append(pd.Series(times[np.searchsorted(numbers, kept)], kept.index))
+    return pd.concat([one for one in found if len(one)] or found)
+
+
+def of_performers(rows: pd.DataFrame, column: str) -> pd.Series:
+    """Average a column for each performer.
+
+    Parameters
+    ----------
+    rows : DataFrame
+        Rows of trials or movements.
+    column : str
+        The column; NaN are left out.
+
+    Returns
+    -------
+    Series
+        Means by dyad and performer.
+    """
+    return rows.groupby(["dyad", "performer"])[column].mean()
+
+
+def of_dyads(means: pd.Series) -> pd.Series:
+    """Average performers' values for each dyad.
+
+    Parameters
+    ----------
+    means : Series
+        By dyad and performer, or more; NaN are left out.
+
+    Returns
+    -------
+    Series
+        Means by dyad.
+    """
+    return means.groupby(level="dyad").mean()
+
+
+def with_base(every: tuple[Condition, ...]) -> Iterator[tuple[Condition, Condition]]:
+    """Yield each condition in which something is felt, and the same team's condition without haptics.
+
+    Parameters
+    ----------
+    every : tuple of Condition
+        The conditions.
+
+    Yields
+    ------
+    tuple of Condition
+        The two.
+    """
+    bases = {one.team: one for one in every if one.force == "none"}
+    for one in every:
+        if one.force != "none" and one.team in bases:
+            yield one, bases[one.team]
+
+
+def comparisons(every: tuple[Condition, ...], values: Mapping[str, pd.Series]) -> Iterator[tuple[str, pd.Series]]:
+    """Yield the differences that are of interest, each dyad with itself.
+
+    Parameters
+    ----------
+    every : tuple of Condition
+        The conditions.
+    values : mapping of str to Series
+        Values by dyad, for each condition's name.
+
+    Yields
+    ------
+    str
+        What is compared, such as ``dyadic, haptics on less off``, for each force with none; or ``bimanual less
+        dyadic``, over the forces that both have.
+    Series
+        The differences by dyad; empty where no dyad has both.
+    """
+    for one, base in with_base(every):
+        yield f"{one.label} less off", (values[one.name] - values[base.name]).dropna()
+    alone = {one.force: one.name for one in every if one.team == "bimanual"}
+    together = {one.force: one.name for one in every if one.team == "dyadic"}
+    shared = [force for force in alone if force in together]
+    if shared:
+        each = [values[alone[force]] - values[together[force]] for force in shared]
+        yield "bimanual less dyadic", pd.concat(each, axis=1).mean(axis=1, skipna=False).dropna()
+
+
+def estimate(values: pd.Series, of: str = "dyad") -> Estimate:
+    """Estimate the mean of the units, with Student's interval.
+
+    Parameters
+    ----------
+    values : Series
+        One for each unit; NaN are left out.
+    of : str
+        What a unit is.
+    """
+    return t_interval(values.to_numpy(dtype=np.float64), unit=of)
+
+
+def estimated(topic: str, quantity: str, group: str, found: Estimate, unit: str, note: str = "") -> Result:
+    """Make a result of an estimate.
+
+    Parameters
+    ----------
+    topic, quantity, group : str
+        As in `Result`.
+    found : Estimate
+        The value, its interval and of how many units it is.
+    unit : str
+        Its SI unit.
+    note : str
+        What must be known to read it.
+    """
+    few = {0: f"no {found.unit} has it", 1: f"no interval from one {found.unit}"}.get(found.n, "")
+    interval = f"{100 * found.level:.0f} % {found.method}" if found.n > 1 else ""
+    said = "; ".join(word for word in (note, few) if word)
+    return Result(topic, quantity, group, found.value, found.low, found.high, unit, interval, found.n, found.unit, said)
+
+
+def simulated(study: Study) -> str:
+    """Say in a sentence whether the people of a study are simulated; nothing if none is.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+    """
+    marks = study.blocks["simulated"]
+    if not len(marks) or not marks.any():
+        return ""
+    return "Simulated people: no evidence about people." if marks.all() else "Some of the people are simulated."
