@@ -14,6 +14,8 @@ import numpy as np
 
 from netboard.config import SIDES
 from netboard.export.runs import Run
+from netboard.findings.delay import PERCENT
+from netboard.findings.groups import CLASSES
 from netboard.measuring.details import MOVEMENTS, movements
 from netboard.measuring.modern import MODERN
 from netboard.measuring.paper import PAPER
@@ -26,11 +28,13 @@ from netboard.sensitivity.disturbances import Disturbance
 from netboard.sensitivity.forms import Form, compared
 
 _SMOOTHNESS = tuple(group for group in MODERN if "sparc" in {field.name for field in group.fields})
+_PLACES = {field.name for field in PLACE}
 _NEEDED = tuple(
     field
     for field in MOVEMENTS
-    if field.name in {"cooperative", *(name.name for name in PLACE)} or field.name[:6] == "delay_"
+    if field.name in _PLACES or field.name == "cooperative" or "delay" in field.name or "truncated" in field.name
 )
+"""Columns of movements from which the delays of a study are found."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,12 +159,12 @@ def of_attempts(measured: Measured) -> Columns:
     trials, moves = measured.trials, measured.movements
     names = ("completion", "peaks", "braking_distance", "braking_velocity", "sparc", "ldlj")
     found: Columns = {name: trials[name].astype(np.float64) for name in names}
-    time = sum(trials[name] for name in ("cooperative", "competitive", "single", "still"))
-    for name in ("cooperative", "competitive", "single", "still"):
+    time = np.sum([trials[name] for name in CLASSES], axis=0)
+    for name in CLASSES:
         found[name] = np.divide(trials[name], time, out=np.full(len(time), np.nan), where=time > 0)
     places = {place: row for row, place in enumerate(zip(trials["trial"], trials["attempt"], strict=True))}
     whose = np.array([places[p] for p in zip(moves["trial"], moves["attempt"], strict=True)], np.int64)
-    for percent in (10, 20, 30, 40):
+    for percent in PERCENT:
         delay = np.abs(moves[f"delay_{percent}"])
         known = np.isfinite(delay)
         sums = np.bincount(whose[known], delay[known], len(time))

@@ -22,13 +22,13 @@ BEYOND = ("B5",)
 
 HEADLINES = (
     ("completion time, dyadic, last", "completion time,\ndyadic, last [s]", 1.0),
-    ("peaks, dyadic, last", "velocity peaks,\ndyadic, last", 1.0),
-    ("cooperative share, dyadic, none", "cooperative share,\ndyadic, none [%]", 100.0),
-    ("delay at 10 %, dyadic, none", "delay at 10 %,\ndyadic, none [ms]", 1e3),
-    ("delay at 40 %, dyadic, none", "delay at 40 %,\ndyadic, none [ms]", 1e3),
-    ("braking distance, dyadic, none", "braking distance,\ndyadic, none [mm]", 1e3),
+    ("peaks, dyadic, last", "velocity peaks,\ndyadic, last [1]", 1.0),
+    ("cooperative share, dyadic, haptics off", "cooperative share,\ndyadic, off [%]", 100.0),
+    ("delay at 10 %, dyadic, haptics off", "delay at 10 %,\ndyadic, off [ms]", 1e3),
+    ("delay at 40 %, dyadic, haptics off", "delay at 40 %,\ndyadic, off [ms]", 1e3),
+    ("braking distance, dyadic, haptics off", "braking distance,\ndyadic, off [mm]", 1e3),
     ("ellipse's area, dyadic, last group", "ellipse's area,\ndyadic, last [mm m/s]", 1e3),
-    ("variance of distance, last over first, dyadic", "variance of distance,\nlast over first, dyadic", 1.0),
+    ("variance of distance, last group over first, dyadic", "variance of distance,\nlast over first, dyadic [1]", 1.0),
 )
 """Numbers that are shown, with what stands at their axis and the factor to its unit."""
 

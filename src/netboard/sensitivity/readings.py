@@ -1,8 +1,7 @@
 """What the paper leaves open in its analysis: every question with the default, its alternatives, and what they touch.
 
 An alternative is a list of settings as they stand behind ``--set``. Where a question has none, its reason says why, and
-where it is measured all the same. Two ways of seeing the same thing are kept apart: what a `Family` of numbers can be
-touched by, and what it is touched by in some recordings.
+where it is measured all the same.
 """
 
 from dataclasses import dataclass
@@ -12,8 +11,6 @@ from netboard.measuring.readings import Readings, parse
 
 Family = Literal["time", "peaks", "shares", "delay", "strategy"]
 """Numbers that are made of the same measure of an attempt."""
-
-EVERYTHING: tuple[Family, ...] = ("time", "peaks", "shares", "delay", "strategy")
 
 
 @dataclass(frozen=True, slots=True)
@@ -299,7 +296,7 @@ AMBIGUITIES = (
         "A29",
         "first and last trials of what?",
         "of each haptic condition",
-        EVERYTHING,
+        ("time", "peaks", "strategy"),
         _one("of both as they came", "summaries.numbering=configuration"),
     ),
     Ambiguity(
@@ -330,7 +327,7 @@ AMBIGUITIES = (
         "B5",
         "what must be in the target?",
         "the ball's centre",
-        EVERYTHING,
+        ("time", "peaks", "shares"),
         _one("all of the ball", "completion.inside=whole_ball"),
     ),
     Ambiguity(
@@ -367,8 +364,5 @@ def ambiguity(name: str) -> Ambiguity:
     KeyError
         If there is none.
     """
-    return next((one for one in AMBIGUITIES if one.name == name), None) or _unknown(name)
-
-
-def _unknown(name: str) -> Ambiguity:
-    raise KeyError(name)
+    found = {one.name: one for one in AMBIGUITIES}
+    return found[name]

@@ -1,0 +1,146 @@
+"""What disturbances do to the measures of an attempt, as tables; and filters as fractions of two polynomials."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from netboard.sensitivity.again import Fulfilled
+from netboard.sensitivity.disturbances import DISTURBANCES
+from netboard.studies.results import Part, Value
+
+MEASURES = (
+    ("completion", "completion [ms]", 1e3),
+    ("peaks", "peaks", 1.0),
+    ("cooperative", "cooperative [%]", 100.0),
+    ("still", "still [%]", 100.0),
+    ("delay_10", "delay 10 % [ms]", 1e3),
+    ("delay_40", "delay 40 % [ms]", 1e3),
+    ("braking_distance", "braking distance [mm]", 1e3),
+    ("braking_velocity", "braking velocity [mm/s]", 1e3),
+    ("sparc", "SPARC", 1.0),
+    ("ldlj", "LDLJ", 1.0),
+)
+"""Measures of an attempt that are shown, and the factor to the unit."""
+
+
+@dataclass(frozen=True, slots=True)
+class Shift:
+    """How far a disturbance moves a measure.
+
+    Attributes
+    ----------
+    bias, deviation : float
+        Mean and standard deviation of the differences of attempts [as the measure].
+    count : int
+        Attempts that have the measure with and without it [1].
+    lost : int
+        Attempts that have it only without [1].
+    """
+
+    bias: float
+    deviation: float
+    count: int
+    lost: int
+
+
+def shift(found: Sequence[Fulfilled], number: int, name: str) -> Shift:
+    """Compare each attempt with itself.
+
+    Parameters
+    ----------
+    found : sequence of Fulfilled
+        Disturbed recordings.
+    number : int
+        Which disturbance [1].
+    name : str
+        Which measure.
+    """
+    calm = np.concatenate([one.calm[number][name] for one in found])
+    shaken = np.concatenate([one.disturbed[number][name] for one in found])
+    both = np.isfinite(calm) & np.isfinite(shaken)
+    differences = (shaken - calm)[both]
+    lost = int(np.count_nonzero(np.isfinite(calm) & ~np.isfinite(shaken)))
+    if differences.size < 2:
+        return Shift(math.nan, math.nan, int(differences.size), lost)
+    return Shift(float(differences.mean()), float(differences.std(ddof=1)), int(differences.size), lost)
+
+
+def disturbances_part(found: Sequence[Fulfilled]) -> Part:
+    """Show bias and spread of the differences.
+
+    Parameters
+    ----------
+    found : sequence of Fulfilled
+        Disturbed recordings.
+    """
+    means = []
+    for name, _, factor in MEASURES:
+        calm = np.concatenate([one.calm[0][name] for one in found])
+        means.append(f"{factor * np.nanmean(calm):.3g}" if np.isfinite(calm).any() else "none")
+    rows: list[tuple[Value, ...]] = [("undisturbed: mean", "", *means)]
+    for number, one in enumerate(DISTURBANCES):
+        cells = [_cell(shift(found, number, name), factor) for name, _, factor in MEASURES]
+        rows.append((one.kind, one.size, *cells))
+    columns = ("disturbance", "size", *(label for _, label, _ in MEASURES))
+    title = "What disturbances add to an attempt's measures: mean (standard deviation); L: so many attempts lose it"
+    return Part("disturbances", title, columns, rows)
+
+
+def _cell(one: Shift, factor: float) -> str:
+    """Write bias and deviation; nothing where nothing changes."""
+    lost = f" L {100 * one.lost / (one.count + one.lost):.2g} %" if one.lost else ""
+    if one.count < 2:
+        return f"all lost{lost}" if one.lost else "none"
+    if factor * max(abs(one.bias), one.deviation) < 5e-4:
+        return f"0{lost}"
+    return f"{factor * one.bias:+.2g} ({factor * one.deviation:.2g}){lost}"
+
+
+def all_disturbances_part(found: Sequence[Fulfilled]) -> Part:
+    """List all differences in SI units.
+
+    Parameters
+    ----------
+    found : sequence of Fulfilled
+        Disturbed recordings.
+    """
+    rows: list[tuple[Value, ...]] = []
+    for number, one in enumerate(DISTURBANCES):
+        for name in found[0].calm[number]:
+            calm = np.concatenate([each.calm[number][name] for each in found])
+            mean = float(np.nanmean(calm)) if np.isfinite(calm).any() else math.nan
+            found_shift = shift(found, number, name)
+            rows.append(
+                (
+                    *(one.kind, one.size, " ".join(one.settings), name, mean),
+                    *(found_shift.bias, found_shift.deviation, found_shift.count, found_shift.lost),
+                )
+            )
+    columns = ("disturbance", "size", "readings", "measure", "mean", "bias", "SD", "attempts", "lost")
+    return Part("disturbances-all", "All of them, in SI units", columns, rows, on_screen=False)
+
+
+def forms_part(found: Sequence[Fulfilled]) -> Part:
+    """Show what a filter is worth as a fraction of two polynomials (question A3).
+
+    Parameters
+    ----------
+    found : sequence of Fulfilled
+        Disturbed recordings.
+    """
+    rows: list[tuple[Value, ...]] = []
+    for number, form in enumerate(found[0].forms):
+        errors = np.array([one.forms[number].error for one in found])
+        largest = f"{errors.max():.2g}" if np.isfinite(errors).all() else "beyond all numbers"
+        rows.append((form.order, form.cutoff, f"{form.radius:.6f}", f"{form.gain:.6g}", largest))
+    columns = (
+        "order of a pass",
+        "cutoff [Hz]",
+        "largest pole [1]",
+        "gain of a constant [1]",
+        "largest error on a ball [m]",
+    )
+    title = "A3: filters as one fraction of two polynomials, beside second-order sections; recorded balls"
+    return Part("forms", title, columns, rows)
