@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 from netboard.errors import RecordingError
 from netboard.export.runs import Run, runs_of
@@ -24,7 +25,7 @@ from netboard.sensitivity.readings import AMBIGUITIES, PAIRS, Alternative, Ambig
 from netboard.studies.results import Folder, Part, Value
 from netboard.studies.running import Tell
 
-PATHS, QUICK_PATHS = (8, 8, 2), (2, 4, 2)
+PATHS, QUICK_PATHS = (6, 6, 3), (2, 4, 2)
 """Sets of filters, of measures for each, of summaries for each of these [1]."""
 
 DISTURBED_DYADS = 2
@@ -99,8 +100,7 @@ def asked(recordings: Sequence[Path], *, quick: bool) -> Asked:
         trials[who] = trials.get(who, 0) + block.trials
     if {name for name, _ in trials} != {"bimanual", "dyadic"}:
         raise RecordingError("expected recordings of bimanual and of dyadic blocks, as the paper's plan has them")
-    ends = max(min(30, min(trials.values()) // 2), 1)
-    settings = (f"summaries.ends={ends}", f"summaries.group={max(ends, 3)}")
+    settings = sizes(min(trials.values()))
     return Asked(
         runs,
         settings,
@@ -109,6 +109,24 @@ def asked(recordings: Sequence[Path], *, quick: bool) -> Asked:
         tuple((ambiguity(one), ambiguity(other)) for one, other in PAIRS),
         multiverse.draw(settings, *(QUICK_PATHS if quick else PATHS)),
     )
+
+
+def sizes(trials: int) -> tuple[str, ...]:
+    """Say how many trials the first and the last ones are, and those of a group: the paper's 30, or fewer.
+
+    Parameters
+    ----------
+    trials : int
+        How many there are in a condition at the least [1].
+
+    Returns
+    -------
+    tuple of str
+        Settings.
+    """
+    ends = max(min(30, trials // 2), 1)
+    group = next((size for size in range(ends, 2, -1) if trials % size == 0), max(ends, 3))
+    return f"summaries.ends={ends}", f"summaries.group={group}"
 
 
 def chosen(runs: Sequence[Run]) -> set[Path]:
@@ -164,11 +182,18 @@ def study(recordings: Sequence[Path], folder: Folder, tell: Tell, *, quick: bool
     yield tables.statements_part(default, alone, paths)
     if find_spec("matplotlib") is not None:
         singles = [tables.values_of(values) for _, other, values in alone if other.likely]
-        folder.save(multiverse.draw_paths(tables.values_of(default), paths, singles), "analysis-paths")
+        _save(folder, multiverse.draw_paths(tables.values_of(default), paths, singles))
     disturbed = [one for one in found if one.disturbed]
     yield disturbances_part(disturbed)
     yield all_disturbances_part(disturbed)
     yield forms_part(disturbed)
+
+
+def _save(folder: Folder, figure: Any) -> None:
+    from netboard.figures.picture import as_bytes
+
+    for kind in ("png", "svg"):
+        (folder.path / f"analysis-paths.{kind}").write_bytes(as_bytes(figure, kind))
 
 
 def _singles_and_pairs(

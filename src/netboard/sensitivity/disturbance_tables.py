@@ -1,14 +1,14 @@
 """What disturbances do to the measures of an attempt, as tables; and filters as fractions of two polynomials."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from netboard.sensitivity.again import Fulfilled
 from netboard.sensitivity.disturbances import DISTURBANCES
-from netboard.studies.results import Part, Value
+from netboard.studies.results import Part, Value, Verdict
 
 MEASURES = (
     ("completion", "completion [ms]", 1e3),
@@ -85,7 +85,28 @@ def disturbances_part(found: Sequence[Fulfilled]) -> Part:
         rows.append((one.kind, one.size, *cells))
     columns = ("disturbance", "size", *(label for _, label, _ in MEASURES))
     title = "What disturbances add to an attempt's measures: mean (standard deviation); L: so many attempts lose it"
-    return Part("disturbances", title, columns, rows)
+    return Part("disturbances", title, columns, rows, list(_verdicts(found)))
+
+
+def _verdicts(found: Sequence[Fulfilled]) -> Iterator[Verdict]:
+    """Yield what must be so of any recordings."""
+    largest = {
+        one: max((_largest(shift(found, number, name)) * factor for name, _, factor in MEASURES), default=0.0)
+        for number, one in enumerate(DISTURBANCES)
+    }
+    offsets = [size for one, size in largest.items() if one.kind.startswith("offset")]
+    yield Verdict("an offset of a stylus moves no measure", max(offsets) < 1e-6, f"{max(offsets):.2g} at most")
+    for kind, name, sign, word in (
+        ("noise of the ball", "peaks", 1, "adds peaks"),
+        ("noise of the styluses", "still", -1, "leaves less stillness"),
+    ):
+        number = max(place for place, one in enumerate(DISTURBANCES) if one.kind == kind)
+        bias = shift(found, number, name).bias
+        yield Verdict(f"{kind} {word}", sign * bias > 0, f"{bias:+.3g} at {DISTURBANCES[number].size}")
+
+
+def _largest(one: Shift) -> float:
+    return max(abs(one.bias), one.deviation) if one.count > 1 else 0.0
 
 
 def _cell(one: Shift, factor: float) -> str:
@@ -143,4 +164,10 @@ def forms_part(found: Sequence[Fulfilled]) -> Part:
         "largest error on a ball [m]",
     )
     title = "A3: filters as one fraction of two polynomials, beside second-order sections; recorded balls"
-    return Part("forms", title, columns, rows)
+    worst = {order: max(form.radius for form in found[0].forms if form.order == order) for order in (5, 10)}
+    verdict = Verdict(
+        "as a fraction, passes of order 5 are stable, and those of order 10 are not",
+        worst[5] < 1 < worst[10],
+        f"largest poles {worst[5]:.6f} and {worst[10]:.6f}",
+    )
+    return Part("forms", title, columns, rows, [verdict])

@@ -147,6 +147,7 @@ def draw_paths(
         axis.plot(moved, np.zeros(len(moved)), "|", color=BLUE, markersize=9, clip_on=False, zorder=3)
         axis.axvline(factor * default[name], color=VERMILION, linewidth=1.4)
         axis.set_xlabel(label)
+        axis.ticklabel_format(axis="x", useOffset=False)
         axis.set_yticks([])
         axis.spines["left"].set_visible(False)
     return figure

@@ -10,7 +10,7 @@ from netboard.sensitivity import multiverse
 from netboard.sensitivity.multiverse import HEADLINES
 from netboard.sensitivity.numbers import STATEMENTS, Numbers
 from netboard.sensitivity.readings import AMBIGUITIES, Alternative, Ambiguity
-from netboard.studies.results import Part, Value
+from netboard.studies.results import Part, Value, Verdict
 
 Singles = Sequence[tuple[Ambiguity, Alternative, Numbers]]
 """Numbers with one alternative each."""
@@ -76,7 +76,9 @@ def signed(share: float) -> str:
         return "none left"
     if abs(share) < LEAST:
         return "0"
-    return f"{100 * share:+.2g} %" if math.isfinite(share) else "from 0"
+    if not math.isfinite(share):
+        return "from 0"
+    return f"{100 * share:+.0f} %" if abs(share) >= 0.1 else f"{100 * share:+.2g} %"
 
 
 def numbers_part(default: Numbers, singles: Singles) -> Part:
@@ -118,11 +120,23 @@ def readings_part(default: Numbers, singles: Singles) -> Part:
         for other, found in mine:
             rows.append((one.name, one.question, one.default, other.name, *_most(one, default, found)))
     columns = ("", "question", "default", "alternative", "moves most", "moved by 1 %")
-    return Part("readings", "Every open question, and what its other answers move", columns, rows)
+    beyond = [f"{one.name} {other.name}" for one, other, found in singles if _beyond(one, default, found)]
+    verdict = Verdict(
+        "no answer moves a number that has nothing to do with the question",
+        not beyond,
+        ", ".join(beyond) or f"{len(singles)} answers, {len(default)} numbers each",
+    )
+    return Part("readings", "Every open question, and what its other answers move", columns, rows, [verdict])
+
+
+def _beyond(one: Ambiguity, default: Numbers, found: Numbers) -> bool:
+    """Whether an answer moves a number that it cannot touch."""
+    others = [name for name, number in default.items() if number.family not in one.touches]
+    return any(not abs(change(default[name].value, found[name].value)) <= LEAST for name in others)
 
 
 def _most(one: Ambiguity, default: Numbers, found: Numbers) -> tuple[str, str]:
-    """Find the number that an answer moves most (a mean, else a spread, else a count), and count those that it moves."""
+    """Find the number that an answer moves most (a mean, else a spread, else a count); count those it moves."""
     mine = {
         name: change(number.value, found[name].value)
         for name, number in default.items()
@@ -283,7 +297,7 @@ def concerned_part(base: Study, whole_ball: Study) -> Part:
         other = whole_ball.counted[whole_ball.counted["condition"] == condition]
         wrong, none = float((own["wrong_way"] > 0).mean()), float(own["braking_distance"].isna().mean())
         lost = float(other["completion"].isna().mean())
-        rows.append((str(condition), len(own), *(f"{100 * share:.2g} %" for share in (wrong, none, lost))))
+        rows.append((str(condition), len(own), *(f"{100 * share:.1f} %" for share in (wrong, none, lost))))
     columns = (
         "condition",
         "trials",

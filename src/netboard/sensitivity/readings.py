@@ -24,7 +24,7 @@ class Alternative:
     settings : tuple of str
         What it sets, as ``table.key=value``.
     likely : bool
-        Whether somebody might have read the paper so. What only shows the size of an error is not.
+        Whether somebody might have read the paper so. What is another quantity, or an error, is not.
     """
 
     name: str
@@ -237,7 +237,7 @@ AMBIGUITIES = (
         "a delay with its sign?",
         "absolute",
         ("delay",),
-        _one("signed", "summaries.delay=signed"),
+        (Alternative("signed", ("summaries.delay=signed",), likely=False),),
     ),
     Ambiguity(
         "A22",
