@@ -139,3 +139,13 @@ def test_one_threshold_makes_the_larger_mover_look_earlier_and_own_peaks_do_not(
     # Positive: the right side was first. Here the left one goes twice as far: 14 ms at 10 % and 34 ms at 40 %.
     assert shared == pytest.approx([-0.014, -0.034], abs=0.003)
     assert own == pytest.approx([0, 0], abs=0.001)
+
+
+def test_short_holes_are_filled_where_the_readings_say_so(run: Run) -> None:
+    bridging = readings_of(("filters.bridge=0.02",))
+    base, block = measure(run, Readings()), opened(run, Readings())
+    holed = lost(recorded(block), np.random.default_rng(1), share=0.01)
+    left, filled = (of_attempts(again(base, list(block.again(how, **holed).takes()))) for how in (Readings(), bridging))
+    assert np.isnan(left["completion"]).all()
+    assert filled["completion"] == pytest.approx(base.trials["completion"], abs=0.002)
+    assert np.array_equal(measure(run, bridging).trials["peaks"], base.trials["peaks"])

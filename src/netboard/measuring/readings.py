@@ -55,6 +55,7 @@ class Filters:
     cutoff_of: Annotated[CutoffOf, about("what is at the cutoff: each pass as designed, or -3 dB of both")] = "design"
     padding: Annotated[Padding, about("what is taken to lie beyond the ends")] = "odd"
     pad: Annotated[float, about("for how long", "s", ge=0, le=60)] = 1.0
+    bridge: Annotated[float, about("holes up to this are filled with straight lines", "s", ge=0, le=1)] = 0.0
     unit: Annotated[Literal["recording", "trial"], about("what is filtered at once")] = "recording"
     velocity: Annotated[
         Literal["derivative", "device"],

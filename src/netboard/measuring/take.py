@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from netboard.analysis.motion import Motion, Trial, find_completion, motion, placements
 from netboard.analysis.segments import Segments, board_segments
-from netboard.analysis.signals import LowPass, by_number
+from netboard.analysis.signals import LowPass, bridge, by_number
 from netboard.config import SIDES, Config
 from netboard.errors import RecordingError
 from netboard.measuring.readings import Readings
@@ -29,7 +29,7 @@ RATE = 1 / TICK_SECONDS
 _PLACES = ("theta", "p", "left_used_z", "right_used_z")
 _FORCES = ("left_coupling", "right_coupling")
 _RATES = ("left_used_vz", "right_used_vz")
-_FILTERED = ("placed", "fast", "slow", "whole", "forces", "_turns")
+_FILTERED = ("_seen", "placed", "fast", "slow", "whole", "forces", "_turns")
 
 
 class Block:
@@ -118,14 +118,20 @@ class Block:
         return self.raw("p").size
 
     def raw(self, name: str) -> NDArray[np.float64]:
-        """Return a column as recorded, shape (n,) [SI].
+        """Return a column as recorded, but for short holes where these are to be filled, shape (n,) [SI].
 
         Parameters
         ----------
         name : str
             Name of the column, as in the recording.
         """
-        return self._columns[name]
+        return self._seen[name]
+
+    @cached_property
+    def _seen(self) -> dict[str, NDArray[np.float64]]:
+        """The columns with short holes filled, if that is asked for."""
+        longest = self.readings.filters.bridge
+        return {name: bridge(values, RATE, longest) if longest else values for name, values in self._columns.items()}
 
     @cached_property
     def placed(self) -> NDArray[np.int64]:
