@@ -3,11 +3,10 @@
 import numpy as np
 from matplotlib.axes import Axes
 
-from netboard.figures.marks import apart, draw_dyads, draw_mean, look_of, new_mosaic, styled, titled
+from netboard.figures.marks import apart, draw_dyads, draw_mean, look_of, many, new_mosaic, styled, titled
 from netboard.figures.picture import CLASSES, Picture
 from netboard.findings.classes import Shares, classes
 from netboard.findings.groups import CLASSES as ORDER
-from netboard.findings.groups import FORCES
 from netboard.measuring.study import Study
 
 TITLE = "Classes of movement"
@@ -17,6 +16,9 @@ STACK = ("cooperative", "single", "competitive", "still")
 
 _READABLE = 0.06
 """A smaller share has no number in its bar [1]."""
+
+_FEW = 4
+"""With more conditions the dots need more room."""
 
 _NAME = 0.13
 """Room of a name below the bars [1]."""
@@ -37,14 +39,20 @@ def picture(study: Study) -> Picture:
     found = [one for one in classes(study).shares if len(one.dyads)]
     if not found:
         return Picture("classes", TITLE, "No trial that counts has a movement, so there are no shares.", None)
-    rows = [["bars"] * len(ORDER), list(ORDER)]
-    figure, axes = new_mosaic(3.1 + 0.3 * len(found), rows, height_ratios=[0.5 + 0.3 * len(found), 2.2])
+    many_of = len(found) > _FEW
+    dots = [[name for name in pair for _ in range(2)] for pair in (ORDER[:2], ORDER[2:])] if many_of else [list(ORDER)]
+    below = 0.5 + 0.3 * len(found)
+    height = [below, 1.6, 3.2] if many_of else [below, 2.2]
+    figure, axes = new_mosaic(sum(height) + 0.4, [["bars"] * len(ORDER), *dots], height_ratios=height)
     _bars(axes["bars"], found)
     titled(axes["bars"], "A", "mean shares")
     for name, letter in zip(ORDER, "BCDE", strict=True):
         _dots(axes[name], found, name)
         titled(axes[name], letter, name)
-    axes[ORDER[0]].set_ylabel("share of the time [1]")
+        if name == ORDER[0] or (many_of and name == ORDER[2]):
+            axes[name].set_ylabel("share of the time [1]")
+        if many_of and name in ORDER[:2]:
+            axes[name].tick_params(axis="x", labelbottom=False)
     return Picture("classes", TITLE, _caption(study, found), figure)
 
 
@@ -54,7 +62,8 @@ def _bars(axes: Axes, found: list[Shares]) -> None:
         begin = 0.0
         for name in STACK:
             share = one.means[ORDER.index(name)].value
-            axes.barh(row, share, left=begin, height=0.72, color=CLASSES[name], label=f"_{one.condition.name}: {name}")
+            label = f"_{one.condition.name}: {name}"
+            axes.barh(row, share, 0.72, begin, color=CLASSES[name], edgecolor="white", linewidth=0.6, label=label)
             if share >= _READABLE:
                 axes.text(begin + share / 2, row, f"{share:.2f}", ha="center", va="center", fontsize=7.5)
             begin += share
@@ -90,15 +99,17 @@ def _dots(axes: Axes, found: list[Shares], name: str) -> None:
 
 def _named(axes: Axes, found: list[Shares], at: dict[str, float]) -> None:
     """Write the forces at the axis, and the teams below them."""
-    short = [FORCES[one.condition.force].removeprefix("haptics ") for one in found]
-    turned = 90 if max(map(len, short)) > 3 or len(found) > 6 else 0
-    axes.set_xticks(list(at.values()), short, fontsize=7, rotation=turned)
+    if len(found) > _FEW:
+        axes.set_xticks(list(at.values()), [one.condition.label for one in found], fontsize=7, rotation=90)
+        return
+    short = [one.condition.feeling.removeprefix("haptics ") for one in found]
+    axes.set_xticks(list(at.values()), short, fontsize=7)
     teams = dict.fromkeys(one.condition.team for one in found)
     middles = [
         float(np.mean([at[one.condition.name] for one in found if one.condition.team == team])) for team in teams
     ]
     axes.set_xticks(middles, [team.replace(", ", "\n") for team in teams], minor=True, fontsize=7)
-    axes.tick_params(axis="x", which="minor", length=0, pad=62 if turned else 16)
+    axes.tick_params(axis="x", which="minor", length=0, pad=16)
 
 
 def _places(found: list[Shares]) -> dict[str, float]:
@@ -115,7 +126,7 @@ def _caption(study: Study, found: list[Shares]) -> str:
     if study.readings.movements.window == "whole":
         window = "from the release to the end of the hold"
     weight = "every trial" if study.readings.summaries.shares == "trials" else "every second"
-    known = "; ".join(f"{one.condition.label}: n = {len(one.dyads)} dyads" for one in found)
+    known = "; ".join(f"{one.condition.label}: n = {many(len(one.dyads), 'dyad')}" for one in found)
     return (
         f"Shares of the time {window} in which the sides move in opposite directions (cooperative), in the same one "
         f"(competitive), one of them moves (single) or none (still). {weight[0].upper()}{weight[1:]} counts the same "

@@ -13,6 +13,7 @@ from netboard.figures.marks import (
     in_lines,
     listed,
     look_of,
+    many,
     new_mosaic,
     styled,
     titled,
@@ -26,6 +27,9 @@ TITLE = "Delay between the sides"
 _MS = 1000.0
 _WIDTH = 0.6
 _BESIDE = 0.09
+_FEW = 4
+"""More conditions have panels below each other."""
+
 _GREYS = ("#A0A0A0", "#757575", "#4A4A4A", "#000000")
 
 
@@ -42,7 +46,9 @@ def picture(study: Study) -> Picture:
     shown = [one for one in found.conditions if any(np.isfinite(mean.value) for mean in one.as_set.means)]
     if not shown:
         return Picture("delay", TITLE, "No trial that counts has a cooperative movement, so there are no delays.", None)
-    figure, axes = new_mosaic(5.0, [["set", "set"], ["own", "signed"]], height_ratios=[1.25, 1])
+    few = len(shown) <= _FEW
+    layout = [["set", "set"], ["own", "signed"]] if few else [["set"], ["own"], ["signed"]]
+    figure, axes = new_mosaic(5.0 if few else 7.2, layout, height_ratios=[1.25, 1] if few else None)
     panels: tuple[tuple[str, str, Callable[[ConditionDelay], Delays]], ...] = (
         ("set", f"{found.kind} delay, {_threshold(study)}", lambda one: one.as_set),
         ("own", f"{found.kind} delay, each side's own peak", lambda one: one.own_peak),
@@ -52,7 +58,10 @@ def picture(study: Study) -> Picture:
         titled(axes[name], letter, title)
         _panel(axes[name], shown, delays)
     _deviations(axes["signed"], shown)
-    _portions(axes["set"], len(shown))
+    if few:
+        _portions(axes["set"], len(shown))
+    for name in () if few else ("set", "own"):
+        axes[name].tick_params(axis="x", labelbottom=False)
     return Picture("delay", TITLE, _caption(study, shown), figure)
 
 
@@ -72,7 +81,10 @@ def _panel(axes: Axes, shown: list[ConditionDelay], delays: Callable[[ConditionD
             draw_dyads(axes, np.full(len(units), place + offset + _BESIDE), _MS * units, look.colour, f"{label}, units")
             face = "white" if look.face == "white" else grey
             draw_mean(axes, place + offset, mean, Look(grey, look.marker, face, look.line), label, scale=_MS)
-    axes.set_xticks(range(len(shown)), [in_lines(one.condition) for one in shown], fontsize=7.5)
+    if len(shown) <= _FEW:
+        axes.set_xticks(range(len(shown)), [in_lines(one.condition) for one in shown], fontsize=7.5)
+    else:
+        axes.set_xticks(range(len(shown)), [one.condition.label for one in shown], fontsize=7.5, rotation=90)
     axes.set_xlim(-0.5, len(shown) - 0.5)
     axes.set_ylabel("delay [ms]")
     if axes.get_ylim()[0] < 0.0:
@@ -113,7 +125,8 @@ def _caption(study: Study, shown: list[ConditionDelay]) -> str:
     of = {"dyads": "dyads", "people": "participants alone and dyads together", "movements": "single movements"}
     unit = study.readings.summaries.intervals
     each = "; ".join(
-        f"{one.condition.label}: n = {one.as_set.means[0].n} {one.as_set.means[0].unit}s, {one.movements} movements"
+        f"{one.condition.label}: n = {many(one.as_set.means[0].n, one.as_set.means[0].unit)}, "
+        f"{many(one.movements, 'movement')}"
         for one in shown
     )
     warning = (
@@ -123,8 +136,8 @@ def _caption(study: Study, shown: list[ConditionDelay]) -> str:
     )
     few = of["dyads" if unit == "movements" else unit]
     return (
-        "Time between the sides' reaching a portion of a peak velocity in cooperative movements of trials that count, at "
-        f"{listed([str(q) for q in PERCENT])} % (the darker the higher). Large points: means with 95 % t intervals "
+        "Time between the sides' reaching a portion of a peak velocity in cooperative movements of trials that count, "
+        f"at {listed([str(q) for q in PERCENT])} % (the darker the higher). Large points: means with 95 % t intervals "
         f"over {of[unit]}; small points: {few}. A: the threshold that is set; B: without the bias that one threshold "
         "for both sides has; C: left less right, with the standard deviation within performers (pale bars: "
         f"mean ± SD).{warning} {each[0].upper()}{each[1:]}."

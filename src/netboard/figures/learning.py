@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib.axes import Axes
 
-from netboard.figures.marks import apart, beside, draw_dyads, draw_mean, new_mosaic, styled, team_look, titled
+from netboard.figures.marks import apart, beside, draw_dyads, draw_mean, many, new_mosaic, styled, team_look, titled
 from netboard.figures.picture import BLACK, CLASSES, Picture
 from netboard.findings.groups import CLASSES as ORDER
 from netboard.findings.learning import Course, TeamLearning, learning
@@ -36,13 +36,15 @@ def picture(study: Study) -> Picture:
         titled(axes[f"time {one.team}"], next(letters), one.team)
     for one in teams:
         titled(axes[f"peaks {one.team}"], next(letters), one.team)
+    narrow = len(teams) > 2
+    room = 1.34 if narrow else 1.22
     for row, kind in enumerate(("time", "peaks")):
         top = max(_top(one.courses[row]) for one in teams)
         for one in teams:
             own = axes[f"{kind} {one.team}"]
             _course(own, one.courses[row], one.team)
-            _ends(own, one.courses[row], study.readings.summaries.ends, top)
-            own.set_ylim(0.0, 1.22 * top)
+            _ends(own, one.courses[row], study.readings.summaries.ends, top, narrow)
+            own.set_ylim(0.0, room * top)
             own.set_xlim(0.5, one.courses[row].curve.order.max() + 0.5)
             own.set_xticks([1, *range(size, int(own.get_xlim()[1]) + 1, size)])
             if kind == "peaks":
@@ -50,7 +52,7 @@ def picture(study: Study) -> Picture:
         unit = teams[0].courses[row].quantity.unit
         name = ("completion time", "velocity peaks")[row]
         axes[f"{kind} {teams[0].team}"].set_ylabel(f"{name} [{unit}]")
-    _names(axes[f"time {teams[-1].team}"], teams[-1], 1.22 * max(_top(one.courses[0]) for one in teams))
+    _names(axes[f"time {teams[-1].team}"], teams[-1], 0.015 * len(teams))
     return Picture("learning", TITLE, _caption(study, teams), figure)
 
 
@@ -60,7 +62,7 @@ def _areas(axes: Axes, one: TeamLearning) -> None:
     heights = [np.nan_to_num(one.seconds[:, ORDER.index(name)]) for name in STACK]
     colours = [CLASSES[name] for name in STACK]
     labels = [f"_{name}" for name in STACK]
-    axes.stackplot(order, heights, colors=colours, labels=labels, linewidth=0.0, zorder=1)
+    axes.stackplot(order, heights, colors=colours, labels=labels, edgecolor="white", linewidth=0.3, zorder=1)
 
 
 def _course(axes: Axes, course: Course, team: str) -> None:
@@ -88,8 +90,8 @@ def _course(axes: Axes, course: Course, team: str) -> None:
         draw_mean(axes, float(middle), mean, look, "dyads")
 
 
-def _ends(axes: Axes, course: Course, count: int, top: float) -> None:
-    """Write mean and standard deviation of the first and the last trials over them."""
+def _ends(axes: Axes, course: Course, count: int, top: float, narrow: bool) -> None:
+    """Write mean and standard deviation of the first and the last trials over them, one above the other if need be."""
     last = int(course.curve.order.max())
     ends = ((course.ends.first, 1, "left"), (course.ends.last, last, "right"))
     for spread, edge, side in ends:
@@ -99,18 +101,20 @@ def _ends(axes: Axes, course: Course, count: int, top: float) -> None:
         axes.plot([edge, other], [1.06 * top, 1.06 * top], color=BLACK, linewidth=1.0, label=f"_{side} end")
         deviation = f" ± {spread.deviation:.2f}" if np.isfinite(spread.deviation) else ""
         unit = f" {course.quantity.unit}" if course.quantity.unit != "1" else ""
-        axes.text(edge, 1.09 * top, f"{spread.mean:.2f}{deviation}{unit}", ha=side, va="bottom", fontsize=7.5)
+        height = (1.2 if narrow and side == "right" else 1.09) * top
+        axes.text(edge, height, f"{spread.mean:.2f}{deviation}{unit}", ha=side, va="bottom", fontsize=7.5)
 
 
-def _names(axes: Axes, one: TeamLearning, height: float) -> None:
+def _names(axes: Axes, one: TeamLearning, aside: float) -> None:
     """Write the names of the classes at the right of the areas."""
-    tail = np.nanmean(one.seconds[-30:], axis=0)
+    height = axes.get_ylim()[1]
+    tail = np.nan_to_num(one.seconds[-30:]).mean(axis=0)
     shown = np.array([tail[ORDER.index(name)] for name in STACK])
     places = apart(list(np.cumsum(shown) - shown / 2), 0.075 * height)
     to_right = axes.get_yaxis_transform()
     for name, place in zip(STACK, places, strict=True):
-        axes.plot([1.03], [place], "s", color=CLASSES[name], transform=to_right, clip_on=False, markersize=5)
-        axes.text(1.06, place, name, transform=to_right, va="center", fontsize=7.5)
+        axes.plot([1 + aside], [place], "s", color=CLASSES[name], transform=to_right, clip_on=False, markersize=5)
+        axes.text(1 + 2 * aside, place, name, transform=to_right, va="center", fontsize=7.5)
 
 
 def _top(course: Course) -> float:
@@ -120,13 +124,16 @@ def _top(course: Course) -> float:
     return float(np.nanmax(every))
 
 
+def _performers(one: TeamLearning) -> str:
+    """Say how many participants there are, where dyads are not what performs."""
+    return f"{many(one.performers, 'participant')}, " if one.team == "bimanual" else ""
+
+
 def _caption(study: Study, teams: tuple[TeamLearning, ...]) -> str:
     how = study.readings.summaries
-    level, of = 95, teams[0].courses[0].of
+    of = "trials" if how.spread == "trials" else "participants or dyads"
     people = "; ".join(
-        f"{one.team}: n = {one.dyads} dyads ({one.performers} {'participants' if one.team == 'bimanual' else 'dyads'} "
-        f"performing, {one.trials} trials)"
-        for one in teams
+        f"{one.team}: n = {many(one.dyads, 'dyad')} ({_performers(one)}{one.trials} trials)" for one in teams
     )
     areas = "they add up to the completion time"
     if study.readings.movements.window == "whole":
@@ -135,6 +142,6 @@ def _caption(study: Study, teams: tuple[TeamLearning, ...]) -> str:
         f"Completion time (top) and number of velocity peaks of the ball (bottom) over the trials of a condition, all "
         f"haptic conditions together. Thin lines: mean of all trials with the same number; areas: mean time of each "
         f"class of movement in them; {areas}. Points: dyads' means in groups of {how.group} trials (small) and their "
-        f"mean (large) with {level} % t intervals over dyads. Numbers: mean ± SD of the first and of the last "
-        f"{how.ends} trials (SD of single {of}s). {people[0].upper()}{people[1:]}."
+        f"mean (large) with 95 % t intervals over dyads. Numbers: mean ± SD of the first and of the last "
+        f"{how.ends} trials (SD of {of}). {people[0].upper()}{people[1:]}."
     )

@@ -270,6 +270,19 @@ def in_lines(condition: Condition) -> str:
     return condition.label.replace(", ", "\n")
 
 
+def many(count: int, word: str) -> str:
+    """Write a number of things.
+
+    Parameters
+    ----------
+    count : int
+        How many [1].
+    word : str
+        What one of them is called.
+    """
+    return f"{count} {word}{'' if count == 1 else 's'}"
+
+
 def listed(words: Sequence[str]) -> str:
     """Put words in a row, with ``and`` before the last.
 

@@ -32,7 +32,7 @@ BLUE, ORANGE, GREEN, PINK, SKY, VERMILION, YELLOW, BLACK = (
 COLOURS = {"bimanual": BLUE, "dyadic": VERMILION}
 """Of a configuration, in all pictures."""
 
-CLASSES = {"cooperative": GREEN, "competitive": VERMILION, "single": ORANGE, "still": "#BBBBBB"}
+CLASSES = {"cooperative": GREEN, "competitive": VERMILION, "single": ORANGE, "still": "#D9D9D9"}
 """Of a class of movement, in all pictures."""
 
 STYLE: Any = {

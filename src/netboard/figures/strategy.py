@@ -5,12 +5,15 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from netboard.figures.marks import draw_dyads, styled, team_look, titled
+from netboard.figures.marks import apart, draw_dyads, many, styled, team_colour, team_look, titled
 from netboard.figures.picture import WIDTH, Picture
 from netboard.findings.strategy import EVERYBODY, Spread, TeamStrategy, strategy
 from netboard.measuring.study import Study
 
 TITLE = "Convergence of the strategy"
+
+_ACROSS = 3
+"""Panels of ellipses beside each other."""
 
 
 @styled
@@ -26,15 +29,24 @@ def picture(study: Study) -> Picture:
     if not any(np.isfinite(one.width) for team in teams for one in team.ellipses):
         why = "No group of trials has enough first braking movements for an ellipse."
         return Picture("strategy", TITLE, why, None)
-    figure = Figure(figsize=(WIDTH, 4.9))
-    above, below = figure.subfigures(2, 1, height_ratios=[1.25, 1])
-    ellipses = list(above.subplots(1, len(teams), squeeze=False, sharex=True, sharey=True).flat)
+    rows = -(-len(teams) // _ACROSS)
+    height = [2.7 * rows, 2.2]
+    figure = Figure(figsize=(WIDTH, sum(height)))
+    above, below = figure.subfigures(2, 1, squeeze=False, height_ratios=height).flat
+    grid = above.subplots(rows, min(len(teams), _ACROSS), squeeze=False, sharex=True, sharey=True)
+    ellipses = list(grid.flat)[: len(teams)]
+    for empty in list(grid.flat)[len(teams) :]:
+        empty.set_axis_off()
     letters = iter("ABCDEFGHIJKLMNOP")
     for axes, team in zip(ellipses, teams, strict=True):
         _ellipses(axes, team)
         titled(axes, next(letters), "all participants and dyads" if team.team == EVERYBODY else team.team)
-    ellipses[0].set_ylabel("velocity to the target [m/s]")
-    _numbers(ellipses[-1], teams[-1])
+    for axes in ellipses[::_ACROSS]:
+        axes.set_ylabel("velocity to the target [m/s]")
+    for axes in ellipses[-_ACROSS:]:
+        axes.set_xlabel("distance to the target [m]")
+        axes.tick_params(labelbottom=True)
+    _numbers(ellipses[min(_ACROSS, len(teams)) - 1], teams[0])
     shown = [team for team in teams if team.team != EVERYBODY]
     kinds = len(shown[0].spreads)
     for k, axes in enumerate(below.subplots(1, kinds, squeeze=False).flat):
@@ -61,7 +73,6 @@ def _ellipses(axes: Axes, team: TeamStrategy) -> None:
         width = 0.9 + 1.1 * k / max(len(known) - 1, 1)
         axes.plot(x, y, color=colour, linewidth=width, label=f"_{team.team}, group {k}")
         axes.plot(*one.centre, "o", color=colour, markersize=3.5, label=f"_{team.team}, centre {k}")
-    axes.set_xlabel("distance to the target [m]")
 
 
 def _numbers(axes: Axes, team: TeamStrategy) -> None:
@@ -82,6 +93,7 @@ def _spreads(axes: Axes, teams: list[TeamStrategy], kind: int, size: int) -> Non
     axes.set_xlim(0.5, 1.22 * last)
     axes.spines["bottom"].set_bounds(1, last)
     axes.set_ylim(bottom=0.0)
+    _names(axes, teams, kind)
     axes.set_xlabel("trial of the condition [1]")
     axes.set_ylabel(f"variance [{_unit(teams[0].spreads[kind].unit)}]")
 
@@ -106,10 +118,15 @@ def _spread(axes: Axes, team: TeamStrategy, spread: Spread) -> None:
         zorder=4,
         label=f"_{team.team}",
     )
-    known = np.flatnonzero(np.isfinite(means))
-    if known.size:
-        end = (middles[known[-1]], means[known[-1]])
-        axes.annotate(team.team, end, (8, 0), textcoords="offset points", color=look.colour, va="center")
+
+
+def _names(axes: Axes, teams: list[TeamStrategy], kind: int) -> None:
+    """Write the teams' names at the ends of their lines, where they do not lie on each other."""
+    ends = {team.team: [mean.value for mean in team.spreads[kind].means if np.isfinite(mean.value)] for team in teams}
+    order = sorted((values[-1], name) for name, values in ends.items() if values)
+    places = apart([value for value, _ in order], 0.09 * axes.get_ylim()[1])
+    for (_, name), place in zip(order, places, strict=True):
+        axes.annotate(name, (0.83, place), xycoords=("axes fraction", "data"), color=team_colour(name), va="center")
 
 
 def _caption(study: Study, teams: tuple[TeamStrategy, ...]) -> str:
@@ -122,13 +139,13 @@ def _caption(study: Study, teams: tuple[TeamStrategy, ...]) -> str:
     }[how.extent]
     counts = [[one.count for one in team.ellipses] for team in teams]
     each = "; ".join(
-        f"{team.team}: n = {min(count)} to {max(count)} trials an ellipse, {len(team.spreads[0].dyads)} dyads"
+        f"{team.team}: n = {min(count)} to {max(count)} trials an ellipse, {many(len(team.spreads[0].dyads), 'dyad')}"
         for team, count in zip(teams, counts, strict=True)
     )
     return (
         f"Ball at the onset of the first braking movement, in groups of {how.group} trials of each condition in the "
         "order in which they were done. Ellipses: of everybody's trials of a group; centre: mean; axes: principal "
-        f"components, {extent}. Below: variances of each performer's trials of a condition, averaged for each dyad (thin "
-        "lines); thick lines: means over dyads, with bands of their 95 % t intervals. "
+        f"components, {extent}. Below: variances of each performer's trials of a condition, averaged for each dyad "
+        "(thin lines); thick lines: means over dyads, with bands of their 95 % t intervals. "
         f"{each[0].upper()}{each[1:]}."
     )

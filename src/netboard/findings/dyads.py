@@ -134,9 +134,9 @@ def _compare(quantity: Quantity, condition: Condition, points: Iterator[Point]) 
 def _results(found: Comparison) -> Iterator[Result]:
     quantity, group = found.quantity, found.condition.feeling
     note = "" if found.known else "no dyad performed in both configurations with this force"
-    yield estimated(TOPIC, f"{quantity.name}, mean of the two alone less dyad", group, found.gain, quantity.unit, note)
+    yield estimated(TOPIC, f"{quantity.name}: mean of the two less dyad", group, found.gain, quantity.unit, note)
     if found.known:
         note = f"sign test: p = {found.test.p:.3g}; {found.test.n} dyads can give no p below {found.test.least_p:.3g}"
     value = float(found.better) if found.known else nan
-    name = f"dyads with less {quantity.name} than the mean of the two alone"
+    name = f"{quantity.name}: dyads better than the mean of the two"
     yield Result(TOPIC, name, group, value, nan, nan, "1", "", found.known, "dyad", note)
