@@ -19,7 +19,7 @@ from netboard.findings.groups import CLASSES
 from netboard.measuring.details import MOVEMENTS, movements
 from netboard.measuring.modern import MODERN
 from netboard.measuring.paper import PAPER
-from netboard.measuring.readings import Readings
+from netboard.measuring.readings import Readings, measured_with
 from netboard.measuring.recordings import Measured, measure
 from netboard.measuring.tables import PLACE, Columns, Group, columns_of
 from netboard.measuring.take import Block, Take
@@ -188,8 +188,11 @@ def fulfil(wish: Wish) -> Fulfilled:
     others: dict[int, Measured] = {}
     seen = block
     for number in _in_order(wish):
-        seen = seen.again(wish.others[number])
-        others[number] = again(base, list(seen.takes()))
+        if measured_with(wish.others[number]) == measured_with(wish.base):
+            others[number] = base
+        else:
+            seen = seen.again(wish.others[number])
+            others[number] = again(base, list(seen.takes()))
     calm, disturbed = _disturbed(wish, base, block) if wish.disturbances else ((), ())
     forms = compared(block.raw("p"), block.placed) if wish.disturbances else ()
     return Fulfilled(base, tuple(others[number] for number in range(len(others))), calm, disturbed, forms)

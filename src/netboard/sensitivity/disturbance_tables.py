@@ -24,6 +24,9 @@ MEASURES = (
 )
 """Measures of an attempt that are shown, and the factor to the unit."""
 
+NOTHING = 5e-4
+"""What changes by less has not changed [as shown]."""
+
 
 @dataclass(frozen=True, slots=True)
 class Shift:
@@ -114,9 +117,11 @@ def _cell(one: Shift, factor: float) -> str:
     lost = f" L {100 * one.lost / (one.count + one.lost):.2g} %" if one.lost else ""
     if one.count < 2:
         return f"all lost{lost}" if one.lost else "none"
-    if factor * max(abs(one.bias), one.deviation) < 5e-4:
+    if factor * max(abs(one.bias), one.deviation) < NOTHING:
         return f"0{lost}"
-    return f"{factor * one.bias:+.2g} ({factor * one.deviation:.2g}){lost}"
+    bias, deviation = factor * one.bias, factor * one.deviation
+    digits = 1 - math.floor(math.log10(max(deviation, abs(bias))))
+    return f"{bias:+.{max(digits, 0)}f} ({deviation:.{max(digits, 0)}f}){lost}"
 
 
 def all_disturbances_part(found: Sequence[Fulfilled]) -> Part:

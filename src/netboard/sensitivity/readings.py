@@ -258,7 +258,7 @@ AMBIGUITIES = (
         "if the first movement goes the wrong way?",
         "the first towards the target is the initial one",
         ("strategy",),
-        reason="no other way has a braking movement after it; how many trials it concerns is counted below",
+        reason="else correcting a false start would be braking; how many trials that concerns is counted below",
     ),
     Ambiguity(
         "A25",
