@@ -102,8 +102,8 @@ def test_sizes_are_the_papers_or_fit() -> None:
     assert sizes(1) == ("summaries.ends=1", "summaries.group=3")
 
 
-def test_recordings_of_both_configurations_are_needed(recordings: list[Path]) -> None:
-    with pytest.raises(RecordingError, match="bimanual and of dyadic"):
+def test_recordings_of_all_conditions_are_needed(recordings: list[Path]) -> None:
+    with pytest.raises(RecordingError, match="none of dyadic with force full, dyadic with force none"):
         asked(recordings[:2], quick=True)
 
 

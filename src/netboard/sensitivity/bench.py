@@ -4,6 +4,7 @@ All recordings are measured by the default readings and by each alternative; wha
 from the same tables. Disturbances are paired: each attempt with itself, undisturbed.
 """
 
+import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
@@ -13,7 +14,6 @@ from typing import Any
 from netboard.errors import RecordingError
 from netboard.export.runs import Run, runs_of
 from netboard.measuring.readings import Readings
-from netboard.measuring.recordings import Measured
 from netboard.measuring.study import Study, study_of
 from netboard.sensitivity import multiverse
 from netboard.sensitivity import reading_tables as tables
@@ -31,7 +31,8 @@ PATHS, QUICK_PATHS = (6, 6, 3), (2, 4, 2)
 DISTURBED_DYADS = 2
 """Of so many dyads one recording in each condition is disturbed [1]."""
 
-WORKERS = 2
+CONDITIONS = {(configuration, force) for configuration in ("bimanual", "dyadic") for force in ("none", "full")}
+"""Those of the paper, configuration and force."""
 
 
 @dataclass(frozen=True)
@@ -90,16 +91,17 @@ def asked(recordings: Sequence[Path], *, quick: bool) -> Asked:
     Raises
     ------
     RecordingError
-        If there are none, or none of the two configurations.
+        If one of the paper's conditions is missing.
     """
     runs = runs_of(recordings)
-    trials: dict[tuple[str, str], int] = {}
+    trials: dict[tuple[str, ...], int] = {}
     for run in runs:
         block = run.config.block
-        who = block.configuration, f"{run.session}{block.performer}{block.force}"
+        who = block.configuration, block.force, run.config.session.dyad, block.performer
         trials[who] = trials.get(who, 0) + block.trials
-    if {name for name, _ in trials} != {"bimanual", "dyadic"}:
-        raise RecordingError("expected recordings of bimanual and of dyadic blocks, as the paper's plan has them")
+    if missing := CONDITIONS - {who[:2] for who in trials}:
+        words = ", ".join(sorted(f"{configuration} with force {force}" for configuration, force in missing))
+        raise RecordingError(f"{len(runs)} recordings: expected the paper's four conditions, there is none of {words}")
     settings = sizes(min(trials.values()))
     return Asked(
         runs,
@@ -167,7 +169,7 @@ def study(recordings: Sequence[Path], folder: Folder, tell: Tell, *, quick: bool
     """
     wanted = asked(recordings, quick=quick)
     found = _measured(wanted, tell)
-    base = _study(wanted.base, [one.base for one in found])
+    base = study_of([one.base for one in found], wanted.base)
     yield about_part(wanted, base, found)
     tell("summing up", 0.9)
     default, (alone, both) = numbers(base), _singles_and_pairs(wanted, found)
@@ -204,7 +206,7 @@ def _singles_and_pairs(
 ]:
     """Sum up with one alternative each, and with two."""
     each = [
-        numbers(_study(readings, [one.others[number] for one in found]))
+        numbers(study_of([one.others[number] for one in found], readings))
         for number, readings in enumerate(wanted.others[: wanted.first_path])
     ]
     alone = [(*which, values) for which, values in zip(wanted.singles, each, strict=False)]
@@ -214,7 +216,7 @@ def _singles_and_pairs(
 def _single(wanted: Asked, found: Sequence[Fulfilled], name: str) -> Study:
     """Join the tables by the first alternative of a question."""
     number = next(place for place, (one, _) in enumerate(wanted.singles) if one.name == name)
-    return _study(wanted.others[number], [one.others[number] for one in found])
+    return study_of([one.others[number] for one in found], wanted.others[number])
 
 
 def _measured(wanted: Asked, tell: Tell) -> list[Fulfilled]:
@@ -230,15 +232,11 @@ def _measured(wanted: Asked, tell: Tell) -> list[Fulfilled]:
     order = sorted(range(total), key=lambda number: not wishes[number].disturbances)
     done = fulfil_all(
         [wishes[number] for number in order],
-        min(WORKERS, total),
+        min(os.cpu_count() or 1, total),
         lambda count: tell(f"{count} of {total} recordings", 0.9 * count / total),
     )
     by_number = dict(zip(order, done, strict=True))
     return [by_number[number] for number in range(total)]
-
-
-def _study(readings: Readings, measured: Sequence[Measured]) -> Study:
-    return study_of(measured, readings)
 
 
 def _paths(wanted: Asked, found: Sequence[Fulfilled], tell: Tell) -> list[dict[str, float]]:
@@ -247,7 +245,7 @@ def _paths(wanted: Asked, found: Sequence[Fulfilled], tell: Tell) -> list[dict[s
     for number, ways in enumerate(wanted.paths.summed_up):
         tell("paths", 0.9 + 0.1 * number / len(wanted.paths.summed_up))
         measured = [one.others[wanted.first_path + number] for one in found]
-        values += [tables.values_of(numbers(_study(readings, measured))) for readings in ways]
+        values += [tables.values_of(numbers(study_of(measured, readings))) for readings in ways]
     return values
 
 
