@@ -13,7 +13,7 @@ import pandas as pd
 from netboard.analysis.effects import Effect, Model
 from netboard.analysis.models import count_model, log_time_model, share_model
 from netboard.findings.measures import rows_of
-from netboard.findings.results import Result
+from netboard.findings.results import Result, kept
 from netboard.measuring.study import Study
 
 
@@ -105,6 +105,7 @@ def _checks(fit: Fit) -> Iterator[Result]:
             )
 
 
+@kept
 def fits(study: Study) -> Fits:
     """Fit all models.
 
