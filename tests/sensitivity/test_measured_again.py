@@ -29,7 +29,8 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
 
 def fulfilled(run: Run, *settings: str, disturbances: tuple[Disturbance, ...] = ()) -> Fulfilled:
     others = tuple(readings_of((one,)) for one in settings)
-    return fulfil(Wish(run, Readings(), others, disturbances, (Readings(),) * len(disturbances)))
+    left = readings_of(("filters.bridge=0",))
+    return fulfil(Wish(run, Readings(), others, disturbances, (left,) * len(disturbances)))
 
 
 def test_its_own_readings_give_the_same_tables(run: Run) -> None:
@@ -142,10 +143,10 @@ def test_one_threshold_makes_the_larger_mover_look_earlier_and_own_peaks_do_not(
 
 
 def test_short_holes_are_filled_where_the_readings_say_so(run: Run) -> None:
-    bridging = readings_of(("filters.bridge=0.02",))
+    leaving, bridging = readings_of(("filters.bridge=0",)), readings_of(("filters.bridge=0.02",))
     base, block = measure(run, Readings()), opened(run, Readings())
     holed = lost(recorded(block), np.random.default_rng(1), share=0.01)
-    left, filled = (of_attempts(again(base, list(block.again(how, **holed).takes()))) for how in (Readings(), bridging))
+    left, filled = (of_attempts(again(base, list(block.again(how, **holed).takes()))) for how in (leaving, bridging))
     assert np.isnan(left["completion"]).all()
     assert filled["completion"] == pytest.approx(base.trials["completion"], abs=0.002)
     assert np.array_equal(measure(run, bridging).trials["peaks"], base.trials["peaks"])

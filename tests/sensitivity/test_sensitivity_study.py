@@ -145,7 +145,10 @@ def test_statements_are_counted_where_they_can_be_told() -> None:
 
 
 def test_the_command_says_what_it_needs(tmp_path: Path) -> None:
-    for words, message in ((["--sensitivity", str(tmp_path)], "folder with recordings"), ([], "--sensitivity")):
+    for words, message in (
+        (("--sensitivity", str(tmp_path)), "folder with recordings"),
+        (("--sensitivity", "--workers", "2"), "--workers"),
+    ):
         found = CliRunner().invoke(app, ["bench", "analysis", *words])
         assert found.exit_code == 2
         assert message in found.output

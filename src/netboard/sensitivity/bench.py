@@ -34,6 +34,9 @@ DISTURBED_DYADS = 2
 CONDITIONS = {(configuration, force) for configuration in ("bimanual", "dyadic") for force in ("none", "full")}
 """Those of the paper, configuration and force."""
 
+HOLES_LEFT = "filters.bridge=0"
+"""With this, what lost ticks do is seen; a disturbance that is bridged is so before."""
+
 
 @dataclass(frozen=True)
 class Asked:
@@ -225,7 +228,7 @@ def _measured(wanted: Asked, tell: Tell) -> list[Fulfilled]:
     wishes = []
     for run in wanted.runs:
         shaken = DISTURBANCES if run.path in disturbed else ()
-        by = tuple(readings_of(one.settings, wanted.settings) for one in shaken)
+        by = tuple(readings_of((HOLES_LEFT, *one.settings), wanted.settings) for one in shaken)
         wishes.append(Wish(run, wanted.base, wanted.others, shaken, by))
     total = len(wishes)
     # Those that take longest first, so that no process is alone with one in the end.
