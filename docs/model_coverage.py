@@ -4,7 +4,7 @@
 
 Studies are drawn whose effects are known, with 4, 8 and 16 dyads of three performers (two participants and the dyad),
 30 trials with each force; the models of `netboard.analysis.models` are fitted to them. In some, dyads and performers
-are alike, or differ but not in the effect of forces. 400 take some ten minutes.
+are alike, or differ but not in the effect of forces. 400 take half an hour.
 """
 
 import sys
