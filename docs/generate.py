@@ -242,6 +242,9 @@ def analysis_evidence() -> str:
     return str(module.table())
 
 
+SENSITIVITY = ("about", "readings", "pairs", "concerned", "paths", "statements", "disturbances", "forms")
+"""Those of `netboard bench analysis --sensitivity`; its headlines are in the page on the analysis."""
+
 GENERATED: dict[str, tuple[str, Callable[[], str]]] = {
     "state diagram": ("trial-machine.md", state_diagram),
     "edge table": ("trial-machine.md", edge_table),
@@ -262,6 +265,9 @@ GENERATED: dict[str, tuple[str, Callable[[], str]]] = {
     **{name: ("velocity.md", study_part("velocity", name)) for name in VELOCITY},
     "coupling machine": ("coupling.md", study_machine("coupling")),
     **{f"coupling-{name}": ("coupling.md", study_part("coupling", name)) for name in COUPLING},
+    "sensitivity machine": ("analysis-sensitivity.md", study_machine("sensitivity")),
+    **{f"sensitivity-{name}": ("analysis-sensitivity.md", study_part("sensitivity", name)) for name in SENSITIVITY},
+    "sensitivity-headlines": ("analysis.md", study_part("sensitivity", "headlines")),
     "forces conditions": ("forces.md", study_part("forces", "conditions")),
     "faults machine": ("faults.md", study_machine("faults")),
     **{name: ("faults.md", study_part("faults", name)) for name in FAULTS},

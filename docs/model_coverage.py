@@ -3,7 +3,8 @@
     python docs/model_coverage.py [STUDIES]
 
 Studies are drawn whose effects are known, with 4, 8 and 16 dyads of three performers (two participants and the dyad),
-30 trials with each force; the models of `netboard.analysis.models` are fitted to them. 400 take some ten minutes.
+30 trials with each force; the models of `netboard.analysis.models` are fitted to them. In some, dyads and performers
+are alike, or differ but not in the effect of forces. 400 take half an hour.
 """
 
 import sys
@@ -30,13 +31,19 @@ class Drawn:
     expected: NDArray[np.float64]
 
 
-def draw(rng: np.random.Generator, dyads: int, slopes: float) -> Drawn:
+def draw(
+    rng: np.random.Generator,
+    dyads: int,
+    slopes: float,
+    of_dyads: float = OF_DYADS,
+    of_performers: float = OF_PERFORMERS,
+) -> Drawn:
     """Draw a study with known effects."""
     parts = []
     for dyad in range(dyads):
-        of_dyad, slope = rng.normal(0, OF_DYADS), rng.normal(0, slopes)
+        of_dyad, slope = rng.normal(0, of_dyads), rng.normal(0, slopes)
         for performer in range(3):
-            own, own_slope = rng.normal(0, OF_PERFORMERS), rng.normal(0, slopes)
+            own, own_slope = rng.normal(0, of_performers), rng.normal(0, slopes)
             together = 0.5 if performer == 2 else -0.5
             for felt in (-0.5, 0.5):
                 order = np.arange(1, TRIALS + 1)
@@ -56,11 +63,17 @@ def fits(rng: np.random.Generator, dyads: int) -> dict[str, Model]:
     times = np.exp(varied.expected + rng.normal(0, OF_TRIALS, len(varied.expected)))
     counts = rng.poisson(np.exp(varied.expected - 0.5) * rng.gamma(3, 1 / 3, len(varied.expected)))
     failed = rng.random(len(varied.expected)) < 1 / (1 + np.exp(3.2 - varied.expected))
+    same, alike = draw(rng, dyads, 0.0), draw(rng, dyads, 0.0, 0.0, 0.0)
+    others = {"haptics, the same for all": same, "haptics, all alike": alike}
     return {
         "haptics": log_time_model(times, *varied.labels),
         "no slopes": log_time_model(times, *varied.labels, slopes="none"),
         "counts": count_model(counts, *varied.labels),
         "failures": share_model(failed, *varied.labels),
+        **{
+            name: log_time_model(np.exp(drawn.expected + rng.normal(0, OF_TRIALS, len(times))), *drawn.labels)
+            for name, drawn in others.items()
+        },
     }
 
 

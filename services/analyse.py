@@ -13,7 +13,7 @@ from netboard.errors import ConfigError
 from netboard.export.formats import need, new_folder, refuse_existing
 from netboard.measuring.cache import Cache, default_folder
 from netboard.measuring.crews import Crew, cores, dask, processes
-from netboard.measuring.readings import parse
+from netboard.measuring.readings import Readings
 from netboard.measuring.running import Harvest, harvest
 from netboard.process import peak_memory
 from netboard.recording.finding import find_recordings
@@ -54,9 +54,7 @@ class Wishes:
     beside_the_paper: bool = False
 
 
-def main(
-    named: Sequence[Path], output: Path | None, settings: Path | None, overrides: Sequence[str], wishes: Wishes
-) -> int:
+def main(named: Sequence[Path], output: Path | None, readings: Readings, wishes: Wishes) -> int:
     """Analyse recordings, and say in a few lines what came of it.
 
     Parameters
@@ -65,10 +63,8 @@ def main(
         Recordings, and folders of them.
     output : Path or None
         The new folder; None names it after the first recording or folder.
-    settings : Path or None
-        A file of settings; None for the defaults.
-    overrides : sequence of str
-        Settings as ``table.key=value`` that go before those of the file.
+    readings : Readings
+        How to measure, and what counts.
     wishes : Wishes
         How to run.
 
@@ -78,7 +74,6 @@ def main(
         Exit code.
     """
     began = time.perf_counter()
-    readings = parse(_text_of(settings), str(settings or "defaults"), overrides)
     need("analysis", *LIBRARIES)
     folder = output or Path(f"{named[0].resolve().stem}_analysis")
     refuse_existing(folder)
@@ -99,16 +94,6 @@ def main(
     for line in (*_in_words(study, found), _in_total(folder, time.perf_counter() - began, found.peak)):
         console.print(line, markup=False)
     return 0
-
-
-def _text_of(settings: Path | None) -> str:
-    """Read a file of settings."""
-    try:
-        return "" if settings is None else settings.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise ConfigError(f"{settings}: no such file; make one with: netboard analyse --template") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{settings}: cannot be read: {error}") from error
 
 
 def _crew(wishes: Wishes) -> Crew:

@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 
 import typer
 
+from netboard.errors import ConfigError
 from netboard.services import configuration
 
 app = typer.Typer(
@@ -235,12 +236,17 @@ def recording(output: Output = None, quick: Quick = False, force: Force = False,
 
 
 @app.command(
-    epilog="Examples:\n\n  netboard bench analysis --quick\n\n  netboard bench analysis recordings/ -o results"
+    epilog="Examples:\n\n  netboard bench analysis --quick\n\n  netboard bench analysis recordings/ -o results\n\n"
+    "  netboard bench analysis recordings/ --sensitivity"
 )
 def analysis(
     recordings: Annotated[
-        Path | None, typer.Argument(metavar="[DIR]", help="A study's recordings; else one of the paper's size is made.")
+        Path | None, typer.Argument(metavar="[DIR]", help="A study's recordings; else one of the paper's plan is made.")
     ] = None,
+    sensitivity: Annotated[
+        bool,
+        typer.Option("--sensitivity", help="Instead: how far open questions, noise and lost samples move each number."),
+    ] = False,
     output: Output = None,
     quick: Quick = False,
     force: Force = False,
@@ -250,6 +256,13 @@ def analysis(
     ] = None,
 ) -> None:
     """What it costs to analyse a study: time and memory against its size, anew and kept, beside reading the files."""
+    if sensitivity:
+        from netboard.services import sensitivity as service
+
+        if workers is not None:
+            raise ConfigError("--workers: found with --sensitivity, which takes all cores; leave it out")
+        service.main(recordings, output, json, quick=quick, force=force)
+        return
     from netboard.throughput import bench as study
 
     study.main(recordings, workers, output, json, quick=quick, force=force)

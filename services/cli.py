@@ -14,6 +14,7 @@ from typer.core import TyperGroup
 
 from netboard.errors import ConfigError, NetboardError
 from netboard.services import (
+    analysing,
     bench,
     configuration,
     demonstration,
@@ -90,6 +91,7 @@ demonstration.add_to(app)
 scenes.add_to(app)
 operating.add_to(app)
 recordings.add_to(app)
+analysing.add_to(app)
 
 
 def main() -> None:

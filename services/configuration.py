@@ -83,7 +83,7 @@ def load_readings(file: Path | None, overrides: Sequence[str] = ()) -> "Readings
 
     if file is None:
         return readings.parse("", "defaults", overrides)
-    return readings.parse(_text_of(file, f"netboard analyse --template {file}"), str(file), overrides)
+    return readings.parse(_text_of(file, f"netboard analyse --template > {file}"), str(file), overrides)
 
 
 def _text_of(file: Path, make: str) -> str:

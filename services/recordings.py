@@ -143,25 +143,6 @@ def whatif(
     raise typer.Exit(service.main(recording, changes, output=output, figure=figure, trial=trial, as_json=as_json))
 
 
-def explain(
-    recording: RecordingFile,
-    trial: Annotated[int, typer.Option(min=1, help="Number of the trial in its block.")],
-    attempt: Annotated[int | None, typer.Option(min=1, help="Number of the attempt at it; else the last one.")] = None,
-    settings: Annotated[
-        Path | None, typer.Option("--settings", metavar="FILE", help="How the paper is read: a TOML file.")
-    ] = None,
-    overrides: Overrides = None,
-    output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="FILE", help="The new picture: .png, .svg or .pdf.")
-    ] = Path("trial.png"),
-) -> None:
-    """Draw how each number of one trial is computed: its traces, with all that the measures find in them."""
-    from netboard.services import explain as service
-
-    readings = configuration.load_readings(settings, overrides or ())
-    raise typer.Exit(service.main(recording, trial, attempt, readings, output))
-
-
 def sessions(
     folder: Annotated[
         Path | None, typer.Argument(metavar="[DIR]", help="Folder; else that of the configuration's [recording].")
@@ -202,65 +183,6 @@ def export(
     from netboard.services import export as service
 
     raise typer.Exit(service.main(recordings, to, output))
-
-
-def _print_template(wanted: bool) -> None:
-    """Print the settings of an analysis and stop, if asked."""
-    if wanted:
-        from netboard.measuring.readings import template
-
-        typer.echo(template(), nl=False)
-        raise typer.Exit(0)
-
-
-def analyse(
-    recordings: Annotated[list[Path], typer.Argument(metavar="RECORDING", help="Recordings, or folders of them.")],
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            "--output", "-o", metavar="FOLDER", help="The new folder; else it is named after the first recording."
-        ),
-    ] = None,
-    settings: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="How to read the paper, and what to leave out (TOML); else the defaults."),
-    ] = None,
-    overrides: Overrides = None,
-    template: Annotated[
-        bool,
-        typer.Option(
-            "--template", callback=_print_template, is_eager=True, help="Print all settings, with comments, and stop."
-        ),
-    ] = False,
-    workers: Annotated[
-        int | None, typer.Option(min=1, metavar="N", help="How many processes measure; else one a core.")
-    ] = None,
-    dask: Annotated[
-        str | None,
-        typer.Option(metavar="ADDRESS", help="Let a Dask cluster measure instead, such as tcp://10.0.0.5:8786."),
-    ] = None,
-    cache: Annotated[
-        Path | None,
-        typer.Option(metavar="FOLDER", help="Where results are kept; else a folder in ~/.cache (XDG_CACHE_HOME)."),
-    ] = None,
-    no_cache: Annotated[bool, typer.Option("--no-cache", help="Measure everything anew, and keep nothing.")] = False,
-    compare_paper: Annotated[
-        bool, typer.Option("--compare-paper", help="Put the numbers beside those that the paper reported.")
-    ] = False,
-    skip_unreadable: Annotated[
-        bool, typer.Option("--skip-unreadable", help="Leave out recordings that cannot be measured, and list them.")
-    ] = False,
-) -> None:
-    r"""Analyse a study: tables of all trials, results, pictures, and a report, in a new folder.
-
-    It needs more libraries than a session: pip install 'netboard\[analysis]', and for --dask also 'netboard\[dask]'.
-    """
-    from netboard.services import analyse as service
-
-    if cache is not None and no_cache:
-        raise ConfigError("--cache and --no-cache: expected one of them")
-    wishes = service.Wishes(workers, dask, cache, not no_cache, skip_unreadable, compare_paper)
-    raise typer.Exit(service.main(recordings, output, settings, overrides or (), wishes))
 
 
 def import_(
@@ -328,12 +250,6 @@ def add_to(app: typer.Typer) -> None:
     )(whatif)
     app.command(
         epilog=examples(
-            "netboard explain S01.mcap --trial 12 -o trial12.png",
-            "netboard explain S01.mcap --trial 12 --set peaks.window=whole -o trial12.svg",
-        )
-    )(explain)
-    app.command(
-        epilog=examples(
             "netboard sessions",
             "netboard sessions recordings/ --dyad D03 --no-pilot",
             "netboard sessions --study paper --since 2026-01-31 --check --verdict damaged",
@@ -342,14 +258,6 @@ def add_to(app: typer.Typer) -> None:
     app.command(
         epilog=examples("netboard export S01.mcap --to csv", "netboard export recordings/ --to parquet -o study")
     )(export)
-    app.command(
-        epilog=examples(
-            "netboard analyse recordings/ -o study",
-            "netboard analyse recordings/ --set filters.fast=10 --set exclusions.warm_up=5",
-            "netboard analyse --template > analysis.toml",
-            "netboard analyse recordings/ --settings analysis.toml --dask tcp://10.0.0.5:8786",
-        )
-    )(analyse)
     app.command(
         "import",
         epilog=examples(

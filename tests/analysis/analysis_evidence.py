@@ -36,6 +36,7 @@ WITHOUT = {
         for name in ("effects.effects_of", "effects.said", "effects.diagnose", "factors.design_of", "factors.cells_of")
         for kind in ("truth", "properties", "disturbance")
     },
+    ("restricted.restricted_fit", "disturbance"): "takes the trials that have a value: the models leave out the others",
     ("contrasts.holm", "properties"): "takes a few probabilities, in the order in which they come back",
     ("contrasts.holm", "disturbance"): NO_SAMPLES,
     ("signals.runs", "disturbance"): "takes what is true or false; what of a hole is neither, the caller says",

@@ -92,6 +92,17 @@ def test_differences_that_do_not_vary_have_no_size() -> None:
     assert any("equal" in note for note in found.notes)
 
 
+@pytest.mark.parametrize("off", [0.1, -1e7])
+def test_differences_that_vary_by_rounding_do_not_vary(off: float) -> None:
+    gaps = off * (1.0 + np.array([0.0, 1.0, -1.0, 2.0]) * np.finfo(float).eps)
+    assert np.ptp(gaps) > 0.0
+    assert np.isnan([paired_t_test(gaps).statistic, paired_t_test(gaps).p]).all()
+    assert paired_t_test(off * np.array([1.0, 1.0, 1.0 + 1e-9])).p < 1e-6
+    found = contrast(gaps, np.zeros(4), NAMES)
+    assert np.isnan([found.t.p, found.effect.value]).all()
+    assert any("equal" in note for note in found.notes)
+
+
 def test_many_units_need_no_note() -> None:
     source = np.random.default_rng(1)
     found = contrast(source.normal(size=24), source.normal(size=24), [f"D{i:02}" for i in range(24)])

@@ -10,7 +10,7 @@ from rich.console import Console
 from scipy import stats
 
 from made_study import SMALL, Block, made_study, random_blocks, times
-from netboard.findings.everything import results_of
+from netboard.findings.everything import PAPER, results_of
 from netboard.findings.paper import COMPARISON, REMINDER, REPORTED, Kind, Reported, compare
 from netboard.findings.results import RESULTS
 from netboard.report.comparison import comparison_table
@@ -137,7 +137,7 @@ def test_the_table_for_the_terminal_has_all_rows(compared: pd.DataFrame) -> None
 
 
 def test_all_results_have_an_n_a_unit_and_a_name_of_their_own() -> None:
-    found = results_of(made_study(random_blocks(), *SMALL))
+    found = results_of(made_study(random_blocks(), *SMALL), PAPER)
     assert list(found) == [field.name for field in RESULTS]
     assert not found.duplicated(["topic", "quantity", "group"]).any()
     assert (found["unit"] != "").all()
@@ -170,7 +170,7 @@ def test_mirrored_studies_have_the_same_results_but_for_who_was_first() -> None:
         )
         for one in blocks
     ]
-    first, second = results_of(made_study(blocks, *SMALL)), results_of(made_study(mirrored, *SMALL))
+    first, second = (results_of(made_study(some, *SMALL), PAPER) for some in (blocks, mirrored))
     signed = first["quantity"].str.startswith("signed delay")
     assert 0 < signed.sum() < len(first)
     pd.testing.assert_frame_equal(first[~signed], second[~signed])

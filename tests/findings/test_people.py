@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from netboard.findings.people import PEOPLE, people_of
+from netboard.findings.results import kept
 from netboard.measuring.readings import Readings
 from netboard.measuring.study import Study, study_of
 from rehearsed_study import measured, rehearse
@@ -56,3 +57,9 @@ def test_what_does_not_count_is_in_no_mean(study: Study) -> None:
     assert set(fewer["trials"]) == {1}
     assert (fewer["completion"] == fewer["completion_median"]).all()
     assert fewer["completion_sd"].isna().all()
+
+
+def test_a_costly_finding_is_made_once_for_each_study(study: Study) -> None:
+    asked: list[Study] = []
+    find = kept(lambda one: asked.append(one) or len(asked))  # type: ignore[func-returns-value]
+    assert [find(study), find(study), find(replace(study)), find(study)] == [1, 1, 2, 3]

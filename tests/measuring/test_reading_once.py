@@ -13,7 +13,7 @@ from netboard.measuring.take import Block, columns_for
 from netboard.proof.quality import judged
 from netboard.recording.reader import Recording
 from netboard.tick import TICK
-from netboard.wire.messages import Safeguard
+from netboard.wire.motion import Safeguard
 
 pytestmark = pytest.mark.slow
 

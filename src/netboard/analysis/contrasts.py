@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import stats
 
 from netboard.analysis.statistics import (
+    ROUNDING,
     Estimate,
     Test,
     cluster_mean,
@@ -156,11 +157,11 @@ def paired_t_test(differences: ArrayLike, *, unit: str = "dyad") -> Test:
     Returns
     -------
     Test
-        The statistic is t; without p for fewer than two units, or differences that do not vary.
+        The statistic is t; without p for fewer than two units, or differences that do not vary but for rounding.
     """
     x = np.asarray(differences, dtype=float)
     x = x[np.isfinite(x)]
-    if len(x) < 2 or not np.ptp(x) > 0.0:
+    if len(x) < 2 or _equal(x):
         return Test(nan, nan, nan, len(x), unit, False, "paired t")
     t = float(x.mean() / stats.sem(x))
     return Test(t, float(2.0 * stats.t.sf(abs(t), len(x) - 1)), 0.0, len(x), unit, False, "paired t")
@@ -213,6 +214,11 @@ def _pairs(values: ArrayLike, units: ArrayLike, first: ArrayLike) -> tuple[NDArr
     return labels, pairs
 
 
+def _equal(x: NDArray[np.float64]) -> bool:
+    """Say whether values differ by no more than rounding."""
+    return not np.ptp(x) > ROUNDING * np.abs(x).max()
+
+
 def _notes(differences: NDArray[np.float64], unit: str) -> tuple[str, ...]:
     """Say what few units do."""
     n = len(differences)
@@ -223,6 +229,6 @@ def _notes(differences: NDArray[np.float64], unit: str) -> tuple[str, ...]:
         notes.append(f"{n} {unit}s: exact two-sided tests cannot have a p below {2.0 / 2**n:.3g}")
     if n <= TOO_SHORT:
         notes.append(f"{n} {unit}s: the bootstrap's interval is too short")
-    if not np.ptp(differences) > 0.0:
+    if _equal(differences):
         notes.append("all differences are equal: no size of the effect and no t")
     return tuple(notes)

@@ -20,7 +20,6 @@ from statsmodels.genmod import families
 from statsmodels.genmod.cov_struct import Exchangeable
 from statsmodels.genmod.generalized_estimating_equations import GEE
 from statsmodels.genmod.generalized_linear_model import GLM
-from statsmodels.regression.mixed_linear_model import MixedLM, MixedLMParams, VCSpec
 
 from netboard.analysis.effects import (
     Component,
@@ -32,6 +31,7 @@ from netboard.analysis.effects import (
     said,
 )
 from netboard.analysis.factors import Design, cells_of, design_of
+from netboard.analysis.restricted import restricted_fit
 
 Slopes = Literal["none", "dyad", "performer"]
 Family = Literal["poisson", "negative_binomial"]
@@ -71,7 +71,7 @@ def log_time_model(
     level: float = 0.95,
     interval: Interval = "t",
 ) -> Model:
-    """Fit a linear mixed model of log completion times (REML, `statsmodels` MixedLM).
+    """Fit a linear mixed model of log completion times (REML, `restricted_fit`).
 
     Parameters
     ----------
@@ -109,13 +109,12 @@ def log_time_model(
     lack = _lack(design)
     if lack:
         return fit.without(design, lack)
-    spread = _spread(design)
-    if not spread > 1e-9 * max(1.0, float(np.abs(design.values).max())):
+    if not _spread(design) > 1e-9 * max(1.0, float(np.abs(design.values).max())):
         return fit.without(design, "not fitted: the times do not vary beyond the effects")
     if design.n_dyads < 2:
         return fit.alone(design, families.Gaussian())
     parts, notes = _parts(design, slopes)
-    return _mixed(fit, design, parts, spread, notes)
+    return _mixed(fit, design, parts, notes)
 
 
 def count_model(
@@ -381,54 +380,28 @@ def _independent(sources: list[NDArray[np.float64]], residual: int) -> bool:
     return float(np.linalg.eigvalsh(information / np.outer(scale, scale))[0]) > 1e-9
 
 
-def _mixed(
-    fit: _Fit, design: Design, parts: dict[str, NDArray[np.float64]], spread: float, notes: tuple[str, ...]
-) -> Model:
-    """Fit the mixed model, in units of the spread: so an offset or a unit of the times changes nothing else."""
+def _mixed(fit: _Fit, design: Design, parts: dict[str, NDArray[np.float64]], notes: tuple[str, ...]) -> Model:
+    """Fit the mixed model, and say which sources of chance contribute nothing."""
     if not parts:
         return fit.without(design, "not fitted: no source of chance beside the residual can be told")
-    shift = design.values.mean()
-    found, warned = _noting(lambda: _reml((design.values - shift) / spread, design, parts))
-    notes = (*notes, *warned)
+    found = restricted_fit(design.values, design.columns, list(parts.values()), design.dyads)
     if found is None:
-        return replace(fit.without(design, notes[-1]), notes=said((*design.notes, *notes)))
-    k = len(design.names)
-    coefficients = np.asarray(found.fe_params) * spread
-    coefficients[0] += shift
-    variances = dict(zip(parts, np.asarray(found.vcomp) * spread**2, strict=True))
-    residual = float(found.scale) * spread**2
-    notes += tuple(f"{name}: its variance is estimated as 0" for name, s in variances.items() if s < 1e-6 * residual)
-    components = [
-        Component(name, float(s), sqrt(s), int(parts[name].any(axis=0).sum())) for name, s in variances.items()
-    ]
+        return fit.without(design, "not fitted: the times do not vary beyond effects, dyads and performers")
+    variances = dict(zip(parts, found.variances, strict=True))
+    nothing = 1e-6 * found.residual
+    notes += tuple(f"{name}: its variance is estimated as 0" for name, s in variances.items() if s < nothing)
+    if not found.converged:
+        notes += ("the search for the variances did not end",)
+    components = [Component(name, s, sqrt(s), int(parts[name].any(axis=0).sum())) for name, s in variances.items()]
     return fit.model(
         design,
-        coefficients,
-        np.asarray(found.cov_params())[:k, :k] * spread**2,
-        converged=bool(found.converged),
+        found.coefficients,
+        found.covariance,
+        converged=found.converged,
         notes=notes,
-        components=(*components, Component("residual", residual, sqrt(residual), len(design.values))),
-        diagnostics=_left(design, coefficients, parts, variances, residual),
+        components=(*components, Component("residual", found.residual, sqrt(found.residual), len(design.values))),
+        diagnostics=_left(design, found.coefficients, parts, variances, found.residual),
     )
-
-
-def _reml(response: NDArray[np.float64], design: Design, parts: dict[str, NDArray[np.float64]]) -> Any:
-    """Maximise the restricted likelihood.
-
-    The gradient methods that statsmodels tries by itself stop on the flat parts near a variance of 0 and say they have
-    converged; Powell's reaches the maximum.
-    """
-    groups = range(design.n_dyads)
-    own = {name: [matrix[design.dyads == group] for group in groups] for name, matrix in parts.items()}
-    own = {name: [x[:, x.any(axis=0)] for x in matrices] for name, matrices in own.items()}
-    labels = [[[str(i) for i in range(x.shape[1])] for x in matrices] for matrices in own.values()]
-    model = MixedLM(
-        response, design.columns, groups=design.dyads, exog_vc=VCSpec(list(own), labels, list(own.values()))
-    )
-    start = MixedLMParams(len(design.names), 0, len(own))
-    start.fe_params, start.vcomp = np.zeros(len(design.names)), np.full(len(own), 0.05)
-    start.cov_re = np.empty((0, 0))
-    return model.fit(reml=True, method="powell", start_params=start, ftol=1e-12, maxiter=10_000)
 
 
 def _left(

@@ -16,7 +16,7 @@ from netboard.analysis.contrasts import Contrast, condition_contrast, holm
 from netboard.analysis.statistics import Estimate, paired_effect
 from netboard.findings.groups import conditions, estimated, with_base
 from netboard.findings.measures import EXPLAINED, Measure, as_read, exponential, levels
-from netboard.findings.results import Result
+from netboard.findings.results import Result, kept
 from netboard.measuring.study import Study
 
 Kind = Literal["forces", "configuration", "interaction"]
@@ -165,6 +165,7 @@ def _number(one: Comparison, quantity: str, value: float, n: int, note: str) -> 
     return Result("contrasts", quantity, one.question.name, value, np.nan, np.nan, "1", "", n, "dyad", note)
 
 
+@kept
 def comparisons(study: Study) -> Comparisons:
     """Compare conditions in all measures.
 

@@ -1,6 +1,6 @@
 """All results of a study in one tidy table."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Protocol
 
 import pandas as pd
@@ -49,17 +49,19 @@ FINDINGS: tuple[Callable[[Study], Finding], ...] = PAPER + MODERN
 """All that is found."""
 
 
-def results_of(study: Study) -> pd.DataFrame:
+def results_of(study: Study, findings: Sequence[Callable[[Study], Finding]] = FINDINGS) -> pd.DataFrame:
     """Find everything.
 
     Parameters
     ----------
     study : Study
         The study.
+    findings : sequence of callable
+        What is to be found.
 
     Returns
     -------
     DataFrame
         The columns of `netboard.findings.results.RESULTS`.
     """
-    return table_of(result for find in FINDINGS for result in find(study).results)
+    return table_of(result for find in findings for result in find(study).results)

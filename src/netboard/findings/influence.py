@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from netboard.analysis.information import Chance, Past, chance_level, granger
 from netboard.findings.groups import Condition, conditions
 from netboard.findings.paths import joined
-from netboard.findings.results import Result
+from netboard.findings.results import Result, kept
 from netboard.measuring.study import Study
 
 Direction = Literal["left to right", "right to left"]
@@ -109,6 +109,7 @@ def _rows(one: Influence) -> list[Result]:
     ]
 
 
+@kept
 def influences(study: Study) -> Influences:
     """Ask of both partners whether they answer the other.
 

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from netboard.analysis.statistics import Estimate, t_interval
 from netboard.findings.groups import CLASSES, Condition, conditions, counted, estimated
-from netboard.findings.results import Result
+from netboard.findings.results import Result, kept
 from netboard.measuring.study import Study
 
 Of = Literal["trial", "movement", "attempt"]
@@ -249,6 +249,7 @@ def _note(one: Levels) -> str:
     return "; ".join(filter(None, (EXPLAINED.get(one.measure.name, ""), f"of {one.rows} {one.measure.of}s")))
 
 
+@kept
 def overview(study: Study) -> Overview:
     """Find the level of every measure in every condition.
 

@@ -5,15 +5,15 @@ become results. All forces that are felt are one level of a model; the contrasts
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
 
 from netboard.analysis.effects import Effect, Model
-from netboard.analysis.models import Slopes, count_model, log_time_model, share_model
+from netboard.analysis.models import count_model, log_time_model, share_model
 from netboard.findings.measures import rows_of
-from netboard.findings.results import Result
+from netboard.findings.results import Result, kept
 from netboard.measuring.study import Study
 
 
@@ -61,7 +61,7 @@ class Fits:
         return tuple(row for fit in self.fits for row in (*self._terms(fit), *_chance(fit), *_checks(fit)))
 
     def _terms(self, fit: Fit) -> Iterator[Result]:
-        note = "; ".join((fit.model.name, *self.notes, *fit.model.notes))
+        note = "; ".join((f"{fit.model.name}: {fit.model.equation}", *self.notes, *fit.model.notes))
         for effect in fit.model.effects:
             group, (value, low, high), unit = effect.name, _shown(effect), "1"
             interval = f"95 % {effect.estimate.method}" if np.isfinite(low) else ""
@@ -105,6 +105,7 @@ def _checks(fit: Fit) -> Iterator[Result]:
             )
 
 
+@kept
 def fits(study: Study) -> Fits:
     """Fit all models.
 
@@ -120,7 +121,7 @@ def fits(study: Study) -> Fits:
     """
     trials, attempts = (_people(rows_of(study, of)) for of in ("trial", "attempt"))
     attempts = attempts.assign(order=_number_of(attempts))
-    times = _times(trials)
+    times = log_time_model(trials["completion"].where(trials["completion"] > 0.0), *_labels(trials))
     peaks = count_model(trials["peaks"], *_labels(trials))
     falls = share_model(attempts["outcome"] == "fell", *_labels(attempts))
     return Fits(
@@ -131,20 +132,6 @@ def fits(study: Study) -> Fits:
         ),
         _left_out(study, len(trials), trials),
     )
-
-
-def _times(trials: pd.DataFrame) -> Model:
-    """Fit log times; where effects that differ between performers or dyads cannot be, without them, and say so."""
-    seconds = trials["completion"].where(trials["completion"] > 0.0)
-    whole = log_time_model(seconds, *_labels(trials))
-    simpler: tuple[Slopes, ...] = ("dyad", "none") if not whole.fitted and whole.dyads > 1 else ()
-    for slopes in simpler:
-        model = log_time_model(seconds, *_labels(trials), slopes=slopes)
-        if model.fitted:
-            whose = "of dyads only" if slopes == "dyad" else "left out"
-            why = f"the whole model is {'; '.join(whole.notes)}: chance in the effect of haptics {whose}"
-            return replace(model, notes=(*model.notes, why))
-    return whole
 
 
 def _people(rows: pd.DataFrame) -> pd.DataFrame:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from netboard.analysis.statistics import t_interval
 from netboard.findings.groups import Condition, conditions, estimated
-from netboard.findings.results import Result
+from netboard.findings.results import Result, kept
 from netboard.measuring.details import STEP
 from netboard.measuring.study import Study
 from netboard.measuring.take import RATE
@@ -97,6 +97,7 @@ def _rows(one: Course) -> Iterator[Result]:
         yield estimated("paths", QUANTITIES[one.quantity], group, t_interval(one.each[:, k]), "m", note)
 
 
+@kept
 def courses(study: Study) -> Courses:
     """Average the paths of all conditions.
 

@@ -1,10 +1,14 @@
 """A number that is reported, and the tidy table of all of them: none without its n and its unit of replication."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass
+from functools import wraps
+from typing import TypeVar
+from weakref import ref
 
 import pandas as pd
 
+from netboard.measuring.study import Study
 from netboard.measuring.tables import count, number, words
 
 
@@ -79,3 +83,25 @@ def table_of(results: Iterable[Result]) -> pd.DataFrame:
         The columns of `RESULTS`.
     """
     return pd.DataFrame([asdict(result) for result in results], columns=[field.name for field in RESULTS])
+
+
+T = TypeVar("T")
+
+
+def kept(find: Callable[[Study], T]) -> Callable[[Study], T]:
+    """Let a costly finding be computed once for its results and its pictures: that of the newest study is kept.
+
+    Parameters
+    ----------
+    find : callable
+        Takes a `Study`, which nobody changes; returns what is found in it.
+    """
+    newest: list[tuple[ref[Study], T]] = []
+
+    @wraps(find)
+    def once(study: Study) -> T:
+        if not newest or newest[0][0]() is not study:
+            newest[:] = [(ref(study), find(study))]
+        return newest[0][1]
+
+    return once

@@ -29,7 +29,7 @@ _SHARED = tuple(field.name for field in PLACE_IN_STUDY)
 _KEYS = ["recording", "trial", "attempt"]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)
 class Study:
     """All tables of a study.
 

@@ -5,6 +5,7 @@ what is still missing is not a number, and nothing is computed across it. Only t
 """
 
 from collections.abc import Iterator, Mapping
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal
@@ -28,6 +29,7 @@ RATE = 1 / TICK_SECONDS
 _PLACES = ("theta", "p", "left_used_z", "right_used_z")
 _FORCES = ("left_coupling", "right_coupling")
 _RATES = ("left_used_vz", "right_used_vz")
+_FILTERED = ("_seen", "placed", "fast", "slow", "whole", "forces", "_turns")
 
 
 def columns_for(readings: Readings) -> tuple[str, ...]:
@@ -92,13 +94,44 @@ class Block:
         self.first = int(ticks[0])
         whole = int(ticks[-1]) + 1 - self.first
         self.missing = whole - ticks.size
-        longest = readings.filters.bridge
         self._columns = {
-            name: bridge(by_number(ticks, columns[name]), RATE, longest) if self.missing else np.asarray(columns[name])
+            name: by_number(ticks, columns[name]) if self.missing else np.asarray(columns[name])
             for name in names
             if name != "tick"
         }
         self.attempts: tuple[Attempt, ...] = recording.attempts()
+
+    def again(self, readings: Readings, **columns: NDArray[np.float64]) -> "Block":
+        """See the same recording by other readings, or with other columns; what stays the same is not filtered again.
+
+        Parameters
+        ----------
+        readings : Readings
+            How it is to be measured.
+        **columns : ndarray, shape (n,)
+            Columns in place of the recorded ones [SI].
+
+        Returns
+        -------
+        Block
+            The recording, seen so.
+
+        Raises
+        ------
+        ValueError
+            If the devices' velocities are to be measured and were not read.
+        """
+        if readings.filters.velocity == "device" and _RATES[0] not in self._columns:
+            raise ValueError("the devices' velocities were not read: open the recording with filters.velocity=device")
+        other = copy(self)
+        other.readings, other._columns = readings, self._columns | columns
+        if columns or readings.filters != self.readings.filters:
+            stale: tuple[str, ...] = _FILTERED
+        else:
+            stale = ("_turns",) if readings.segments != self.readings.segments else ()
+        for name in stale:
+            other.__dict__.pop(name, None)
+        return other
 
     @property
     def samples(self) -> int:
@@ -106,14 +139,20 @@ class Block:
         return self.raw("p").size
 
     def raw(self, name: str) -> NDArray[np.float64]:
-        """Return a column as recorded, shape (n,) [SI].
+        """Return a column as recorded, but for short holes, which are bridged, shape (n,) [SI].
 
         Parameters
         ----------
         name : str
             Name of the column, as in the recording.
         """
-        return self._columns[name]
+        return self._seen[name]
+
+    @cached_property
+    def _seen(self) -> dict[str, NDArray[np.float64]]:
+        """The columns with short holes bridged."""
+        longest = self.readings.filters.bridge
+        return {name: bridge(values, RATE, longest) if longest else values for name, values in self._columns.items()}
 
     @cached_property
     def placed(self) -> NDArray[np.int64]:

@@ -29,7 +29,7 @@ from netboard.measuring.fingerprint import fingerprint
 from netboard.measuring.readings import resolve
 from netboard.measuring.running import Harvest, LeftOut
 from netboard.measuring.study import FIELDS_IN_STUDY, Study
-from netboard.measuring.tables import DTYPES, words
+from netboard.measuring.tables import DTYPES, Columns, words
 from netboard.recording.channels import Field
 from netboard.report.html import write_report
 
@@ -41,6 +41,10 @@ KINDS = ("svg", "pdf", "png")
 
 LEFT_OUT = (words("file", "name of the recording's file"), words("why", "why it could not be measured"))
 """Columns of the table of recordings that were left out."""
+
+
+PORTION = 100_000
+"""Rows that are written at once [1]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,12 +170,20 @@ def write_tables(
 
 def _write_table(folder: Path, kind: Kind, frame: pd.DataFrame) -> None:
     """Write a table in both formats, or as Parquet alone if it is long."""
-    rows = {field.name: frame[field.name].to_numpy(DTYPES[field.kind]) for field in kind.fields}
     with parquet.open_sheet(folder / f"{kind.name}.parquet", kind) as put:
-        put(rows)
+        for rows in _portions(frame, kind):
+            put(rows)
     if kind.name != "paths":
         with delimited.open_sheet(folder / f"{kind.name}.csv", kind) as put:
-            put(rows)
+            for rows in _portions(frame, kind):
+                put(rows)
+
+
+def _portions(frame: pd.DataFrame, kind: Kind) -> Iterator[Columns]:
+    """Yield the columns of a table, some rows at a time: a text for each row of all paths is a lot of memory."""
+    for first in range(0, len(frame), PORTION):
+        part = frame.iloc[first : first + PORTION]
+        yield {field.name: part[field.name].to_numpy(DTYPES[field.kind]) for field in kind.fields}
 
 
 def _write_pictures(folder: Path, drawn: Sequence[Picture]) -> None:

@@ -521,12 +521,37 @@ def test_single_trials_do_not_tell_performers_from_chance() -> None:
 
 
 def test_warnings_are_notes() -> None:
-    labels = plan(4, 6)
-    still = Truth(dyad=0.0, performer=0.0, dyad_slope=0.0, performer_slope=0.0)
-    found = log_time_model(times_of(labels, still, 17), **labels)
-    assert any(note.startswith("statsmodels: ") for note in found.notes)
-    assert any("its variance is estimated as 0" in note for note in found.notes)
+    labels = plan(1, 8)
+    found = share_model((labels["order"] <= 3).astype(float), **labels)
+    assert any(note.startswith("statsmodels: Perfect separation") for note in found.notes)
     assert len(set(found.notes)) == len(found.notes)
+
+
+def test_studies_whose_dyads_or_performers_do_not_differ_have_a_fit() -> None:
+    truths = [
+        Truth(dyad=0.0, performer=0.0, dyad_slope=0.0, performer_slope=0.0),
+        Truth(performer=0.0, dyad_slope=0.0, performer_slope=0.0),
+        Truth(dyad=0.0, dyad_slope=0.0, performer_slope=0.0),
+        Truth(dyad_slope=0.0, performer_slope=0.0),
+    ]
+    without = 0
+    for seed in range(48):
+        labels = plan(2 + seed % 5, 6)
+        found = log_time_model(times_of(labels, truths[seed % 4], seed), **labels)
+        assert found.fitted
+        assert found.converged
+        assert np.isfinite(numbers(found)).all()
+        said = {note.partition(":")[0] for note in found.notes if note.endswith("its variance is estimated as 0")}
+        assert said == {name for name, variance in variances(found).items() if variance == 0.0}
+        without += bool(said)
+    assert without > 36
+
+
+def test_times_of_a_performer_that_never_vary_are_no_model() -> None:
+    labels = plan(4, 6)
+    found = log_time_model(np.exp(explained(labels, Truth(), 3)), **labels)
+    assert not found.fitted
+    assert "not fitted: the times do not vary beyond effects, dyads and performers" in found.notes
 
 
 def test_dyads_show_no_error_of_an_effect_that_one_of_them_tells() -> None:

@@ -1,0 +1,1 @@
+"""How far each open question of the paper, noise and lost samples move the reported numbers."""
