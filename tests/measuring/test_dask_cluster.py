@@ -1,6 +1,7 @@
 """A real Dask cluster measures the same tables, and what it lacks is said before anything is begun."""
 
 from collections.abc import Iterator
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -69,7 +70,7 @@ class Absent:
     """What cannot be made again where it is sent."""
 
     def __reduce__(self) -> Any:
-        return __import__, ("a_module_that_is_nowhere",)
+        return import_module, ("a_module_that_is_nowhere",)
 
 
 def test_workers_must_have_netboard(
