@@ -129,6 +129,6 @@ def _caption(found: Sequence[Levels], shown: Sequence[Condition]) -> str:
     fewer = [one for one in found if one.mean.n < max(other.mean.n for other in found)]
     less = f" Fewer have: {', '.join(dict.fromkeys(one.measure.name for one in fewer))}." if fewer else ""
     return (
-        "Large points: means over dyads with 95 % t intervals; small points: dyads, joined within a team. Completion "
-        f"times: geometric means; SPARC and LDLJ: smoother nearer to zero. {how_many(known)}{less}"
+        "All measures in each condition. Large points: means over dyads with 95 % t intervals; small points: dyads, "
+        f"joined. Completion times: geometric means; SPARC and LDLJ: smoother nearer to zero. {how_many(known)}{less}"
     )
