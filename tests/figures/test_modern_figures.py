@@ -24,6 +24,7 @@ from netboard.findings.models import fits
 from netboard.findings.paths import courses
 from netboard.findings.quality import quality as find_quality
 from netboard.findings.results import table_of
+from netboard.findings.units import read_in
 from netboard.measuring.study import Study
 
 FORCES = ("full", "partner_only", "environment_only", "none", "unrelated")
@@ -133,11 +134,13 @@ def test_results_of_unusual_studies_have_a_unit_an_n_and_a_note_where_they_are_m
 def test_measures_are_levels(study: Study, drawn: dict[str, Picture]) -> None:
     picture = drawn["measures"]
     for one in overview(study).levels:
-        axes = panel(picture, one.measure.name)
-        assert points(axes, one.condition.name)[:, 1] == pytest.approx([one.mean.value])
-        assert points(axes, f"{one.condition.name}, interval")[:, 1] == pytest.approx([one.mean.low, one.mean.high])
+        axes, unit = panel(picture, one.measure.name), read_in(one.measure.unit, one.measure.name)
+        assert axes.get_ylabel() == unit.in_brackets
+        assert points(axes, one.condition.name)[:, 1] == pytest.approx([unit.scale * one.mean.value])
+        ends = [unit.scale * one.mean.low, unit.scale * one.mean.high]
+        assert points(axes, f"{one.condition.name}, interval")[:, 1] == pytest.approx(ends)
         dyads = [points(axes, f"{dyad} {one.condition.team}")[:, 1] for dyad in one.dyads]
-        assert all(value in own for own, value in zip(dyads, one.values, strict=True))
+        assert all(unit.scale * value in own for own, value in zip(dyads, one.values, strict=True))
 
 
 def test_contrasts_are_effect_sizes_with_their_p(study: Study, drawn: dict[str, Picture]) -> None:
@@ -162,10 +165,12 @@ def test_differences_are_those_of_the_dyads(study: Study, drawn: dict[str, Pictu
     picture = drawn["differences"]
     for one in comparisons(study).comparisons:
         axes = panel(picture, one.measure.name)
+        unit = read_in(one.unit, one.what)
+        assert axes.get_ylabel().endswith(unit.in_brackets)
         each = np.array(one.contrast.differences)
         shown = points(axes, f"{one.question.name}, dyads")[:, 1]
-        np.testing.assert_allclose(shown, np.exp(each) if one.measure.ratio else each)
-        assert points(axes, one.question.name)[:, 1] == pytest.approx([one.difference.value])
+        np.testing.assert_allclose(shown, np.exp(each) if one.measure.ratio else unit.scale * each)
+        assert points(axes, one.question.name)[:, 1] == pytest.approx([unit.scale * one.difference.value])
 
 
 def test_models_are_ratios(study: Study, drawn: dict[str, Picture]) -> None:
@@ -210,9 +215,10 @@ def test_the_inert_partner_stands_beside_the_effect(study: Study, drawn: dict[st
     found = controls(study).controls
     for k, dyad in enumerate(found[0].dyads):
         expected = [found[0].effect[k], *(one.passive[k] for one in found)]
-        np.testing.assert_array_equal(points(axes, f"dyadic, full, {dyad}")[:, 1], expected)
-    assert points(axes, "dyadic, full, 0")[0, 1] == found[0].mean_effect.value
-    assert "none to tell" in picture.caption or f"{found[0].share.value:.2g}" in picture.caption
+        np.testing.assert_allclose(points(axes, f"dyadic, full, {dyad}")[:, 1], 100 * np.array(expected))
+    assert points(axes, "dyadic, full, 0")[0, 1] == pytest.approx(100 * found[0].mean_effect.value)
+    told = [f"{one.stiffness} N/m: {100 * one.share.value:.0f} %" for one in found if one.has_effect]
+    assert all(part in picture.caption for part in told or ["none to tell"])
 
 
 def test_paths_are_means_and_bands(study: Study, drawn: dict[str, Picture]) -> None:
@@ -225,7 +231,7 @@ def test_paths_are_means_and_bands(study: Study, drawn: dict[str, Picture]) -> N
             if line.get_label() == f"_{one.condition.name}, {one.quantity}"
         ]
         ((axes, line),) = means
-        scale = 1.0 if one.quantity == "ball" else 1000.0
+        scale = 1000.0
         np.testing.assert_allclose(np.column_stack(line.get_data()), np.column_stack([one.time, scale * one.mean]))
         (band,) = [
             area for area in axes.collections if area.get_label() == f"_{one.condition.name}, {one.quantity}, trials"
@@ -246,3 +252,4 @@ def test_quality_has_a_square_for_each_block_and_a_line_for_each_dyad(study: Stu
     times_of = panel(picture, "completion time through the session")
     for dyad, own in blocks.groupby("dyad"):
         np.testing.assert_array_equal(points(times_of, str(dyad)), own[["block", "time"]])
+    assert set(times_of.get_xticks()) <= set(blocks["block"])

@@ -205,6 +205,12 @@ def test_every_recording_has_its_hash_and_every_attempt_its_command(whole: Eleme
     commands = [row.all("code")[0].text for row in rows]
     assert commands[0] == "netboard replay recordings/made_1.mcap --at 1.5"
     assert all(re.fullmatch(r"netboard replay recordings/made_\d\.mcap --at \d+\.\d", one) for one in commands)
+    explained = [row.all("code")[1].text for row in rows]
+    assert explained[:3] == [
+        "netboard explain recordings/made_1.mcap --trial 1 --attempt 1",
+        "netboard explain recordings/made_1.mcap --trial 1",
+        "netboard explain recordings/made_1.mcap --trial 2",
+    ]
     assert all(row.all("path")[0]["d"].startswith("M") for row in rows)
 
 

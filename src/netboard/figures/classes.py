@@ -3,10 +3,11 @@
 import numpy as np
 from matplotlib.axes import Axes
 
-from netboard.figures.marks import apart, draw_dyads, draw_mean, look_of, many, new_mosaic, styled, titled
+from netboard.figures.marks import apart, draw_dyads, draw_mean, how_many, look_of, new_mosaic, styled, titled
 from netboard.figures.picture import CLASSES, Picture
 from netboard.findings.classes import Shares, classes
 from netboard.findings.groups import CLASSES as ORDER
+from netboard.findings.units import PERCENT
 from netboard.measuring.study import Study
 
 TITLE = "Classes of movement"
@@ -14,14 +15,14 @@ TITLE = "Classes of movement"
 STACK = ("cooperative", "single", "competitive", "still")
 """From the left: dark and light colours in turn, so that neighbours differ in grey too."""
 
-_READABLE = 0.06
-"""A smaller share has no number in its bar [1]."""
+_READABLE = 6.0
+"""A smaller share has no number in its bar [%]."""
 
 _FEW = 4
 """With more conditions the dots need more room."""
 
-_NAME = 0.13
-"""Room of a name below the bars [1]."""
+_NAME = 13.0
+"""Room of a name below the bars [%]."""
 
 _BESIDE = 0.25
 """How far beside its dyads a mean stands, of the distance of two conditions [1]."""
@@ -50,7 +51,7 @@ def picture(study: Study) -> Picture:
         _dots(axes[name], found, name)
         titled(axes[name], letter, name)
         if name == ORDER[0] or (many_of and name == ORDER[2]):
-            axes[name].set_ylabel("share of the time [1]")
+            axes[name].set_ylabel("share of the time [%]")
         if many_of and name in ORDER[:2]:
             axes[name].tick_params(axis="x", labelbottom=False)
     return Picture("classes", TITLE, _caption(study, found), figure)
@@ -61,19 +62,19 @@ def _bars(axes: Axes, found: list[Shares]) -> None:
     for row, one in enumerate(found):
         begin = 0.0
         for name in STACK:
-            share = one.means[ORDER.index(name)].value
+            share = PERCENT.scale * one.means[ORDER.index(name)].value
             label = f"_{one.condition.name}: {name}"
             axes.barh(row, share, 0.72, begin, color=CLASSES[name], edgecolor="white", linewidth=0.6, label=label)
             if share >= _READABLE:
-                axes.text(begin + share / 2, row, f"{share:.2f}", ha="center", va="center", fontsize=7.5)
+                axes.text(begin + share / 2, row, f"{share:.0f}", ha="center", va="center", fontsize=7.5)
             begin += share
-    shares = np.array([found[-1].means[ORDER.index(name)].value for name in STACK])
+    shares = PERCENT.scale * np.array([found[-1].means[ORDER.index(name)].value for name in STACK])
     for name, middle in zip(STACK, apart(list(np.cumsum(shares) - shares / 2), _NAME), strict=True):
         axes.text(middle, len(found) - 0.55, name, ha="center", va="top", fontsize=7.5)
     axes.set_yticks(range(len(found)), [one.condition.label for one in found])
     axes.set_ylim(len(found) + 0.05, -0.5)
-    axes.set_xlim(0.0, 1.0)
-    axes.set_xlabel("share of the time [1]")
+    axes.set_xlim(0.0, PERCENT.scale)
+    axes.set_xlabel("share of the time [%]")
     axes.spines["left"].set_visible(False)
     axes.tick_params(axis="y", length=0)
 
@@ -86,15 +87,16 @@ def _dots(axes: Axes, found: list[Shares], name: str) -> None:
         for dyad in sorted({dyad for one in own for dyad in one.dyads.index}):
             here = [one for one in own if dyad in one.dyads.index]
             x = [at[one.condition.name] for one in here]
-            y = [one.dyads.loc[dyad, name] for one in here]
+            y = [PERCENT.scale * one.dyads.loc[dyad, name] for one in here]
             draw_dyads(axes, x, y, look_of(own[0].condition).colour, f"{dyad} {team}", joined=True)
     first = {one.condition.team: one for one in reversed(found)}
     for one in found:
         mean, aside = one.means[ORDER.index(name)], -_BESIDE if first[one.condition.team] is one else _BESIDE
-        draw_mean(axes, at[one.condition.name] + aside, mean, look_of(one.condition), one.condition.name)
+        look, place = look_of(one.condition), at[one.condition.name] + aside
+        draw_mean(axes, place, mean, look, one.condition.name, scale=PERCENT.scale)
     _named(axes, found, at)
     axes.set_xlim(-0.7, max(at.values()) + 0.7)
-    axes.set_ylim(bottom=0.0)
+    axes.set_ylim(bottom=-0.04 * axes.get_ylim()[1])
 
 
 def _named(axes: Axes, found: list[Shares], at: dict[str, float]) -> None:
@@ -126,10 +128,10 @@ def _caption(study: Study, found: list[Shares]) -> str:
     if study.readings.movements.window == "whole":
         window = "from the release to the end of the hold"
     weight = "every trial" if study.readings.summaries.shares == "trials" else "every second"
-    known = "; ".join(f"{one.condition.label}: n = {many(len(one.dyads), 'dyad')}" for one in found)
+    known = [(one.condition.label, len(one.dyads), "dyad") for one in found]
     return (
         f"Shares of the time {window} in which the sides move in opposite directions (cooperative), in the same one "
-        f"(competitive), one of them moves (single) or none (still). {weight[0].upper()}{weight[1:]} counts the same "
-        "within a performer; then means of performers, and of dyads. A: means over dyads. B to E: each dyad (small "
-        f"points, its haptic conditions joined) and the mean over dyads with its 95 % t interval (large). {known}."
+        f"(competitive), one moves (single) or none (still); {weight} of a performer counts the same. A: means over "
+        "dyads. B to E: dyads (small points, joined), and means over dyads with 95 % t intervals (large). "
+        f"{how_many(known)}"
     )

@@ -137,9 +137,9 @@ def _caption(found: Sequence[Comparison]) -> str:
     least = min(one.contrast.permutation.least_p for one in found)
     sure = sum(one.corrected < 0.05 for one in found)
     return (
-        "Mean difference over the standard deviation of the dyads' differences, without its bias in small samples "
-        f"(g_z), with 95 % intervals of the noncentral t distribution; beyond 1 the axis is logarithmic. n = {many} "
-        "dyads, each compared with itself. Completion times by their logarithms. p: exact permutation tests, which "
-        f"can give no p below {least:.3g} with so many dyads; corrected for all of a family of measures (Holm), {sure} "
-        f"of {len(found)} are below 0.05."
+        "Mean difference over the standard deviation of the dyads' differences, without bias (g_z), with 95 % "
+        f"intervals of the noncentral t distribution; n = {many} dyads, each compared with itself; completion times by "
+        "their logarithms. Beyond 1 the axis is logarithmic. p: exact permutation tests, which can give no p below "
+        f"{least:.3g} with so many dyads; corrected within families of measures (Holm), {sure} of {len(found)} are "
+        "below 0.05."
     )

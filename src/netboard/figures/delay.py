@@ -10,10 +10,10 @@ from netboard.figures.marks import (
     beside,
     draw_dyads,
     draw_mean,
+    how_many,
     in_lines,
     listed,
     look_of,
-    many,
     new_mosaic,
     styled,
     titled,
@@ -124,11 +124,8 @@ def _portions(axes: Axes, count: int) -> None:
 def _caption(study: Study, shown: list[ConditionDelay]) -> str:
     of = {"dyads": "dyads", "people": "participants alone and dyads together", "movements": "single movements"}
     unit = study.readings.summaries.intervals
-    each = "; ".join(
-        f"{one.condition.label}: n = {many(one.as_set.means[0].n, one.as_set.means[0].unit)}, "
-        f"{many(one.movements, 'movement')}"
-        for one in shown
-    )
+    known = [(one.condition.label, one.as_set.means[0].n, one.as_set.means[0].unit) for one in shown]
+    each = how_many(known, [one.movements for one in shown], "movement")
     warning = (
         " Movements of one person are not independent, so that these intervals are too short."
         if unit == "movements"
@@ -136,9 +133,8 @@ def _caption(study: Study, shown: list[ConditionDelay]) -> str:
     )
     few = of["dyads" if unit == "movements" else unit]
     return (
-        "Time between the sides' reaching a portion of a peak velocity in cooperative movements of trials that count, "
-        f"at {listed([str(q) for q in PERCENT])} % (the darker the higher). Large points: means with 95 % t intervals "
-        f"over {of[unit]}; small points: {few}. A: the threshold that is set; B: without the bias that one threshold "
-        "for both sides has; C: left less right, with the standard deviation within performers (pale bars: "
-        f"mean ± SD).{warning} {each[0].upper()}{each[1:]}."
+        "Time between the sides' reaching a portion of a peak velocity in cooperative movements: "
+        f"{listed([str(q) for q in PERCENT])} %, the darker the higher. Large points: means with 95 % t intervals over "
+        f"{of[unit]}; small points: {few}. B: without the bias that one threshold for both sides has; C: pale bars are "
+        f"mean ± SD within performers.{warning} {each}"
     )

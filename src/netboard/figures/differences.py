@@ -11,6 +11,7 @@ from netboard.figures.marks import Look, draw_dyads, draw_mean, styled
 from netboard.figures.measures import COLUMNS, grid
 from netboard.figures.picture import Picture
 from netboard.findings.contrasts import Comparison, Question, comparisons
+from netboard.findings.units import read_in
 from netboard.measuring.study import Study
 
 TITLE = "Effects of forces and of a partner"
@@ -52,15 +53,16 @@ _LETTERS = "abcdefghijklmnopqrstuvwxyz"
 def _panel(axes: Axes, found: Sequence[Comparison], questions: Sequence[Question], looks: dict[str, Look]) -> None:
     """Draw the differences in a measure: each dyad, and the mean."""
     measure = found[0].measure
+    unit = read_in(found[0].unit, found[0].what)
     axes.axhline(1.0 if measure.ratio else 0.0, color="#888888", linewidth=0.8, zorder=1)
     for one in found:
         at, look = questions.index(one.question), looks[one.question.name]
         each = np.asarray(one.contrast.differences)
-        each = np.exp(each) if measure.ratio else each
+        each = np.exp(each) if measure.ratio else unit.scale * each
         draw_dyads(axes, np.full(len(each), at + 0.22), each, look.colour, f"{one.question.name}, dyads")
-        draw_mean(axes, at, one.difference, look, one.question.name)
+        draw_mean(axes, at, one.difference, look, one.question.name, scale=unit.scale)
     axes.set_title(measure.name, loc="left", fontsize=7.5)
-    axes.set_ylabel(f"{'ratio' if measure.ratio else 'difference'} [{found[0].unit}]", fontsize=7)
+    axes.set_ylabel(f"{'ratio' if measure.ratio else 'difference'} {unit.in_brackets}", fontsize=7)
     axes.tick_params(axis="y", labelsize=6.5)
     axes.set_xticks(range(len(questions)), list(_LETTERS[: len(questions)]), fontsize=7)
     axes.set_xlim(-0.6, len(questions) - 0.4)
@@ -70,6 +72,6 @@ def _caption(found: Sequence[Comparison]) -> str:
     n = sorted({one.contrast.n for one in found})
     many = f"{n[0]}" if len(n) == 1 else f"{n[0]} to {n[-1]}"
     return (
-        "Each dyad compared with itself (small points), and the mean over dyads with its 95 % t interval (large); n = "
-        f"{many} dyads. Of completion times the ratio, of everything else the difference."
+        "Differences between conditions, of completion times ratios: each dyad with itself (small points), and the "
+        f"mean over dyads with its 95 % t interval (large); n = {many} dyads."
     )

@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib.axes import Axes
 
-from netboard.figures.marks import Look, draw_dyads, draw_mean, listed, look_of, new_mosaic, styled, titled
+from netboard.figures.marks import Look, draw_dyads, draw_mean, how_many, look_of, new_mosaic, styled, titled
 from netboard.figures.picture import BLACK, GREEN, PINK, SKY, Picture
 from netboard.findings.dyads import Comparison, dyads
 from netboard.findings.groups import QUANTITIES
@@ -30,7 +30,7 @@ def picture(study: Study) -> Picture:
     columns = [quantity.column for quantity in QUANTITIES]
     rows = [columns, [f"gain {column}" for column in columns]]
     forces = len({one.condition.force for one in found})
-    figure, axes = new_mosaic(3.9 + 0.36 * forces, rows, height_ratios=[3.3, 0.3 + 0.36 * forces])
+    figure, axes = new_mosaic(3.65 + 0.36 * forces, rows, height_ratios=[3.05, 0.3 + 0.36 * forces])
     for quantity, letter, below in zip(QUANTITIES, "AB", "CD", strict=True):
         own = [one for one in found if one.quantity == quantity]
         _plane(axes[quantity.column], own)
@@ -104,12 +104,11 @@ def _gains(axes: Axes, found: list[Comparison]) -> None:
 
 
 def _caption(found: list[Comparison]) -> str:
-    known = [f"{one.known} with {one.condition.feeling} ({one.quantity.name})" for one in found]
+    known = [(f"{one.condition.feeling}, {one.quantity.name}", one.known, "dyad") for one in found]
     least = min(one.test.least_p for one in found)
     return (
-        "Two points for each dyad (joined), one for each participant. To the right: better alone than the partner; "
-        "upwards: the dyad needs more than the participant alone; below the diagonal: the dyad is better than the mean "
-        "of its two participants. The participants' values are those of their bimanual trials with the same force. "
-        "Below: the same gain of each dyad (small), and the mean over dyads (large) with its 95 % t interval. "
-        f"n dyads: {listed(known)}. A sign test of so many dyads can give no p below {least:.3g}."
+        "A, B: a point for each participant, the two of a dyad joined. To the right: better than the partner, both "
+        "alone with the same force; upwards: the dyad needs more than the participant alone. C, D: gains of the dyads "
+        "(small points), and their means with 95 % t intervals (large). "
+        f"{how_many(known)} A sign test of so many dyads can give no p below {least:.3g}."
     )

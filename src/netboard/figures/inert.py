@@ -5,8 +5,11 @@ import numpy as np
 from netboard.figures.marks import beside, draw_dyads, draw_mean, look_of, new_mosaic, styled
 from netboard.figures.picture import Picture
 from netboard.findings.inert import Control, controls
+from netboard.findings.units import PERCENT, POINTS
 from netboard.measuring.modern import STIFFNESSES
 from netboard.measuring.study import Study
+
+_NONE = "What part of the effect is mechanics: none to tell, for the effect may be 0."
 
 TITLE = "How much of it an inert partner would show"
 
@@ -35,34 +38,38 @@ def picture(study: Study) -> Picture:
         for k, dyad in enumerate(own[0].dyads):
             values = [own[0].effect[k], *(one.passive[k] for one in own)]
             draw_dyads(
-                axes, np.array(columns) + offset + 0.06, values, look.colour, f"{condition.name}, {dyad}", joined=True
+                axes,
+                np.array(columns) + offset + 0.06,
+                POINTS.scale * np.array(values),
+                look.colour,
+                f"{condition.name}, {dyad}",
+                joined=True,
             )
         means = [own[0].mean_effect, *(one.mean_passive for one in own)]
         for column, mean in zip(columns, means, strict=True):
-            draw_mean(axes, column + offset, mean, look, f"{condition.name}, {column}")
+            draw_mean(axes, column + offset, mean, look, f"{condition.name}, {column}", scale=POINTS.scale)
         axes.plot([], [], linestyle="none", marker=look.marker, color=look.colour, label=condition.feeling)
     names = ["haptics less off,\nas recorded", *(f"inert partner less still one,\n{k} N/m" for k in STIFFNESSES)]
     axes.set_xticks(columns, names, fontsize=7)
     axes.set_xlim(-0.5, columns[-1] + 0.5)
-    axes.set_ylabel("change of the cooperative share [1]")
+    axes.set_ylabel(f"change of the cooperative share {POINTS.in_brackets}")
     if len(felt) > 1:
         axes.legend()
     return Picture("inert", TITLE, _caption(found), figure)
 
 
 def _caption(found: tuple[Control, ...]) -> str:
-    shares = "; ".join(_share(one) for one in found)
+    shares = "; ".join(_share(one) for one in found if one.has_effect)
+    told = f"Part of the effect that is mechanics: {shares}." if shares else _NONE
     return (
         "Share of cooperative movement in dyadic trials. Left: with forces less without. Right: what either side's "
-        "recorded movement gives with an inert hand instead of the partner, which is pushed and never acts. Small "
-        f"points: dyads, joined; large points: means over dyads with 95 % t intervals; n = {len(found[0].dyads)} "
-        f"dyads. Part of the effect that is mechanics: {shares}."
+        "recorded movement gives with an inert hand, which is pushed and never acts, instead of the partner. Large "
+        "points: means over dyads with 95 % t intervals; small points: dyads, joined; "
+        f"n = {len(found[0].dyads)} dyads. {told}"
     )
 
 
 def _share(one: Control) -> str:
-    where = f"{one.condition.feeling}, {one.stiffness} N/m"
-    if not one.has_effect:
-        return f"{where}: none to tell, for the effect may be 0"
-    ends = f" [{one.share.low:.2g}, {one.share.high:.2g}]" if np.isfinite(one.share.low) else ""
-    return f"{where}: {one.share.value:.2g}{ends}"
+    value, low, high = (f"{PERCENT.scale * end:.0f}" for end in (one.share.value, one.share.low, one.share.high))
+    ends = f" ({low} to {high})" if np.isfinite(one.share.low) else ""
+    return f"{one.condition.feeling}, {one.stiffness} N/m: {value} %{ends}"

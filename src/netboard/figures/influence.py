@@ -92,7 +92,6 @@ def _caption(found: list[Influence]) -> str:
         )
     return (
         "How much better the velocity of one side is foretold with 60 ms of the other's past than with its own and "
-        "the ball's alone, from the release to the completion; trials with the target at the left are turned over. "
-        f"Points: true dyads, n = {' or '.join(map(str, n))}; bars: their mean. {found[0].trials} of {found[0].of} "
-        f"trials of each. {chance} What passes through the board is influence too."
+        f"the ball's alone. Points: dyads, n = {' or '.join(map(str, n))}, {found[0].trials} of {found[0].of} trials "
+        f"of each; bars: their mean. {chance} What passes through the board is influence too."
     )

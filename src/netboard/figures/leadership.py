@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from matplotlib.axes import Axes
 
-from netboard.figures.marks import draw_dyads, draw_mean, look_of, new_mosaic, styled, titled
+from netboard.figures.marks import draw_dyads, draw_mean, how_many, look_of, new_mosaic, styled, titled
 from netboard.figures.measures import BESIDE, legend, places
 from netboard.figures.picture import Picture
 from netboard.findings.leadership import QUESTIONS, Lead, Leaders, leaders
@@ -60,18 +60,14 @@ def _panel(axes: Axes, found: Sequence[Lead], at: dict[str, float]) -> None:
 
 
 def _caption(found: Leaders) -> str:
-    known = "; ".join(
-        f"{one.condition.label}: n = {one.mean.n} dyads, {one.rows} movements"
-        for one in found.leads
-        if one.question == QUESTIONS[1]
-    )
+    own = [one for one in found.leads if one.question == QUESTIONS[1]]
+    known = how_many([(one.condition.label, one.mean.n, "dyad") for one in own], [one.rows for one in own], "movement")
     changed = (
         f" In {', '.join(found.changed)} partners changed seats: there a side is no person." if found.changed else ""
     )
     return (
         "Time of the left side less that of the right one, in cooperative movements (A, B) and by cross-correlation "
-        "of a trial (C); index: movements in which the right side was first less those in which the left one was, "
-        "over both (D, delays of B). Small points: dyads, those of a team joined; large points: means over dyads with "
-        f"95 % t intervals. Sides are hands of one person in bimanual conditions, people in dyadic ones.{changed} "
-        f"{known[:1].upper()}{known[1:]}."
+        "(C); D: movements in which the right side was first less those in which the left one was, over both. Large "
+        "points: means over dyads with 95 % t intervals; small points: dyads, joined. Sides are hands of one person "
+        f"in bimanual conditions, people in dyadic ones.{changed} {known}"
     )

@@ -139,9 +139,8 @@ def _caption(study: Study, teams: tuple[TeamLearning, ...]) -> str:
     if study.readings.movements.window == "whole":
         areas = "the hold is in them, so they go beyond the completion time"
     return (
-        f"Completion time (top) and number of velocity peaks of the ball (bottom) over the trials of a condition, all "
-        f"haptic conditions together. Thin lines: mean of all trials with the same number; areas: mean time of each "
-        f"class of movement in them; {areas}. Points: dyads' means in groups of {how.group} trials (small) and their "
-        f"mean (large) with 95 % t intervals over dyads. Numbers: mean ± SD of the first and of the last "
-        f"{how.ends} trials (SD of {of}). {people[0].upper()}{people[1:]}."
+        "Completion time and number of velocity peaks of the ball over the trials, all forces together. Lines: means "
+        f"of all trials with the same number; areas: time of each class of movement in them ({areas}). Small points: "
+        f"dyads, in groups of {how.group} trials; large points: means over dyads with 95 % t intervals. Numbers: mean "
+        f"± SD (of {of}) of the first and the last {how.ends} trials. {people[0].upper()}{people[1:]}."
     )

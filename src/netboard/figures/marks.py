@@ -283,6 +283,30 @@ def many(count: int, word: str) -> str:
     return f"{count} {word}{'' if count == 1 else 's'}"
 
 
+def how_many(known: Sequence[tuple[str, int, str]], details: Sequence[int] = (), of: str = "") -> str:
+    """Say in a sentence of how many something is made: once, where it is as many everywhere.
+
+    Parameters
+    ----------
+    known : sequence of (str, int, str)
+        Names, how many, and what one of these is called: the unit of replication.
+    details : sequence of int
+        How many of something else there are in each [1].
+    of : str
+        What one of that is called.
+    """
+    each = [f"n = {many(count, unit)}" for _, count, unit in known]
+    if len(set(each)) == 1:
+        said = each[0] + (" in every condition" if len(each) > 1 else "")
+    else:
+        said = "; ".join(f"{name}: {n}" for (name, _, _), n in zip(known, each, strict=True))
+    if details:
+        low, high = min(details), max(details)
+        between = many(high, of) if low == high else f"{low} to {high} {of}s"
+        said += f" ({between}{' each' if len(each) > 1 else ''})"
+    return f"{said[0].upper() if len(set(each)) > 1 else said[0]}{said[1:]}."
+
+
 def listed(words: Sequence[str]) -> str:
     """Put words in a row, with ``and`` before the last.
 

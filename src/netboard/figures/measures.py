@@ -7,10 +7,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from netboard.figures.marks import draw_dyads, draw_mean, look_of, new_mosaic, styled
+from netboard.figures.marks import draw_dyads, draw_mean, how_many, look_of, new_mosaic, styled
 from netboard.figures.picture import Picture
 from netboard.findings.groups import Condition
 from netboard.findings.measures import MEASURES, Levels, overview
+from netboard.findings.units import read_in
 from netboard.measuring.study import Study
 
 Where = Literal["outside upper center", "outside lower center"]
@@ -101,32 +102,33 @@ def legend(figure: Figure, shown: Sequence[Condition], where: Where = "outside u
 
 def _panel(axes: Axes, found: Sequence[Levels], at: dict[str, float]) -> None:
     """Draw a measure, a team's dyads joined."""
+    measure = found[0].measure
+    unit = read_in(measure.unit, measure.name)
     for team in dict.fromkeys(one.condition.team for one in found):
         own = [one for one in found if one.condition.team == team]
         for dyad in sorted({dyad for one in own for dyad in one.dyads}):
             here = [one for one in own if dyad in one.dyads]
             x = [at[one.condition.name] + BESIDE for one in here]
-            y = [one.values[one.dyads.index(dyad)] for one in here]
+            y = [unit.scale * one.values[one.dyads.index(dyad)] for one in here]
             draw_dyads(axes, x, y, look_of(own[0].condition).colour, f"{dyad} {team}", joined=True)
     for one in found:
-        draw_mean(axes, at[one.condition.name], one.mean, look_of(one.condition), one.condition.name)
-    measure = found[0].measure
+        look, name = look_of(one.condition), one.condition.name
+        draw_mean(axes, at[name], one.mean, look, name, scale=unit.scale)
+    axes.margins(y=0.08)
     axes.set_title(measure.name, loc="left", fontsize=7.5)
-    axes.set_ylabel(f"[{measure.unit}]", fontsize=7)
+    axes.set_ylabel(unit.in_brackets, fontsize=7)
     axes.tick_params(axis="y", labelsize=6.5)
     axes.set_xlim(-0.6, max(at.values()) + 0.6)
     axes.set_xticks([])
 
 
 def _caption(found: Sequence[Levels], shown: Sequence[Condition]) -> str:
-    known = "; ".join(
-        f"{condition.label}: n = {max(one.mean.n for one in found if one.condition == condition)} dyads"
-        for condition in shown
-    )
+    known = [
+        (condition.label, max(one.mean.n for one in found if one.condition == condition), "dyad") for condition in shown
+    ]
     fewer = [one for one in found if one.mean.n < max(other.mean.n for other in found)]
     less = f" Fewer have: {', '.join(dict.fromkeys(one.measure.name for one in fewer))}." if fewer else ""
     return (
-        "Small points: the dyads, which are means of performers' means, those of a team joined; large points: means "
-        "over dyads with 95 % t intervals. Completion times are geometric means. Nearer to zero, SPARC and LDLJ are "
-        f"smoother. {known[0].upper()}{known[1:]}.{less}"
+        "All measures in each condition. Large points: means over dyads with 95 % t intervals; small points: dyads, "
+        f"joined. Completion times: geometric means; SPARC and LDLJ: smoother nearer to zero. {how_many(known)}{less}"
     )

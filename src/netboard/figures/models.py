@@ -110,7 +110,7 @@ def _caption(found: Fits, shown: Sequence[Fit]) -> str:
     )
     left = f" {'; '.join(found.notes)}." if found.notes else ""
     return (
-        "Ratios by which a factor multiplies the response (the odds, of falls), averages over the other factor; "
-        "below, haptics in each configuration. Bars: 95 % intervals with one degree of freedom less than dyads. B: "
-        f"residuals in order of size. {fitted[0].upper()}{fitted[1:]}.{failed}{left}"
+        "A: ratios by which a factor multiplies the response (of falls: the odds), over the other factor, and haptics "
+        "in each configuration; bars: 95 % intervals with one degree of freedom less than dyads. B: residuals in order "
+        f"of size. {fitted[0].upper()}{fitted[1:]}.{failed}{left}"
     )

@@ -5,10 +5,11 @@ from typing import Literal
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from netboard.figures.marks import look_of, new_mosaic, styled, titled
+from netboard.figures.marks import how_many, look_of, new_mosaic, styled, titled
 from netboard.figures.picture import BLACK, Picture
 from netboard.findings.groups import Condition
 from netboard.findings.paths import BAND, QUANTITIES, Course, courses
+from netboard.findings.units import read_in
 from netboard.measuring.study import Study
 
 TITLE = "The course of a trial"
@@ -16,7 +17,6 @@ TITLE = "The course of a trial"
 COLUMNS = 4
 """Conditions beside each other [1]."""
 
-_MM = 1000.0
 _STYLES: dict[str, Literal["-", "--"]] = {"near": "-", "far": "--"}
 _HANDS = {"near": BLACK, "far": "#555555"}
 _LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
@@ -44,7 +44,7 @@ def picture(study: Study) -> Picture:
         titled(ball, _LETTERS[place], condition.label.replace(", ", ",\n"))
         hands.set_xlabel("time from the release [s]")
         ball.tick_params(labelbottom=False)
-    for what, label in (("ball", "ball towards the target [m]"), ("hands", "height of the hands [mm]")):
+    for what, label in (("ball", "ball towards the target [mm]"), ("hands", "height of the hands [mm]")):
         _alike(axes, [[f"{what} {one.name}" for one in line] for line in lines], label)
     handles = [Line2D([], [], color=colour, linestyle=_STYLES[name]) for name, colour in _HANDS.items()]
     figure.legend(handles, [QUANTITIES[name] for name in _HANDS], loc="outside lower center", ncols=2)
@@ -71,7 +71,7 @@ def _alike(axes: dict[str, Axes], lines: list[list[str]], label: str) -> None:
 
 def _course(axes: Axes, one: Course) -> None:
     """Draw a quantity: each dyad, their mean, and the band of the trials."""
-    look, scale = look_of(one.condition), 1.0 if one.quantity == "ball" else _MM
+    look, scale = look_of(one.condition), read_in("m").scale
     name = f"{one.condition.name}, {one.quantity}"
     colour = "#555555" if one.quantity == "far" else look.colour
     axes.axhline(0.0, color="#BBBBBB", linewidth=0.6, zorder=0)
@@ -92,13 +92,11 @@ def _course(axes: Axes, one: Course) -> None:
 
 def _caption(found: tuple[Course, ...]) -> str:
     low, high = (round(100 * share) for share in BAND)
-    known = "; ".join(
-        f"{one.condition.label}: n = {len(one.dyads)} dyads, {one.trials} trials"
-        for one in found
-        if one.quantity == "ball"
+    own = [one for one in found if one.quantity == "ball"]
+    known = how_many(
+        [(one.condition.label, len(one.dyads), "dyad") for one in own], [one.trials for one in own], "trial"
     )
     return (
-        "From the release on, the hold included; trials with the target at the left are mirrored. Thick: mean of the "
-        f"dyads' means; thin: dyads; bands: from {low} % to {high} % of the trials at each time. At the end at least "
-        f"nine of ten trials of the study are still going on. {known[0].upper()}{known[1:]}."
+        "Ball and hands from the release on, as long as nine of ten trials go on; trials with the target at the left "
+        f"are mirrored. Thick: means over dyads; thin: dyads; bands: from {low} % to {high} % of the trials. {known}"
     )

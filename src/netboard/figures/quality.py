@@ -2,7 +2,6 @@
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.ticker import MaxNLocator
 
 from netboard.figures.marks import look_of, new_mosaic, styled, titled
 from netboard.figures.measures import legend
@@ -48,14 +47,21 @@ def _counts(axes: Axes, found: Quality, column: str) -> None:
     values = table.to_numpy(float)
     most = max(float(np.nanmax(values)), 1.0)
     axes.imshow(values, cmap="Blues", vmin=0.0, vmax=1.6 * most, aspect="auto", label=f"_{column}")
+    if not np.nansum(values):
+        axes.text(0.5, 0.5, "none", transform=axes.transAxes, ha="center", va="center", fontsize=7.5)
     if len(table) <= _READABLE:
         for row, column_number in zip(*np.nonzero(np.nan_to_num(values)), strict=True):
             axes.text(column_number, row, f"{values[row, column_number]:.0f}", ha="center", va="center", fontsize=6.5)
     axes.set_yticks(range(len(table)), table.index if len(table) <= _READABLE else [""] * len(table), fontsize=7)
-    step = max(1, table.shape[1] // 9)
+    step = _step(table.shape[1])
     axes.set_xticks(range(0, table.shape[1], step), table.columns[::step], fontsize=7)
     axes.set_xlabel("block of the plan [1]")
     axes.set_ylabel("dyad")
+
+
+def _step(blocks: int) -> int:
+    """Choose which blocks have their numbers at an axis: the first, and each that is so many after the last."""
+    return max(1, blocks // 9)
 
 
 def _times(axes: Axes, found: Quality, study: Study) -> None:
@@ -77,7 +83,9 @@ def _times(axes: Axes, found: Quality, study: Study) -> None:
             label=f"_{condition.name}",
         )
     axes.set_ylim(bottom=0.0)
-    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    blocks = np.unique(found.blocks["block"])
+    axes.set_xticks(blocks[:: _step(len(blocks))])
+    axes.set_xlim(blocks[0] - 0.5, blocks[-1] + 0.5)
     axes.set_xlabel("block of the plan [1]")
     axes.set_ylabel("completion time [s]")
 
@@ -89,8 +97,8 @@ def _caption(found: Quality, dyads: int) -> str:
         f"Blocks of {dyads} {'dyad' if dyads == 1 else 'dyads'}: {total['attempts']} attempts, of which "
         f"{total['success']} succeeded, {total['fell']} fell and {total['timed_out']} timed out; {total['excluded']} "
         f"are excluded{f' ({reasons})' if reasons else ''}, {total['counts']} trials count, {total['missing']} ticks "
-        "are missing. A, B: how many in each block; squares without a number: none. C: geometric mean of the trials "
-        f"that count in each block, a line for each dyad. {_drift(found)}"
+        "are missing. A, B: how many in each block. C: geometric mean of each block's trials that count, a line for "
+        f"each dyad. {_drift(found)}"
     )
 
 

@@ -8,9 +8,13 @@ from matplotlib.figure import Figure
 from netboard.figures.marks import apart, draw_dyads, many, styled, team_colour, team_look, titled
 from netboard.figures.picture import WIDTH, Picture
 from netboard.findings.strategy import EVERYBODY, Spread, TeamStrategy, strategy
+from netboard.findings.units import read_in
 from netboard.measuring.study import Study
 
 TITLE = "Convergence of the strategy"
+
+_DISTANCE, _VELOCITY = read_in("m"), read_in("m/s")
+_SCALES = np.array([_DISTANCE.scale, _VELOCITY.scale])
 
 _ACROSS = 3
 """Panels of ellipses beside each other."""
@@ -42,9 +46,9 @@ def picture(study: Study) -> Picture:
         _ellipses(axes, team)
         titled(axes, next(letters), "all participants and dyads" if team.team == EVERYBODY else team.team)
     for axes in ellipses[::_ACROSS]:
-        axes.set_ylabel("velocity to the target [m/s]")
+        axes.set_ylabel(f"velocity to the target {_VELOCITY.in_brackets}")
     for axes in ellipses[-_ACROSS:]:
-        axes.set_xlabel("distance to the target [m]")
+        axes.set_xlabel(f"distance to the target {_DISTANCE.in_brackets}")
         axes.tick_params(labelbottom=True)
     _numbers(ellipses[min(_ACROSS, len(teams)) - 1], teams[0])
     shown = [team for team in teams if team.team != EVERYBODY]
@@ -53,11 +57,6 @@ def picture(study: Study) -> Picture:
         titled(axes, next(letters), shown[0].spreads[k].quantity)
         _spreads(axes, shown, k, study.readings.summaries.group)
     return Picture("strategy", TITLE, _caption(study, teams), figure)
-
-
-def _unit(unit: str) -> str:
-    """Write powers as such."""
-    return unit.replace("2", "²").replace("4", "⁴")
 
 
 def _colours(count: int) -> list[tuple[float, float, float, float]]:
@@ -69,10 +68,10 @@ def _ellipses(axes: Axes, team: TeamStrategy) -> None:
     """Draw the ellipse and the mean of each group."""
     known = [one for one in team.ellipses if np.isfinite(one.width)]
     for k, (one, colour) in enumerate(zip(known, _colours(len(known)), strict=True)):
-        x, y = one.outline().T
+        x, y = (_SCALES * one.outline()).T
         width = 0.9 + 1.1 * k / max(len(known) - 1, 1)
         axes.plot(x, y, color=colour, linewidth=width, label=f"_{team.team}, group {k}")
-        axes.plot(*one.centre, "o", color=colour, markersize=3.5, label=f"_{team.team}, centre {k}")
+        axes.plot(*(_SCALES * one.centre), "o", color=colour, markersize=3.5, label=f"_{team.team}, centre {k}")
 
 
 def _numbers(axes: Axes, team: TeamStrategy) -> None:
@@ -95,16 +94,18 @@ def _spreads(axes: Axes, teams: list[TeamStrategy], kind: int, size: int) -> Non
     axes.set_ylim(bottom=0.0)
     _names(axes, teams, kind)
     axes.set_xlabel("trial of the condition [1]")
-    axes.set_ylabel(f"variance [{_unit(teams[0].spreads[kind].unit)}]")
+    axes.set_ylabel(f"variance {read_in(teams[0].spreads[kind].unit).in_brackets}")
 
 
 def _spread(axes: Axes, team: TeamStrategy, spread: Spread) -> None:
     """Draw the spread of a team."""
-    look = team_look(team.team)
+    look, scale = team_look(team.team), read_in(spread.unit).scale
     middles = (team.first + team.last) / 2
     for dyad, values in spread.dyads.iterrows():
-        draw_dyads(axes, middles, values, look.colour, f"{dyad} {team.team}", joined=True)
-    means, low, high = (np.array([getattr(one, name) for one in spread.means]) for name in ("value", "low", "high"))
+        draw_dyads(axes, middles, scale * values, look.colour, f"{dyad} {team.team}", joined=True)
+    means, low, high = (
+        scale * np.array([getattr(one, name) for one in spread.means]) for name in ("value", "low", "high")
+    )
     axes.fill_between(
         middles, low, high, color=look.colour, alpha=0.15, linewidth=0.0, zorder=1, label=f"_{team.team}, interval"
     )
@@ -122,7 +123,11 @@ def _spread(axes: Axes, team: TeamStrategy, spread: Spread) -> None:
 
 def _names(axes: Axes, teams: list[TeamStrategy], kind: int) -> None:
     """Write the teams' names at the ends of their lines, where they do not lie on each other."""
-    ends = {team.team: [mean.value for mean in team.spreads[kind].means if np.isfinite(mean.value)] for team in teams}
+    scale = read_in(teams[0].spreads[kind].unit).scale
+    ends = {
+        team.team: [scale * mean.value for mean in team.spreads[kind].means if np.isfinite(mean.value)]
+        for team in teams
+    }
     order = sorted((values[-1], name) for name, values in ends.items() if values)
     places = apart([value for value, _ in order], 0.09 * axes.get_ylim()[1])
     for (_, name), place in zip(order, places, strict=True):
@@ -139,13 +144,12 @@ def _caption(study: Study, teams: tuple[TeamStrategy, ...]) -> str:
     }[how.extent]
     counts = [[one.count for one in team.ellipses] for team in teams]
     each = "; ".join(
-        f"{team.team}: n = {min(count)} to {max(count)} trials an ellipse, {many(len(team.spreads[0].dyads), 'dyad')}"
+        f"{team.team}: n = {many(len(team.spreads[0].dyads), 'dyad')}, {min(count)} to {max(count)} trials an ellipse"
         for team, count in zip(teams, counts, strict=True)
     )
     return (
-        f"Ball at the onset of the first braking movement, in groups of {how.group} trials of each condition in the "
-        "order in which they were done. Ellipses: of everybody's trials of a group; centre: mean; axes: principal "
-        f"components, {extent}. Below: variances of each performer's trials of a condition, averaged for each dyad "
-        "(thin lines); thick lines: means over dyads, with bands of their 95 % t intervals. "
+        f"Ball at the onset of the first braking movement, in groups of {how.group} trials of a condition. Above: mean "
+        f"and ellipse of everybody's trials of a group; axes: principal components, {extent}. Below: variances within "
+        "performers, averaged for each dyad (thin), and means over dyads with bands of 95 % t intervals (thick). "
         f"{each[0].upper()}{each[1:]}."
     )

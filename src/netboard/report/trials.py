@@ -1,4 +1,4 @@
-"""All attempts of a study, block by block, each with the ball's path and the command that shows it again.
+"""All attempts of a study, block by block, each with the ball's path and the commands that show and explain it.
 
 The page has some thousands of them, so a path is a few dozen points with whole coordinates, and a row is little else.
 """
@@ -74,8 +74,8 @@ class Row:
         Its marks of quality, and why it does not count.
     path : Sparkline
         Where the ball went.
-    command : str
-        What shows it again.
+    replay, explain : str
+        The commands that show it again, and that draw how each of its numbers is computed.
     """
 
     anchor: str
@@ -88,7 +88,8 @@ class Row:
     flags: str
     why: str
     path: Sparkline
-    command: str
+    replay: str
+    explain: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,6 +144,7 @@ def listings(study: Study, files: Mapping[str, str]) -> tuple[Listing, ...]:
         The file of each recording, as a command takes it.
     """
     known, paths, why = anchors(study), sparklines(study), reasons(study)
+    last = study.trials.groupby(["recording", "trial"])["attempt"].max().to_dict()
     rows: dict[str, list[Row]] = {}
     for key, row in zip(_keys(study.trials), study.trials.to_dict("records"), strict=True):
         at = max(row["release"] - LEAD, 0.0)
@@ -159,12 +161,19 @@ def listings(study: Study, files: Mapping[str, str]) -> tuple[Listing, ...]:
                 "; ".join(why.get(key, ())),
                 paths.get(key, _NOTHING),
                 command("netboard", "replay", files[key[0]], "--at", f"{at:.1f}"),
+                _explain(files[key[0]], key, last[key[:2]]),
             )
         )
     return tuple(
         _listing(number, block, rows.get(block["recording"], []))
         for number, block in enumerate(study.blocks.to_dict("records"), start=1)
     )
+
+
+def _explain(file: str, key: Key, last: int) -> str:
+    """Write the command that draws how an attempt's numbers are computed; it takes the last attempt if none is said."""
+    attempt = [] if key[2] == last else ["--attempt", f"{key[2]}"]
+    return command("netboard", "explain", file, "--trial", f"{key[1]}", *attempt)
 
 
 def flag_words(words: str) -> str:
