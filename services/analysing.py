@@ -82,8 +82,11 @@ def explain(
     settings: SettingsFile = None,
     overrides: Overrides = None,
     output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="FILE", help="The new picture: .png, .svg or .pdf.")
-    ] = Path("trial.png"),
+        Path | None,
+        typer.Option(
+            "--output", "-o", metavar="FILE", help="The new picture, .png, .svg or .pdf; else named after the trial."
+        ),
+    ] = None,
 ) -> None:
     """Draw how each number of one trial is computed: its traces, with all that the measures find in them."""
     from netboard.services import explain as service
@@ -110,7 +113,7 @@ def add_to(app: typer.Typer) -> None:
     )(analyse)
     app.command(
         epilog=examples(
-            "netboard explain S01.mcap --trial 12 -o trial12.png",
+            "netboard explain S01.mcap --trial 12",
             "netboard explain S01.mcap --trial 12 --set peaks.window=whole -o trial12.svg",
         )
     )(explain)

@@ -15,7 +15,7 @@ KINDS = ("png", "svg", "pdf")
 """Endings of the files that can be written."""
 
 
-def main(path: Path, trial: int, attempt: int | None, readings: Readings, output: Path) -> int:
+def main(path: Path, trial: int, attempt: int | None, readings: Readings, output: Path | None) -> int:
     """Draw the sheet of a trial.
 
     Parameters
@@ -28,8 +28,8 @@ def main(path: Path, trial: int, attempt: int | None, readings: Readings, output
         Number of the attempt at it; None for the last one.
     readings : Readings
         How the trial is measured.
-    output : Path
-        The new file; its ending says what kind.
+    output : Path or None
+        The new file; its ending says what kind. None names it after the recording and the trial.
 
     Returns
     -------
@@ -47,6 +47,7 @@ def main(path: Path, trial: int, attempt: int | None, readings: Readings, output
     from netboard.figures.picture import as_bytes
     from netboard.figures.trial import sheet
 
+    output = output or Path(f"{path.stem}_trial{trial}.png")
     kind = output.suffix.removeprefix(".")
     if kind not in KINDS:
         raise ConfigError(f"--output {output}: expected a file that ends with .{', .'.join(KINDS)}")
