@@ -184,8 +184,7 @@ def test_the_end_of_the_session_is_no_lost_link(hasty):
 def test_what_breaks_the_protocol_is_left_out(rig, caplog):
     server = rig.serve()
     assert rig.shows(Mood.RUN, tick=1)
-    server.views.send(b"\xc1 no message at all")
-    assert until(rig.app, lambda: bool(caplog.records))
+    assert until(rig.app, lambda: server.views.send(b"\xc1 no message at all") and bool(caplog.records))
     assert rig.shows(Mood.LEVEL, phase="levelling")
 
 
