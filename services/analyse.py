@@ -5,6 +5,7 @@ import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 from rich.console import Console
@@ -81,15 +82,15 @@ def main(named: Sequence[Path], output: Path | None, readings: Readings, wishes:
     cache = Cache(wishes.cache or default_folder()) if wishes.keep else None
     crew = _crew(wishes)
 
+    from netboard.measuring.shelf import Shelf
     from netboard.measuring.study import study_of
     from netboard.report.folder import write_analysis
 
-    with telling() as tell:
-        found = harvest(recordings, readings, crew, cache, tell, skip=wishes.skip)
-        study = study_of(found.measured, readings)
-        with new_folder(folder) as part:
-            command = ["netboard", *sys.argv[1:]]
-            write_analysis(part, study, found, command, tell, beside_the_paper=wishes.beside_the_paper)
+    with telling() as tell, new_folder(folder) as part, TemporaryDirectory(dir=part) as paths:
+        found = harvest(recordings, readings, crew, cache, Shelf(Path(paths)), tell, skip=wishes.skip)
+        study = study_of(found.measured, readings, found.paths)
+        command = ["netboard", *sys.argv[1:]]
+        write_analysis(part, study, found, command, tell, beside_the_paper=wishes.beside_the_paper)
     console = Console(highlight=False, soft_wrap=True)
     for line in (*_in_words(study, found), _in_total(folder, time.perf_counter() - began, found.peak)):
         console.print(line, markup=False)

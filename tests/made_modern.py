@@ -79,12 +79,23 @@ def modern_study(blocks: Sequence[Block], *overrides: str) -> Study:
 
 def with_paths(study: Study, draw: Callable[[pd.Series], Path]) -> Study:
     """Give every trial that counts a path."""
-    rows = []
+    drawn: dict[str, list[pd.DataFrame]] = {name: [] for name in study.blocks["recording"]}
     for _, trial in study.counted.iterrows():
-        drawn = draw(trial)
-        count = len(drawn["left_vz"])
+        path = draw(trial)
+        count = len(path["left_vz"])
         place = {name: np.full(count, trial[name], dtype=object) for name in ("recording", "trial", "attempt")}
-        rows.append(pd.DataFrame({**place, "time": 0.02 * np.arange(count), **drawn}))
+        drawn[trial["recording"]].append(pd.DataFrame({**place, "time": 0.02 * np.arange(count), **path}))
     types: dict[str, Any] = {field.name: DTYPES[field.kind] for field in PATHS}
-    paths = pd.concat(rows, ignore_index=True).reindex(columns=list(types)).astype(types)
-    return replace(study, paths=paths)
+    nothing = pd.DataFrame(columns=list(types))
+    return replace(
+        study,
+        paths={
+            name: pd.concat(rows or [nothing], ignore_index=True).reindex(columns=list(types)).astype(types)
+            for name, rows in drawn.items()
+        },
+    )
+
+
+def without_paths(study: Study) -> Study:
+    """Take the paths away."""
+    return replace(study, paths={name: paths.iloc[:0] for name, paths in study.paths.items()})

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from made_modern import Path, modern_study, with_paths
+from made_modern import Path, modern_study, with_paths, without_paths
 from made_study import Block
 from netboard.findings.paths import Course, courses
 from netboard.measuring.study import Study
@@ -81,7 +81,5 @@ def test_reported_places_are_those_of_the_path() -> None:
 
 
 def test_without_paths_or_trials_there_is_no_course() -> None:
-    study = study_of(2)
-    nothing = Study(study.readings, study.blocks, study.trials, study.movements, study.paths.iloc[:0], study.exclusions)
-    assert courses(nothing).courses == ()
+    assert courses(without_paths(study_of(2))).courses == ()
     assert courses(modern_study([Block("D01", "D01", "dyadic", "full", [])])).courses == ()

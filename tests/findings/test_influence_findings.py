@@ -1,12 +1,13 @@
 """Influence in made-up dyads in which it is known who answers whom, and how."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 import pytest
 
-from made_modern import Path, modern_blocks, modern_study, with_paths
+from made_modern import Path, modern_blocks, modern_study, with_paths, without_paths
 from netboard.findings import influence
 from netboard.findings.influence import Influence, influences
 from netboard.measuring.study import Study
@@ -28,6 +29,11 @@ def following(weight: float, seed: int = 1) -> Study:
 
     blocks = [one for one in modern_blocks(trials=12, forces=("full",), change=last) if one.configuration == "dyadic"]
     return with_paths(modern_study(blocks), draw)
+
+
+def each(study: Study, change: Callable[[pd.DataFrame], pd.DataFrame]) -> dict[str, pd.DataFrame]:
+    """Change the paths of every recording."""
+    return {name: change(paths) for name, paths in study.paths.items()}
 
 
 def influence_of(study: Study, direction: str) -> Influence:
@@ -61,9 +67,13 @@ def test_trials_that_are_turned_over_say_the_same() -> None:
     study = following(0.7)
     left = study.trials["trial"] % 2 == 0
     trials = study.trials.assign(target=np.where(left, -1, 1))
-    signs = pd.merge(study.paths, trials[["recording", "trial", "attempt", "target"]])["target"].to_numpy()
-    paths = study.paths.assign(**{name: study.paths[name] * signs for name in ("left_vz", "right_vz", "p")})
-    turned = Study(study.readings, study.blocks, trials, study.movements, paths, study.exclusions)
+    told = trials[["recording", "trial", "attempt", "target"]]
+
+    def turn(paths: pd.DataFrame) -> pd.DataFrame:
+        signs = pd.merge(paths, told)["target"].to_numpy()
+        return paths.assign(**{name: paths[name] * signs for name in ("left_vz", "right_vz", "p")})
+
+    turned = replace(study, trials=trials, paths=each(study, turn))
     for one, other in zip(influences(study).influences, influences(turned).influences, strict=True):
         np.testing.assert_allclose(one.values, other.values, rtol=1e-9)
         assert one.chance is not None
@@ -74,22 +84,19 @@ def test_trials_that_are_turned_over_say_the_same() -> None:
 def test_exchanged_sides_exchange_the_directions() -> None:
     study = following(0.7)
     names = {"left_vz": "right_vz", "right_vz": "left_vz"}
-    paths = study.paths.rename(columns=names)
-    exchanged = Study(study.readings, study.blocks, study.trials, study.movements, paths, study.exclusions)
+    exchanged = replace(study, paths=each(study, lambda paths: paths.rename(columns=names)))
     one, other = influence_of(study, "left to right"), influence_of(exchanged, "right to left")
     np.testing.assert_allclose(one.values, other.values)
 
 
 def test_what_comes_after_the_completion_and_gaps_are_left_out() -> None:
     study = following(1.0)
-    late = study.paths["time"] > 0.02 * (SAMPLES - 1) - 0.3
-    trials = study.trials.assign(completion=0.02 * (SAMPLES - 1) - 0.3)
-    paths = study.paths.assign(right_vz=study.paths["right_vz"].where(~late, 99.0))
-    cut = Study(study.readings, study.blocks, trials, study.movements, paths, study.exclusions)
+    end = 0.02 * (SAMPLES - 1) - 0.3
+    late = each(study, lambda paths: paths.assign(right_vz=paths["right_vz"].where(paths["time"] <= end, 99.0)))
+    cut = replace(study, trials=study.trials.assign(completion=end), paths=late)
     assert influence_of(cut, "left to right").values == pytest.approx(np.full(4, np.log(2.0)), abs=0.12)
-    gap = study.paths["p"].where(study.paths["trial"] != 3, np.nan)
-    gappy = Study(
-        study.readings, study.blocks, study.trials, study.movements, study.paths.assign(p=gap), study.exclusions
+    gappy = replace(
+        study, paths=each(study, lambda paths: paths.assign(p=paths["p"].where(paths["trial"] != 3, np.nan)))
     )
     assert influence_of(gappy, "left to right").of == 11
 
@@ -108,8 +115,7 @@ def test_many_trials_are_a_seeded_choice(monkeypatch: pytest.MonkeyPatch) -> Non
 def test_one_dyad_has_influence_and_no_surrogates() -> None:
     study = following(1.0)
     own = study.trials["dyad"] == "D01"
-    alone = Study(study.readings, study.blocks, study.trials[own], study.movements, study.paths, study.exclusions)
-    found = influences(alone)
+    found = influences(replace(study, trials=study.trials[own]))
     assert [one.chance for one in found.influences] == [None, None]
     assert ["no surrogates" in row.note for row in found.results] == [True, True]
 
@@ -117,8 +123,6 @@ def test_one_dyad_has_influence_and_no_surrogates() -> None:
 def test_alone_with_a_robot_or_without_paths_there_is_nobody_to_answer() -> None:
     study = following(1.0)
     alone = study.blocks.assign(left_by="D01A", right_by="D01A")
-    rest = [getattr(study, name) for name in ("trials", "movements", "paths", "exclusions")]
     for blocks in (alone, study.blocks.assign(right_by="robot"), study.blocks.assign(left_by="still")):
-        assert influences(Study(study.readings, blocks, *rest)).influences == ()
-    nothing = Study(study.readings, study.blocks, study.trials, study.movements, study.paths.iloc[:0], study.exclusions)
-    assert influences(nothing).influences == ()
+        assert influences(replace(study, blocks=blocks)).influences == ()
+    assert influences(without_paths(study)).influences == ()

@@ -5,15 +5,13 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-import pandas as pd
 import pytest
 
+from harvests import assert_same, gathered, studied
 from netboard.errors import ConfigError, RecordingError
 from netboard.measuring import crews
-from netboard.measuring.crews import dask, processes
+from netboard.measuring.crews import dask
 from netboard.measuring.readings import Readings
-from netboard.measuring.running import harvest
-from netboard.measuring.study import study_of
 
 distributed = pytest.importorskip("distributed")
 pytestmark = pytest.mark.slow
@@ -28,17 +26,11 @@ def address() -> Iterator[str]:
         yield cluster.scheduler_address
 
 
-def quiet(what: str, done: int, total: int) -> None:
-    assert 0 < done <= total
-
-
 def test_the_tables_are_those_of_this_machine(address: str, recordings: tuple[Path, ...]) -> None:
-    there = harvest(recordings, Readings(), dask(address), None, quiet)
-    here = harvest(recordings, Readings(), processes(1), None, quiet)
+    there = gathered(recordings, Readings(), dask(address))
+    here = gathered(recordings, Readings())
     assert there.peak > 1e7
-    one, other = study_of(there.measured, Readings()), study_of(here.measured, Readings())
-    for name in ("blocks", "trials", "movements", "paths", "exclusions"):
-        pd.testing.assert_frame_equal(getattr(one, name), getattr(other, name), check_exact=True)
+    assert_same(studied(there), studied(here))
 
 
 def test_what_cannot_be_measured_there_is_left_out(address: str, recordings: tuple[Path, ...], tmp_path: Path) -> None:
@@ -46,8 +38,8 @@ def test_what_cannot_be_measured_there_is_left_out(address: str, recordings: tup
     damaged = tmp_path / "damaged.mcap"
     damaged.write_bytes(data[:200_000] + bytes(64) + data[200_064:])
     with pytest.raises(RecordingError, match=r"damaged.mcap: is damaged"):
-        harvest([damaged, recordings[1]], Readings(), dask(address), None, quiet)
-    found = harvest([damaged, recordings[1]], Readings(), dask(address), None, quiet, skip=True)
+        gathered([damaged, recordings[1]], Readings(), dask(address))
+    found = gathered([damaged, recordings[1]], Readings(), dask(address), skip=True)
     assert [one.file for one in found.left_out] == ["damaged.mcap"]
 
 

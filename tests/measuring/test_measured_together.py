@@ -8,25 +8,18 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
 
+from harvests import HERE, assert_same, gathered, studied
 from made_recordings import recorded, two_trials
 from netboard.errors import ConfigError, NetboardError, RecordingError
 from netboard.measuring import running
 from netboard.measuring.cache import Cache
 from netboard.measuring.crews import cores, dask, processes
 from netboard.measuring.readings import Readings, parse
-from netboard.measuring.running import Harvest, harvest
-from netboard.measuring.study import Study, study_of
+from netboard.measuring.study import Study
 
 pytestmark = pytest.mark.slow
-TABLES = ("blocks", "trials", "movements", "paths", "exclusions")
-HERE = processes(1)
-
-
-def quiet(what: str, done: int, total: int) -> None:
-    assert 0 < done <= total
 
 
 @contextmanager
@@ -36,23 +29,14 @@ def nobody(recordings: Sequence[Path]) -> Iterator[Executor]:
     yield
 
 
-def studied(found: Harvest, readings: Readings | None = None) -> Study:
-    return study_of(found.measured, readings or Readings())
-
-
-def assert_same(one: Study, other: Study) -> None:
-    for name in TABLES:
-        pd.testing.assert_frame_equal(getattr(one, name), getattr(other, name), check_exact=True)
-
-
 @pytest.fixture(scope="module")
 def alone(recordings: tuple[Path, ...]) -> Study:
-    return studied(harvest(recordings, Readings(), HERE, None, quiet))
+    return studied(gathered(recordings, Readings()))
 
 
 def test_order_and_number_of_processes_change_nothing(recordings: tuple[Path, ...], alone: Study) -> None:
     told: list[tuple[str, int, int]] = []
-    found = harvest(recordings[::-1], Readings(), processes(2), None, lambda *words: told.append(words))
+    found = gathered(recordings[::-1], Readings(), processes(2), None, lambda *words: told.append(words))
     assert [source.run.path for source in found.sources] == list(recordings)
     assert found.left_out == ()
     assert found.peak > 1e7
@@ -64,12 +48,12 @@ def test_order_and_number_of_processes_change_nothing(recordings: tuple[Path, ..
 
 def test_what_was_kept_is_what_was_measured(recordings: tuple[Path, ...], alone: Study, tmp_path: Path) -> None:
     cache = Cache(tmp_path)
-    some = harvest(recordings[:2], Readings(), HERE, cache, quiet)
+    some = gathered(recordings[:2], Readings(), HERE, cache)
     assert [source.kept for source in some.sources] == [False, False]
-    mixed = harvest(recordings, Readings(), HERE, cache, quiet)
+    mixed = gathered(recordings, Readings(), HERE, cache)
     assert [source.kept for source in mixed.sources] == [True, True, False, False]
     assert_same(studied(mixed), alone)
-    kept = harvest(recordings, Readings(), nobody, cache, quiet)
+    kept = gathered(recordings, Readings(), nobody, cache)
     assert kept.peak == 0.0
     assert_same(studied(kept), alone)
 
@@ -78,26 +62,27 @@ def test_what_is_made_of_the_trials_measures_nothing_anew(
     recordings: tuple[Path, ...], alone: Study, tmp_path: Path
 ) -> None:
     cache = Cache(tmp_path)
-    harvest(recordings, Readings(), HERE, cache, quiet)
+    gathered(recordings, Readings(), HERE, cache)
     stricter = parse("[exclusions]\nwarm_up = 1")
-    study = studied(harvest(recordings, stricter, nobody, cache, quiet), stricter)
+    study = studied(gathered(recordings, stricter, nobody, cache), stricter)
     assert len(study.counted) == len(alone.counted) - len(recordings)
     coarser = parse("[filters]\nfast = 10.0")
-    found = harvest(recordings[:1], coarser, HERE, cache, quiet)
+    found = gathered(recordings[:1], coarser, HERE, cache)
     assert not found.sources[0].kept
-    assert not np.array_equal(studied(found, coarser).paths["theta"], alone.paths["theta"][: len(alone.paths)])
+    name = recordings[0].stem
+    assert not np.array_equal(studied(found, coarser).paths[name]["theta"], alone.paths[name]["theta"])
 
 
 def test_a_changed_byte_measures_anew(recordings: tuple[Path, ...], tmp_path: Path) -> None:
     copy = tmp_path / recordings[0].name
     shutil.copy(recordings[0], copy)
     cache = Cache(tmp_path / "cache")
-    harvest([copy], Readings(), HERE, cache, quiet)
+    gathered([copy], Readings(), HERE, cache)
     data = bytearray(copy.read_bytes())
     data[len(data) // 2] ^= 1
     copy.write_bytes(data)
     with pytest.raises(pytest.fail.Exception, match="measured anew"):
-        harvest([copy], Readings(), nobody, cache, quiet)
+        gathered([copy], Readings(), nobody, cache)
 
 
 def unreadable(folder: Path, recordings: tuple[Path, ...]) -> list[Path]:
@@ -116,15 +101,15 @@ def test_what_cannot_be_measured_stops_it_or_is_left_out(recordings: tuple[Path,
     paths = unreadable(tmp_path, recordings)
     for path, why in zip(paths[1:], ("is damaged", "cut short", "not an MCAP file", "has no ticks"), strict=True):
         with pytest.raises(RecordingError, match=rf"{path.name}: .*{why}") as caught:
-            harvest([paths[0], path], Readings(), HERE, None, quiet)
+            gathered([paths[0], path], Readings())
         assert "\n" not in str(caught.value)
-    found = harvest(paths, Readings(), processes(2), None, quiet, skip=True)
+    found = gathered(paths, Readings(), processes(2), skip=True)
     assert [source.run.path for source in found.sources] == paths[:1]
     assert [one.file for one in found.left_out] == sorted(path.name for path in paths[1:])
     assert not any(str(tmp_path) in one.why for one in found.left_out)
     assert len(studied(found).blocks) == 1
     with pytest.raises(RecordingError, match="no recording is left"):
-        harvest(paths[1:], Readings(), HERE, None, quiet, skip=True)
+        gathered(paths[1:], Readings(), skip=True)
 
 
 def test_a_file_that_changes_meanwhile_is_no_result(
@@ -132,7 +117,7 @@ def test_a_file_that_changes_meanwhile_is_no_result(
 ) -> None:
     monkeypatch.setattr(running, "_digests", lambda paths: dict.fromkeys(paths, "0" * 64))
     with pytest.raises(RecordingError, match="is not the file that it was"):
-        harvest(recordings[:1], Readings(), HERE, None, quiet)
+        gathered(recordings[:1], Readings())
 
 
 def die() -> None:

@@ -51,8 +51,11 @@ def test_trials_are_numbered_within_each_performer_and_condition(folder: Path) -
 @pytest.mark.slow
 def test_the_order_of_recordings_does_not_matter(folder: Path) -> None:
     one, other = (study_of(m, Readings()) for m in (measured(folder, Readings()), measured(folder, Readings())[::-1]))
-    for name in ("blocks", "trials", "movements", "paths"):
+    for name in ("blocks", "trials", "movements"):
         pd.testing.assert_frame_equal(getattr(one, name), getattr(other, name))
+    assert list(one.paths) == list(other.paths) == list(one.blocks["recording"])
+    for name, paths in one.paths.items():
+        pd.testing.assert_frame_equal(paths, other.paths[name])
 
 
 @pytest.mark.slow

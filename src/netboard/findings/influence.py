@@ -10,7 +10,7 @@ The time this takes grows with the pairs of dyads, the square of their number, t
 `MOST` trials of pairs are looked at, but at least `LEAST` of each dyad; trials are then drawn, by a fixed seed.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -132,7 +132,7 @@ def influences(study: Study) -> Influences:
     return Influences(tuple(found))
 
 
-def _in_condition(condition: Condition, trials: pd.DataFrame, paths: pd.DataFrame) -> list[Influence]:
+def _in_condition(condition: Condition, trials: pd.DataFrame, paths: Mapping[str, pd.DataFrame]) -> list[Influence]:
     """Look at both directions."""
     there = _signals(trials, paths)
     if not there:
@@ -152,17 +152,16 @@ def _directions(left: list[Trials], right: list[Trials]) -> list[tuple[Direction
     return [("left to right", left, right), ("right to left", right, left)]
 
 
-def _signals(trials: pd.DataFrame, paths: pd.DataFrame) -> dict[str, Trials]:
+def _signals(trials: pd.DataFrame, paths: Mapping[str, pd.DataFrame]) -> dict[str, Trials]:
     """Return each dyad's trials in their order, each as rows of both velocities and the ball [m/s, m]."""
-    table = joined(trials, paths)
-    table = table[table["time"] <= table["completion"]]
-    signals = table[["left_vz", "right_vz", "p"]].to_numpy() * table[["target"]].to_numpy()
-    bounds = np.flatnonzero(np.diff(table["number"])) + 1
-    found: dict[str, Trials] = {dyad: [] for dyad in sorted(table["dyad"].unique())}
-    dyads = table.groupby("number")["dyad"].first()
-    for dyad, signal in zip(dyads, np.split(signals, bounds) if len(table) else [], strict=True):
-        if len(signal) >= SHORTEST and np.isfinite(signal).all():
-            found[dyad].append(signal)
+    found: dict[str, Trials] = {dyad: [] for dyad in sorted(trials["dyad"].unique())}
+    for whole in joined(trials, paths):
+        table = whole[whole["time"] <= whole["completion"]]
+        signals = table[["left_vz", "right_vz", "p"]].to_numpy() * table[["target"]].to_numpy()
+        bounds = np.flatnonzero(np.diff(table["number"])) + 1
+        for signal in np.split(signals, bounds):
+            if len(signal) >= SHORTEST and np.isfinite(signal).all():
+                found[whole["dyad"].iat[0]].append(signal)
     return {dyad: own for dyad, own in found.items() if own}
 
 

@@ -5,7 +5,7 @@ target's side and the other one. A path goes on through the hold to the end of i
 of ten trials go, so that hardly any trial drops out on the way.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -114,53 +114,65 @@ def courses(study: Study) -> Courses:
     if not len(study.counted):
         return Courses(())
     samples = int(study.counted["duration"].quantile(GOING_ON) / PERIOD)
-    table = joined(study.counted, study.paths[study.paths["time"] < samples * PERIOD])
-    return Courses(
-        tuple(
-            course
-            for condition in conditions(study)
-            for course in _courses(condition, table[table["condition"] == condition.name])
-        )
-    )
+    return Courses(tuple(course for condition in conditions(study) for course in _courses(condition, study, samples)))
 
 
-def joined(trials: pd.DataFrame, paths: pd.DataFrame) -> pd.DataFrame:
-    """Bring paths and their trials together.
+def joined(trials: pd.DataFrame, paths: Mapping[str, pd.DataFrame]) -> Iterator[pd.DataFrame]:
+    """Bring paths and their trials together, one recording after the other.
 
     Parameters
     ----------
-    trials, paths : DataFrame
-        Some of a study's trials, and its paths.
+    trials : DataFrame
+        Some of a study's trials.
+    paths : mapping of DataFrame
+        Its paths.
 
-    Returns
-    -------
+    Yields
+    ------
     DataFrame
-        The paths of those trials, with their ``condition``, ``dyad``, ``target`` and ``completion``; ``number`` counts
-        trials from 0, and ``sample`` their samples.
+        The paths of those trials in a recording, with their ``condition``, ``dyad``, ``target`` and ``completion``;
+        ``number`` counts the recording's trials from 0, and ``sample`` their samples. None where there are no paths.
     """
-    chosen = paths[paths["recording"].isin(trials["recording"])]
-    table = chosen.merge(trials[[*KEYS, "condition", "dyad", "target", "completion"]], on=KEYS, validate="many_to_one")
-    samples = (table["time"] / PERIOD).round().astype("int64")
-    return table.assign(number=table.groupby(KEYS, sort=False).ngroup(), sample=samples)
+    for recording, own in trials.groupby("recording", sort=False):
+        told = own[[*KEYS, "condition", "dyad", "target", "completion"]]
+        table = paths[str(recording)].merge(told, on=KEYS, validate="many_to_one")
+        if len(table):
+            samples = (table["time"] / PERIOD).round().astype("int64")
+            yield table.assign(number=table.groupby(KEYS, sort=False).ngroup(), sample=samples)
 
 
-def _courses(condition: Condition, table: pd.DataFrame) -> list[Course]:
+def _courses(condition: Condition, study: Study, samples: int) -> list[Course]:
     """Average the paths of a condition."""
-    if not len(table):
+    trials = study.counted[study.counted["condition"] == condition.name]
+    places: dict[str, list[pd.DataFrame]] = {name: [] for name in QUANTITIES}
+    dyads: list[str] = []
+    for table in joined(trials, study.paths):
+        for name, wide in _places(table[table["sample"] < samples]).items():
+            places[name].append(wide)
+        dyads += [table["dyad"].iat[0]] * len(wide)
+    if not dyads:
         return []
-    right = table["target"] > 0
-    places = {
-        "ball": table["p"] * table["target"],
-        "near": table["right_z"].where(right, table["left_z"]),
-        "far": table["left_z"].where(right, table["right_z"]),
-    }
-    dyads = table.groupby("number")["dyad"].first()
     found = []
-    for name, place in places.items():
-        wide = table[["number", "sample"]].assign(place=place).pivot(index="number", columns="sample", values="place")
+    for name, parts in places.items():
+        wide = pd.concat(parts, ignore_index=True).sort_index(axis="columns")
         each = wide.groupby(dyads).mean()
         low, high = (wide.quantile(share).to_numpy() for share in BAND)
         time = wide.columns.to_numpy() * PERIOD
         mean = each.mean().to_numpy()
         found.append(Course(condition, name, time, tuple(each.index), each.to_numpy(), mean, low, high, len(wide)))
     return found
+
+
+def _places(table: pd.DataFrame) -> dict[str, pd.DataFrame]:
+    """Return where ball and hands were in the trials of a recording, by quantity: a row each, a column a sample [m]."""
+    right = table["target"] > 0
+    places = {
+        "ball": table["p"] * table["target"],
+        "near": table["right_z"].where(right, table["left_z"]),
+        "far": table["left_z"].where(right, table["right_z"]),
+    }
+    at = table[["number", "sample"]]
+    return {
+        name: at.assign(place=place).pivot(index="number", columns="sample", values="place")
+        for name, place in places.items()
+    }

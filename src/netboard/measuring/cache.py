@@ -11,17 +11,14 @@ import os
 from io import BytesIO
 from pathlib import Path
 from tempfile import NamedTemporaryFile
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from netboard.errors import RecordingError
-from netboard.export.formats import library
 from netboard.measuring.fingerprint import fingerprint
 from netboard.measuring.readings import Readings, measured_with
 from netboard.measuring.recordings import FIELDS, Measured
-from netboard.recording.channels import Field
+from netboard.measuring.streams import Streams
 
 LIMIT = 2_000_000_000
 """What is kept is not more than this, in bytes: some twenty studies of the paper's size [1]."""
@@ -57,7 +54,7 @@ class Cache:
     """
 
     def __init__(self, folder: Path, limit: int = LIMIT) -> None:
-        self._arrow, self._ipc = library("pyarrow", "analysis"), library("pyarrow.ipc", "analysis")
+        self._streams = Streams("zstd")
         self._folder, self._limit = folder, limit
         try:
             folder.mkdir(parents=True, exist_ok=True)
@@ -90,13 +87,8 @@ class Cache:
         content = memoryview(whole)[_DIGEST_BYTES:]
         if hashlib.sha256(content).digest() != whole[:_DIGEST_BYTES]:
             return None
-        source = self._arrow.BufferReader(content)
-        return Measured(**{name: self._read(source, fields) for name, fields in FIELDS.items()})
-
-    def _read(self, source: Any, fields: tuple[Field, ...]) -> dict[str, NDArray[Any]]:
-        with self._ipc.open_stream(source) as stream:
-            table = stream.read_all()
-        return {field.name: _values(table[field.name].combine_chunks(), field.kind) for field in fields}
+        source = self._streams.source(content)
+        return Measured(**{name: self._streams.read(source, fields) for name, fields in FIELDS.items()})
 
     def put(self, key: str, measured: Measured) -> None:
         """Keep the tables of a recording.
@@ -115,7 +107,7 @@ class Cache:
         """
         sink = BytesIO()
         for name, fields in FIELDS.items():
-            self._write(sink, getattr(measured, name), fields)
+            self._streams.write(sink, getattr(measured, name), fields)
         content = sink.getvalue()
         part = None
         try:
@@ -128,15 +120,6 @@ class Cache:
         finally:
             if part is not None:
                 part.unlink(missing_ok=True)
-
-    def _write(self, sink: BytesIO, columns: dict[str, NDArray[Any]], fields: tuple[Field, ...]) -> None:
-        arrow = self._arrow
-        text = arrow.dictionary(arrow.int32(), arrow.string())
-        kinds = {"integer": arrow.int64(), "number": arrow.float64(), "string": text}
-        schema = arrow.schema([arrow.field(field.name, kinds[field.kind]) for field in fields])
-        table = arrow.table({field.name: columns[field.name] for field in fields}, schema)
-        with self._ipc.new_stream(sink, schema, options=self._ipc.IpcWriteOptions(compression="zstd")) as stream:
-            stream.write_table(table)
 
     def trim(self) -> None:
         """Drop what was not used for longest, down to the limit.
@@ -155,14 +138,6 @@ class Cache:
                     path.unlink(missing_ok=True)
         except OSError as error:
             raise self._refused(error) from error
-
-
-def _values(column: Any, kind: str) -> NDArray[Any]:
-    """Turn a column into an array; equal texts are one object, as one is enough for the path of a whole recording."""
-    if kind == "string":
-        texts = np.array([*column.dictionary.to_pylist(), None], object)[:-1]
-        return np.asarray(texts[column.indices.to_numpy()])
-    return np.array(column.to_numpy())
 
 
 def key_of(name: str, sha256: str, readings: Readings) -> str:

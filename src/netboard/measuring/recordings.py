@@ -72,7 +72,7 @@ class Measured:
     Attributes
     ----------
     blocks, trials, movements, paths : dict of ndarray
-        Columns as in `BLOCKS`, `TRIALS`, `MOVEMENTS` and `PATHS` [SI].
+        Columns as in `BLOCKS`, `TRIALS`, `MOVEMENTS` and `PATHS`; no paths where those lie elsewhere [SI].
     """
 
     blocks: Columns

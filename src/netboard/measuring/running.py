@@ -2,6 +2,7 @@
 
 A process holds one recording at a time, and what comes back are its tables, in the order of the recordings whatever
 was done first. So the same recordings give the same tables however many processes there are, and wherever they run.
+The paths, which are long, go to a shelf on disk as they come.
 """
 
 import hashlib
@@ -9,6 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from netboard.errors import NetboardError, RecordingError
 from netboard.export.formats import Progress
@@ -18,6 +20,11 @@ from netboard.measuring.crews import Crew
 from netboard.measuring.readings import Readings
 from netboard.measuring.recordings import Measured, measure
 from netboard.process import peak_memory
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from netboard.measuring.shelf import Shelf
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,15 +72,18 @@ class Harvest:
         Session by session, in the order of time within each.
     left_out : tuple of LeftOut
         Recordings that could not be measured, by name.
-    measured : iterator of Measured
-        The tables of each; what has been taken is let go of, so that it is not twice in memory.
+    measured : tuple of Measured
+        The tables of each but for its paths.
+    paths : mapping of DataFrame
+        Those, by the recording's name.
     peak : float
         The most memory that a process held that measured, in bytes; 0 if none had to [1].
     """
 
     sources: tuple[Source, ...]
     left_out: tuple[LeftOut, ...]
-    measured: Iterator[Measured]
+    measured: tuple[Measured, ...]
+    paths: Mapping[str, "pd.DataFrame"]
     peak: float
 
 
@@ -82,6 +92,7 @@ def harvest(
     readings: Readings,
     crew: Crew,
     cache: Cache | None,
+    shelf: "Shelf",
     progress: Progress,
     *,
     skip: bool = False,
@@ -98,6 +109,8 @@ def harvest(
         Who measures: of `netboard.measuring.crews`.
     cache : Cache or None
         Where results are kept; None to measure all and keep nothing.
+    shelf : Shelf
+        Where the paths go.
     progress : callable
         Is told how many recordings are done, and of how many.
     skip : bool
@@ -118,43 +131,47 @@ def harvest(
     runs, left_out = _readable(recordings) if skip else (runs_of(recordings), [])
     digests = _digests([run.path for run in runs])
     keys = {run.path: key_of(run.path.stem, digests[run.path], readings) for run in runs}
-    tell = _Teller(progress, len(runs))
-    tables = {} if cache is None else _kept(keys, cache, tell)
-    missing = [run for run in runs if run.path not in tables]
-    kept, peak = set(tables), 0.0
+    taken = _Taken(shelf, progress, len(runs))
+    if cache is not None:
+        _take_kept(keys, cache, taken)
+    missing = [run for run in runs if run.path not in taken.tables]
+    kept, peak = set(taken.tables), 0.0
     for run, answer in _answers(missing, digests, readings, crew):
         if isinstance(answer, Exception):
             if not skip:
                 raise answer
             left_out.append(_left_out(run.path, answer))
             continue
-        tables[run.path], used = answer
+        measured, used = answer
         peak = max(peak, used)
-        tell.done(tables[run.path])
         if cache is not None:
-            cache.put(keys[run.path], tables[run.path])
+            cache.put(keys[run.path], measured)
+        taken.add(run.path, measured)
     if cache is not None:
         cache.trim()
-    if not tables:
+    if not taken.tables:
         raise RecordingError("no recording is left that can be measured")
-    sources = tuple(Source(run, digests[run.path], run.path in kept) for run in runs if run.path in tables)
+    sources = tuple(Source(run, digests[run.path], run.path in kept) for run in runs if run.path in taken.tables)
     left_out.sort(key=lambda one: one.file)
-    return Harvest(sources, tuple(left_out), (tables.pop(source.run.path) for source in sources), peak)
+    tables = tuple(taken.tables[source.run.path] for source in sources)
+    return Harvest(sources, tuple(left_out), tables, shelf, peak)
 
 
-class _Teller:
-    """Counts what is done, for who waits."""
+class _Taken:
+    """What has come: its paths go to the shelf, the other tables are held, and who waits is told."""
 
-    def __init__(self, progress: Progress, total: int) -> None:
-        self._progress, self._total = progress, total
-        self._recordings, self._seconds = 0, 0.0
+    def __init__(self, shelf: "Shelf", progress: Progress, total: int) -> None:
+        self.tables: dict[Path, Measured] = {}
+        self._shelf, self._progress, self._total = shelf, progress, total
+        self._seconds = 0.0
 
-    def done(self, measured: Measured) -> None:
-        """Count a recording."""
-        self._recordings += 1
+    def add(self, path: Path, measured: Measured) -> None:
+        """Take the tables of a recording."""
+        self._shelf.put(measured)
+        self.tables[path] = replace(measured, paths={})
         self._seconds += float(measured.blocks["duration"][0])
-        words = f"{self._recordings} of {self._total} recordings, {self._seconds:.0f} s of data"
-        self._progress(words, self._recordings, self._total)
+        words = f"{len(self.tables)} of {self._total} recordings, {self._seconds:.0f} s of data"
+        self._progress(words, len(self.tables), self._total)
 
 
 def _readable(recordings: Sequence[Path]) -> tuple[tuple[Run, ...], list[LeftOut]]:
@@ -190,14 +207,11 @@ def _digest(path: Path) -> str:
         raise RecordingError(f"{path}: cannot be read: {error.strerror}") from error
 
 
-def _kept(keys: Mapping[Path, str], cache: Cache, tell: _Teller) -> dict[Path, Measured]:
+def _take_kept(keys: Mapping[Path, str], cache: Cache, taken: _Taken) -> None:
     """Take what was measured before."""
-    found: dict[Path, Measured] = {}
     for path, key in keys.items():
         if (measured := cache.get(key)) is not None:
-            found[path] = measured
-            tell.done(measured)
-    return found
+            taken.add(path, measured)
 
 
 def _answers(

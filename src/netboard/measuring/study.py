@@ -1,6 +1,9 @@
-"""A study in memory: the tables of all its recordings, joined, in the order in which things were done."""
+"""A study: the tables of all its recordings, joined, in the order in which things were done.
 
-from collections.abc import Iterable, Sequence
+The paths alone are not joined: they are long, and given recording by recording.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,8 +40,10 @@ class Study:
     ----------
     readings : Readings
         How it was measured, and what counts.
-    blocks, trials, movements, paths : DataFrame
+    blocks, trials, movements : DataFrame
         As in `netboard.measuring.recordings`; trials and movements with the columns of `PLACE_IN_STUDY`.
+    paths : mapping of DataFrame
+        Those of each recording by its name.
     exclusions : DataFrame
         As in `netboard.measuring.exclusions`.
     """
@@ -47,7 +52,7 @@ class Study:
     blocks: pd.DataFrame
     trials: pd.DataFrame
     movements: pd.DataFrame
-    paths: pd.DataFrame
+    paths: Mapping[str, pd.DataFrame]
     exclusions: pd.DataFrame
 
     @property
@@ -61,7 +66,9 @@ class Study:
         return sorted(self.blocks["dyad"].unique())
 
 
-def study_of(measured: Iterable[Measured], readings: Readings) -> Study:
+def study_of(
+    measured: Iterable[Measured], readings: Readings, paths: Mapping[str, pd.DataFrame] | None = None
+) -> Study:
     """Join the tables of recordings.
 
     Parameters
@@ -70,6 +77,8 @@ def study_of(measured: Iterable[Measured], readings: Readings) -> Study:
         The tables of each recording, one at least, in any order.
     readings : Readings
         The readings they were measured with; their exclusions are applied here.
+    paths : mapping of DataFrame, optional
+        The paths of each recording by its name, if they are not in its tables.
 
     Returns
     -------
@@ -82,13 +91,15 @@ def study_of(measured: Iterable[Measured], readings: Readings) -> Study:
         If the exclusions name a trial that is not there.
     """
     in_order = sorted(measured, key=_place)
-    tables = {name: _joined([getattr(one, name) for one in in_order]) for name in FIELDS}
+    if paths is None:
+        paths = {one.blocks["recording"][0]: pd.DataFrame(one.paths) for one in in_order}
+    tables = {name: _joined([getattr(one, name) for one in in_order]) for name in ("blocks", "trials", "movements")}
     blocks = tables["blocks"]
     blocks["condition"] = _conditions(blocks)
     left_out = excluded(blocks, tables["trials"], readings.exclusions)
     trials = _placed(tables["trials"], blocks, left_out, readings)
     movements = tables["movements"].merge(trials[[*_KEYS, *_SHARED]], on=_KEYS, how="left", validate="many_to_one")
-    return Study(readings, blocks, trials, movements, tables["paths"], left_out)
+    return Study(readings, blocks, trials, movements, paths, left_out)
 
 
 def _place(one: Measured) -> tuple[str, int, int, str]:
@@ -98,7 +109,7 @@ def _place(one: Measured) -> tuple[str, int, int, str]:
 
 
 def _joined(parts: Sequence[Columns]) -> pd.DataFrame:
-    """Put tables one below the other, column by column: paths are long, and no more than one copy is made of them."""
+    """Put tables one below the other."""
     return pd.DataFrame({name: np.concatenate([part[name] for part in parts]) for name in parts[0]}, copy=False)
 
 

@@ -42,9 +42,8 @@ KINDS = ("svg", "pdf", "png")
 LEFT_OUT = (words("file", "name of the recording's file"), words("why", "why it could not be measured"))
 """Columns of the table of recordings that were left out."""
 
-
-PORTION = 100_000
-"""Rows that are written at once [1]."""
+PORTION = 20_000
+"""Rows of a table that are written at once [1]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,26 +163,31 @@ def write_tables(
     }
     kinds = TABLES if comparison is None else (*TABLES, BESIDE_THE_PAPER)
     for kind in kinds:
-        _write_table(folder, kind, others[kind.name] if kind.name in others else getattr(study, kind.name))
+        if kind.name == "paths":
+            _write_paths(folder, kind, study)
+        else:
+            _write_table(folder, kind, others[kind.name] if kind.name in others else getattr(study, kind.name))
     write_dictionary(folder, kinds, PLACES)
 
 
-def _write_table(folder: Path, kind: Kind, frame: pd.DataFrame) -> None:
-    """Write a table in both formats, or as Parquet alone if it is long."""
+def _write_paths(folder: Path, kind: Kind, study: Study) -> None:
+    """Write the paths as Parquet alone, one recording after the other."""
     with parquet.open_sheet(folder / f"{kind.name}.parquet", kind) as put:
-        for rows in _portions(frame, kind):
-            put(rows)
-    if kind.name != "paths":
-        with delimited.open_sheet(folder / f"{kind.name}.csv", kind) as put:
-            for rows in _portions(frame, kind):
-                put(rows)
+        for recording in study.blocks["recording"]:
+            put(_columns(study.paths[recording], kind))
 
 
-def _portions(frame: pd.DataFrame, kind: Kind) -> Iterator[Columns]:
-    """Yield the columns of a table, some rows at a time: a text for each row of all paths is a lot of memory."""
-    for first in range(0, len(frame), PORTION):
-        part = frame.iloc[first : first + PORTION]
-        yield {field.name: part[field.name].to_numpy(DTYPES[field.kind]) for field in kind.fields}
+def _write_table(folder: Path, kind: Kind, frame: pd.DataFrame) -> None:
+    """Write a table in both formats, some rows at a time."""
+    for ending, sheet in (("parquet", parquet), ("csv", delimited)):
+        with sheet.open_sheet(folder / f"{kind.name}.{ending}", kind) as put:
+            for first in range(0, len(frame), PORTION):
+                put(_columns(frame.iloc[first : first + PORTION], kind))
+
+
+def _columns(frame: pd.DataFrame, kind: Kind) -> Columns:
+    """Return the columns of a table as they are written."""
+    return {field.name: frame[field.name].to_numpy(DTYPES[field.kind]) for field in kind.fields}
 
 
 def _write_pictures(folder: Path, drawn: Sequence[Picture]) -> None:

@@ -3,7 +3,7 @@
 The page has some thousands of them, so a path is a few dozen points with whole coordinates, and a row is little else.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from math import ceil, isfinite
 from typing import Any
@@ -243,7 +243,7 @@ def reach(study: Study) -> float:
     float
         The largest distance of the ball, rounded up to 50 mm [m].
     """
-    largest = float(np.nanmax(np.abs(study.paths["p"].to_numpy()), initial=0.0))
+    largest = max(float(np.nanmax(np.abs(own["p"].to_numpy()), initial=0.0)) for own in study.paths.values())
     return max(ceil(largest / 0.05 - 1e-6), 1) * 0.05
 
 
@@ -260,15 +260,15 @@ def sparklines(study: Study) -> dict[Key, Sparkline]:
     dict
         The paths by recording, trial and attempt.
     """
-    paths = study.paths
-    if paths.empty:
-        return {}
-    codes = np.stack([paths["recording"].factorize()[0], paths["trial"].to_numpy(), paths["attempt"].to_numpy()])
-    first = np.concatenate(([0], np.flatnonzero((np.diff(codes) != 0).any(axis=0)) + 1))
     far = reach(study)
-    time, p = paths["time"].to_numpy(np.float64), paths["p"].to_numpy(np.float64)
-    drawn = (_sparkline(*part, far) for part in zip(np.split(time, first[1:]), np.split(p, first[1:]), strict=True))
-    return dict(zip(_keys(paths.iloc[first]), drawn, strict=True))
+    return {key: line for own in study.paths.values() for key, line in _sparklines(own, far)}
+
+
+def _sparklines(paths: pd.DataFrame, far: float) -> Iterator[tuple[Key, Sparkline]]:
+    """Draw the paths of a recording."""
+    starts = np.flatnonzero(~paths.duplicated(["trial", "attempt"]))
+    for key, own in zip(_keys(paths.iloc[starts]), np.split(paths[["time", "p"]].to_numpy(), starts[1:]), strict=False):
+        yield key, _sparkline(own[:, 0], own[:, 1], far)
 
 
 def _sparkline(time: NDArray[np.float64], p: NDArray[np.float64], far: float) -> Sparkline:

@@ -183,7 +183,7 @@ def fulfil(wish: Wish) -> Fulfilled:
         Which, and how.
     """
     whole = measure(wish.run, wish.base)
-    base = replace(whole, paths={name: values[:0] for name, values in whole.paths.items()})
+    base = replace(whole, paths={name: values[:0].copy() for name, values in whole.paths.items()})
     block = opened(wish.run, wish.base)
     others: dict[int, Measured] = {}
     seen = block

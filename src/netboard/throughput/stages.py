@@ -7,6 +7,7 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import ParamSpec, TypeVar
 
 from netboard.export.formats import new_folder
@@ -14,6 +15,7 @@ from netboard.measuring.cache import Cache
 from netboard.measuring.crews import processes
 from netboard.measuring.readings import Readings
 from netboard.measuring.running import harvest
+from netboard.measuring.shelf import Shelf
 from netboard.measuring.study import study_of
 from netboard.process import peak_memory
 from netboard.recording.reader import Recording
@@ -111,8 +113,9 @@ def tables(recordings: Sequence[Path], workers: int, kept: Path) -> Measurement:
         Where results are kept.
     """
     watch = Watch()
-    found = harvest(recordings, Readings(), processes(workers), Cache(kept), quiet)
-    study = study_of(found.measured, Readings())
+    with TemporaryDirectory() as paths:
+        found = harvest(recordings, Readings(), processes(workers), Cache(kept), Shelf(Path(paths)), quiet)
+    study = study_of(found.measured, Readings(), found.paths)
     took, data = watch.read(), float(study.blocks["duration"].sum())
     return Measurement(len(study.trials), data, took, peak_memory(), found.peak)
 
@@ -151,9 +154,9 @@ def remainder(recordings: Sequence[Path], kept: Path, folder: Path) -> tuple[Too
     folder : Path
         The new folder.
     """
-    found = harvest(recordings, Readings(), processes(1), Cache(kept), quiet)
-    study = study_of(found.measured, Readings())
-    watch = Watch()
-    with new_folder(folder) as part:
+    with new_folder(folder) as part, TemporaryDirectory(dir=part) as paths:
+        found = harvest(recordings, Readings(), processes(1), Cache(kept), Shelf(Path(paths)), quiet)
+        study = study_of(found.measured, Readings(), found.paths)
+        watch = Watch()
         write_analysis(part, study, found, ["netboard", "bench", "analysis"], quiet)
     return watch.read(), peak_memory()

@@ -1,0 +1,50 @@
+"""Harvests for the tests: measured here and now, with the paths in memory, and studies that are the same."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import pandas as pd
+
+from netboard.export.formats import Progress
+from netboard.measuring.cache import Cache
+from netboard.measuring.crews import Crew, processes
+from netboard.measuring.readings import Readings
+from netboard.measuring.running import Harvest, harvest
+from netboard.measuring.shelf import Shelf
+from netboard.measuring.study import Study, study_of
+
+HERE = processes(1)
+
+
+def quiet(what: str, done: int, total: int) -> None:
+    assert 0 < done <= total
+
+
+def gathered(
+    recordings: Sequence[Path],
+    readings: Readings,
+    crew: Crew = HERE,
+    cache: Cache | None = None,
+    progress: Progress = quiet,
+    *,
+    skip: bool = False,
+) -> Harvest:
+    """Measure recordings, and have the paths in memory."""
+    with TemporaryDirectory() as folder:
+        found = harvest(recordings, readings, crew, cache, Shelf(Path(folder)), progress, skip=skip)
+        return replace(found, paths=dict(found.paths))
+
+
+def studied(found: Harvest, readings: Readings | None = None) -> Study:
+    return study_of(found.measured, readings or Readings(), found.paths)
+
+
+def assert_same(one: Study, other: Study) -> None:
+    for name in ("blocks", "trials", "movements", "exclusions"):
+        pd.testing.assert_frame_equal(getattr(one, name), getattr(other, name), check_exact=True)
+    assert set(one.paths) == set(other.paths)
+    for name, paths in one.paths.items():
+        assert len(paths)
+        pd.testing.assert_frame_equal(paths, other.paths[name], check_exact=True)
