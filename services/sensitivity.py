@@ -4,10 +4,12 @@ import tempfile
 from pathlib import Path
 
 from netboard.config import Config
+from netboard.design.blocks import blocks_of, shortened
+from netboard.design.study import paper_study
 from netboard.errors import ConfigError
+from netboard.rehearsal.jobs import jobs_of
 from netboard.sensitivity.bench import study
 from netboard.services import rehearsal
-from netboard.services.session import blocks_of
 from netboard.studies.results import Folder, new_folder
 from netboard.studies.running import run
 
@@ -68,12 +70,9 @@ def found_in(folder: Path) -> list[Path]:
 def rehearse(folder: Path, *, quick: bool) -> list[Path]:
     """Let simulated dyads do the paper's plan, shortened, and keep their recordings."""
     dyads, trials = (QUICK_DYADS, QUICK_TRIALS) if quick else (DYADS, TRIALS)
-    jobs = [
-        job
-        for dyad in range(1, dyads + 1)
-        for job in rehearsal.jobs_of(
-            list(rehearsal.shortened(blocks_of(Config(), "paper", SEED, dyad), None, trials)), SEED, dyad, folder, True
-        )
-    ]
+    jobs = []
+    for dyad in range(1, dyads + 1):
+        blocks = shortened(blocks_of(Config(), paper_study(), SEED, dyad), None, trials)
+        jobs += jobs_of(list(blocks), SEED, dyad, folder)
     rehearsal.together(jobs, 2)
     return found_in(folder)
