@@ -8,6 +8,8 @@ damaged since is not used. What was not used for longest goes when all entries a
 
 import hashlib
 import os
+import time
+from contextlib import suppress
 from io import BytesIO
 from pathlib import Path
 from tempfile import NamedTemporaryFile
@@ -28,6 +30,9 @@ LIMIT = 2_000_000_000
 
 ENDING = ".tables"
 """What the name of an entry ends with."""
+
+ABANDONED = 86_400.0
+"""Nobody is writing an entry any more after this [s]."""
 
 _DIGEST_BYTES = 32
 
@@ -139,7 +144,7 @@ class Cache:
             stream.write_table(table)
 
     def trim(self) -> None:
-        """Drop what was not used for longest, down to the limit.
+        """Drop what was not used for longest, down to the limit, and what killed processes have left.
 
         Raises
         ------
@@ -147,6 +152,10 @@ class Cache:
             If that is not allowed.
         """
         try:
+            for part in self._folder.glob("*.part"):
+                with suppress(FileNotFoundError):  # it got its name just now
+                    if time.time() - part.stat().st_mtime > ABANDONED:
+                        part.unlink()
             entries = [(path, path.stat()) for path in self._folder.glob(f"*{ENDING}")]
             newest_first = sorted(entries, key=lambda entry: -entry[1].st_mtime_ns)
             sizes = np.cumsum([stat.st_size for _, stat in newest_first])
