@@ -10,11 +10,13 @@ Nothing here draws a random number but from the generator that it is given.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from math import sqrt
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import stats
+from scipy.special import stdtrit
 
 Bootstrap = Literal["percentile", "basic", "BCa"]
 Weighting = Literal["units", "samples"]
@@ -72,7 +74,7 @@ def t_interval(values: ArrayLike, *, level: float = 0.95, unit: str = "dyad") ->
     x = known(values)
     if len(x) < 2:
         return Estimate(mean(x), np.nan, np.nan, level, len(x), unit, "t")
-    half = float(stats.t.ppf(0.5 + level / 2.0, len(x) - 1) * stats.sem(x))
+    half = float(stdtrit(len(x) - 1, 0.5 + level / 2.0) * (x.std(ddof=1) / sqrt(len(x))))
     return Estimate(mean(x), mean(x) - half, mean(x) + half, level, len(x), unit, "t")
 
 
