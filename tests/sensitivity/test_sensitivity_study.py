@@ -1,6 +1,7 @@
 """All parts of the study of readings and disturbances, on a dyad that rehearsed the plan in short."""
 
 import json
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,9 @@ import pytest
 from rehearsed_plan import rehearsed_plan
 from typer.testing import CliRunner
 
+from netboard.config import Config
+from netboard.design.blocks import blocks_of, shortened
+from netboard.design.study import paper_study
 from netboard.errors import RecordingError
 from netboard.sensitivity.bench import asked, chosen, sizes, study
 from netboard.sensitivity.disturbance_tables import MEASURES
@@ -17,7 +21,17 @@ from netboard.sensitivity.numbers import STATEMENTS
 from netboard.sensitivity.reading_tables import change, signed
 from netboard.sensitivity.readings import AMBIGUITIES
 from netboard.services.cli import app
+from netboard.services.sensitivity import QUICK
 from netboard.studies.results import Folder, Part
+
+
+def test_what_is_rehearsed_for_the_short_form_has_each_condition_twice() -> None:
+    dyads, most, trials = QUICK
+    for dyad in range(1, dyads + 1):
+        blocks = [config.block for config in shortened(blocks_of(Config(), paper_study(), 1, dyad), most, trials)]
+        times = Counter((block.configuration, block.force, block.performer) for block in blocks)
+        assert len(times) == 6
+        assert set(times.values()) == {2}
 
 
 @pytest.fixture(scope="module")
