@@ -6,6 +6,7 @@ Pictures are made without a screen and without global state: `new_figure` gives 
 from dataclasses import dataclass
 from io import BytesIO
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import matplotlib as mpl
 from matplotlib.axes import Axes
@@ -100,13 +101,17 @@ def new_figure(height: float, columns: int = 1, rows: int = 1, width: float = WI
     return figure, list(axes.ravel())
 
 
+_written: WeakKeyDictionary[Figure, dict[str, bytes]] = WeakKeyDictionary()
+"""The files of each picture that somebody still has: those of an analysis are wanted for its folder and its report."""
+
+
 def as_bytes(figure: Figure, kind: str) -> bytes:
-    """Write a picture.
+    """Write a picture, once.
 
     Parameters
     ----------
     figure : Figure
-        The picture.
+        The picture, which is not changed any more.
     kind : {"svg", "pdf", "png"}
         As what. The same picture gives the same bytes.
 
@@ -115,6 +120,13 @@ def as_bytes(figure: Figure, kind: str) -> bytes:
     bytes
         The file.
     """
+    files = _written.setdefault(figure, {})
+    if kind not in files:
+        files[kind] = _file(figure, kind)
+    return files[kind]
+
+
+def _file(figure: Figure, kind: str) -> bytes:
     undated = {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {"Software": None}}
     with mpl.rc_context(STYLE), BytesIO() as file:
         figure.savefig(file, format=kind, dpi=DPI, metadata=undated[kind])
