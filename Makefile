@@ -15,8 +15,8 @@ demo: .venv/.ready-to-run ## a whole session with simulated people; options with
 
 test: lint imports types ## all checks and all tests; options for pytest with ARGS="-k physics"
 	$(BIN)/python docs/generate.py --check
-	$(BIN)/python -m pytest -m "not integration" -n 2 --dist loadfile $(ARGS) || [ $$? = 5 ]
-	$(BIN)/python -m pytest -m integration $(ARGS) || [ $$? = 5 ]
+	$(BIN)/python -m pytest -m "not quiet" -n 2 --dist loadfile --no-loadscope-reorder $(ARGS) || [ $$? = 5 ]
+	$(BIN)/python -m pytest -m quiet $(ARGS) || [ $$? = 5 ]
 
 lint: .venv/.ready-to-develop ## style
 	$(BIN)/ruff check .

@@ -21,7 +21,7 @@ from netboard.recording.reader import Recording
 from netboard.wire.codec import decode
 from netboard.wire.control import Status
 
-pytestmark = [pytest.mark.integration, pytest.mark.slow, pytest.mark.timeout(240)]
+pytestmark = [pytest.mark.integration, pytest.mark.quiet, pytest.mark.slow, pytest.mark.timeout(240)]
 
 FRAMES = ROOT / "tests" / "data" / "frames"
 EASY = ("task.level_time=0.05", "task.level_angle_deg=5.0", "task.level_rate_deg_s=30.0", "task.time_limit=10.0")

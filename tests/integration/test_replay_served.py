@@ -143,12 +143,7 @@ def test_a_display_shows_it_and_an_agent_is_sent_away(rig: Rig) -> None:
     rig.start_agent("left")
     assert rig.wait("left display") == 0
     assert picture.stat().st_size > 1000
-    for _ in range(100):
-        rig.operator.attend(0.1)
-        if "it exerts no force, and takes no agent" in rig.said("left agent"):
-            break
-    assert "it exerts no force, and takes no agent" in rig.said("left agent")
-    status = rig.until(lambda status: True)
+    status = rig.until(lambda status: "it exerts no force, and takes no agent" in rig.said("left agent"))
     assert not status.armed
     assert "agent.left" not in status.peers
     assert rig.stop("left agent") == 0
@@ -169,14 +164,13 @@ def test_a_foreign_display_cannot_tell_it_from_a_live_server(
             rig.running["foreign"] = subprocess.Popen(command, cwd=clients, stdout=said, stderr=said)
         rig.until(lambda status: "display.left" in status.peers)
         rig.do("play")
-        lines: list[dict[str, object]] = []
-        for _ in range(100):
-            rig.operator.attend(0.1)
-            lines = [json.loads(line) for line in (tmp_path / "foreign.log").read_text().splitlines()]
-            if any(" running " in str(line.get("picture")) for line in lines):
-                break
-        assert any(" running " in str(line.get("picture")) for line in lines), lines
-        assert {line["partner_seen"] for line in lines if "picture" in line} == {0}
+
+        def said() -> list[dict[str, object]]:
+            whole, _, _ = rig.said("foreign").rpartition("\n")
+            return [json.loads(line) for line in whole.splitlines()]
+
+        rig.until(lambda status: any(" running " in str(line.get("picture")) for line in said()))
+        assert {line["partner_seen"] for line in said() if "picture" in line} == {0}
         assert rig.stop("server") == 0
 
 
