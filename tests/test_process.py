@@ -247,6 +247,30 @@ def test_who_asks_whether_to_stop_is_ready_then_alive_then_stopping(
 
 
 @linux
+def test_a_supervisor_that_does_not_listen_for_a_while_is_told_again(
+    supervisor: socket.socket, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    now = [100.0]
+    monkeypatch.setattr("netboard.process.time.monotonic", lambda: now[0])
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as other, caplog.at_level(logging.INFO):
+        other.setblocking(False)
+        with pytest.raises(BlockingIOError):
+            while True:
+                other.sendto(b"busy", supervisor.getsockname())
+        stopping = Stopping()
+        stopping()
+        assert set(heard(supervisor)) == {b"busy"}
+        for now[0] in range(101, 1101):
+            stopping()
+        words = heard(supervisor)
+        assert (words[0], set(words[1:])) == (b"READY=1", {b"WATCHDOG=1"})
+        now[0] += 1
+        stopping()
+        assert heard(supervisor) == [b"WATCHDOG=1"]
+    assert caplog.messages == []
+
+
+@linux
 def test_a_process_asked_to_stop_does_not_say_that_it_is_alive(supervisor: socket.socket) -> None:
     with Stopping() as stopping:
         os.kill(os.getpid(), signal.SIGTERM)

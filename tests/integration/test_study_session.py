@@ -126,7 +126,7 @@ def test_a_session_is_run_block_by_block_as_its_operator_says(tmp_path: Path) ->
         assert rig.until(lambda s: s.trials == 60).block == 1
         assert operator.do("note", '{"text": "sneezed", "tick": 7}').accepted
         going(rig, lambda s: s.phase in ("levelling", "running", "holding"))
-        operator.do("pause")
+        rig.until(lambda s: operator.do("pause").accepted or s.phase == "paused")  # not in the tick between trials
         rig.until(lambda s: s.phase == "paused")
         assert operator.do("skip").accepted
         assert operator.do("next").accepted
