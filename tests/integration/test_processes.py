@@ -336,7 +336,8 @@ def test_an_operator_commands_from_a_shell_and_stops_in_an_emergency(rig: Rig) -
     stopped = ticks[(ticks["tick"] > ticks_of["emergency_stop"]) & (ticks["tick"] < ticks_of["emergency_release"])]
     for side in ("left", "right"):
         armed = (stopped[f"{side}_safeguards"] & Safeguard.ARMED.value) != 0
-        held = stopped[np.argmin(armed) :]  # from when the agent has heard of it, and said so
+        seqs = stopped[f"{side}_seq"]
+        held = stopped[seqs > seqs[np.argmin(armed)] + 30]  # the agent has heard of it, and the force has faded
         assert len(held) > 100
         assert not held[f"{side}_rendered"].any()
         assert not (held[f"{side}_safeguards"] & Safeguard.ARMED.value).any()
