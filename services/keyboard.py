@@ -9,6 +9,9 @@ from typing import Any, Self
 ARROWS = {b"\x1b[A": "up", b"\x1b[B": "down", b"\x1b[C": "right", b"\x1b[D": "left"}
 """What a terminal sends for them."""
 
+BEGUN = (b"\x1b", b"\x1b[")
+"""What may come of an arrow before the rest of it."""
+
 MOST_BYTES = 64
 """Read in one go: what is behind the first key was pressed too fast to be meant."""
 
@@ -19,6 +22,7 @@ class Keyboard:
     def __init__(self) -> None:
         self.there = sys.stdin.isatty() and os.name == "posix"
         self._before: list[Any] = []
+        self._begun = b""
 
     def __enter__(self) -> Self:
         if self.there:
@@ -49,5 +53,9 @@ class Keyboard:
         """
         if not self.there or not select([sys.stdin], [], [], seconds)[0]:
             return None
-        came = os.read(sys.stdin.fileno(), MOST_BYTES)
-        return ARROWS.get(came[:3]) or came[:1].decode(errors="replace")
+        read = os.read(sys.stdin.fileno(), MOST_BYTES)
+        came = self._begun + read
+        self._begun = came if read and came in BEGUN else b""
+        if self._begun:
+            return None
+        return ARROWS.get(came[:3]) or read[:1].decode(errors="replace")

@@ -23,7 +23,7 @@ SOURCE = Path(__file__).parent / "devices" / "fake_libhd.c"
 FIRST, SECOND = "40512001", "40512002"
 """Serial numbers of the two devices there are: "Default Device" and "Right Device"."""
 
-PATIENCE_S = 10.0
+PATIENCE_S = 60.0
 STALL_NS = 5_000_000_000
 
 PATIENT = {"force_timeout_ms": 200.0}

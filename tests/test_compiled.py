@@ -16,8 +16,8 @@ from netboard.config import Physics
 from netboard.methods.march import make_grid, run
 from netboard.physics.scene import pack_scene, parts_of
 parts, scene = parts_of(Physics()), pack_scene(Physics())
-grid = make_grid("rk4", np.full(3, 1e-3), np.ones(3, np.int64), parts, 6, scene)
-print(repr(float(run("rk4", (0.0,) * 6, np.zeros((3, 8)), grid, parts, scene)[-1, 0])))
+grid = make_grid("euler", np.full(3, 1e-3), np.ones(3, np.int64), parts, 6, scene)
+print(repr(float(run("euler", (0.0,) * 6, np.zeros((3, 8)), grid, parts, scene)[-1, 0])))
 """
 
 

@@ -1,5 +1,6 @@
 """What a process does when it is asked to stop, and what it says of the system."""
 
+import contextlib
 import errno
 import gc
 import logging
@@ -244,6 +245,30 @@ def test_who_asks_whether_to_stop_is_ready_then_alive_then_stopping(
             stopping()
         assert heard(supervisor) == [b"WATCHDOG=1", b"WATCHDOG=1"]
     assert heard(supervisor) == [b"STOPPING=1"]
+
+
+@linux
+def test_a_supervisor_that_does_not_listen_for_a_while_is_told_again(
+    supervisor: socket.socket, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    now = [100.0]
+    monkeypatch.setattr("netboard.process.time.monotonic", lambda: now[0])
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as other, caplog.at_level(logging.INFO):
+        other.setblocking(False)
+        with contextlib.suppress(BlockingIOError):
+            while other.sendto(b"busy", supervisor.getsockname()):
+                pass
+        stopping = Stopping()
+        stopping()
+        assert set(heard(supervisor)) == {b"busy"}
+        for now[0] in range(101, 1101):
+            stopping()
+        words = heard(supervisor)
+        assert (words[0], set(words[1:])) == (b"READY=1", {b"WATCHDOG=1"})
+        now[0] += 1
+        stopping()
+        assert heard(supervisor) == [b"WATCHDOG=1"]
+    assert caplog.messages == []
 
 
 @linux

@@ -106,23 +106,26 @@ class Supervisor:
         now = time.monotonic()
         if now >= self._due:
             self._due = now + ALIVE_S
-            self._tell("WATCHDOG=1" if self._ready else "READY=1")
-            self._ready = True
+            self._ready = self._tell("WATCHDOG=1" if self._ready else "READY=1") or self._ready
 
     def stopping(self) -> None:
         """Say that the process is about to end."""
         if self._address:
             self._tell("STOPPING=1")
 
-    def _tell(self, words: str) -> None:
-        """Say something without waiting; after a failure, nothing more."""
+    def _tell(self, words: str) -> bool:
+        """Say something without waiting, and tell whether it was taken; to what is gone, nothing more is said."""
         try:
             with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as to:
                 to.setblocking(False)
                 to.sendto(words.encode(), self._address)
+        except BlockingIOError:  # it has not yet heard what was said before
+            return False
         except OSError as error:
             log.warning("cannot tell %s %s (%s)", self._address, words, error.strerror)
             self._address = ""
+            return False
+        return True
 
 
 class Stopping:

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import settings
 
 settings.register_profile(
-    "repeatable", settings.get_profile("default"), derandomize=True, database=None, deadline=None, max_examples=60
+    "repeatable", settings.get_profile("untimed"), derandomize=True, database=None, max_examples=60
 )
 
 

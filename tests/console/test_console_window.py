@@ -17,7 +17,11 @@ from netboard.process import NAME
 pytestmark = pytest.mark.slow
 
 
-def until(app, true: Callable[[], object], seconds: float = 10.0) -> None:
+PATIENCE = 60.0
+"""What is waited for is there long before, on a busy machine too [s]."""
+
+
+def until(app, true: Callable[[], object], seconds: float = PATIENCE) -> None:
     """Let Qt work until something is true."""
     from PySide6.QtCore import QEventLoop, QTimer
 
@@ -50,8 +54,8 @@ class Table:
         self.turns.start()
         self.desk = Desk(config, context, self.window)
 
-    def until(self, true: Callable[[], object], seconds: float = 10.0) -> None:
-        until(self.app, true, seconds)
+    def until(self, true: Callable[[], object]) -> None:
+        until(self.app, true)
 
     def show(self, state: str) -> None:
         """Have the server in a state, and wait until that is seen."""
@@ -125,7 +129,8 @@ def test_a_button_does_what_its_key_does(table: Table) -> None:
     table.heard("pause")
 
 
-def test_what_was_pressed_twice_too_soon_is_asked_again(table: Table) -> None:
+def test_what_was_pressed_twice_too_soon_is_asked_again(table: Table, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("netboard.console.window.SOON_NS", 2**62)  # however slow this machine is
     end = next(button for button in table.window.bar.buttons if button.wish.name == "end")
     end.click()
     end.click()
@@ -299,7 +304,7 @@ def test_a_repeat_names_the_trial_that_is_marked(table: Table) -> None:
 
 def test_a_silent_server_is_red_within_a_second(table: Table) -> None:
     lamp = table.window.session.lights[0]
-    assert lamp.lamp.level is Level.GOOD
+    table.until(lambda: lamp.lamp.level is Level.GOOD)
     table.server.silent = True
     table.until(lambda: lamp.lamp.level is Level.BAD)
     assert table.window.headline.text() == "LINK LOST"

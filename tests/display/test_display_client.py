@@ -4,12 +4,13 @@ from dataclasses import replace
 
 import pytest
 import zmq
-from display_parts import SmallServer, free_ports, local_config, until
+from display_parts import SmallServer, local_config, until
 
 from netboard import sockets
 from netboard.config import Config, resolve
 from netboard.display.scene import Mood
 from netboard.errors import NetboardError
+from netboard.nodes.launcher import free_port
 from netboard.tables.experiment import Block
 from netboard.tables.rig import Display
 from netboard.tables.scene import Geometry
@@ -30,7 +31,7 @@ class Rig:
         from netboard.display.window import BoardWindow
 
         self.app = app
-        self.port = free_ports()
+        self.port = free_port()
         self.context: sockets.Context = zmq.Context()
         self.server = None
         self.window = BoardWindow("netboard: left station")
@@ -214,14 +215,14 @@ def run_display(port, picture, stopping=lambda _: False, after=None):
 
 def test_the_first_picture_is_taken_and_the_display_stops(app, tmp_path):
     picture = tmp_path / "left.png"
-    run_display(free_ports(), picture)
+    run_display(free_port(), picture)
     assert picture.stat().st_size > 1000
     with pytest.raises(NetboardError, match="never overwrites"):
-        run_display(free_ports(), picture)
+        run_display(free_port(), picture)
 
 
 def test_a_picture_for_later_is_taken_at_the_end_and_the_display_goes_on(app, tmp_path):
     picture = tmp_path / "left.png"
-    asked = run_display(free_ports(), picture, stopping=lambda times: times >= 8, after=3600.0)
+    asked = run_display(free_port(), picture, stopping=lambda times: times >= 8, after=3600.0)
     assert asked == 8
     assert picture.stat().st_size > 1000

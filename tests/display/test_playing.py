@@ -4,9 +4,10 @@ from dataclasses import replace
 
 import pytest
 import zmq
-from display_parts import VIEW, WORDS, SmallServer, free_ports, local_config, until
+from display_parts import VIEW, WORDS, SmallServer, local_config, until
 
 from netboard import channels, sockets
+from netboard.nodes.launcher import free_port
 from netboard.tables.rig import Agent, Agents
 from netboard.wire.codec import decode, encode
 from netboard.wire.motion import Felt, Pointer
@@ -27,7 +28,7 @@ class Rig:
         self.app = app
         self.context = zmq.Context()
         played = Agents(left=Agent(device="mouse", options=options))
-        config = replace(local_config(free_ports()), agents=played)
+        config = replace(local_config(free_port()), agents=played)
         self.server = SmallServer(config.network.port)
         where = channels.addresses(config.network)
         self.pointer = sockets.pointer_receiver(self.context, where.pointer("left"))

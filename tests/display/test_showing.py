@@ -3,6 +3,7 @@
 import os
 import sys
 from dataclasses import replace
+from itertools import count
 
 import pytest
 from display_parts import VIEW, WORDS, bytes_from, until
@@ -54,14 +55,29 @@ def test_a_moving_board_is_drawn_beyond_the_newest_view_and_settles_there(app, m
     showing = make()
     take(showing, 0, z=0.0)
     assert until(app, lambda: showing.tally.painted == 1)
-    now = now_ns()
-    for number, sent_ns in ((1, now - 40 * MS), (2, now)):
-        showing.take(replace(VIEW, seq=number, tick=40 * number, sent_ns=sent_ns, z=0.01 * number), now)
-    assert until(app, lambda: make.board.picture.handles[0][1] > 0.0205)
-    assert until(app, lambda: make.board.picture.handles[0][1] == pytest.approx(0.02, abs=1e-12))
-    until(app, lambda: False, seconds=0.1)  # what has been handed over is painted
-    painted = showing.tally.painted
-    assert not until(app, lambda: showing.tally.painted > painted, seconds=0.2)
+
+    def height():
+        return make.board.picture.handles[0][1]
+
+    seqs = count(1)
+
+    def beyond():
+        """Whether it is drawn there in the 0.1 s that two views of a moving board last."""
+        now = now_ns()
+        for z, sent_ns in ((0.01, now - 40 * MS), (0.02, now)):
+            seq = next(seqs)
+            showing.take(replace(VIEW, seq=seq, tick=40 * seq, sent_ns=sent_ns, z=z), now)
+        return until(app, lambda: height() > 0.0205, seconds=0.1)
+
+    assert until(app, beyond)
+    assert until(app, lambda: height() == pytest.approx(0.02, abs=1e-12))
+
+    def still():
+        """Whether nothing is painted for a while, as it will be when what has been handed over is painted."""
+        painted = showing.tally.painted
+        return not until(app, lambda: showing.tally.painted > painted, seconds=0.2)
+
+    assert until(app, still)
 
 
 def test_who_does_not_want_that_sees_the_views_as_they_are(app, make):

@@ -34,14 +34,14 @@ def test_a_station_reaches_the_server_until_its_cable_is_pulled() -> None:
     before = Path("/proc/thread-self/ns/net").readlink()
     with links.Spaces() as spaces, socket.create_server((links.SERVER, 0)) as server:
         assert Path("/proc/thread-self/ns/net").readlink() != before
-        server.settimeout(20)
+        server.settimeout(60)
         way = spaces.way("left", server.getsockname()[1])
         command = [*way.before, sys.executable, "-c", _SAY.format(way.host, way.port)]
         with subprocess.Popen(command, stdin=subprocess.PIPE, bufsize=0) as station:
             assert station.stdin is not None
             connection, (peer, _) = server.accept()
             with connection:
-                connection.settimeout(20)
+                connection.settimeout(60)
                 assert peer == "10.213.1.2"
                 assert connection.recv(5) == b"first"
                 spaces.pull("left")
@@ -50,14 +50,14 @@ def test_a_station_reaches_the_server_until_its_cable_is_pulled() -> None:
                 with pytest.raises(TimeoutError):
                     connection.recv(6)
                 spaces.plug("left")
-                connection.settimeout(20)
+                connection.settimeout(60)
                 assert connection.recv(6) == b"second"
     assert Path("/proc/thread-self/ns/net").readlink() == before
 
 
 _SAY = """
 import socket, sys
-with socket.create_connection(("{}", {}), 20) as server:
+with socket.create_connection(("{}", {}), 60) as server:
     server.sendall(b"first")
     sys.stdin.readline()
     server.sendall(b"second")

@@ -22,21 +22,21 @@ def main(name: str, file: str, last: str, times: int, seconds: float) -> int:
         if not found:
             return 1
         inlets[stream] = pylsl.StreamInlet(found[0], max_buflen=360, recover=True)
-    about = {f"{stream}_xml": np.array(inlet.info(10.0).as_xml()) for stream, inlet in inlets.items()}
+    about = {f"{stream}_xml": np.array(inlet.info(seconds).as_xml()) for stream, inlet in inlets.items()}
     for inlet in inlets.values():
-        inlet.open_stream(10.0)
+        inlet.open_stream(seconds)
     sys.stdout.write("ready\n")
     sys.stdout.flush()
     values: dict[str, list] = {stream: [] for stream in STREAMS}
     stamps: dict[str, list] = {stream: [] for stream in STREAMS}
-    ended = 0.0
-    while time.monotonic() < until and not (ended and time.monotonic() - ended > 1.0):
+    ended, newest = False, time.monotonic()
+    while time.monotonic() < until and not (ended and time.monotonic() - newest > 1.0):
         for stream, inlet in inlets.items():
             samples, when = inlet.pull_chunk(0.0, AT_ONCE)
             values[stream] += samples
             stamps[stream] += when
-        if not ended and values["markers"].count([last]) == times:
-            ended = time.monotonic()
+            newest = time.monotonic() if samples else newest
+        ended = ended or values["markers"].count([last]) == times
         time.sleep(0.001)
     np.savez(
         file,

@@ -21,7 +21,7 @@ from netboard.recording.reader import Recording
 from netboard.wire.motion import Safeguard
 from netboard.wire.records import ClockRecord
 
-pytestmark = [pytest.mark.integration, pytest.mark.slow, pytest.mark.timeout(240)]
+pytestmark = [pytest.mark.integration, pytest.mark.quiet, pytest.mark.slow, pytest.mark.timeout(240)]
 
 PACE = ("task.level_time=0.05", "task.level_angle_deg=5.0", "task.level_rate_deg_s=30.0", "block.trials=50")
 STEP_NS = 40_000_000

@@ -24,7 +24,7 @@ from netboard.wire.meeting import Goodbye, Hello, Ping, Welcome
 from netboard.wire.messages import PROTOCOL_VERSION, Message
 from netboard.wire.views import View
 
-pytestmark = [pytest.mark.integration, pytest.mark.slow, pytest.mark.timeout(300)]
+pytestmark = [pytest.mark.integration, pytest.mark.quiet, pytest.mark.slow, pytest.mark.timeout(300)]
 
 PATIENT = (
     "task.level_time=0.05",

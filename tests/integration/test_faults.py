@@ -13,7 +13,7 @@ from netboard.faults.bench import play_all
 from netboard.faults.case import RELAYED, Case
 from netboard.faults.cases import choose
 
-pytestmark = [pytest.mark.integration, pytest.mark.slow, pytest.mark.timeout(900)]
+pytestmark = [pytest.mark.integration, pytest.mark.quiet, pytest.mark.slow, pytest.mark.timeout(900)]
 
 WITH_RELAYS = (
     *("line-held-20ms", "line-held-200ms", "line-cut-20ms", "delay-10ms", "agent-killed", "agent-stopped-1s"),

@@ -8,7 +8,7 @@ from netboard.faults.fuzz_peers import peer_parts
 from netboard.faults.fuzz_server import server_parts
 from netboard.studies.results import Part
 
-pytestmark = [pytest.mark.integration, pytest.mark.slow, pytest.mark.timeout(240)]
+pytestmark = [pytest.mark.integration, pytest.mark.quiet, pytest.mark.slow, pytest.mark.timeout(240)]
 
 MESSAGES = 2000
 UNDISTURBED = "the trial goes on"

@@ -10,7 +10,7 @@ import pytest
 from netboard.latency.bench import Setting, loop, soak
 from netboard.latency.serving import Company, Crowd
 
-pytestmark = [pytest.mark.integration, pytest.mark.slow, pytest.mark.timeout(240)]
+pytestmark = [pytest.mark.integration, pytest.mark.quiet, pytest.mark.slow, pytest.mark.timeout(240)]
 
 
 def parts_of(file: Path) -> dict[str, dict[str, Any]]:

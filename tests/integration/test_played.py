@@ -27,7 +27,7 @@ from netboard.wire.codec import decode
 from netboard.wire.control import Status
 from netboard.wire.views import View
 
-pytestmark = [pytest.mark.integration, pytest.mark.slow, pytest.mark.timeout(300)]
+pytestmark = [pytest.mark.integration, pytest.mark.quiet, pytest.mark.slow, pytest.mark.timeout(300)]
 
 PATIENT = (
     "task.level_time=0.05",
@@ -176,13 +176,14 @@ def test_whoever_plays_may_leave_with_ctrl_c_and_the_recording_is_whole(tmp_path
         command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=environment
     ) as demo:
         end = time.monotonic() + PATIENCE
-        while not any("agent_joined side=left" in log.read_text() for log in tmp_path.glob("demo_*/server.log")):
+        said = ""
+        while not ("agent_joined side=left" in said and "logger_joined" in said):
             assert demo.poll() is None
             assert time.monotonic() < end
             time.sleep(0.1)
-        time.sleep(1.0)
+            said = "".join(log.read_text() for log in tmp_path.glob("demo_*/server.log"))
         demo.send_signal(signal.SIGINT)
-        said, _ = demo.communicate(timeout=60)
+        said, _ = demo.communicate(timeout=PATIENCE)
     assert demo.returncode == 0, said
     assert "identical to the bit" in said
     (path,) = tmp_path.glob("*.mcap")

@@ -20,10 +20,15 @@ from netboard.recording.reader import Recording
 from netboard.recording.recovery import recover
 from netboard.wire.motion import Safeguard
 
-pytestmark = [pytest.mark.integration, pytest.mark.slow, pytest.mark.timeout(240)]
+pytestmark = [pytest.mark.integration, pytest.mark.quiet, pytest.mark.slow, pytest.mark.timeout(240)]
 
-SOON_LEVEL = ("task.level_time=0.05", "task.level_angle_deg=5.0", "task.level_rate_deg_s=30.0")
-"""A ball that is released almost at once, for tests that need a running trial."""
+SOON_LEVEL = (
+    "task.level_time=0.05",
+    "task.level_angle_deg=5.0",
+    "task.level_rate_deg_s=30.0",
+    "network.sample_timeout_ms=1000",
+)
+"""A ball that is released almost at once, for tests that need a running trial, and no pause by a slow machine."""
 
 
 @pytest.fixture
@@ -185,12 +190,11 @@ def test_a_stopped_agent_pauses_the_trial_and_comes_back_by_itself(rig: Rig) -> 
 
 def test_a_server_that_stood_still_says_so_and_spoils_the_trial(rig: Rig) -> None:
     rig.start_all()
-    rig.until(lambda s: s.phase == "running")
+    before = rig.until(lambda s: s.phase == "running")
     rig.send_signal("server", signal.SIGSTOP)
     time.sleep(0.3)
     rig.send_signal("server", signal.SIGCONT)
-    rig.until(lambda s: s.phase == "paused" or s.failures > 0)
-    rig.until(lambda s: s.phase == "running")
+    rig.until(lambda s: s.phase == "running" and s.tick > before.tick + 1000)
     (path,) = rig.finish()
     ticks = verified(path)
     with Recording(path) as recording:
@@ -227,17 +231,19 @@ def test_a_flood_of_nonsense_does_not_hold_up_the_ticks(rig: Rig) -> None:
     before = rig.until(lambda s: s.phase == "running")
     where = channels.addresses(rig.config.network)
     flood = sockets.motion_agent(rig.context, where.reach(channels.MOTION), "flood")
-    end = time.monotonic() + 2.0
-    while time.monotonic() < end:
-        sockets.send(flood, b"nonsense")
+    began = time.monotonic()
+    while rig.until(lambda s: True).tick <= before.tick + 1000:
+        spell = time.monotonic() + 0.1
+        while time.monotonic() < spell:
+            sockets.send(flood, b"nonsense")
+    seconds = time.monotonic() - began
     flood.close()
-    after = rig.until(lambda s: s.phase == "running")
-    assert after.tick > before.tick + 1000
+    rig.until(lambda s: s.phase == "running")
     (path,) = rig.finish()
     verified(path)
     with Recording(path) as recording:
         refused = [event for event in recording.events() if event.name == "refused"]
-    assert 1 <= len(refused) <= 5
+    assert 1 <= len(refused) <= seconds + 2, "it is told at most once a second"
 
 
 def test_one_server_serves_two_dyads_and_what_befalls_one_does_not_touch_the_other(folder: Path) -> None:
@@ -327,8 +333,11 @@ def test_an_operator_commands_from_a_shell_and_stops_in_an_emergency(rig: Rig) -
     ticks = verified(path)
     with Recording(path) as recording:
         ticks_of = {event.name: event.tick for event in recording.events()}
-    held = ticks[(ticks["tick"] > ticks_of["emergency_stop"] + 30) & (ticks["tick"] < ticks_of["emergency_release"])]
-    assert len(held) > 100
+    stopped = ticks[(ticks["tick"] > ticks_of["emergency_stop"]) & (ticks["tick"] < ticks_of["emergency_release"])]
     for side in ("left", "right"):
+        armed = (stopped[f"{side}_safeguards"] & Safeguard.ARMED.value) != 0
+        seqs = stopped[f"{side}_seq"]
+        held = stopped[seqs > seqs[np.argmin(armed)] + 30]  # the agent has heard of it, and the force has faded
+        assert len(held) > 100
         assert not held[f"{side}_rendered"].any()
         assert not (held[f"{side}_safeguards"] & Safeguard.ARMED.value).any()

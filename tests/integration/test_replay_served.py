@@ -4,13 +4,15 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from netboard import channels, keys, sockets, waiting
+from netboard.clock import now_ns
 from netboard.config import SIDES, Side
 from netboard.faults.rigs import PATIENCE, Rig
 from netboard.replay.loading import load
@@ -20,24 +22,49 @@ from netboard.wire.views import View
 
 pytestmark = [pytest.mark.integration, pytest.mark.slow, pytest.mark.timeout(240)]
 
-SOON_LEVEL = ("task.level_time=0.05", "task.level_angle_deg=5.0", "task.level_rate_deg_s=30.0")
+SOON_LEVEL = (
+    "task.level_time=0.05",
+    "task.level_angle_deg=5.0",
+    "task.level_rate_deg_s=30.0",
+    "network.sample_timeout_ms=1000",
+)
 
 
-def watch(rig: Rig, seconds: float) -> dict[Side, list[View]]:
-    """What both stations are sent for some time, as far as one loop can take it."""
-    seen: dict[Side, list[View]] = {side: [] for side in SIDES}
-    ends = {}
-    for side in SIDES:
-        where = keys.reach(rig.config.network, f"display.{side}")
-        ends[side] = sockets.view_subscriber(rig.context, where.reach(channels.VIEW[side]))
-    for _ in range(round(seconds * 1000)):
-        for side, end in ends.items():
-            if waiting.wait_readable(end, 0.0005) and (frame := sockets.receive(end)) is not None:
-                view = decode(frame)
-                assert isinstance(view, View)
-                seen[side].append(view)
-    for end in ends.values():
-        end.close(linger=0)
+class Eyes:
+    """Both stations, as far as one loop can look at them."""
+
+    def __init__(self, rig: Rig) -> None:
+        self._ends = {}
+        for side in SIDES:
+            where = keys.reach(rig.config.network, f"display.{side}")
+            self._ends[side] = sockets.view_subscriber(rig.context, where.reach(channels.VIEW[side]))
+
+    def see(self, seconds: float) -> dict[Side, list[View]]:
+        """What is sent from now on, for some time from when both have seen something."""
+        seen: dict[Side, list[View]] = {side: [] for side in SIDES}
+        since_ns, until, rounds = now_ns(), time.monotonic() + PATIENCE, round(seconds * 1000)
+        while rounds > 0:
+            assert time.monotonic() < until, "nothing is sent"
+            for side, end in self._ends.items():
+                if waiting.wait_readable(end, 0.0005) and (frame := sockets.receive(end)) is not None:
+                    view = decode(frame)
+                    assert isinstance(view, View)
+                    seen[side] += [view] if view.sent_ns >= since_ns else []
+            rounds -= all(seen.values())
+        return seen
+
+    def close(self) -> None:
+        for end in self._ends.values():
+            end.close(linger=0)
+
+
+def watch(rig: Rig, seconds: float, begin: Callable[[], None] = lambda: None) -> dict[Side, list[View]]:
+    """What both stations are sent for some time from when something begins, which they are there to see."""
+    eyes = Eyes(rig)
+    eyes.see(0.001)
+    begin()
+    seen = eyes.see(seconds)
+    eyes.close()
     return seen
 
 
@@ -103,10 +130,13 @@ def test_what_was_sent_live_is_what_the_recording_shows(live: tuple[Path, dict[S
 
 def test_a_replay_sends_what_was_recorded_at_any_speed(rig: Rig, reel: Reel) -> None:
     for speed in ("1", "0.25", "8"):
-        assert rig.operator.do("seek", "trial 1").accepted
-        assert rig.operator.do("speed", speed).accepted
-        assert rig.operator.do("play").accepted
-        seen = watch(rig, 1.0)
+
+        def begin(speed: str = speed) -> None:
+            assert rig.operator.do("seek", "trial 1").accepted
+            assert rig.operator.do("speed", speed).accepted
+            assert rig.operator.do("play").accepted
+
+        seen = watch(rig, 1.0, begin)
         for views in seen.values():
             ticks = np.array([view.tick for view in views])
             assert len(set(ticks)) > 10
@@ -143,12 +173,7 @@ def test_a_display_shows_it_and_an_agent_is_sent_away(rig: Rig) -> None:
     rig.start_agent("left")
     assert rig.wait("left display") == 0
     assert picture.stat().st_size > 1000
-    for _ in range(100):
-        rig.operator.attend(0.1)
-        if "it exerts no force, and takes no agent" in rig.said("left agent"):
-            break
-    assert "it exerts no force, and takes no agent" in rig.said("left agent")
-    status = rig.until(lambda status: True)
+    status = rig.until(lambda status: "it exerts no force, and takes no agent" in rig.said("left agent"))
     assert not status.armed
     assert "agent.left" not in status.peers
     assert rig.stop("left agent") == 0
@@ -169,14 +194,13 @@ def test_a_foreign_display_cannot_tell_it_from_a_live_server(
             rig.running["foreign"] = subprocess.Popen(command, cwd=clients, stdout=said, stderr=said)
         rig.until(lambda status: "display.left" in status.peers)
         rig.do("play")
-        lines: list[dict[str, object]] = []
-        for _ in range(100):
-            rig.operator.attend(0.1)
-            lines = [json.loads(line) for line in (tmp_path / "foreign.log").read_text().splitlines()]
-            if any(" running " in str(line.get("picture")) for line in lines):
-                break
-        assert any(" running " in str(line.get("picture")) for line in lines), lines
-        assert {line["partner_seen"] for line in lines if "picture" in line} == {0}
+
+        def said() -> list[dict[str, object]]:
+            whole, _, _ = rig.said("foreign").rpartition("\n")
+            return [json.loads(line) for line in whole.splitlines()]
+
+        rig.until(lambda status: any(" running " in str(line.get("picture")) for line in said()))
+        assert {line["partner_seen"] for line in said() if "picture" in line} == {0}
         assert rig.stop("server") == 0
 
 

@@ -22,7 +22,7 @@ from netboard.experiment.machine import Phase
 from netboard.proof.verification import verify_recording
 from netboard.recording.reader import Recording
 
-pytestmark = [pytest.mark.integration, pytest.mark.slow, pytest.mark.timeout(300)]
+pytestmark = [pytest.mark.integration, pytest.mark.quiet, pytest.mark.slow, pytest.mark.timeout(300)]
 
 EXAMPLE = Path(__file__).parents[2] / "deploy" / "two-stations" / "netboard.toml"
 ADDRESSES = {"server": "10.77.0.1", "left": "10.77.0.2", "right": "10.77.0.3"}

@@ -7,6 +7,7 @@ import pytest
 
 from netboard.config import Config
 from netboard.latency.display import Shown, height_at, lateness
+from netboard.nodes.launcher import free_port
 from netboard.tables.rig import Display, Network
 
 NONE = np.zeros(0, np.int64)
@@ -27,7 +28,7 @@ def test_frames_of_a_short_run_are_measured(monkeypatch):
     monkeypatch.setenv("QT_QPA_PLATFORM", "offscreen")
     from netboard.latency.display import measure
 
-    config = replace(Config(), network=Network(port=17_350), display=Display(width=400, height=240))
+    config = replace(Config(), network=Network(port=free_port()), display=Display(width=400, height=240))
     shown = measure(config, 0.5, moving=True)
     assert shown.painted.size > 0
     assert (shown.sent_to_received > 0).all()

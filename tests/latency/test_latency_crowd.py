@@ -19,7 +19,7 @@ from netboard.wire.messages import PROTOCOL_VERSION, Message
 from netboard.wire.motion import Beat, Force, Safeguard, Stylus
 from netboard.wire.records import EventRecord, LogAck, LogBatch, LogRequest, TickRecord
 
-PATIENCE = 10.0
+PATIENCE = 60.0
 WELCOME = Welcome("session", PROTOCOL_VERSION, 0, "")
 
 

@@ -1,5 +1,6 @@
 """A log port with its fake socket, a clock and a spill, and what peers of it do."""
 
+import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -14,6 +15,9 @@ from netboard.wire.messages import Message
 from netboard.wire.records import LogAck, LogBatch, LogRequest, TickRecord
 
 L, M = b"logger@1", b"logger@2"
+
+PATIENCE = 60.0
+"""The disk has written what it was given long before [s]."""
 
 
 class Rig:
@@ -56,7 +60,8 @@ class Rig:
 
     def until(self, what: Callable[[], bool]) -> None:
         """Let the spill's thread work until something holds."""
-        for _ in range(100_000):
+        end = time.monotonic() + PATIENCE
+        while time.monotonic() < end:
             if what():
                 return
             if self.spill._thread is not None:

@@ -2,9 +2,10 @@
 
 import gc
 import sys
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from typing import final
+from typing import TypeAlias, final
 
 import pytest
 
@@ -14,10 +15,18 @@ from netboard.config import Config
 from netboard.devices.base import Device, DeviceInfo, Reading
 from netboard.errors import DeviceLost, DeviceNotFound
 from netboard.nodes.agent import Agent
+from netboard.nodes.launcher import free_port
 from netboard.wire.codec import decode, encode
 from netboard.wire.meeting import Goodbye, Hello, Welcome
 from netboard.wire.messages import PROTOCOL_VERSION, Message
 from netboard.wire.motion import Beat, Safeguard, Stylus
+
+PATIENCE = 60.0
+"""What is waited for is there long before, on a busy machine too [s]."""
+PATIENT = {"stale_after_ms": 1000.0, "disarm_after_ms": 10_000.0}
+"""A machine that stands still for a moment takes no force away."""
+
+Step: TypeAlias = tuple[Callable[[], bool], Callable[[], None]]
 
 
 @final
@@ -78,74 +87,80 @@ class Server:
 
 
 class Rig:
-    """An agent that runs for so many looks at whether it should stop, with a script of what happens meanwhile."""
+    """An agent that runs through a script: what is waited for, and what happens then."""
 
-    def __init__(self, context: sockets.Context, port: int, **options: int) -> None:
+    def __init__(self, context: sockets.Context, **options: int) -> None:
         config = Config()
         agents = replace(config.agents, left=replace(config.agents.left, **options))
-        safety = replace(config.safety, arm_time=0.01)
-        network = replace(config.network, port=port, transport="ipc")
+        safety = replace(config.safety, arm_time=0.01, **PATIENT)
+        network = replace(config.network, port=free_port(), transport="ipc")
         self.config = replace(config, agents=agents, network=network, safety=safety)
         self.device = Pluggable("left", self.config)
         self.device.open()
         self.server = Server(context, self.config)
         self.agent = Agent(self.config, "left", self.device, context)
-        self.bits: list[int] = []
 
-    def run(self, looks: int, script: dict[int, Callable[[], None]]) -> None:
-        done = 0
+    def run(self, *script: Step) -> None:
+        steps = list(script)
+        end = time.monotonic() + PATIENCE
 
         def stopping() -> bool:
-            nonlocal done
+            assert time.monotonic() < end, f"waited in vain, {len(steps)} steps before the end"
             self.server.answer()
-            script.get(done, lambda: None)()
-            done += 1
-            return done > looks
+            if steps and steps[0][0]():
+                _, act = steps.pop(0)
+                act()
+            return not steps
 
         self.agent.run(stopping)
         self.server.answer()
         self.server.router.close_after_goodbye()
 
-    def safeguards(self) -> int:
-        """What the newest sample says."""
-        newest = self.server.heard_of(Stylus)[-1]
-        assert isinstance(newest, Stylus)
-        return newest.safeguards
+    def samples(self) -> list[int]:
+        """What the samples say of the safety chain."""
+        return [message.safeguards for message in self.server.heard_of(Stylus) if isinstance(message, Stylus)]
+
+    def says(self, safeguards: int) -> bool:
+        """Whether the newest sample says just this."""
+        return self.samples()[-1:] == [safeguards]
+
+    def armed(self) -> bool:
+        """Whether the newest sample says that the device is armed."""
+        return any(bits & Safeguard.ARMED for bits in self.samples()[-1:])
 
 
 @pytest.fixture
-def new_rig(unused_port: int) -> Iterator[Callable[..., Rig]]:
+def new_rig() -> Iterator[Callable[..., Rig]]:
     interval = sys.getswitchinterval()
     with sockets.open_context() as context:
-        yield lambda **options: Rig(context, unused_port, **options)
+        yield lambda **options: Rig(context, **options)
     gc.enable()  # what a steady loop has switched off
     gc.unfreeze()
     sys.setswitchinterval(interval)
 
 
-@pytest.fixture
-def unused_port() -> int:
-    return 23_510
+def nothing() -> None:
+    """Only what is waited for counts."""
 
 
 def test_a_device_that_is_pulled_out_is_looked_for_and_comes_back(new_rig: Callable[..., Rig]) -> None:
     rig = new_rig()
-    device = rig.device
+    device, heard = rig.device, rig.server.heard
 
     def pull() -> None:
-        assert device.force != (0.0, 0.0, 0.0)
         device.there = False
 
     def plug_in() -> None:
-        assert device.looked_for > 1
         assert device.force == (0.0, 0.0, 0.0)
+        assert [m.reason for m in heard if isinstance(m, Goodbye)] == ["the device is lost: somebody pulled it out"]
+        heard.clear()
         device.there = True
 
-    rig.run(400, {200: pull, 204: plug_in})
-    (reason,) = [m.reason for m in rig.server.heard_of(Goodbye) if isinstance(m, Goodbye)][:1]
-    assert reason == "the device is lost: somebody pulled it out"
-    assert len(rig.server.heard_of(Hello)) == 2
-    assert rig.safeguards() & Safeguard.ARMED
+    rig.run(
+        (lambda: rig.armed() and device.force != (0.0, 0.0, 0.0), pull),
+        (lambda: device.looked_for > 2 and bool(rig.server.heard_of(Goodbye)), plug_in),
+        (lambda: bool(rig.server.heard_of(Hello)) and rig.armed(), nothing),
+    )
     assert device.force == (0.0, 0.0, 0.0)
 
 
@@ -154,24 +169,27 @@ def test_a_stop_button_cuts_the_force_at_once_until_the_server_has_disarmed(new_
     device = rig.device
 
     def press() -> None:
-        assert rig.safeguards() & Safeguard.ARMED
         device.buttons = 2
 
     def let_go() -> None:
-        assert rig.safeguards() == Safeguard.STOPPED
         assert device.force == (0.0, 0.0, 0.0)
         device.buttons = 0
+        rig.server.heard.clear()
 
     def still_off() -> None:
-        assert rig.safeguards() == Safeguard.STOPPED
+        assert set(rig.samples()) == {Safeguard.STOPPED}
         rig.server.may_arm = False
 
     def released() -> None:
-        assert rig.safeguards() == 0
         rig.server.may_arm = True
 
-    rig.run(300, {100: press, 110: let_go, 130: still_off, 150: released})
-    assert rig.safeguards() & Safeguard.ARMED
+    rig.run(
+        (rig.armed, press),
+        (lambda: rig.says(Safeguard.STOPPED), let_go),
+        (lambda: len(rig.samples()) >= 20, still_off),
+        (lambda: rig.says(0), released),
+        (rig.armed, nothing),
+    )
 
 
 def test_without_consent_or_while_not_ready_there_is_no_force(new_rig: Callable[..., Rig]) -> None:
@@ -179,15 +197,17 @@ def test_without_consent_or_while_not_ready_there_is_no_force(new_rig: Callable[
     device = rig.device
 
     def consent() -> None:
-        assert rig.safeguards() == Safeguard.NOT_READY
+        assert set(rig.samples()) == {Safeguard.NOT_READY}
         device.buttons = 1
 
     def dock() -> None:
-        assert rig.safeguards() & Safeguard.ARMED
         device.ready = False
 
-    rig.run(200, {50: consent, 150: dock})
-    assert rig.safeguards() == Safeguard.NOT_READY
+    rig.run(
+        (lambda: len(rig.samples()) >= 20, consent),
+        (rig.armed, dock),
+        (lambda: rig.says(Safeguard.NOT_READY), nothing),
+    )
     assert device.force == (0.0, 0.0, 0.0)
 
 
@@ -195,8 +215,6 @@ def test_the_server_can_disarm_a_device(new_rig: Callable[..., Rig]) -> None:
     rig = new_rig()
 
     def forbid() -> None:
-        assert rig.safeguards() & Safeguard.ARMED
         rig.server.may_arm = False
 
-    rig.run(200, {100: forbid})
-    assert rig.safeguards() == 0
+    rig.run((rig.armed, forbid), (lambda: rig.says(0), nothing))

@@ -15,7 +15,8 @@ from netboard.wire.meeting import Hello, Welcome
 from netboard.wire.messages import PROTOCOL_VERSION, Message
 from netboard.wire.motion import Beat, Force, Point
 
-TIMEOUT_NS = 50_000_000
+TIMEOUT_NS = 10_000_000_000
+"""Far longer than this machine stands still [ns]."""
 HELLO = Hello("agent", "left", PROTOCOL_VERSION, "here:1", "0", {})
 
 

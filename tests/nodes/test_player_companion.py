@@ -50,9 +50,13 @@ class Station:
             self.step()
             time.sleep(0.001)
 
-    def say(self, message: Message | bytes) -> None:
-        frame = message if isinstance(message, bytes) else encode(message)
-        self.until(lambda: sockets.send(self.pointer, frame))
+    def say(self, message: Message | bytes) -> bool:
+        """Say it once, which may be lost: of what a player points at only the newest counts; whether it was sent."""
+        return sockets.send(self.pointer, message if isinstance(message, bytes) else encode(message))
+
+    def say_until(self, true: Callable[[], bool], message: Message) -> None:
+        """Go on saying it until something is true."""
+        self.until(lambda: self.say(message) and true())
 
     def ready(self) -> bool:
         return self.device.read(self.now_ns).ready
@@ -66,31 +70,26 @@ def station() -> Iterator[Station]:
 
 
 def test_the_stylus_goes_where_the_player_points(station: Station) -> None:
-    station.say(Pointer("left", 0.02))
-    station.until(lambda: abs(station.device.read(station.now_ns).z - 0.02) < 1e-6)
+    station.say_until(lambda: abs(station.device.read(station.now_ns).z - 0.02) < 1e-6, Pointer("left", 0.02))
     assert station.ready()
 
 
 def test_a_window_without_a_pointer_is_not_ready(station: Station) -> None:
-    station.say(Pointer("left", 0.0))
-    station.until(station.ready)
-    station.say(Pointer("left", None))
-    station.until(lambda: not station.ready())
+    station.say_until(station.ready, Pointer("left", 0.0))
+    station.say_until(lambda: not station.ready(), Pointer("left", None))
 
 
 @pytest.mark.parametrize(
     "odd", [Pointer("right", 0.03), Pointer("left", math.nan), Pointer("left", math.inf), Goodbye("done"), b"", b"\xc1"]
 )
 def test_what_is_no_pointer_of_this_side_moves_nothing(station: Station, odd: Message | bytes) -> None:
-    station.say(Pointer("left", 0.01))
-    station.until(station.ready)
-    station.say(odd)
+    station.say_until(station.ready, Pointer("left", 0.01))
     for _ in range(50):
+        station.say(odd)
         station.step()
         time.sleep(0.001)
     assert abs(station.device.read(station.now_ns).z) <= 0.01
-    station.say(Pointer("left", 0.01))
-    station.until(lambda: abs(station.device.read(station.now_ns).z - 0.01) < 1e-6)
+    station.say_until(lambda: abs(station.device.read(station.now_ns).z - 0.01) < 1e-6, Pointer("left", 0.01))
 
 
 def test_the_player_is_told_what_the_hand_feels(station: Station) -> None:

@@ -27,6 +27,16 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return small_study(tmp_path_factory.mktemp("made"))[0].parent
 
 
+@pytest.fixture(scope="module")
+def plain(study: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of an analysis as it is made unless told otherwise, with what is kept beside it, in `other`."""
+    folder = tmp_path_factory.mktemp("plain")
+    result = analyse(study, "-o", folder / "out", "--workers", "1", "--cache", folder / "other")
+    assert result.exit_code == 0, result.output
+    assert "were measured before" not in result.output
+    return folder / "out"
+
+
 @pytest.fixture(autouse=True)
 def _apart(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
@@ -39,6 +49,12 @@ def analyse(*words: str | Path) -> Result:
     return CliRunner().invoke(app, ["analyse", *map(str, words)])
 
 
+@pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Make no pictures, which take most of the time of a small study."""
+    monkeypatch.setattr("netboard.report.folder.pictures", lambda study: [])
+
+
 def refused(result: Result) -> str:
     """The one line of an error."""
     assert result.exit_code in (1, 2), result.output
@@ -46,29 +62,31 @@ def refused(result: Result) -> str:
     return line
 
 
-def test_a_folder_has_everything(study: Path) -> None:
+@pytest.mark.usefixtures("undrawn")
+def test_what_is_excluded_is_said_and_settings_are_kept(study: Path) -> None:
     result = analyse(study, "-o", "out", "--workers", "1", "--set", "exclusions.warm_up=1")
     assert result.exit_code == 0, result.output
     assert "4 recordings" in result.output
     assert "4 trials count" in result.output
     assert "excluded: 4 x one of the first 1 trials of the block" in result.output
-    out = Path("out")
-    assert {path.name for path in out.iterdir()} == {
-        *("tables", "figures", "settings.toml", "provenance.json", "report.html")
-    }
-    assert tomllib.loads((out / "settings.toml").read_text())["exclusions"]["warm_up"] == 1
-    said = json.loads((out / "provenance.json").read_text())
-    assert set(said["recordings"]) == {path.stem for path in study.glob("*.mcap")}
-    assert all(len(one["sha256"]) == 64 for one in said["recordings"].values())
-    drawn = sorted(path.name for path in (out / "figures").iterdir())
-    assert drawn
-    assert {Path(name).suffix for name in drawn} == {".svg", ".pdf", ".png"}
+    assert tomllib.loads(Path("out/settings.toml").read_text())["exclusions"]["warm_up"] == 1
     assert list(Path().glob(".out*")) == []
 
 
-def test_tables_are_described_and_typed(study: Path) -> None:
-    assert analyse(study, "-o", "out", "--workers", "1").exit_code == 0
-    tables = Path("out/tables")
+def test_a_folder_has_everything(study: Path, plain: Path) -> None:
+    assert {path.name for path in plain.iterdir()} == {
+        *("tables", "figures", "settings.toml", "provenance.json", "report.html")
+    }
+    said = json.loads((plain / "provenance.json").read_text())
+    assert set(said["recordings"]) == {path.stem for path in study.glob("*.mcap")}
+    assert all(len(one["sha256"]) == 64 for one in said["recordings"].values())
+    drawn = sorted(path.name for path in (plain / "figures").iterdir())
+    assert drawn
+    assert {Path(name).suffix for name in drawn} == {".svg", ".pdf", ".png"}
+
+
+def test_tables_are_described_and_typed(plain: Path) -> None:
+    tables = plain / "tables"
     described = json.loads((tables / "dictionary.json").read_text())["tables"]
     for name, table in described.items():
         read = parquet.read_table(tables / f"{name}.parquet")
@@ -87,35 +105,40 @@ def test_tables_are_described_and_typed(study: Path) -> None:
     assert set(described) == short | {"paths"}
 
 
-def test_tables_are_the_same_to_the_byte_however_they_are_made(study: Path) -> None:
-    ways = {
-        "one": ("--workers", "1", "--no-cache"),
-        "two": ("--workers", "2"),
-        "kept": ("--workers", "1"),
-        "elsewhere": ("--workers", "1", "--cache", "other"),
-    }
+def same(one: Path, other: Path) -> int:
+    """How many files of an analysis are the same as those of another one: all that do not say how they were made."""
+    files = [path.relative_to(one) for path in one.rglob("*") if path.is_file()]
+    told = [file for file in files if file.name not in ("provenance.json", "report.html")]
+    assert [file for file in told if (one / file).read_bytes() != (other / file).read_bytes()] == []
+    return len(told)
+
+
+def test_tables_and_pictures_are_the_same_to_the_byte_made_by_several_processes(study: Path, plain: Path) -> None:
+    assert analyse(study, "-o", "two", "--workers", "2").exit_code == 0
+    assert same(plain, Path("two")) == same(Path("two"), plain) > 40
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_tables_are_the_same_to_the_byte_whether_they_were_kept_or_not_and_that_is_said(
+    study: Path, plain: Path
+) -> None:
+    ways = {"anew": ("--no-cache",), "first": (), "kept": ()}
     for name, words in ways.items():
-        assert analyse(study, "-o", name, *words).exit_code == 0
-    files = [path.relative_to("one") for path in Path("one").rglob("*") if path.is_file()]
-    for name in ways:
-        for file in files:
-            if file.name not in ("provenance.json", "report.html"):
-                assert (Path(name) / file).read_bytes() == (Path("one") / file).read_bytes(), (name, file)
-    assert len(list(Path("user/netboard/measures").iterdir())) == len(list(Path("other").iterdir())) == 4
+        result = analyse(study, "-o", name, "--workers", "1", *words)
+        assert result.exit_code == 0
+        assert ("; 4 were measured before" in result.output) == (name == "kept")
+        assert same(Path(name), plain) > 10
+    for kept in (Path("user/netboard/measures"), plain.with_name("other")):
+        assert len(list(kept.iterdir())) == 4
 
 
-def test_the_paper_is_put_beside_it_if_asked(study: Path) -> None:
+@pytest.mark.usefixtures("undrawn")
+def test_the_paper_is_put_beside_it_if_asked(study: Path, plain: Path) -> None:
     assert analyse(study, "-o", "out", "--workers", "1", "--compare-paper").exit_code == 0
     beside = parquet.read_table("out/tables/comparison.parquet").to_pylist()
     assert {5.71, 3.61, 4.33, 3.62} <= {row["reported"] for row in beside}
     assert "comparison" in json.loads(Path("out/tables/dictionary.json").read_text())["tables"]
-    assert analyse(study, "-o", "without", "--workers", "1").exit_code == 0
-    assert not Path("without/tables/comparison.csv").exists()
-
-
-def test_what_was_kept_is_said(study: Path) -> None:
-    assert "were measured before" not in analyse(study, "-o", "one", "--workers", "1").output
-    assert "; 4 were measured before" in analyse(study, "-o", "two", "--workers", "1").output
+    assert not (plain / "tables" / "comparison.csv").exists()
 
 
 def test_nothing_is_written_over_and_nothing_half_is_left(study: Path) -> None:
@@ -128,6 +151,7 @@ def test_nothing_is_written_over_and_nothing_half_is_left(study: Path) -> None:
     assert list(Path().glob(".new*")) == []
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_what_cannot_be_read_is_left_out_and_listed(study: Path) -> None:
     Path("broken.mcap").write_text("nothing")
     result = analyse(study, "broken.mcap", "-o", "out", "--workers", "1", "--skip-unreadable")
@@ -154,14 +178,14 @@ def test_wrong_wishes_are_one_line(study: Path, words: tuple[str, ...], expected
     assert not Path("out").exists()
 
 
-def test_the_template_is_a_file_of_settings(study: Path) -> None:
+@pytest.mark.usefixtures("undrawn")
+def test_the_template_is_a_file_of_settings(study: Path, plain: Path) -> None:
     result = analyse("--template")
     assert result.exit_code == 0
     assert "# cutoff for all force and kinematic data [Hz]" in result.output
     Path("mine.toml").write_text(result.output)
     assert analyse(study, "-o", "one", "--settings", "mine.toml", "--workers", "1").exit_code == 0
-    assert analyse(study, "-o", "two", "--workers", "1").exit_code == 0
-    assert Path("one/settings.toml").read_bytes() == Path("two/settings.toml").read_bytes()
+    assert Path("one/settings.toml").read_bytes() == (plain / "settings.toml").read_bytes()
 
 
 @pytest.mark.parametrize(("name", "extra"), [("statsmodels", "analysis"), ("pyarrow", "analysis")])

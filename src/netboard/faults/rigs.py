@@ -25,7 +25,7 @@ from netboard.nodes.operator import Operator
 from netboard.process import WITH_PARENT
 from netboard.wire.control import Status
 
-PATIENCE = 60.0
+PATIENCE = 120.0
 """Nothing here takes this long unless it is broken [s]."""
 
 ANSWER_SECONDS = 0.2

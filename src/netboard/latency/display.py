@@ -49,6 +49,10 @@ Frame = tuple[int, int, int, float]
 SPARE = 2.0
 """Views are sent for so much longer than frames are noted, so that the end of them is not measured [s]."""
 
+LOOK_SECONDS = 0.01
+PATIENCE_NS = 60_000_000_000
+"""Whoever sends views waits so long for somebody to look [ns]."""
+
 WIDTH = 130
 
 
@@ -87,11 +91,14 @@ def height_at(time_ns: int) -> tuple[float, float]:
 
 
 def send_views(config: Config, seconds: float, moving: bool) -> dict[int, int]:
-    """Be the server's end of the view channel for a while; return when the view of each tick was sent."""
+    """Be the server's end of the view channel for a while from when somebody looks; return when each tick was sent."""
     ticks = ceil(1000 / config.network.view_rate_hz) if moving else ALIVE_TICKS
     sent: dict[int, int] = {}
     with sockets.open_context() as context:
         publisher = sockets.view_publisher(context, channels.addresses(config.network).listen(channels.VIEW["left"]))
+        start = now_ns()
+        while not publisher.wanted() and now_ns() - start < PATIENCE_NS:
+            time.sleep(LOOK_SECONDS)
         start = now_ns()
         for seq in range(round(seconds * 1000 / ticks)):
             time.sleep(max(0.0, (start + seq * ticks * 1_000_000 - now_ns()) * 1e-9))

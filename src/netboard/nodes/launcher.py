@@ -26,6 +26,9 @@ STOP_SECONDS = 15.0
 CHANNELS = 6
 """Ports that a session takes, one after the other [1]."""
 
+_guards: list[net.socket] = []
+"""They hold the places of rows of ports that this process has found free."""
+
 
 @dataclass(frozen=True)
 class Ended:
@@ -146,14 +149,21 @@ class Launcher:
 
 
 def free_port() -> int:
-    """First of enough free ports in a row, looked for from anywhere, so that two demos do not look at the same."""
-    ports = range(5550, 32_000, CHANNELS)
+    """First of enough free ports in a row; while this process lives, no other one finds the same here.
+
+    They are taken only later, by processes that take their time to start: until then the port behind them is held.
+    """
+    ports = range(5550, 32_000, CHANNELS + 1)
     for port in random.sample(ports, len(ports)):
+        guard = net.socket()
         try:
+            guard.bind(("127.0.0.1", port + CHANNELS))
             for channel in range(CHANNELS):
                 with net.socket() as probe:
                     probe.bind(("127.0.0.1", port + channel))
         except OSError:
+            guard.close()
             continue
+        _guards.append(guard)
         return port
     raise NetboardError(f"there are no {CHANNELS} free ports in a row on this machine")
