@@ -174,7 +174,7 @@ def test_chance_finds_an_effect_by_chance() -> None:
 @pytest.mark.evidence("truth", chance_level)
 @pytest.mark.parametrize("count", [3, 4, 5, 6])
 def test_of_dyads_without_influence_p_is_as_small_as_it_says(count: int) -> None:
-    """With exchanges that leave nobody's partner alone, p of 4 dyads would be its least 1.6 times as often, of 5 3.3."""
+    """With surrogates alone, p of 4 dyads would be its least value 1.6 times as often as it says, of 5 dyads 3.3."""
     rng = np.random.default_rng(count)
 
     def strength(source: list, target: list) -> float:

@@ -88,8 +88,8 @@ def _caption(found: list[Influence]) -> str:
     if tests:
         most = max(tests, key=lambda one: one.n)
         chance = (
-            f"Grey: means of dyads made of partners who never met, {many(len(most.surrogates), 'pairing')}. p: share of "
-            f"all exchanges of partners that are as large, at least {most.least_p:.2g}."
+            f"Grey: means of dyads made of partners who never met, {many(len(most.surrogates), 'pairing')}. p: share "
+            f"of all exchanges of partners whose mean is as large, at least {most.least_p:.2g}."
         )
     return (
         "How much better the velocity of one side is foretold with 60 ms of the other's past than with its own and "
