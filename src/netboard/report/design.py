@@ -99,7 +99,7 @@ def _sentences(blocks: pd.DataFrame) -> list[str]:
 
 
 def _studies(blocks: pd.DataFrame) -> list[str]:
-    """Warn of dyads that are in several studies: their trials are numbered, and their blocks ordered, as those of one."""
+    """Warn of dyads that are in several studies: their trials are numbered as those of one."""
     names = blocks.groupby("dyad")["study"].unique()
     several = names[names.map(len) > 1]
     if several.empty:
