@@ -200,8 +200,16 @@ def draw_braking(axes: Axes, take: Take) -> str:
     for onset, colour, word in ((found.initial, ORANGE, "initial"), (found.onset, VERMILION, "braking")):
         if np.isfinite(onset):
             axes.axvline(onset, color=colour, ls=":")
-            place = {"xycoords": ("data", "axes fraction"), "textcoords": "offset points", "va": "top"}
-            axes.annotate(word, (onset, 1.0), (3, 0), color=colour, fontsize=7, **place)
+            axes.annotate(
+                word,
+                (onset, 1.0),
+                (3, 0),
+                xycoords=("data", "axes fraction"),
+                textcoords="offset points",
+                color=colour,
+                fontsize=7,
+                va="top",
+            )
     if not np.isfinite(found.onset):
         return "no braking movement"
     return (
