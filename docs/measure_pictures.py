@@ -10,14 +10,15 @@ import tempfile
 from pathlib import Path
 
 from netboard.config import Config
+from netboard.design.blocks import blocks_of, shortened
+from netboard.design.study import paper_study
 from netboard.export.runs import runs_of
 from netboard.figures.picture import as_bytes
 from netboard.figures.trial import PANELS, panel
 from netboard.measuring.readings import Readings
 from netboard.measuring.take import Block
 from netboard.recording.reader import Recording
-from netboard.services.rehearsal import in_turn, jobs_of, shortened
-from netboard.services.session import blocks_of
+from netboard.rehearsal.jobs import jobs_of, rehearse
 
 IMAGES = Path(__file__).parent / "images"
 BLOCK, TRIAL = 9, 4
@@ -25,10 +26,10 @@ BLOCK, TRIAL = 9, 4
 
 def main() -> None:
     """Write a picture for each part of the sheet of a trial."""
-    plan = shortened(blocks_of(Config(), "paper", 1, 2), BLOCK, TRIAL)
+    plan = list(shortened(blocks_of(Config(), paper_study(), 1, 2), BLOCK, TRIAL))
     with tempfile.TemporaryDirectory() as name:
-        (sheet,) = in_turn(jobs_of(list(plan)[-1:], 1, 2, Path(name), fast=True))
-        (run,) = runs_of([Path(sheet.recording)])
+        (job,) = jobs_of(plan[-1:], 1, 2, Path(name))
+        (run,) = runs_of([Path(rehearse(job).recording)])
         with Recording(run.path) as recording:
             block = Block(recording, run.config, Readings())
     take = next(take for take in block.takes() if take.attempt.trial == TRIAL and take.attempt.outcome == "success")

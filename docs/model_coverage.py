@@ -19,6 +19,7 @@ from netboard.analysis.models import count_model, log_time_model, share_model
 
 EFFECTS = {"haptics": -0.1, "configuration": -0.1, "haptics x configuration": -0.1, "log trial": -0.1}
 INTERCEPT, TRIALS, DYADS = 1.5, 30, (4, 8, 16)
+TRUTH = {"intercept": INTERCEPT, **EFFECTS}
 OF_DYADS, OF_PERFORMERS, OF_TRIALS, OF_SLOPES = 0.2, 0.1, 0.5, 0.08
 """Standard deviations: intercepts of dyads and of performers, trials, and haptic effects of both [log]."""
 
@@ -64,9 +65,9 @@ def fits(rng: np.random.Generator, dyads: int) -> dict[str, Model]:
     counts = rng.poisson(np.exp(varied.expected - 0.5) * rng.gamma(3, 1 / 3, len(varied.expected)))
     failed = rng.random(len(varied.expected)) < 1 / (1 + np.exp(3.2 - varied.expected))
     same, alike = draw(rng, dyads, 0.0), draw(rng, dyads, 0.0, 0.0, 0.0)
-    others = {"haptics, the same for all": same, "haptics, all alike": alike}
+    others = {"the same for all": same, "all alike": alike}
     return {
-        "haptics": log_time_model(times, *varied.labels),
+        "times": log_time_model(times, *varied.labels),
         "no slopes": log_time_model(times, *varied.labels, slopes="none"),
         "counts": count_model(counts, *varied.labels),
         "failures": share_model(failed, *varied.labels),
@@ -78,18 +79,19 @@ def fits(rng: np.random.Generator, dyads: int) -> dict[str, Model]:
 
 
 def main(studies: int = 400) -> None:
-    """Print a line for each number of dyads and model: how often the intervals of z and of t hold the haptic effect."""
+    """Print how often the intervals of z and of t hold an effect: of times all effects, else that of haptics."""
     for dyads in DYADS:
         quantiles = {"z": stats.norm.ppf(0.975), "t": stats.t.ppf(0.975, dyads - 1)}
-        held: dict[tuple[str, str], list[bool]] = {}
+        held: dict[tuple[str, str, str], list[bool]] = {}
         for seed in range(studies):
             for name, model in fits(np.random.default_rng((seed, dyads)), dyads).items():
-                found = model.effect("haptics")
-                for kind, quantile in quantiles.items():
-                    off = abs(found.estimate.value - EFFECTS["haptics"])
-                    held.setdefault((name, kind), []).append(bool(off <= quantile * found.error))
-        for (name, kind), hits in held.items():
-            sys.stdout.write(f"{dyads} dyads, {name}, {kind}: {np.mean(hits):.2f} of {len(hits)}\n")
+                for effect in TRUTH if name == "times" else ("haptics",):
+                    found = model.effect(effect)
+                    off = abs(found.estimate.value - TRUTH[effect])
+                    for kind, quantile in quantiles.items():
+                        held.setdefault((name, effect, kind), []).append(bool(off <= quantile * found.error))
+        for (name, effect, kind), hits in held.items():
+            sys.stdout.write(f"{dyads} dyads, {name}, {effect}, {kind}: {np.mean(hits):.2f} of {len(hits)}\n")
 
 
 if __name__ == "__main__":

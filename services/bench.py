@@ -252,7 +252,8 @@ def analysis(
     force: Force = False,
     json: Json = None,
     workers: Annotated[
-        int | None, typer.Option(min=1, metavar="N", help="How many processes measure; else one a core.")
+        int | None,
+        typer.Option(min=1, metavar="N", help="How many processes measure; else one a core, or one for a small study."),
     ] = None,
 ) -> None:
     """What it costs to analyse a study: time and memory against its size, anew and kept, beside reading the files."""

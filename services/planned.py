@@ -13,6 +13,7 @@ from rich.console import Console
 from netboard.config import Config, digest
 from netboard.design import plan as plans
 from netboard.design.balance import require_balance
+from netboard.design.blocks import shortened
 from netboard.design.plan import Plan, PlanSession, config_of, plan_of, seated
 from netboard.design.study import Study, resolve_study
 from netboard.errors import ConfigError
@@ -23,7 +24,6 @@ from netboard.nodes.ledger import Ledger
 from netboard.nodes.programme import Programme
 from netboard.recording.journal import Journal, journal_path
 from netboard.services import studies
-from netboard.services.rehearsal import shortened
 from netboard.tables.experiment import Session
 
 console = Console(highlight=False)

@@ -1,62 +1,22 @@
 """Rehearses blocks: simulated people, the live stage, as fast as the machine allows, and a table of what came of it."""
 
-import hashlib
 import json
-import multiprocessing
 import time
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
-from statistics import fmean
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from netboard.config import Config, digest
+from netboard.config import Config
 from netboard.errors import NetboardError
 from netboard.rehearsal.block import Rehearsal
-from netboard.rehearsal.keeping import Keeper
-from netboard.rehearsal.people import LETTERS, person_of
-from netboard.tables.simulated import Participant
+from netboard.rehearsal.jobs import Job, Sheet, jobs_of, rehearse, rehearse_all
 from netboard.tick import TICK_SECONDS
 
 console = Console(highlight=False)
-
-
-@dataclass(frozen=True)
-class Job:
-    """One block to be rehearsed: its configuration, who takes part, where its recording goes, at which pace."""
-
-    config: Config
-    people: dict[str, Participant]
-    session: str
-    folder: Path | None
-    fast: bool
-
-
-@dataclass(frozen=True)
-class Sheet:
-    """What came of a block, as it is shown and written as JSON."""
-
-    session: str
-    block: int
-    label: str
-    configuration: str
-    force: str
-    successes: int
-    failures: int
-    mean_completion: float | None
-    ticks: int
-    seconds: float
-    given_up: bool
-    recording: str
-
-    @property
-    def factor(self) -> float:
-        """How many times faster than the people it was."""
-        return self.ticks * TICK_SECONDS / self.seconds
 
 
 def main(
@@ -113,56 +73,6 @@ def main(
     return 1 if any(sheet.given_up for sheet in sheets) else 0
 
 
-def jobs_of(blocks: Sequence[Config], seed: int, dyad: int, folder: Path | None, fast: bool) -> list[Job]:
-    """Say what is to be done; sessions of the dyad have ids that depend on their blocks and the seed alone."""
-    ids = {
-        name: hashlib.sha256(" ".join([str(seed), *(digest(b) for b in blocks if b.session.name == name)]).encode())
-        for name in dict.fromkeys(block.session.name for block in blocks)
-    }
-    return [
-        Job(
-            replace(config, session=replace(config.session, pilot=True)),
-            {letter: person_of(config.participant, seed, dyad, letter) for letter in LETTERS},
-            ids[config.session.name].hexdigest()[:32],
-            folder,
-            fast,
-        )
-        for config in blocks
-    ]
-
-
-def rehearse(job: Job, tell: Callable[[int], None] = lambda successes: None) -> Sheet:
-    """Rehearse one block; `tell` hears now and then how many trials have succeeded."""
-    began = time.perf_counter()
-    rehearsal = Rehearsal(job.config, job.people)
-    keeper = None if job.folder is None else Keeper(job.folder, job.config, job.session, time.time_ns())
-    ticks = 0
-    for rows in rehearsal.pieces():
-        if keeper is not None:
-            keeper.take(rows)
-        ticks += len(rows)
-        tell(rehearsal.successes)
-        if not job.fast:
-            time.sleep(max(0.0, began + ticks * TICK_SECONDS - time.perf_counter()))
-    if keeper is not None:
-        keeper.finish()
-    summary, block = rehearsal.summary(), job.config.block
-    return Sheet(
-        session=job.config.session.name,
-        block=block.number,
-        label=block.label or f"{block.configuration}, {block.force}",
-        configuration=block.configuration,
-        force=block.force,
-        successes=len(summary.completions),
-        failures=summary.failures,
-        mean_completion=fmean(summary.completions) if summary.completions else None,
-        ticks=summary.ticks,
-        seconds=time.perf_counter() - began,
-        given_up=summary.given_up,
-        recording="" if keeper is None else str(keeper.path),
-    )
-
-
 def in_turn(jobs: Sequence[Job]) -> list[Sheet]:
     """Rehearse in this process, with a bar for the block and one for all."""
     sheets = []
@@ -184,13 +94,10 @@ def in_turn(jobs: Sequence[Job]) -> list[Sheet]:
 
 
 def together(jobs: Sequence[Job], workers: int) -> list[Sheet]:
-    """Rehearse several at once, each in a process of its own."""
-    with bars() as progress, ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
+    """Rehearse several at once, with a bar for all."""
+    with bars() as progress:
         whole = progress.add_task("all trials", total=sum(job.config.block.trials for job in jobs))
-        asked = [pool.submit(rehearse, job) for job in jobs]
-        for answer in as_completed(asked):
-            progress.advance(whole, answer.result().successes)
-        return [answer.result() for answer in asked]
+        return rehearse_all(jobs, workers, lambda sheet: progress.advance(whole, sheet.successes))
 
 
 def bars() -> Progress:
@@ -241,12 +148,3 @@ def as_data(sheets: Sequence[Sheet], took: float) -> dict[str, object]:
         "ticks_per_second": ticks / took,
         "real_time_factor": ticks * TICK_SECONDS / took,
     }
-
-
-def shortened(blocks: Sequence[Config], most: int | None, trials: int | None) -> Iterator[Config]:
-    """Keep the first blocks only, with fewer trials each."""
-    kept = blocks[:most]
-    for config in kept:
-        count = config.block.trials if trials is None else min(trials, config.block.trials)
-        catch = tuple(trial for trial in config.block.catch if trial <= count)
-        yield replace(config, block=replace(config.block, blocks=len(kept), trials=count, catch=catch))

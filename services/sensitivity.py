@@ -4,17 +4,20 @@ import tempfile
 from pathlib import Path
 
 from netboard.config import Config
+from netboard.design.blocks import blocks_of, shortened
+from netboard.design.study import paper_study
 from netboard.errors import ConfigError
+from netboard.rehearsal.jobs import jobs_of
 from netboard.sensitivity.bench import study
 from netboard.services import rehearsal
-from netboard.services.session import blocks_of
 from netboard.studies.results import Folder, new_folder
 from netboard.studies.running import run
 
-DYADS, TRIALS = 4, 20
-"""What is rehearsed where no recordings are given: so many trials in each of the paper's blocks."""
+WHOLE, QUICK = (4, 18, 20), (2, 12, 3)
+"""What is rehearsed where no recordings are given: dyads, the first blocks of the paper's plan, trials in each [1].
 
-QUICK_DYADS, QUICK_TRIALS = 2, 3
+Twelve blocks have each condition twice.
+"""
 
 SEED = 1
 
@@ -67,13 +70,10 @@ def found_in(folder: Path) -> list[Path]:
 
 def rehearse(folder: Path, *, quick: bool) -> list[Path]:
     """Let simulated dyads do the paper's plan, shortened, and keep their recordings."""
-    dyads, trials = (QUICK_DYADS, QUICK_TRIALS) if quick else (DYADS, TRIALS)
-    jobs = [
-        job
-        for dyad in range(1, dyads + 1)
-        for job in rehearsal.jobs_of(
-            list(rehearsal.shortened(blocks_of(Config(), "paper", SEED, dyad), None, trials)), SEED, dyad, folder, True
-        )
-    ]
+    dyads, most, trials = QUICK if quick else WHOLE
+    jobs = []
+    for dyad in range(1, dyads + 1):
+        blocks = shortened(blocks_of(Config(), paper_study(), SEED, dyad), most, trials)
+        jobs += jobs_of(list(blocks), SEED, dyad, folder)
     rehearsal.together(jobs, 2)
     return found_in(folder)

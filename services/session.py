@@ -5,7 +5,6 @@ from typing import Annotated
 
 import typer
 
-from netboard.config import Config
 from netboard.services import configuration
 from netboard.services.configuration import ConfigFile, Overrides
 
@@ -36,34 +35,10 @@ def rehearse(
 ) -> None:
     """Let simulated people do all blocks of a dyad, without devices, network or clock, and sum up what came of it."""
     settings = configuration.load(config, overrides or ())
+    from netboard.design.blocks import blocks_of, shortened
     from netboard.services import rehearsal as service
-
-    wanted = list(service.shortened(blocks_of(settings, study, seed, dyad), blocks, trials))
-    code = service.main(wanted, seed, dyad, folder=output, fast=fast, workers=workers, as_json=json)
-    raise typer.Exit(code)
-
-
-def blocks_of(config: Config, study: str, seed: int, dyad: int) -> list[Config]:
-    """Plan the blocks of a dyad, session after session.
-
-    Raises
-    ------
-    ConfigError
-        If there is no such study, or it does not fit the rig.
-    """
-    from dataclasses import replace
-
-    from netboard.design.plan import config_of, plan_of, seated
     from netboard.services import studies
 
-    plan = plan_of(studies.load(study), seed, dyad, (config.session.hand_a, config.session.hand_b))
-    rig = seated(config, plan)
-    return [
-        config_of(
-            replace(rig, session=replace(rig.session, name=f"S{session.number:02d}", dyad=f"D{dyad:02d}")),
-            session,
-            block.number,
-        )
-        for session in plan.sessions
-        for block in session.blocks
-    ]
+    wanted = list(shortened(blocks_of(settings, studies.load(study), seed, dyad), blocks, trials))
+    code = service.main(wanted, seed, dyad, folder=output, fast=fast, workers=workers, as_json=json)
+    raise typer.Exit(code)

@@ -4,11 +4,12 @@ from functools import cache
 from pathlib import Path
 
 from netboard.config import Config
+from netboard.design.blocks import blocks_of, shortened
+from netboard.design.study import paper_study
 from netboard.export.runs import runs_of
 from netboard.measuring.readings import Readings
 from netboard.measuring.recordings import Measured, measure
-from netboard.services.rehearsal import in_turn, jobs_of, shortened
-from netboard.services.session import blocks_of
+from netboard.rehearsal.jobs import jobs_of, rehearse_all
 from netboard.throughput.specimen import make_study
 
 
@@ -16,9 +17,9 @@ def rehearse(folder: Path, dyads: int = 2, blocks: tuple[int, ...] = (1, 2, 9, 1
     """Write recordings of some blocks of each dyad; with the default all four conditions are there."""
     folder.mkdir(parents=True, exist_ok=True)
     for dyad in range(1, dyads + 1):
-        plan = list(shortened(blocks_of(Config(), "paper", 1, dyad), None, trials))
+        plan = list(shortened(blocks_of(Config(), paper_study(), 1, dyad), None, trials))
         chosen = [config for config in plan if config.block.number in blocks]
-        in_turn(jobs_of(chosen, 1, dyad, folder, fast=True))
+        rehearse_all(jobs_of(chosen, 1, dyad, folder), 1)
     return sorted(folder.glob("*.mcap"))
 
 

@@ -29,11 +29,17 @@ SAYING = {"independent": "by", "properties": "of", "disturbance": "of"}
 CHECKS = "checks what it is given, and computes nothing"
 NO_SAMPLES = "takes no samples"
 PART = "is a part of the models, and shown with them"
+COMMON = "is a part of all statistics, and shown with them"
 WITHOUT = {
     **{("signals.paired", kind): CHECKS for kind in ("truth", "properties", "disturbance")},
     **{
         (name, kind): PART
         for name in ("effects.effects_of", "effects.said", "effects.diagnose", "factors.design_of", "factors.cells_of")
+        for kind in ("truth", "properties", "disturbance")
+    },
+    **{
+        (f"statistics.{name}", kind): COMMON
+        for name in ("known", "mean")
         for kind in ("truth", "properties", "disturbance")
     },
     ("restricted.restricted_fit", "disturbance"): "takes the trials that have a value: the models leave out the others",
@@ -44,8 +50,8 @@ WITHOUT = {
     ("ellipses.groups_of", "disturbance"): "takes numbers of trials",
     ("task.falls", "disturbance"): "takes words",
     ("passive.passive_ratio", "disturbance"): NO_SAMPLES,
-    ("statistics.hedges_factor", "disturbance"): NO_SAMPLES,
-    ("statistics.hedges_factor", "properties"): "takes one whole number",
+    ("effect_sizes.hedges_factor", "disturbance"): NO_SAMPLES,
+    ("effect_sizes.hedges_factor", "properties"): "takes one whole number",
 }
 """What a function has no evidence of, and why it needs none."""
 

@@ -8,7 +8,9 @@ from scipy import stats
 from statsmodels.stats.multitest import multipletests
 
 from netboard.analysis.contrasts import Contrast, condition_contrast, holm, paired_t_test
-from netboard.analysis.statistics import cluster_mean, paired_effect, permutation_test, sign_test, t_interval
+from netboard.analysis.effect_sizes import paired_effect
+from netboard.analysis.exact_tests import permutation_test, sign_test
+from netboard.analysis.statistics import cluster_mean, t_interval
 
 # Completion times of four dyads, with and without forces.
 WITH = np.array([3.1, 2.8, 4.0, 3.3])

@@ -11,6 +11,8 @@ from sklearn.metrics import auc, mutual_info_score
 from statsmodels.tsa.stattools import ccf
 from two_hands import minimum_jerk_rate, rolled, two_hands
 
+from netboard.analysis.effect_sizes import hedges_factor
+from netboard.analysis.exact_tests import permutation_test, permutation_test_between
 from netboard.analysis.information import Past, transfer_entropy
 from netboard.analysis.interaction import effort, exchanged, force_share, point_velocities, supports, work
 from netboard.analysis.lags import lag_of, peak_delay, windowed_lags
@@ -26,13 +28,7 @@ from netboard.analysis.performance import (
     trial_times,
 )
 from netboard.analysis.signals import bridge, by_number, derivative, evenly, resample, runs
-from netboard.analysis.statistics import (
-    bootstrap,
-    hedges_factor,
-    permutation_test,
-    permutation_test_between,
-    ratio_of_sums,
-)
+from netboard.analysis.statistics import bootstrap, ratio_of_sums
 from netboard.analysis.task import overshoots, time_in_target
 
 RATE = 1000.0

@@ -15,6 +15,8 @@ from two_hands import ARM, minimum_jerk, minimum_jerk_rate, rolled, two_hands
 
 from netboard.analysis.braking import first_braking
 from netboard.analysis.cooperation import contributions, delays
+from netboard.analysis.effect_sizes import hedges_g
+from netboard.analysis.exact_tests import permutation_test, permutation_test_between
 from netboard.analysis.information import Past, chance_level, granger, transfer_entropy
 from netboard.analysis.interaction import (
     effort,
@@ -42,13 +44,7 @@ from netboard.analysis.performance import first_and_last, relative_performance
 from netboard.analysis.segments import Segments, board_segments
 from netboard.analysis.signals import LowPass, bridge, derivative, evenly
 from netboard.analysis.smoothness import dimensionless_jerk, log_dimensionless_jerk, spectral_arc_length
-from netboard.analysis.statistics import (
-    bootstrap,
-    hedges_g,
-    permutation_test,
-    permutation_test_between,
-    ratio_of_sums,
-)
+from netboard.analysis.statistics import bootstrap, ratio_of_sums
 from netboard.analysis.task import fall_time, overshoots, reaction, time_in_target
 
 RATE = 1000.0

@@ -11,7 +11,9 @@ from two_hands import ARM, TwoHands, minimum_jerk, minimum_jerk_rate, rolled, tw
 
 from netboard.analysis.braking import first_braking
 from netboard.analysis.cooperation import contributions
+from netboard.analysis.effect_sizes import hedges_g
 from netboard.analysis.ellipses import convergence, groups_of
+from netboard.analysis.exact_tests import permutation_test, permutation_test_between, sign_test
 from netboard.analysis.information import Past, chance_level, granger
 from netboard.analysis.interaction import effort, exchanged, point_velocities, supports, work
 from netboard.analysis.lags import lag_of, leadership, windowed_lags
@@ -40,16 +42,7 @@ from netboard.analysis.performance import (
 from netboard.analysis.segments import board_segments
 from netboard.analysis.signals import LowPass, bridge, by_number, derivative, evenly, resample, runs
 from netboard.analysis.smoothness import dimensionless_jerk
-from netboard.analysis.statistics import (
-    bootstrap,
-    cluster_mean,
-    hedges_g,
-    permutation_test,
-    permutation_test_between,
-    ratio_of_sums,
-    sign_test,
-    t_interval,
-)
+from netboard.analysis.statistics import bootstrap, cluster_mean, ratio_of_sums, t_interval
 from netboard.analysis.task import fall_time, falls, overshoots, reaction, time_in_target
 
 RATE = 1000.0

@@ -1,5 +1,6 @@
 """Models of a study, against closed forms, likelihoods and covariances written out, and other ways into statsmodels."""
 
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -17,7 +18,7 @@ from statsmodels.genmod.generalized_linear_model import GLM
 
 from netboard.analysis.effects import Model
 from netboard.analysis.factors import COLUMNS
-from netboard.analysis.models import count_model, log_time_model, share_model
+from netboard.analysis.models import MOST, count_model, log_time_model, share_model
 from netboard.analysis.statistics import t_interval
 
 Labels = dict[str, NDArray[Any]]
@@ -579,6 +580,24 @@ def test_wrong_input_is_named(model: Any, sample: Any) -> None:
         model(np.where(values == values[0], -1.0, values), **labels)
     with pytest.raises(ValueError, match="no effect 'sex'"):
         model(values, **labels).effect("sex")
+
+
+@pytest.mark.parametrize("family", ["poisson", "negative_binomial"])
+@pytest.mark.parametrize("count", [2.5, 2.0**53 + 2.0, 1e200, 1e300])
+def test_what_is_no_count_is_named(family: Any, count: float) -> None:
+    labels = plan(2, 3)
+    counts = counts_of(labels, Truth(), 19)
+    counts[3] = count
+    with pytest.raises(ValueError, match=r"whole numbers from 0 to 2\^53 are expected, found " + re.escape(str(count))):
+        count_model(counts, **labels, family=family)
+
+
+@pytest.mark.parametrize("family", ["poisson", "negative_binomial"])
+def test_the_largest_counts_are_modelled(family: Any) -> None:
+    labels = plan(4, 3)
+    found = count_model(np.full(len(labels["order"]), MOST), **labels, family=family)
+    assert found.fitted
+    assert all(cell.mean == MOST for cell in found.cells)
 
 
 # --- residuals ---------------------------------------------------------------------------------------------------

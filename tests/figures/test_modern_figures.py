@@ -198,7 +198,7 @@ def test_models_of_one_condition_have_no_ratio_to_draw() -> None:
 def test_leads_are_signed_and_zero_is_in_the_middle(study: Study, drawn: dict[str, Picture]) -> None:
     picture = drawn["leadership"]
     for lead in leaders(study).leads:
-        axes, scale = panel(picture, f"  {lead.question.name}"), 1000.0 if lead.question.unit == "s" else 1.0
+        axes, scale = panel(picture, f"  {lead.measure.name}"), 1000.0 if lead.measure.unit == "s" else 1.0
         assert points(axes, lead.condition.name)[:, 1] == pytest.approx([scale * lead.mean.value])
         low, high = axes.get_ylim()
         assert low == -high

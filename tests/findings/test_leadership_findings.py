@@ -5,11 +5,12 @@ import pytest
 
 from made_modern import modern_blocks, modern_study
 from made_study import Block, made_study, times
-from netboard.findings.leadership import QUESTIONS, Lead, Leaders, leaders
+from netboard.findings.leadership import QUESTIONS, Leaders, leaders
+from netboard.findings.measures import Levels
 
 
-def lead_of(found: Leaders, question: str, condition: str) -> Lead:
-    (only,) = [one for one in found.leads if one.question.name == question and one.condition.name == condition]
+def lead_of(found: Leaders, question: str, condition: str) -> Levels:
+    (only,) = [one for one in found.leads if one.measure.name == question and one.condition.name == condition]
     return only
 
 

@@ -1,6 +1,7 @@
 """Results are kept by bytes, readings and code: what changes one of them is measured anew, and nothing else is."""
 
 import os
+import time
 from dataclasses import fields, replace
 from pathlib import Path
 
@@ -9,7 +10,7 @@ import pytest
 
 from netboard.errors import RecordingError
 from netboard.measuring import fingerprint
-from netboard.measuring.cache import ENDING, Cache, default_folder, key_of
+from netboard.measuring.cache import ABANDONED, ENDING, Cache, default_folder, key_of
 from netboard.measuring.readings import Exclusions, Filters, Readings, Summaries
 from netboard.measuring.recordings import FIELDS, Measured
 from netboard.measuring.tables import DTYPES
@@ -96,6 +97,27 @@ def test_what_was_not_used_for_longest_goes(tmp_path: Path) -> None:
     assert sorted(path.stem for path in tmp_path.iterdir()) == ["key0", "key3"]
     Cache(tmp_path).trim()
     assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_what_is_in_use_stays_whatever_its_size(tmp_path: Path) -> None:
+    before, now = Cache(tmp_path, limit=1), Cache(tmp_path, limit=1)
+    for key in ("old", "found"):
+        before.put(key, made())
+    now.put("made", made())
+    assert now.get("found") is not None
+    now.trim()
+    assert sorted(path.stem for path in tmp_path.iterdir()) == ["found", "made"]
+
+
+def test_what_a_killed_process_has_left_goes_after_a_day(tmp_path: Path) -> None:
+    now = time.time()
+    for name, age in (("left.part", ABANDONED + 60.0), ("written.part", ABANDONED - 3600.0), ("new.part", 0.0)):
+        (tmp_path / name).write_bytes(b"half")
+        os.utime(tmp_path / name, (now - age, now - age))
+    cache = Cache(tmp_path)
+    cache.put("key", made())
+    cache.trim()
+    assert {path.name for path in tmp_path.iterdir()} == {"written.part", "new.part", f"key{ENDING}"}
 
 
 def test_a_folder_that_cannot_be_made_is_said(tmp_path: Path) -> None:

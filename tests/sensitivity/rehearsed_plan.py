@@ -3,11 +3,12 @@
 from pathlib import Path
 
 from netboard.config import Config
-from netboard.services.rehearsal import jobs_of, rehearse, shortened
-from netboard.services.session import blocks_of
+from netboard.design.blocks import blocks_of, shortened
+from netboard.design.study import paper_study
+from netboard.rehearsal.jobs import jobs_of, rehearse
 
 
 def rehearsed_plan(folder: Path, trials: int, blocks: int | None = None) -> list[Path]:
     """Recordings of the first blocks of the first dyad, in order."""
-    wanted = list(shortened(blocks_of(Config(), "paper", 1, 1), blocks, trials))
-    return [Path(rehearse(job).recording) for job in jobs_of(wanted, 1, 1, folder, True)]
+    wanted = list(shortened(blocks_of(Config(), paper_study(), 1, 1), blocks, trials))
+    return [Path(rehearse(job).recording) for job in jobs_of(wanted, 1, 1, folder)]

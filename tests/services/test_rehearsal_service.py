@@ -41,26 +41,3 @@ def test_recordings_are_whole_and_json_names_them(tmp_path: Path, capsys: pytest
     assert len(list((tmp_path / "new").iterdir())) == 2
     with pytest.raises(NetboardError, match="block01"):
         rehearsal.main(blocks(), 1, 1, folder=tmp_path / "new")
-
-
-@pytest.mark.slow
-def test_who_they_are_depends_on_the_dyad() -> None:
-    one, two = (rehearsal.jobs_of(blocks(), 1, dyad, None, fast=True) for dyad in (1, 2))
-    assert one[0].people == one[1].people
-    assert one[0].people != two[0].people
-    assert rehearsal.rehearse(one[0]).ticks != rehearsal.rehearse(two[0]).ticks
-
-
-def test_a_rehearsal_is_marked_as_no_real_session() -> None:
-    jobs = rehearsal.jobs_of(blocks(), 1, 1, None, fast=True)
-    assert all(job.config.session.pilot for job in jobs)
-    assert len({job.session for job in jobs}) == 1
-    other = rehearsal.jobs_of(blocks(), 2, 1, None, fast=True)
-    assert other[0].session != jobs[0].session
-
-
-def test_a_short_form_has_fewer_blocks_and_trials() -> None:
-    short = list(rehearsal.shortened(blocks(trials=10), 2, 5))
-    assert [config.block.trials for config in short] == [5, 5]
-    assert short[1].block.catch == (1,)
-    assert len(list(rehearsal.shortened(blocks(), 1, None))) == 1

@@ -5,17 +5,7 @@ import json
 import pytest
 from typer.testing import CliRunner
 
-from netboard.config import Config
 from netboard.services.cli import app
-from netboard.services.session import blocks_of
-
-
-def test_blocks_are_those_of_the_dyad_s_plan() -> None:
-    blocks = blocks_of(Config(), "paper", 1, 3)
-    assert [block.block.number for block in blocks] == list(range(1, 19))
-    assert {block.session.dyad for block in blocks} == {"D03"}
-    assert {block.session.study for block in blocks} == {"paper"}
-    assert len({block.block.seed for block in blocks}) == 18
 
 
 @pytest.mark.slow

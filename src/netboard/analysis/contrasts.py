@@ -1,7 +1,7 @@
 """Two conditions compared, dyad by dyad: everything that can be said of one difference, and of a family of them.
 
 Each dyad has one value in each condition, the mean of what it did there; what is compared are the differences of a dyad
-with itself. The intervals and tests are those of `netboard.analysis.statistics`.
+with itself. The intervals and tests are those of `netboard.analysis.statistics` and its neighbours.
 """
 
 from dataclasses import dataclass
@@ -11,16 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import stats
 
-from netboard.analysis.statistics import (
-    ROUNDING,
-    Estimate,
-    Test,
-    cluster_mean,
-    paired_effect,
-    permutation_test,
-    sign_test,
-    t_interval,
-)
+from netboard.analysis.effect_sizes import paired_effect
+from netboard.analysis.exact_tests import Test, permutation_test, sign_test
+from netboard.analysis.statistics import ROUNDING, Estimate, cluster_mean, t_interval
 
 TOO_SHORT = 16
 """Bootstrap intervals of so few units, or fewer, contain the truth clearly less often than they say [1]."""

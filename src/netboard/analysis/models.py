@@ -39,6 +39,9 @@ Family = Literal["poisson", "negative_binomial"]
 FEW = 20
 """With fewer dyads than this, a result says what few dyads do to it [1]."""
 
+MOST = 2.0**53
+"""The largest count: beyond it a float64 does not tell a whole number from the next [1]."""
+
 TIMES = "log(time) = intercept + haptics x configuration + b log(trial) + dyad + performer (+ slopes) + residual"
 COUNTS = "log(mean count) = intercept + haptics x configuration + b log(trial)"
 SHARES = "log(odds) = intercept + haptics x configuration + b log(trial)"
@@ -137,7 +140,7 @@ def count_model(
     Parameters
     ----------
     counts : array_like, shape (n,)
-        Whole numbers from 0; NaN are left out [1].
+        Whole numbers from 0 to `MOST`; NaN are left out [1].
     dyads, performers : array_like, shape (n,)
         Whose trial it is: labels of any kind. The performer is a person, or the two of a dyad together.
     haptics, dyadic : array_like of bool, shape (n,)
@@ -162,9 +165,9 @@ def count_model(
         If there is not one label for each trial, a trial number below 1, or a value that is no count.
     """
     values = np.asarray(counts, dtype=float)
-    strange = np.isfinite(values) & ((values < 0.0) | (values != np.floor(values)))
+    strange = np.isfinite(values) & ((values < 0.0) | (values != np.floor(values)) | (values > MOST))
     if strange.any():
-        raise ValueError(f"counts: whole numbers from 0 are expected, found {values[strange][0]}")
+        raise ValueError(f"counts: whole numbers from 0 to 2^53 are expected, found {values[strange][0]}")
     design = design_of(values, dyads, performers, haptics, dyadic, order)
     assumptions = tuple(sentence.format(what="mean count") for sentence in _MARGINAL)
     fit = _Fit("Poisson GEE", COUNTS, assumptions, level, interval)

@@ -11,6 +11,7 @@ cutoff of 5 Hz at 1 kHz is unstable in float64.
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import lru_cache
 from typing import Literal
 
 import numpy as np
@@ -114,7 +115,7 @@ class LowPass:
         ndarray, shape (n,)
             The filtered signal [as given].
         """
-        sections = butter(self.pass_order, self.pass_cutoff(rate), fs=rate, output="sos")
+        sections = _sections(self.pass_order, self.pass_cutoff(rate), rate)
         longest = round(self.pad * rate)
 
         def both_passes(piece: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -167,6 +168,12 @@ def paired(left: ArrayLike, right: ArrayLike) -> tuple[NDArray[np.float64], NDAr
     if a.ndim != 1 or a.shape != b.shape:
         raise ValueError(f"two signals of one length are expected, found shapes {a.shape} and {b.shape}")
     return a, b
+
+
+@lru_cache
+def _sections(order: int, cutoff: float, rate: float) -> NDArray[np.float64]:
+    """Design a pass, once for all signals that it is for."""
+    return np.asarray(butter(order, cutoff, fs=rate, output="sos"))
 
 
 def _pieces(values: NDArray[np.float64], breaks: Breaks) -> Iterator[slice]:

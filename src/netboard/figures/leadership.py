@@ -7,7 +7,8 @@ from matplotlib.axes import Axes
 from netboard.figures.marks import draw_dyads, draw_mean, how_many, look_of, new_mosaic, styled, titled
 from netboard.figures.measures import BESIDE, legend, places
 from netboard.figures.picture import Picture
-from netboard.findings.leadership import QUESTIONS, Lead, Leaders, leaders
+from netboard.findings.leadership import QUESTIONS, Leaders, leaders
+from netboard.findings.measures import Levels
 from netboard.measuring.study import Study
 
 TITLE = "Who moved first"
@@ -27,20 +28,20 @@ def picture(study: Study) -> Picture:
     found = leaders(study)
     if not found.leads:
         return Picture("leadership", TITLE, "No trial that counts has a delay.", None)
-    names = [question.name for question in QUESTIONS if any(one.question == question for one in found.leads)]
+    names = [question.name for question in QUESTIONS if any(one.measure == question for one in found.leads)]
     figure, axes = new_mosaic(5.0, [names[:2], names[2:]] if len(names) == 4 else [names])
     shown = tuple(dict.fromkeys(one.condition for one in found.leads))
     at = places(shown)
     for name, letter in zip(names, "ABCD", strict=False):
-        _panel(axes[name], [one for one in found.leads if one.question.name == name], at)
+        _panel(axes[name], [one for one in found.leads if one.measure.name == name], at)
         titled(axes[name], letter, name)
     legend(figure, shown)
     return Picture("leadership", TITLE, _caption(found), figure)
 
 
-def _panel(axes: Axes, found: Sequence[Lead], at: dict[str, float]) -> None:
+def _panel(axes: Axes, found: Sequence[Levels], at: dict[str, float]) -> None:
     """Draw an answer: each dyad, and the mean."""
-    in_ms = found[0].question.unit == "s"
+    in_ms = found[0].measure.unit == "s"
     scale = _MS if in_ms else 1.0
     axes.axhline(0.0, color="#888888", linewidth=0.8, zorder=1)
     for team in dict.fromkeys(one.condition.team for one in found):
@@ -60,7 +61,7 @@ def _panel(axes: Axes, found: Sequence[Lead], at: dict[str, float]) -> None:
 
 
 def _caption(found: Leaders) -> str:
-    own = [one for one in found.leads if one.question == QUESTIONS[1]]
+    own = [one for one in found.leads if one.measure == QUESTIONS[1]]
     known = how_many([(one.condition.label, one.mean.n, "dyad") for one in own], [one.rows for one in own], "movement")
     changed = (
         f" In {', '.join(found.changed)} partners changed seats: there a side is no person." if found.changed else ""

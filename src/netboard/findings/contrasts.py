@@ -13,7 +13,8 @@ import numpy as np
 import pandas as pd
 
 from netboard.analysis.contrasts import Contrast, condition_contrast, holm
-from netboard.analysis.statistics import Estimate, paired_effect
+from netboard.analysis.effect_sizes import paired_effect
+from netboard.analysis.statistics import Estimate
 from netboard.findings.groups import conditions, estimated, with_base
 from netboard.findings.measures import EXPLAINED, Measure, as_read, exponential, levels
 from netboard.findings.results import Result, kept

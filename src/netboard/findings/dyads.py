@@ -12,8 +12,9 @@ from math import nan
 import numpy as np
 import pandas as pd
 
+from netboard.analysis.exact_tests import Test, sign_test
 from netboard.analysis.performance import RelativePerformance, better_dyads, level, relative_performance
-from netboard.analysis.statistics import Estimate, Test, sign_test
+from netboard.analysis.statistics import Estimate
 from netboard.findings.groups import QUANTITIES, Condition, Quantity, conditions, counted, estimate, estimated
 from netboard.findings.results import Result
 from netboard.measuring.study import Study

@@ -5,7 +5,7 @@ in bimanual conditions a dyad has two performers, in dyadic ones one. So every d
 it has, and the dyad is the unit of all intervals.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -44,6 +44,8 @@ class Measure:
         Conditions are compared by their ratio, and means are geometric.
     weights : callable or None
         Takes the rows; returns how much each weighs in a performer's mean. None: all the same.
+    level : callable or None
+        Takes a performer's values in a condition; returns one number [its unit]. None: their mean.
     compared : bool
         Conditions are compared in it. Otherwise a difference would say nothing of how well people do.
     """
@@ -55,6 +57,7 @@ class Measure:
     values: Callable[[pd.DataFrame], ArrayLike]
     ratio: bool = False
     weights: Callable[[pd.DataFrame], ArrayLike] | None = None
+    level: Callable[[pd.Series], float] | None = None
     compared: bool = True
 
 
@@ -82,7 +85,14 @@ def _both(name: str) -> Callable[[pd.DataFrame], ArrayLike]:
     return lambda rows: rows[f"left_{name}"] + rows[f"right_{name}"]
 
 
-def _column(name: str) -> Callable[[pd.DataFrame], ArrayLike]:
+def column(name: str) -> Callable[[pd.DataFrame], ArrayLike]:
+    """Take the values that a column has.
+
+    Parameters
+    ----------
+    name : str
+        The column's.
+    """
     return lambda rows: rows[name]
 
 
@@ -91,23 +101,23 @@ def _magnitude(name: str) -> Callable[[pd.DataFrame], ArrayLike]:
 
 
 MEASURES = (
-    Measure("completion time", "s", "performance", "trial", _column("completion"), ratio=True),
-    Measure("velocity peaks", "1", "performance", "trial", _column("peaks")),
-    Measure("SPARC", "1", "performance", "trial", _column("sparc")),
-    Measure("LDLJ", "1", "performance", "trial", _column("ldlj")),
+    Measure("completion time", "s", "performance", "trial", column("completion"), ratio=True),
+    Measure("velocity peaks", "1", "performance", "trial", column("peaks")),
+    Measure("SPARC", "1", "performance", "trial", column("sparc")),
+    Measure("LDLJ", "1", "performance", "trial", column("ldlj")),
     Measure("reaction time", "s", "performance", "trial", _reaction),
-    Measure("overshoots", "1", "performance", "trial", _column("overshoots")),
+    Measure("overshoots", "1", "performance", "trial", column("overshoots")),
     Measure("falls per attempt", "1", "performance", "attempt", lambda rows: rows["outcome"] == "fell"),
     *(Measure(f"{name} share", "1", "coordination", "trial", _share(name)) for name in CLASSES),
     Measure("|delay at 20 %|", "s", "coordination", "movement", _magnitude("delay_20")),
     Measure("|lag|", "s", "coordination", "trial", _magnitude("lag")),
-    Measure("correlation of the hands", "1", "coordination", "trial", _column("correlation"), compared=False),
+    Measure("correlation of the hands", "1", "coordination", "trial", column("correlation"), compared=False),
     Measure("effort", "N2 s", "forces", "trial", _both("effort")),
-    Measure("interaction force", "N", "forces", "trial", _column("interaction")),
+    Measure("interaction force", "N", "forces", "trial", column("interaction")),
     Measure("exchanged energy", "J", "forces", "trial", lambda rows: rows["to_left"] + rows["to_right"]),
     Measure("work given", "J", "forces", "trial", _both("given"), compared=False),
     Measure("work received", "J", "forces", "trial", _both("received"), compared=False),
-    Measure("force share, right", "1", "forces", "trial", _column("force_share"), compared=False),
+    Measure("force share, right", "1", "forces", "trial", column("force_share"), compared=False),
 )
 """All of them."""
 
@@ -171,10 +181,18 @@ def levels(study: Study, measure: Measure) -> pd.DataFrame:
     if measure.ratio:
         values = np.log(np.where(values > 0.0, values, np.nan))
     weights = np.ones(len(rows)) if measure.weights is None else np.asarray(measure.weights(rows), dtype=float)
-    table = rows[PLACE].assign(sum=values * weights, weight=weights, rows=1)[np.isfinite(values)]
-    people = table.groupby(PLACE, as_index=False).sum()
-    people = people.assign(level=people["sum"] / people["weight"])
+    table = rows[PLACE].assign(value=values, sum=values * weights, weight=weights, rows=1)[np.isfinite(values)]
+    people = _people(measure, table)
     return people.groupby(["condition", "dyad"], as_index=False).agg(level=("level", "mean"), rows=("rows", "sum"))
+
+
+def _people(measure: Measure, table: pd.DataFrame) -> pd.DataFrame:
+    """Find the level of each performer in each condition."""
+    people = table.groupby(PLACE, as_index=False)
+    if measure.level is not None:
+        return people.agg(level=("value", measure.level), rows=("rows", "sum"))
+    sums = people[["sum", "weight", "rows"]].sum()
+    return sums.assign(level=sums["sum"] / sums["weight"])
 
 
 def as_read(study: Study) -> tuple[Measure, ...]:
@@ -249,6 +267,35 @@ def _note(one: Levels) -> str:
     return "; ".join(filter(None, (EXPLAINED.get(one.measure.name, ""), f"of {one.rows} {one.measure.of}s")))
 
 
+def levels_of(study: Study, measures: Iterable[Measure]) -> tuple[Levels, ...]:
+    """Find the levels of measures in every condition, and their means.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+    measures : iterable of Measure
+        What is measured.
+
+    Returns
+    -------
+    tuple of Levels
+        By measure, then by condition; conditions in which a measure has no value have none.
+    """
+    found = []
+    for measure in measures:
+        table = levels(study, measure)
+        for condition in conditions(study):
+            own = table[table["condition"] == condition.name]
+            if not len(own):
+                continue
+            estimate, values = t_interval(own["level"]), own["level"].to_numpy()
+            if measure.ratio:
+                estimate, values = exponential(estimate), np.exp(values)
+            found.append(Levels(measure, condition, tuple(own["dyad"]), values, int(own["rows"].sum()), estimate))
+    return tuple(found)
+
+
 @kept
 def overview(study: Study) -> Overview:
     """Find the level of every measure in every condition.
@@ -261,20 +308,9 @@ def overview(study: Study) -> Overview:
     Returns
     -------
     Overview
-        One of `Levels` for each; conditions in which a measure has no value have none.
+        Of all `MEASURES`.
     """
-    found = []
-    for measure in as_read(study):
-        table = levels(study, measure)
-        for condition in conditions(study):
-            own = table[table["condition"] == condition.name]
-            if not len(own):
-                continue
-            estimate, values = t_interval(own["level"]), own["level"].to_numpy()
-            if measure.ratio:
-                estimate, values = exponential(estimate), np.exp(values)
-            found.append(Levels(measure, condition, tuple(own["dyad"]), values, int(own["rows"].sum()), estimate))
-    return Overview(tuple(found))
+    return Overview(levels_of(study, as_read(study)))
 
 
 def exponential(estimate: Estimate) -> Estimate:

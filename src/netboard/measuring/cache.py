@@ -3,11 +3,14 @@
 An entry is one file: the SHA-256 of what follows, then each table as an Arrow stream. Whoever changes a byte of the
 recording, its name, a reading that decides what is measured, or the code that measures, gets another key and measures
 anew; summaries and exclusions are no part of it. An entry is written under another name and renamed; one that was
-damaged since is not used. What was not used for longest goes when all entries are larger than a limit.
+damaged since is not used. What was not used for longest goes when all entries are larger than a limit, but nothing that
+is in use: a study that is larger than that would otherwise drop what it comes to next.
 """
 
 import hashlib
 import os
+import time
+from contextlib import suppress
 from io import BytesIO
 from pathlib import Path
 from tempfile import NamedTemporaryFile
@@ -21,10 +24,13 @@ from netboard.measuring.recordings import FIELDS, Measured
 from netboard.measuring.streams import Streams
 
 LIMIT = 2_000_000_000
-"""What is kept is not more than this, in bytes: some twenty studies of the paper's size [1]."""
+"""What is kept beside what is in use is not more than this, in bytes: some twenty studies of the paper's size [1]."""
 
 ENDING = ".tables"
 """What the name of an entry ends with."""
+
+ABANDONED = 86_400.0
+"""Nobody is writing an entry any more after this [s]."""
 
 _DIGEST_BYTES = 32
 
@@ -43,7 +49,7 @@ class Cache:
     folder : Path
         The folder; it is made if need be.
     limit : int
-        What is kept is not more than this, in bytes [1].
+        What is kept and not in use is dropped from this size on, in bytes [1].
 
     Raises
     ------
@@ -56,6 +62,7 @@ class Cache:
     def __init__(self, folder: Path, limit: int = LIMIT) -> None:
         self._streams = Streams("zstd")
         self._folder, self._limit = folder, limit
+        self._used: set[Path] = set()
         try:
             folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
@@ -87,6 +94,7 @@ class Cache:
         content = memoryview(whole)[_DIGEST_BYTES:]
         if hashlib.sha256(content).digest() != whole[:_DIGEST_BYTES]:
             return None
+        self._used.add(path)
         source = self._streams.source(content)
         return Measured(**{name: self._streams.read(source, fields) for name, fields in FIELDS.items()})
 
@@ -114,7 +122,7 @@ class Cache:
             with NamedTemporaryFile(dir=self._folder, suffix=".part", delete=False) as file:
                 part = Path(file.name)
                 file.write(hashlib.sha256(content).digest() + content)
-            part.replace(self._path(key))
+            self._used.add(part.replace(self._path(key)))
         except OSError as error:
             raise self._refused(error) from error
         finally:
@@ -122,7 +130,7 @@ class Cache:
                 part.unlink(missing_ok=True)
 
     def trim(self) -> None:
-        """Drop what was not used for longest, down to the limit.
+        """Drop what was not used for longest, down to the limit or what is in use, and what killed processes have left.
 
         Raises
         ------
@@ -130,11 +138,15 @@ class Cache:
             If that is not allowed.
         """
         try:
+            for part in self._folder.glob("*.part"):
+                with suppress(FileNotFoundError):  # it got its name just now
+                    if time.time() - part.stat().st_mtime > ABANDONED:
+                        part.unlink()
             entries = [(path, path.stat()) for path in self._folder.glob(f"*{ENDING}")]
             newest_first = sorted(entries, key=lambda entry: -entry[1].st_mtime_ns)
             sizes = np.cumsum([stat.st_size for _, stat in newest_first])
             for (path, _), size in zip(newest_first, sizes, strict=True):
-                if size > self._limit:
+                if size > self._limit and path not in self._used:
                     path.unlink(missing_ok=True)
         except OSError as error:
             raise self._refused(error) from error

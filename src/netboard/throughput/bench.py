@@ -17,8 +17,11 @@ from netboard.measuring.crews import cores
 from netboard.recording.finding import find_recordings
 from netboard.studies.results import Folder, Part, Verdict, new_folder
 from netboard.studies.running import Tell, run
+from netboard.throughput.apart import Took, apart
+from netboard.throughput.making import Measurement, tables
+from netboard.throughput.reading import reading
+from netboard.throughput.remainder import remainder
 from netboard.throughput.specimen import make_study
-from netboard.throughput.stages import Measurement, Took, apart, reading, remainder, tables
 
 SHARES = (0.25, 0.5, 0.75, 1.0)
 """Of the study's recordings [1]."""
@@ -28,6 +31,9 @@ LINEAR = 0.98
 
 FLAT = 1.1
 """A process that measures holds no more than this times as much for a whole study as for a quarter [1]."""
+
+HELD = 1.25
+"""The process that has the tables holds no more than this times as much for a whole study as for a quarter [1]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +85,7 @@ def main(
     given : Path or None
         A folder of recordings; None makes a study.
     workers : int or None
-        How many processes measure; None for one a core [1].
+        How many processes measure; None for one a core; one alone is enough for a small study that is made [1].
     output, json : Path or None
         Where the results go, as for all studies.
     quick : bool
@@ -93,7 +99,8 @@ def main(
         All verdicts.
     """
     recordings = None if given is None else find_recordings([given])
-    count, size = workers or cores(), QUICK if quick else WHOLE
+    size, alone = (QUICK, recordings is None) if quick else (WHOLE, False)
+    count = workers or (1 if alone else cores())
     folder = Folder(output or new_folder("bench-analysis"), force=force)
     settings = {"study": "analysis", "quick": quick, "workers": count}
     return run(folder, settings, lambda tell: study(recordings, size, count, tell), json)
@@ -152,10 +159,11 @@ def _row(recordings: Sequence[Path], workers: int, kept: Path) -> Row:
 def _costs(rows: Sequence[Row], workers: int) -> Part:
     """Say what each share costs."""
     times = ("reading alone [s]", "anew [s]", "kept [s]")
+    how_many = "one process" if workers == 1 else f"{workers} processes"
     ratios = ("anew / reading [1]", "kept / reading [1]", "anew, x real time [1]")
     return Part(
         "costs",
-        f"From the names of the files to the tables of the study, {workers} processes, by the clock",
+        f"From the names of the files to the tables of the study, {how_many}, by the clock",
         ("recordings", "attempts", "data [s]", *times, *ratios),
         [
             (
@@ -239,9 +247,13 @@ def _memory(rows: Sequence[Row]) -> Part:
             Verdict(
                 "a process that measures does not grow with the study",
                 last <= FLAT * first,
-                f"{first / 1e6:.0f} MB for a quarter, {last / 1e6:.0f} MB for all; where the tables are, "
-                f"{start / 1e6:.0f} MB and {growth / 1e6:.0f} MB for each hour of data",
-            )
+                f"{first / 1e6:.0f} MB for a quarter, {last / 1e6:.0f} MB for all",
+            ),
+            Verdict(
+                "the one that has the tables hardly does, for it does not hold the paths",
+                rows[-1].cold.peak <= HELD * rows[0].cold.peak,
+                f"{start / 1e6:.0f} MB and {growth / 1e6:.1f} MB for each hour of data",
+            ),
         ],
     )
 

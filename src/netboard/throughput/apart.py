@@ -1,0 +1,62 @@
+"""What something takes, and how it is called in a process that has done nothing else: so its memory is its own.
+
+What is measured has a module of its own, for such a process imports no more than that.
+"""
+
+import os
+import time
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from multiprocessing import get_context
+from typing import ParamSpec, TypeVar
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class Took:
+    """What something took.
+
+    Attributes
+    ----------
+    seconds : float
+        By the clock [s].
+    cores : float
+        Of cores, in this process and those that it started and saw end [s].
+    """
+
+    seconds: float
+    cores: float
+
+
+class Watch:
+    """Tells what it took since this was made."""
+
+    def __init__(self) -> None:
+        self._began = time.perf_counter(), _of_cores()
+
+    def read(self) -> Took:
+        """Tell."""
+        return Took(time.perf_counter() - self._began[0], _of_cores() - self._began[1])
+
+
+def _of_cores() -> float:
+    """Time that cores have spent on this process and those it saw end [s]."""
+    ended = os.times()
+    return time.process_time() + ended.children_user + ended.children_system
+
+
+def apart(function: Callable[P, T], *arguments: P.args, **more: P.kwargs) -> T:
+    """Call a function in a process of its own.
+
+    Parameters
+    ----------
+    function : callable
+        What is called.
+    *arguments, **more
+        With what.
+    """
+    with ProcessPoolExecutor(1, get_context("spawn")) as pool:
+        return pool.submit(function, *arguments, **more).result()

@@ -1,0 +1,64 @@
+"""From the names of the files to the tables of a study."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from netboard.measuring.cache import Cache
+from netboard.measuring.crews import processes
+from netboard.measuring.readings import Readings
+from netboard.measuring.running import harvest
+from netboard.measuring.shelf import Shelf
+from netboard.measuring.study import study_of
+from netboard.process import peak_memory
+from netboard.throughput.apart import Took, Watch
+
+
+@dataclass(frozen=True, slots=True)
+class Measurement:
+    """What it cost to make the tables of a study.
+
+    Attributes
+    ----------
+    trials : int
+        Attempts in the tables [1].
+    data : float
+        How long the recordings are [s].
+    took : Took
+        From the names of the files to the tables.
+    peak : float
+        The most memory of the process that has the tables, in bytes [1].
+    worker_peak : float
+        The most memory of a process that measured, in bytes; 0 without one [1].
+    """
+
+    trials: int
+    data: float
+    took: Took
+    peak: float
+    worker_peak: float
+
+
+def quiet(what: str, done: int, total: int) -> None:
+    """Tell nobody."""
+
+
+def tables(recordings: Sequence[Path], workers: int, kept: Path) -> Measurement:
+    """Make the tables of a study.
+
+    Parameters
+    ----------
+    recordings : sequence of Path
+        Its recordings.
+    workers : int
+        How many processes [1].
+    kept : Path
+        Where results are kept.
+    """
+    watch = Watch()
+    with TemporaryDirectory() as paths:
+        found = harvest(recordings, Readings(), processes(workers), Cache(kept), Shelf(Path(paths)), quiet)
+        study = study_of(found.measured, Readings(), found.paths)
+    took, data = watch.read(), float(study.blocks["duration"].sum())
+    return Measurement(len(study.trials), data, took, peak_memory(), found.peak)
