@@ -109,7 +109,8 @@ def _crew(wishes: Wishes) -> Crew:
 def _in_words(study: "Study", found: Harvest) -> Iterator[str]:
     """Say what was measured, and what does not count."""
     hours, kept = study.blocks["duration"].sum() / 3600, sum(source.kept for source in found.sources)
-    yield f"{len(found.sources)} recordings, {hours:.2f} h" + (f"; {kept} were measured before" if kept else "")
+    recordings = "1 recording" if len(found.sources) == 1 else f"{len(found.sources)} recordings"
+    yield f"{recordings}, {hours:.2f} h" + (f"; {kept} were measured before" if kept else "")
     for one in found.left_out:
         yield f"  left out: {one.file}: {one.why}"
     left_out = study.exclusions

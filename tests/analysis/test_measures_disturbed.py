@@ -406,7 +406,7 @@ def test_a_pairing_without_a_value_is_no_proof() -> None:
         return float(a[0] @ b[0])
 
     whole = chance_level(list(x), list(x), product, np.random.default_rng(1))
-    assert whole.p == pytest.approx(1 / 3)
+    assert whole.p == pytest.approx(1 / 6)
     x[1, 0, 5] = np.nan
     holed = chance_level(list(x), list(x), product, np.random.default_rng(1))
     assert np.isnan([holed.value, holed.excess, holed.p]).all()

@@ -187,6 +187,14 @@ def test_models_are_ratios(study: Study, drawn: dict[str, Picture]) -> None:
     np.testing.assert_array_equal(residuals, np.column_stack([diagnostics.quantiles, diagnostics.residuals]))
 
 
+@pytest.mark.filterwarnings("error")
+def test_models_of_one_condition_have_no_ratio_to_draw() -> None:
+    dyadic = [block for block in modern_blocks(dyads=2, trials=4, forces=("full",)) if block.configuration == "dyadic"]
+    picture = models.picture(modern_study(dyadic))
+    assert picture.figure is None
+    assert picture.caption.startswith("No model has conditions to tell apart. Completion time: haptics: left out")
+
+
 def test_leads_are_signed_and_zero_is_in_the_middle(study: Study, drawn: dict[str, Picture]) -> None:
     picture = drawn["leadership"]
     for lead in leaders(study).leads:
@@ -218,7 +226,8 @@ def test_the_inert_partner_stands_beside_the_effect(study: Study, drawn: dict[st
         np.testing.assert_allclose(points(axes, f"dyadic, full, {dyad}")[:, 1], 100 * np.array(expected))
     assert points(axes, "dyadic, full, 0")[0, 1] == pytest.approx(100 * found[0].mean_effect.value)
     told = [f"{one.stiffness} N/m: {100 * one.share.value:.0f} %" for one in found if one.has_effect]
-    assert all(part in picture.caption for part in told or ["none to tell"])
+    assert all(part in picture.caption for part in told or ["cannot be told"])
+    assert ("95 % bootstrap intervals" in picture.caption) == bool(told)
 
 
 def test_paths_are_means_and_bands(study: Study, drawn: dict[str, Picture]) -> None:

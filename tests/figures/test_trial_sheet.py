@@ -1,5 +1,6 @@
 """The sheet of a trial shows what the tables say of it."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,8 @@ from netboard.errors import NetboardError
 from netboard.export.runs import runs_of
 from netboard.figures.picture import as_bytes
 from netboard.figures.trial import PANELS, panel, sheet
-from netboard.measuring.readings import Readings
+from netboard.measuring.details import delays_of
+from netboard.measuring.readings import Readings, parse
 from netboard.measuring.recordings import Measured
 from netboard.measuring.take import Block, Take
 from netboard.recording.reader import Recording
@@ -65,6 +67,25 @@ def test_the_words_are_the_numbers_of_the_tables(takes: list[Take], tables: Meas
         assert f"cooperative {number['cooperative'] / total:.0%}" in said["classes"]
         if np.isfinite(number["braking_onset"]):
             assert f"at {number['braking_onset']:.3f} s" in said["braking"]
+
+
+@pytest.mark.parametrize("threshold", ["slower_side", "own_peak"])
+@pytest.mark.parametrize("velocity", ["own_direction", "magnitude"])
+def test_delays_are_drawn_as_they_are_set(takes: list[Take], threshold: str, velocity: str) -> None:
+    words = (f"delays.threshold={threshold}", f"delays.velocity={velocity}")
+    readings = parse("", overrides=words)
+    take = next(replace(one, block=one.block.again(readings)) for one in takes if delays_of(one)[0].cooperative.any())
+    axes = axes_of(take, "delay")
+    lines = {str(line.get_label()): np.asarray(line.get_ydata()) for line in axes.lines}
+    assert (min(lines["left"].min(), lines["right"].min()) >= 0.0) == (velocity == "magnitude")
+    moved, found, _ = delays_of(take)
+    k = int(np.argmax(np.where(moved.cooperative, np.abs(take.own_turns.angle), 0.0)))
+    peaks = {"left": found.left_peak[k], "right": found.right_peak[k]}
+    own = peaks if threshold == "own_peak" else {"": min(peaks.values())}
+    for side, peak in own.items():
+        assert lines[f"_{side} 20 %"] == pytest.approx([200.0 * peak] * 2)
+    whose = "each side's own peak" if threshold == "own_peak" else "the slower side's peak"
+    assert f"of {whose} (lines), in the largest movement" in axes.get_title(loc="left")
 
 
 def test_peaks_are_drawn_where_they_are(takes: list[Take], tables: Measured) -> None:

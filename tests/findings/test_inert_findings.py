@@ -52,11 +52,15 @@ def test_there_is_no_share_of_an_effect_that_may_be_none() -> None:
     assert results.loc[results["quantity"].str.startswith("passive effect"), "value"].notna().all()
 
 
-def test_one_dyad_has_a_share_without_an_interval() -> None:
+def test_one_dyad_has_no_share_to_tell() -> None:
+    """Of one dyad an effect by chance of a thousandth would be shared a hundred times."""
     one = control(150, dyads=1)
     assert one.share.value == pytest.approx(0.5)
     assert np.isnan(one.share.low)
-    assert one.has_effect
+    assert not one.has_effect
+    told = table_of(controls(modern_study(modern_blocks(change=shares, dyads=1))).results).set_index("quantity")
+    assert np.isnan(told.loc["passive share of the effect, 150 N/m", "value"])
+    assert "or there is none" in told.loc["passive share of the effect, 150 N/m", "note"]
 
 
 def test_alone_without_a_pair_or_with_a_robot_there_is_no_control() -> None:

@@ -50,7 +50,7 @@ def test_who_is_followed_is_found_beyond_chance() -> None:
     assert to_right.chance is not None
     assert to_left.chance is not None
     assert to_right.chance.excess == pytest.approx(np.log(2.0), abs=0.05)
-    assert to_right.chance.p == pytest.approx(0.1)
+    assert to_right.chance.p == pytest.approx(1 / 24)
     assert abs(to_left.chance.excess) < 0.01
     assert (to_right.trials, to_right.of) == (12, 12)
 

@@ -105,6 +105,22 @@ def test_other_ways_to_cut_and_filter_give_nearly_the_same(folder: Path, word: s
         np.testing.assert_allclose(column(folder, name, word).mean(), column(folder, name).mean(), atol=0.25)
 
 
+@pytest.mark.parametrize("whole", [False, True])
+def test_a_success_without_a_hold_to_be_found_has_no_measure_up_to_its_completion(folder: Path, whole: bool) -> None:
+    words = ["completion.inside=whole_ball"]
+    if whole:
+        words += ["movements.window=whole", "peaks.window=whole"]
+    succeeded = np.isfinite(column(folder, "completion"))
+    lost = succeeded & np.isnan(column(folder, "completion", *words))
+    assert lost.any()
+    for name in ("peaks", "cooperative", "single"):
+        np.testing.assert_array_equal(np.isnan(column(folder, name, *words)), lost & (not whole))
+    for name in ("lag", "sparc", "left_reaction", "in_target", "left_given", "interaction"):
+        assert np.isnan(column(folder, name, *words)[lost]).all()
+    for name in ("peaks_whole", "braking_onset"):
+        np.testing.assert_array_equal(column(folder, name, *words), column(folder, name))
+
+
 def test_movements_lie_in_their_trials_and_paths_begin_at_the_release(folder: Path) -> None:
     for one in tables(folder):
         duration = {
@@ -129,8 +145,8 @@ def test_an_inert_partner_is_there_with_forces_between_two_people_only(folder: P
 
 def test_a_hole_is_no_movement(tmp_path: Path) -> None:
     rows = two_trials()
-    holed = np.delete(rows, slice(2000, 2300))
+    holed = np.delete(rows, slice(6500, 6800))
     whole, less = (measure(runs_of([recorded(tmp_path, part)])[0], Readings()) for part in (rows, holed))
     assert less.blocks["missing"][0] == 300
     assert less.blocks["duration"][0] == whole.blocks["duration"][0]
-    np.testing.assert_allclose(less.trials["unknown"] - whole.trials["unknown"], [0.3, 0.0], atol=1e-9)
+    np.testing.assert_allclose(less.trials["unknown"] - whole.trials["unknown"], [np.nan, 0.3], atol=1e-9)

@@ -185,6 +185,13 @@ def test_the_order_of_blocks_and_the_people_are_there(whole: Element) -> None:
     ]
 
 
+def test_dyads_of_several_studies_are_told(tmp_path: Path, whole: Element) -> None:
+    assert "more than one study" not in section(whole, "design").text
+    study = study_of([block("a"), block("b", study="another", block=2), block("c", study="", dyad="D02")], Readings())
+    said = "1 dyad of the same pseudonym in more than one study (another, made up): taken for the same people"
+    assert said in section(written(tmp_path, study), "design").text
+
+
 def test_every_excluded_attempt_is_listed_with_every_reason(whole: Element) -> None:
     (table,) = [one for one in section(whole, "quality").all("table") if "with every reason" in one.text]
     listed = {tuple(cell.text for cell in row.children if isinstance(cell, Element)) for row in table.all("tr")[1:]}

@@ -72,6 +72,8 @@ def test_answers_move_what_they_must(parts: dict[str, Part]) -> None:
     before, after = moved["A19", "delay at 10 %, dyadic, haptics off"]
     assert after < before
     assert not [name for (question, name) in moved if question in ("A10", "E5")]
+    most = {(row[0], row[3]): row[4] for row in parts["readings"].rows}
+    assert most["B5", "all of the ball"] == "none left"
 
 
 @pytest.mark.slow

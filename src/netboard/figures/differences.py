@@ -73,5 +73,5 @@ def _caption(found: Sequence[Comparison]) -> str:
     many = f"{n[0]}" if len(n) == 1 else f"{n[0]} to {n[-1]}"
     return (
         "Differences between conditions, of completion times ratios: each dyad with itself (small points), and the "
-        f"mean over dyads with its 95 % t interval (large); n = {many} dyads."
+        f"mean over dyads with its 95 % t interval (large); n = {many} dyad{'s' * (n[-1] != 1)}."
     )

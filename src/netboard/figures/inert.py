@@ -2,14 +2,14 @@
 
 import numpy as np
 
-from netboard.figures.marks import beside, draw_dyads, draw_mean, look_of, new_mosaic, styled
+from netboard.figures.marks import beside, draw_dyads, draw_mean, look_of, many, new_mosaic, styled
 from netboard.figures.picture import Picture
 from netboard.findings.inert import Control, controls
 from netboard.findings.units import PERCENT, POINTS
 from netboard.measuring.modern import STIFFNESSES
 from netboard.measuring.study import Study
 
-_NONE = "What part of the effect is mechanics: none to tell, for the effect may be 0."
+_NONE = "What part of the effect is mechanics cannot be told: the effect may be 0."
 
 TITLE = "How much of it an inert partner would show"
 
@@ -49,7 +49,10 @@ def picture(study: Study) -> Picture:
         for column, mean in zip(columns, means, strict=True):
             draw_mean(axes, column + offset, mean, look, f"{condition.name}, {column}", scale=POINTS.scale)
         axes.plot([], [], linestyle="none", marker=look.marker, color=look.colour, label=condition.feeling)
-    names = ["haptics less off,\nas recorded", *(f"inert partner less still one,\n{k} N/m" for k in STIFFNESSES)]
+    names = [
+        "with forces less without,\nas recorded",
+        *(f"inert partner less still one,\n{k} N/m" for k in STIFFNESSES),
+    ]
     axes.set_xticks(columns, names, fontsize=7)
     axes.set_xlim(-0.5, columns[-1] + 0.5)
     axes.set_ylabel(f"change of the cooperative share {POINTS.in_brackets}")
@@ -60,12 +63,12 @@ def picture(study: Study) -> Picture:
 
 def _caption(found: tuple[Control, ...]) -> str:
     shares = "; ".join(_share(one) for one in found if one.has_effect)
-    told = f"Part of the effect that is mechanics: {shares}." if shares else _NONE
+    told = f"Part of the effect that is mechanics, with 95 % bootstrap intervals: {shares}." if shares else _NONE
     return (
         "Share of cooperative movement in dyadic trials. Left: with forces less without. Right: what either side's "
         "recorded movement gives with an inert hand, which is pushed and never acts, instead of the partner. Large "
         "points: means over dyads with 95 % t intervals; small points: dyads, joined; "
-        f"n = {len(found[0].dyads)} dyads. {told}"
+        f"n = {many(len(found[0].dyads), 'dyad')}. {told}"
     )
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib.axes import Axes
 
-from netboard.figures.marks import look_of, new_mosaic, styled
+from netboard.figures.marks import look_of, many, new_mosaic, styled
 from netboard.figures.picture import Picture
 from netboard.findings.influence import Influence, influences
 from netboard.measuring.study import Study
@@ -83,12 +83,13 @@ def _column(axes: Axes, place: int, one: Influence) -> None:
 
 def _caption(found: list[Influence]) -> str:
     n = sorted({len(one.dyads) for one in found})
-    pairings = [len(one.chance.surrogates) for one in found if one.chance is not None]
+    tests = [one.chance for one in found if one.chance is not None]
     chance = "With a single dyad there are no surrogates."
-    if pairings:
+    if tests:
+        most = max(tests, key=lambda one: one.n)
         chance = (
-            f"Grey: means of dyads made of partners who never met, {max(pairings)} pairings; p cannot be below "
-            f"{1 / (1 + max(pairings)):.2g}."
+            f"Grey: means of dyads made of partners who never met, {many(len(most.surrogates), 'pairing')}. p: share "
+            f"of all exchanges of partners whose mean is as large, at least {most.least_p:.2g}."
         )
     return (
         "How much better the velocity of one side is foretold with 60 ms of the other's past than with its own and "

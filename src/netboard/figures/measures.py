@@ -130,5 +130,7 @@ def _caption(found: Sequence[Levels], shown: Sequence[Condition]) -> str:
     less = f" Fewer have: {', '.join(dict.fromkeys(one.measure.name for one in fewer))}." if fewer else ""
     return (
         "All measures in each condition. Large points: means over dyads with 95 % t intervals; small points: dyads, "
-        f"joined. Completion times: geometric means; SPARC and LDLJ: smoother nearer to zero. {how_many(known)}{less}"
+        "joined. Completion times: geometric means; SPARC and LDLJ: smoother nearer to zero; reaction times: of the "
+        "first hand, sooner of two people by chance. On a light board mechanics makes the share of forces a half, and "
+        f"the interaction force half the spring's pull. {how_many(known)}{less}"
     )

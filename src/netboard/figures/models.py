@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator, NullLocator
 
 from netboard.analysis.effects import Effect
-from netboard.figures.marks import Look, beside, draw_mean, new_mosaic, styled, titled
+from netboard.figures.marks import Look, beside, draw_mean, many, new_mosaic, styled, titled
 from netboard.figures.picture import BLACK, ORANGE, SKY, Picture
 from netboard.findings.models import Fit, Fits, fits
 from netboard.measuring.study import Study
@@ -33,9 +33,10 @@ def picture(study: Study) -> Picture:
     """
     found = fits(study)
     shown = [one for one in found.fits if one.model.fitted]
-    if not shown:
+    if not any(factors_of(one) for one in shown):
         why = "; ".join(f"{one.measure}: {', '.join(one.model.notes)}" for one in found.fits)
-        return Picture("models", TITLE, f"No model could be fitted. {why}.", None)
+        none = "No model has conditions to tell apart" if shown else "No model could be fitted"
+        return Picture("models", TITLE, f"{none}. {why[:1].upper()}{why[1:]}.", None)
     checked = [one for one in shown if one.model.diagnostics is not None]
     figure, axes = new_mosaic(
         3.4, [["terms", "residuals"]] if checked else [["terms"]], width_ratios=[1.5, 1][: 1 + bool(checked)]
@@ -103,7 +104,8 @@ def _residuals(axes: Axes, fit: Fit) -> None:
 
 def _caption(found: Fits, shown: Sequence[Fit]) -> str:
     fitted = "; ".join(
-        f"{one.measure}: {one.model.name}, {one.model.trials} {one.of}s of {one.model.dyads} dyads" for one in shown
+        f"{one.measure}: {one.model.name}, {one.model.trials} {one.of}s of {many(one.model.dyads, 'dyad')}"
+        for one in shown
     )
     failed = "".join(
         f" No model of {one.measure}: {'; '.join(one.model.notes)}." for one in found.fits if not one.model.fitted

@@ -144,7 +144,7 @@ def _caption(study: Study, teams: tuple[TeamStrategy, ...]) -> str:
     }[how.extent]
     counts = [[one.count for one in team.ellipses] for team in teams]
     each = "; ".join(
-        f"{team.team}: n = {many(len(team.spreads[0].dyads), 'dyad')}, {min(count)} to {max(count)} trials an ellipse"
+        f"{team.team}: n = {many(len(team.spreads[0].dyads), 'dyad')}, {_range(count)} trials an ellipse"
         for team, count in zip(teams, counts, strict=True)
     )
     return (
@@ -153,3 +153,9 @@ def _caption(study: Study, teams: tuple[TeamStrategy, ...]) -> str:
         "performers, averaged for each dyad (thin), and means over dyads with bands of 95 % t intervals (thick). "
         f"{each[0].upper()}{each[1:]}."
     )
+
+
+def _range(counts: list[int]) -> str:
+    """Write from what to what numbers go."""
+    low, high = min(counts), max(counts)
+    return f"{low}" if low == high else f"{low} to {high}"

@@ -166,16 +166,20 @@ def draw_delay(axes: Axes, take: Take) -> str:
     first, stop = max(int(turns.first[k]) - round(0.3 * RATE), 0), int(turns.stop[k])
     time = (np.arange(first, stop) - take.trial.release) / RATE
     axes.axvspan((turns.first[k] - take.trial.release) / RATE, time[-1], color=GREEN, alpha=0.15, lw=0)
+    how, peaks = take.block.readings.delays, {"left": found.left_peak[k], "right": found.right_peak[k]}
     for side, went in (("left", moved.left[k]), ("right", moved.right[k])):
-        own = np.sign(went) * getattr(take.found, f"{side}_vz")[first:stop]
+        own = getattr(take.found, f"{side}_vz")[first:stop]
+        own = np.abs(own) if how.velocity == "magnitude" else np.sign(went) * own
         axes.plot(time, own * MM, color=HANDS[side], ls=_STYLES[side], label=side)
-    slower = min(found.left_peak[k], found.right_peak[k])
-    for percent in PERCENT:
-        axes.axhline(percent / 100 * slower * MM, color=GREY, lw=0.6)
+    levels = peaks if how.threshold == "own_peak" else {"": min(peaks.values())}
+    for side, peak in levels.items():
+        for percent in PERCENT:
+            axes.axhline(percent / 100 * peak * MM, color=HANDS.get(side, GREY), lw=0.6, label=f"_{side} {percent} %")
     axes.legend(loc="upper left")
-    said = ", ".join(f"{value * MM:.0f}" for value in found.signed[k])
+    said = ", ".join(f"{value * MM:.0f}" if np.isfinite(value) else "none" for value in found.signed[k])
     at = ", ".join(f"{percent}" for percent in PERCENT)
-    return f"left less right {said} ms at {at} % of the slower side's peak (lines)"
+    whose = "each side's own peak" if how.threshold == "own_peak" else "the slower side's peak"
+    return f"left less right {said} ms at {at} % of {whose} (lines), in the largest movement"
 
 
 def draw_braking(axes: Axes, take: Take) -> str:
@@ -196,7 +200,16 @@ def draw_braking(axes: Axes, take: Take) -> str:
     for onset, colour, word in ((found.initial, ORANGE, "initial"), (found.onset, VERMILION, "braking")):
         if np.isfinite(onset):
             axes.axvline(onset, color=colour, ls=":")
-            axes.annotate(word, (onset, 1.0), xycoords=("data", "axes fraction"), color=colour, fontsize=7, va="top")
+            axes.annotate(
+                word,
+                (onset, 1.0),
+                (3, 0),
+                xycoords=("data", "axes fraction"),
+                textcoords="offset points",
+                color=colour,
+                fontsize=7,
+                va="top",
+            )
     if not np.isfinite(found.onset):
         return "no braking movement"
     return (

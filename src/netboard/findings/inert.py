@@ -54,8 +54,8 @@ class Control:
 
     @property
     def has_effect(self) -> bool:
-        """There may be something to have a share of: no interval of the effect, or one without 0."""
-        return not self.mean_effect.low <= 0.0 <= self.mean_effect.high
+        """There is something to have a share of: an interval of the effect without 0."""
+        return self.mean_effect.low > 0.0 or self.mean_effect.high < 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +85,7 @@ class Controls:
             share, note = one.share, "1 = all is mechanics; intervals of few dyads are too short"
             if not one.has_effect:
                 share = replace(share, value=np.nan, low=np.nan, high=np.nan)
-                note = "no share of an effect whose interval has 0 in it"
+                note = "no share of an effect that may be 0: its interval has 0 in it, or there is none"
             rows.append(_row(f"passive share of the effect, {arm}", group, share, note))
         return tuple(rows)
 

@@ -123,12 +123,12 @@ MEASURES = (
 
 EXPLAINED = {
     "completion time": "geometric mean",
-    "reaction time": "of the hand that is first; trials with an anticipation have none",
+    "reaction time": "of the hand that is first, sooner of two people by chance; trials with an anticipation have none",
     "velocity peaks": "NP, of the ball's speed",
     "|delay at 20 %|": "of cooperative movements",
     "|lag|": "by cross-correlation",
-    "interaction force": "mean magnitude of what cancels in the tilt",
-    "force share, right": "of the right hand, without what each must bear",
+    "interaction force": "mean magnitude of what cancels in the tilt: on a light board half the spring's pull",
+    "force share, right": "of the right hand, without what each must bear: on a light board a half, whatever people do",
     "work given": "of both hands on the coupling",
     "work received": "by both hands from the coupling",
 }

@@ -1,5 +1,7 @@
 """The paper's measures of an attempt, each by the function of `netboard.analysis` and the reading that are set."""
 
+from math import nan
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -68,15 +70,17 @@ def _completion(take: Take) -> dict[str, float]:
 
 
 def _peaks(take: Take) -> dict[str, float]:
+    window = take.block.readings.peaks.window
     return {
-        "peaks": peaks_of(take, take.block.readings.peaks.window).count,
+        "peaks": peaks_of(take, window).count if take.knows(window) else nan,
         "peaks_whole": peaks_of(take, "whole").count,
     }
 
 
 def _movements(take: Take) -> dict[str, float]:
+    known = take.knows(take.block.readings.movements.window)
     times = movement_times(classes_of(take), RATE)
-    return {name: getattr(times, name) for name in times.__slots__}
+    return {name: getattr(times, name) if known else nan for name in times.__slots__}
 
 
 def _strategy(take: Take) -> dict[str, float]:

@@ -52,6 +52,9 @@ BLOCKS = (
 
 _GROUPS = (*PAPER, *MODERN)
 
+_TO_COMPLETION = tuple(field.name for group in MODERN for field in group.fields if field.kind == "number")
+"""Measures of the time up to the completion, whatever the readings are."""
+
 TRIALS = (
     *PLACE,
     words("outcome", "success, fell or timed_out"),
@@ -154,6 +157,8 @@ def _attempt(take: Take, flags: Mapping[int, tuple[str, ...]]) -> dict[str, Any]
     }
     for group in _GROUPS:
         row |= group.measure(take)
+    if not take.knows("to_completion"):
+        row |= dict.fromkeys(_TO_COMPLETION, np.nan)
     return row
 
 

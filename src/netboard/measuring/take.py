@@ -13,7 +13,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.analysis.motion import Motion, Trial, find_completion, motion, placements
+from netboard.analysis.motion import Motion, Trial, Window, find_completion, motion, placements
 from netboard.analysis.segments import Segments, board_segments
 from netboard.analysis.signals import LowPass, bridge, by_number
 from netboard.config import SIDES, Config
@@ -333,6 +333,19 @@ class Take:
             The force, + = up [N].
         """
         return self.block.forces[SIDES.index(side)][self.part][window]
+
+    def knows(self, window: Window) -> bool:
+        """Say whether it is known where a window ends.
+
+        A success of which no hold is to be found has none up to its completion: a hole hides when it began, samples are
+        too far apart, or the readings ask for more than the referee did.
+
+        Parameters
+        ----------
+        window : {"to_completion", "whole"}
+            As for `netboard.analysis.motion.Trial.window`.
+        """
+        return window == "whole" or self.trial.completion is not None or self.attempt.outcome != "success"
 
     @cached_property
     def own_turns(self) -> Segments:

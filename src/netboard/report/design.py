@@ -69,7 +69,8 @@ def design(study: Study) -> Design:
     numbers = tuple(sorted({int(block) for block in blocks["block"]}))
     found = {(row["dyad"], row["block"]): _step(row) for row in blocks.to_dict("records")}
     steps = tuple((dyad, tuple(found.get((dyad, block)) for block in numbers)) for dyad in study.dyads)
-    return Design(steps, numbers, tuple(_sentences(blocks)), _conditions(study, blocks), _beginnings(blocks))
+    sentences = (*_sentences(blocks), *_studies(study.blocks))
+    return Design(steps, numbers, sentences, _conditions(study, blocks), _beginnings(blocks))
 
 
 def _step(row: Mapping[Any, Any]) -> Step:
@@ -94,6 +95,19 @@ def _sentences(blocks: pd.DataFrame) -> list[str]:
     return [
         f"Before its first block together, every dyad had {had}. So a comparison of dyads with their own participants "
         "has practice in it."
+    ]
+
+
+def _studies(blocks: pd.DataFrame) -> list[str]:
+    """Warn of dyads that are in several studies: their trials are numbered as those of one."""
+    names = blocks.groupby("dyad")["study"].unique()
+    several = names[names.map(len) > 1]
+    if several.empty:
+        return []
+    every = ", ".join(sorted({name or "one without a name" for own in several for name in own}))
+    return [
+        f"{counted(len(several), 'dyad')} of the same pseudonym in more than one study ({every}): taken for the same "
+        "people, with trials numbered through. If they are not, analyse each study by itself."
     ]
 
 

@@ -150,7 +150,7 @@ def _most(one: Ambiguity, default: Numbers, found: Numbers) -> tuple[str, str]:
             before, after = default[largest], found[largest].value
             unit = "" if before.unit == "1" else f" {before.unit}"
             return f"{largest}: {before.value:.3g} to {after:.3g}{unit}, {signed(shares[largest])}", moved
-    return "nothing", moved
+    return "none left" if any(map(math.isnan, mine.values())) else "nothing", moved
 
 
 def _tells(name: str, default: Numbers, found: Numbers) -> bool:
