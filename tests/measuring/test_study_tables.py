@@ -6,9 +6,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from made_study import Block
+from made_study import measured as made_block
 from netboard.errors import ConfigError
 from netboard.measuring.exclusions import excluded
 from netboard.measuring.readings import Exclusions, Readings, parse
+from netboard.measuring.recordings import Measured
 from netboard.measuring.study import FIELDS_IN_STUDY, Study, study_of
 from rehearsed_study import measured, rehearse
 
@@ -120,3 +123,34 @@ def test_a_trial_that_is_not_there_cannot_be_excluded(word: str) -> None:
 
 def test_nan_is_no_flag() -> None:
     assert np.array_equal(excluded(blocks(), trials(), Exclusions()).shape, (0, 4))
+
+
+def made(name: str, block: int, opened: str, *, part: int = 1, force: str = "full", study: str = "") -> Measured:
+    """Tables of a recording of one trial."""
+    one = made_block(Block("D01", "D01", "dyadic", force, [{"trial": part}]), block)
+    said = {"recording": name, "opened_utc": opened, "part": part, "study": study}
+    for column, value in said.items():
+        one.blocks[column][:] = value
+    for table in (one.trials, one.movements, one.paths):
+        table["recording"][:] = name
+    return one
+
+
+def test_a_block_that_was_resumed_goes_on_where_it_stopped() -> None:
+    """Its second recording is of another session, with a name that may come first and a part that is the first."""
+    parts = [made("x_ff", 1, "10:00"), made("x_ff_part2", 1, "10:05", part=2), made("x_00", 1, "10:10")]
+    found = study_of(parts, Readings())
+    assert list(found.blocks["recording"]) == ["x_ff", "x_ff_part2", "x_00"]
+    assert list(found.trials["recording"]) == ["x_ff", "x_ff_part2", "x_00"]
+    assert list(found.trials["order"]) == [1, 2, 3]
+    assert set(found.blocks["block"]) == {1}
+
+
+def test_blocks_with_the_same_number_are_counted_through_plan_after_plan() -> None:
+    one = [made("a1", 1, "09:00", study="a"), made("a2", 2, "09:10", study="a", force="none")]
+    other = [made("b1", 1, "08:00", study="b", force="none"), made("b2", 2, "08:10", study="b")]
+    found = study_of([*one, *other], Readings())
+    assert list(found.blocks["recording"]) == ["b1", "b2", "a1", "a2"]
+    assert list(found.blocks["block"]) == list(found.trials["block"]) == [1, 2, 3, 4]
+    imported = [made("i1", 1, "09:00"), made("i2", 1, "09:10", force="none"), made("i3", 1, "09:20")]
+    assert list(study_of(imported, Readings()).blocks["block"]) == [1, 2, 1]

@@ -97,12 +97,11 @@ def _rows(one: Influence) -> list[Result]:
     if chance is None:
         numbers = [("Granger strength", float(one.values.mean()), "nat", f"{note}; one dyad: no surrogates")]
     else:
-        least = 1.0 / (1 + len(chance.surrogates))
         numbers = [
             ("Granger strength", chance.value, "nat", note),
             ("Granger strength of surrogate dyads", chance.level, "nat", f"{len(chance.surrogates)} pairings"),
             ("Granger strength beyond surrogates", chance.excess, "nat", note),
-            ("Granger strength: p by surrogates", chance.p, "1", f"at least {least:.3g} with so many"),
+            ("Granger strength: p by surrogates", chance.p, "1", f"at least {chance.least_p:.3g} with so many dyads"),
         ]
     return [
         Result("influence", name, group, x, np.nan, np.nan, unit, "", n, "dyad", why) for name, x, unit, why in numbers

@@ -30,7 +30,7 @@ BLOCKS = (
     words("session", "name of the session"),
     words("study", "name of the study"),
     count("pilot", "1: not to be counted"),
-    count("block", "number of the block in the dyad's plan, from 1"),
+    count("block", "number of the block in the dyad's plan, from 1; counted through if two have the same"),
     count("part", "number of the recording in its block, from 1"),
     words("configuration", "dyadic: two people with one hand each; bimanual: one with both"),
     words("force", "what the hands felt: full, partner_only, environment_only, none or unrelated"),

@@ -22,7 +22,7 @@ PLACE_IN_STUDY = (
     words("force", "what the hands felt"),
     count("haptics", "1: they felt something"),
     words("condition", "configuration and force, and who the partner was if none of the two people"),
-    count("block", "number of the block in the dyad's plan, from 1"),
+    count("block", "number of the block in the dyad's plan, from 1; counted through if two have the same"),
     count("counts", "1: a successful trial that is not excluded"),
     count("order", "its number among the performer's that count in the condition, from 1; 0 if it does not count"),
 )
@@ -90,22 +90,45 @@ def study_of(
     ConfigError
         If the exclusions name a trial that is not there.
     """
-    in_order = sorted(measured, key=_place)
+    in_order = _in_order(measured)
     if paths is None:
         paths = {one.blocks["recording"][0]: pd.DataFrame(one.paths) for one in in_order}
     tables = {name: _joined([getattr(one, name) for one in in_order]) for name in ("blocks", "trials", "movements")}
     blocks = tables["blocks"]
     blocks["condition"] = _conditions(blocks)
+    blocks["block"] = _numbers(blocks)
     left_out = excluded(blocks, tables["trials"], readings.exclusions)
     trials = _placed(tables["trials"], blocks, left_out, readings)
     movements = tables["movements"].merge(trials[[*_KEYS, *_SHARED]], on=_KEYS, how="left", validate="many_to_one")
     return Study(readings, blocks, trials, movements, paths, left_out)
 
 
-def _place(one: Measured) -> tuple[str, int, int, str]:
-    """Tell where a recording belongs: by dyad and block, and by part where a block was interrupted."""
-    at = one.blocks
-    return at["dyad"][0], at["block"][0], at["part"][0], at["recording"][0]
+def _in_order(measured: Iterable[Measured]) -> list[Measured]:
+    """Sort recordings by dyad, plan after plan, by block, and by their beginnings where a block was interrupted.
+
+    A part has a number only within what was not resumed; a session that was has another name in its recordings.
+    """
+    every = list(measured)
+    began: dict[tuple[str, str], str] = {}
+    for one in every:
+        plan, opened = (one.blocks["dyad"][0], one.blocks["study"][0]), one.blocks["opened_utc"][0]
+        began[plan] = min(began.get(plan, opened), opened)
+
+    def place(one: Measured) -> tuple[str, str, int, str, int, str]:
+        at = {name: one.blocks[name][0] for name in ("dyad", "study", "block", "opened_utc", "part", "recording")}
+        begun = began[at["dyad"], at["study"]]
+        return at["dyad"], begun, at["block"], at["opened_utc"], at["part"], at["recording"]
+
+    return sorted(every, key=place)
+
+
+def _numbers(blocks: pd.DataFrame) -> pd.Series:
+    """Number the blocks: as planned; through, in dyads that have two of one number, of two plans or imported ones."""
+    same = ["dyad", "block", "study", "condition", "performer"]
+    each = blocks.drop_duplicates(same)
+    several = each.loc[each.duplicated(["dyad", "block"]), "dyad"]
+    through = blocks.groupby(same, sort=False).ngroup().groupby(blocks["dyad"])
+    return blocks["block"].where(~blocks["dyad"].isin(several), through.transform(lambda own: pd.factorize(own)[0] + 1))
 
 
 def _joined(parts: Sequence[Columns]) -> pd.DataFrame:
