@@ -82,10 +82,12 @@ def main(named: Sequence[Path], output: Path | None, readings: Readings, wishes:
     cache = Cache(wishes.cache or default_folder()) if wishes.keep else None
     crew = _crew(wishes)
 
+    from netboard.measuring.exclusions import require_recordings
     from netboard.measuring.shelf import Shelf
     from netboard.measuring.study import study_of
     from netboard.report.folder import write_analysis
 
+    require_recordings(readings.exclusions, {path.stem for path in recordings})
     with telling() as tell, new_folder(folder) as part, TemporaryDirectory(dir=part) as paths:
         found = harvest(recordings, readings, crew, cache, Shelf(Path(paths)), tell, skip=wishes.skip)
         study = study_of(found.measured, readings, found.paths)
@@ -113,6 +115,9 @@ def _in_words(study: "Study", found: Harvest) -> Iterator[str]:
     yield f"{recordings}, {hours:.2f} h" + (f"; {kept} were measured before" if kept else "")
     for one in found.left_out:
         yield f"  left out: {one.file}: {one.why}"
+    silent = study.blocks.loc[~study.blocks["recording"].isin(study.trials["recording"]), "recording"]
+    if len(silent):
+        yield f"  without any attempt at a trial: {len(silent)} of these, {silent.iloc[0]} the first"
     left_out = study.exclusions
     failed = int((study.trials["outcome"] != "success").sum())
     excluded = len(left_out.drop_duplicates(["recording", "trial", "attempt"]))

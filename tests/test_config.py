@@ -249,13 +249,18 @@ def test_an_override_goes_before_the_file(override: str, value: Any) -> None:
         ("block.trials", "--set block.trials: write table.key=value"),
         ("block.trials=six", '--set: [block] trials: found "six", expected a whole number'),
         ("block.trails=6", "--set: [block] trails: unknown key; did you mean trials ("),
-        ("blok.trials=6", "rig.toml: [blok]: unknown table; did you mean [block]?"),
+        ("blok.trials=6", "--set: [blok]: unknown table; did you mean [block]?"),
         ("task.stylus_range=0.3", "rig.toml with --set: [task] stylus_range: found 0.3"),
     ],
 )
 def test_a_wrong_override_is_named(override: str, problem: str) -> None:
     (line,) = problems("", override)
     assert line.startswith(problem)
+
+
+def test_a_wrong_table_of_the_file_is_named_whatever_overrides_it() -> None:
+    (line,) = problems("[blok]\ntrials = 5", "blok.trials=6")
+    assert line.startswith("rig.toml: [blok]: unknown table")
 
 
 def test_an_override_of_what_is_no_table_reports_the_file() -> None:

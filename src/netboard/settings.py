@@ -223,11 +223,21 @@ def read(adapter: TypeAdapter[T], cls: type[T], text: str, source: str, override
     """
     known = {table.path: table for table in tables(cls)}
     try:
-        values = tomllib.loads(text)
+        values, given = tomllib.loads(text), tomllib.loads(text)
     except ValueError as error:
         raise ConfigError(f"{source}: not valid TOML: {error}") from None
-    sources = dict.fromkeys((_override(values, word, known) for word in overrides), "--set")
-    return _checked(adapter, values, known, lambda path: sources.get(path, source))
+    overridden = [_override(values, word, known) for word in overrides]
+
+    def source_of(path: Path) -> str:
+        within = any(one[: len(path)] == path for one in overridden)
+        return "--set" if path in overridden or (within and not _has(given, path)) else source
+
+    return _checked(adapter, values, known, source_of)
+
+
+def _has(values: Any, path: Path) -> bool:
+    """Tell whether a table or key was given."""
+    return not path or (isinstance(values, dict) and path[0] in values and _has(values[path[0]], path[1:]))
 
 
 def check(cls: type[T], values: dict[str, Any], path: Path) -> T:

@@ -82,7 +82,7 @@ def test_corrected_p_values_are_those_of_the_family(found: Comparisons) -> None:
     many = comparisons(modern_study(modern_blocks(dyads=14, trials=2, change=halved)))
     sure = comparison(many, "completion time", ON_IN_DYADS)
     family = [one for one in many.comparisons if one.measure.family == "performance"]
-    assert len(family) == 7 * 5
+    assert len(family) == 8 * 5
     assert sure.contrast.permutation.p == pytest.approx(2.0 / 2**14)
     assert sure.contrast.permutation.p <= sure.corrected <= len(family) * 2.0 / 2**14
     assert all(one.corrected >= one.contrast.permutation.p for one in many.comparisons)

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner, Result
 
+from made_recordings import recorded, two_trials
 from netboard.export import formats
 from netboard.services.cli import app
 from rehearsed_study import small_study
@@ -149,6 +150,14 @@ def test_nothing_is_written_over_and_nothing_half_is_left(study: Path) -> None:
     assert "S01.mcap: not an MCAP file" in refused(analyse(study, broken, "-o", "new", "--workers", "1"))
     assert not Path("new").exists()
     assert list(Path().glob(".new*")) == []
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_recordings_without_attempts_are_said(tmp_path: Path) -> None:
+    silent = recorded(tmp_path, two_trials()[:900])
+    result = analyse(silent, "-o", "out", "--workers", "1", "--no-cache")
+    assert result.exit_code == 0, result.output
+    assert f"without any attempt at a trial: 1 of these, {silent.stem} the first" in result.output
 
 
 @pytest.mark.usefixtures("undrawn")

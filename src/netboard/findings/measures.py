@@ -106,6 +106,7 @@ MEASURES = (
     Measure("SPARC", "1", "performance", "trial", column("sparc")),
     Measure("LDLJ", "1", "performance", "trial", column("ldlj")),
     Measure("reaction time", "s", "performance", "trial", _reaction),
+    Measure("time in target", "s", "performance", "trial", column("in_target")),
     Measure("overshoots", "1", "performance", "trial", column("overshoots")),
     Measure("falls per attempt", "1", "performance", "attempt", lambda rows: rows["outcome"] == "fell"),
     *(Measure(f"{name} share", "1", "coordination", "trial", _share(name)) for name in CLASSES),
@@ -117,6 +118,8 @@ MEASURES = (
     Measure("exchanged energy", "J", "forces", "trial", lambda rows: rows["to_left"] + rows["to_right"]),
     Measure("work given", "J", "forces", "trial", _both("given"), compared=False),
     Measure("work received", "J", "forces", "trial", _both("received"), compared=False),
+    Measure("power, left", "W", "forces", "trial", column("left_power"), compared=False),
+    Measure("power, right", "W", "forces", "trial", column("right_power"), compared=False),
     Measure("force share, right", "1", "forces", "trial", column("force_share"), compared=False),
 )
 """All of them."""
@@ -125,12 +128,15 @@ EXPLAINED = {
     "completion time": "geometric mean",
     "reaction time": "of the hand that is first, sooner of two people by chance; trials with an anticipation have none",
     "velocity peaks": "NP, of the ball's speed",
+    "time in target": "before the hold",
     "|delay at 20 %|": "of cooperative movements",
     "|lag|": "by cross-correlation",
     "interaction force": "mean magnitude of what cancels in the tilt: on a light board half the spring's pull",
     "force share, right": "of the right hand, without what each must bear: on a light board a half, whatever people do",
     "work given": "of both hands on the coupling",
     "work received": "by both hands from the coupling",
+    "power, left": "mean, of the left hand on the coupling",
+    "power, right": "mean, of the right hand on the coupling",
 }
 """What must be known to read a measure."""
 

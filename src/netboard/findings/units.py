@@ -41,6 +41,7 @@ READ_IN = {
     "m2/s2": Unit("mm²/s²", 1e6, 0),
     "m4/s2": Unit("cm⁴/s²", 1e8),
     "J": Unit("mJ", 1e3),
+    "W": Unit("mW", 1e3),
 }
 """What SI units are always read in, where it is another one."""
 

@@ -1,6 +1,6 @@
 """Which attempts do not count, and why: the declared rules, applied to all attempts alike, and everything listed."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator
 from typing import Any
 
 import pandas as pd
@@ -36,7 +36,11 @@ def excluded(blocks: pd.DataFrame, trials: pd.DataFrame, rules: Exclusions) -> p
     ConfigError
         If a trial is named that is not there.
     """
-    named = _named(rules.trials, trials)
+    named = named_trials(rules)
+    there = set(zip(trials["recording"], trials["trial"], strict=True))
+    for recording, trial in named:
+        if (recording, trial) not in there:
+            raise ConfigError(f"[exclusions] trials: there is no trial {trial} in {recording!r}")
     recordings = {row["recording"]: row for row in blocks.to_dict("records")}
     pilots = rules.pilots == "always" or (rules.pilots == "unless_all" and not blocks["pilot"].all())
     rows = [
@@ -47,19 +51,52 @@ def excluded(blocks: pd.DataFrame, trials: pd.DataFrame, rules: Exclusions) -> p
     return pd.DataFrame(rows, columns=[field.name for field in EXCLUSIONS])
 
 
-def _named(words_given: Sequence[str], trials: pd.DataFrame) -> dict[tuple[str, int], str]:
-    """Read the trials that an experimenter has excluded."""
-    there = set(zip(trials["recording"], trials["trial"], strict=True))
+def named_trials(rules: Exclusions) -> dict[tuple[str, int], str]:
+    """Read the trials that an experimenter has excluded.
+
+    Parameters
+    ----------
+    rules : Exclusions
+        The rules.
+
+    Returns
+    -------
+    dict
+        Why each does not count, by recording and trial.
+
+    Raises
+    ------
+    ConfigError
+        If one is not written as ``RECORDING/TRIAL: why``.
+    """
     named: dict[tuple[str, int], str] = {}
-    for word in words_given:
+    for word in rules.trials:
         place, colon, why = word.partition(":")
         recording, _, trial = place.strip().rpartition("/")
         if not colon or not why.strip() or not trial.isdecimal():
             raise ConfigError(f"[exclusions] trials: found {word!r}, expected RECORDING/TRIAL: why")
-        if (recording, int(trial)) not in there:
-            raise ConfigError(f"[exclusions] trials: found {word!r}, but there is no trial {trial} in {recording!r}")
         named[recording, int(trial)] = why.strip()
     return named
+
+
+def require_recordings(rules: Exclusions, recordings: Collection[str]) -> None:
+    """Refuse to exclude trials of recordings that are not there, before any is measured.
+
+    Parameters
+    ----------
+    rules : Exclusions
+        The rules.
+    recordings : collection of str
+        Names of the recordings.
+
+    Raises
+    ------
+    ConfigError
+        If a trial is named in another one.
+    """
+    for recording, trial in named_trials(rules):
+        if recording not in recordings:
+            raise ConfigError(f"[exclusions] trials: there is no trial {trial} in {recording!r}: no such recording")
 
 
 def _reasons(
