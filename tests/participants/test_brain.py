@@ -102,6 +102,13 @@ def test_the_first_movement_takes_a_reaction_time() -> None:
     assert np.mean(starts) == pytest.approx(CALM.reaction_time, abs=0.02)
 
 
+def test_nobody_waits_for_ever() -> None:
+    """However unlucky a person is with the tilt that is put up with, a ball far from the target is not just watched."""
+    unlucky = replace(CALM, threshold_deg=2.0, threshold_cv=2.0)
+    for seed in range(100):
+        assert moves_of(make(("left", "right"), unlucky, seed=seed), scene(), 2.0)
+
+
 def test_movements_keep_their_distance() -> None:
     starts = [m.start for m in moves_of(make(("left",), Participant()), scene(), 6.0)]
     assert len(starts) > 3

@@ -45,6 +45,10 @@ REACTION_CV = 0.2
 FORESIGHT_STEPS = 6
 """Steps in which the ball's way is thought ahead [1]."""
 
+LARGEST_THRESHOLD = 0.95
+"""No threshold is more than this share of the largest tilt asked for. One in some two thousand would be so large that no
+tilt is ever off by more, and it is drawn anew only by acting: the person would watch ball after ball fall [1]."""
+
 LEVEL_MARGIN = 0.7
 """When levelling, a person corrects what is off by more than this share of the limit [1]."""
 
@@ -179,10 +183,11 @@ class Brain:
         self._phase = phase
 
     def _draw_threshold(self) -> float:
-        """Tilt error that triggers the next submovement; log-normal [rad]."""
+        """Tilt error that triggers the next submovement; log-normal, but never too large to be reached [rad]."""
         p = self._person
         spread = float(np.sqrt(np.log1p(p.threshold_cv**2)))
-        return radians(p.threshold_deg) * float(np.exp(spread * self._rng.standard_normal()))
+        drawn = p.threshold_deg * float(np.exp(spread * self._rng.standard_normal()))
+        return radians(min(drawn, LARGEST_THRESHOLD * p.max_tilt_deg))
 
     def _play(self, now: float, seen: Percept) -> tuple[Submovement, ...]:
         """Steer the ball."""
