@@ -86,7 +86,7 @@ def live(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Path, dict[
         rig.start_all()
         rig.until(lambda status: status.phase == "levelling")
         seen = watch(rig, 4.0)
-        rig.until(lambda status: status.outcomes >= 2)
+        rig.until(lambda status: status.successes >= 2)
         (path,) = rig.finish()
         yield path, seen
 
