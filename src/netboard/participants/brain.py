@@ -46,8 +46,8 @@ FORESIGHT_STEPS = 6
 """Steps in which the ball's way is thought ahead [1]."""
 
 LARGEST_THRESHOLD = 0.95
-"""No threshold is more than this share of the largest tilt asked for. One in some two thousand would be so large that no
-tilt is ever off by more, and it is drawn anew only by acting: the person would watch ball after ball fall [1]."""
+"""No threshold is more than this share of the largest tilt asked for. One in some two thousand would be so large that
+no tilt is ever off by more, and it is drawn anew only by acting: the person would watch ball after ball fall [1]."""
 
 LEVEL_MARGIN = 0.7
 """When levelling, a person corrects what is off by more than this share of the limit [1]."""
