@@ -337,7 +337,9 @@ def test_an_operator_commands_from_a_shell_and_stops_in_an_emergency(rig: Rig) -
     for side in ("left", "right"):
         armed = (stopped[f"{side}_safeguards"] & Safeguard.ARMED.value) != 0
         seqs = stopped[f"{side}_seq"]
-        held = stopped[seqs > seqs[np.argmin(armed)] + 30]  # the agent has heard of it, and the force has faded
+        disarmed = seqs[np.argmin(armed)]
+        assert disarmed <= seqs[0] + 250, "in the agent's own time it is heard of at once"
+        held = stopped[seqs > disarmed + 30]  # the force has faded
         assert len(held) > 100
         assert not held[f"{side}_rendered"].any()
         assert not (held[f"{side}_safeguards"] & Safeguard.ARMED.value).any()
