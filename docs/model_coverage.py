@@ -9,12 +9,14 @@ are alike, or differ but not in the effect of forces. 400 take half an hour.
 
 import sys
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
 from netboard.analysis.effects import Model
+from netboard.analysis.factors import paper_factors
 from netboard.analysis.models import count_model, log_time_model, share_model
 
 EFFECTS = {"haptics": -0.1, "configuration": -0.1, "haptics x configuration": -0.1, "log trial": -0.1}
@@ -28,7 +30,7 @@ OF_DYADS, OF_PERFORMERS, OF_TRIALS, OF_SLOPES = 0.2, 0.1, 0.5, 0.08
 class Drawn:
     """A study: labels of each trial, and the logarithm of what is expected of it."""
 
-    labels: tuple[NDArray[np.float64], ...]
+    labels: tuple[Any, ...]
     expected: NDArray[np.float64]
 
 
@@ -55,7 +57,7 @@ def draw(
                 labels = (np.full(TRIALS, value) for value in (dyad, performer, felt > 0, together > 0))
                 parts.append(np.column_stack([*labels, order, line]))
     dyad, performer, felt, together, order, line = np.vstack(parts).T
-    return Drawn((dyad, performer, felt > 0, together > 0, order), line)
+    return Drawn((dyad, performer, paper_factors(felt > 0, together > 0), order), line)
 
 
 def fits(rng: np.random.Generator, dyads: int) -> dict[str, Model]:

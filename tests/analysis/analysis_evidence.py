@@ -34,7 +34,17 @@ WITHOUT = {
     **{("signals.paired", kind): CHECKS for kind in ("truth", "properties", "disturbance")},
     **{
         (name, kind): PART
-        for name in ("effects.effects_of", "effects.said", "effects.diagnose", "factors.design_of", "factors.cells_of")
+        for name in (
+            *(
+                "effects.effects_of",
+                "effects.contrasts_of",
+                "effects.careful_freedom",
+                "effects.said",
+                "effects.diagnose",
+            ),
+            *("factors.design_of", "factors.paper_factors", "factors.simple_effects", "factors.cells_of"),
+            "factors.interaction",
+        )
         for kind in ("truth", "properties", "disturbance")
     },
     **{

@@ -17,7 +17,7 @@ from statsmodels.genmod import families
 from statsmodels.genmod.generalized_linear_model import GLM
 
 from netboard.analysis.effects import Model
-from netboard.analysis.factors import COLUMNS
+from netboard.analysis.factors import COLUMNS, Factor, paper_factors
 from netboard.analysis.models import MOST, count_model, log_time_model, share_model
 from netboard.analysis.statistics import t_interval
 
@@ -97,6 +97,12 @@ def kept(labels: Labels, keep: Any) -> Labels:
     return {name: label[keep] for name, label in labels.items()}
 
 
+def given(labels: Labels) -> dict[str, Any]:
+    """The arguments of a model."""
+    others = {name: label for name, label in labels.items() if name not in ("haptics", "dyadic")}
+    return others | {"factors": paper_factors(labels["haptics"], labels["dyadic"])}
+
+
 MODELS: list[tuple[Callable[..., Model], Callable[[Labels, Truth, int], NDArray[np.float64]]]] = [
     (log_time_model, times_of),
     (count_model, counts_of),
@@ -121,7 +127,7 @@ def test_balanced_dyads_have_the_estimates_of_an_analysis_of_variance() -> None:
     log = 1.0 + np.repeat(source.normal(0, 0.5, 6), 8) + source.normal(0, 0.3, 48)
     groups = log.reshape(6, 8)
     between, within = 8 * groups.mean(axis=1).var(ddof=1), groups.var(axis=1, ddof=1).mean()
-    found = log_time_model(np.exp(log), **labels)
+    found = log_time_model(np.exp(log), **given(labels))
     assert variances(found) == pytest.approx({"dyad": (between - within) / 8, "residual": within}, rel=1e-5)
     assert found.effect("intercept").error == pytest.approx(np.sqrt(between / 48), rel=1e-5)
     alone = t_interval(groups.mean(axis=1))
@@ -141,7 +147,7 @@ def test_balanced_performers_within_dyads_have_the_estimates_of_an_analysis_of_v
     dyads, performers = 15 * log.mean(axis=(1, 2)).var(ddof=1), 5 * log.mean(axis=2).var(axis=1, ddof=1).mean()
     residual = log.var(axis=2, ddof=1).mean()
     expected = {"dyad": (dyads - performers) / 15, "performer": (performers - residual) / 5, "residual": residual}
-    found = log_time_model(np.exp(log.ravel()), **labels)
+    found = log_time_model(np.exp(log.ravel()), **given(labels))
     assert variances(found) == pytest.approx(expected, rel=1e-5)
     assert [component.levels for component in found.components] == [7, 21, 105]
     assert (found.trials, found.performers, found.dyads) == (105, 21, 7)
@@ -153,7 +159,7 @@ def test_of_a_balanced_design_haptics_is_the_paired_t_test_of_dyads() -> None:
     times = times_of(labels, Truth(dyad_slope=0.3), 1)
     cells = np.log(times).reshape(5, 2, 12).mean(axis=2)
     expected = t_interval(cells[:, 1] - cells[:, 0])
-    found = log_time_model(times, **labels).effect("haptics")
+    found = log_time_model(times, **given(labels)).effect("haptics")
     ends = (found.estimate.value, found.estimate.low, found.estimate.high)
     assert ends == pytest.approx((expected.value, expected.low, expected.high), rel=1e-4)
     assert found.p == pytest.approx(stats.ttest_rel(cells[:, 1], cells[:, 0]).pvalue, rel=1e-4)
@@ -172,7 +178,7 @@ def test_a_formula_says_the_same() -> None:
     parts = {"performer": "0 + C(performers)", "slope": "0 + h"}
     other = smf.mixedlm("log ~ h * c + np.log(order)", table, groups="dyads", vc_formula=parts, re_formula="1")
     fit = other.fit(reml=True, method=["powell", "lbfgs"])
-    found = log_time_model(times, **labels, slopes="dyad")
+    found = log_time_model(times, **given(labels), slopes="dyad")
     theirs = [fit.fe_params[name] for name in ("Intercept", "h", "c", "h:c", "np.log(order)")]
     errors = [fit.bse_fe[name] for name in ("Intercept", "h", "c", "h:c", "np.log(order)")]
     assert [found.effect(name).estimate.value for name in COLUMNS] == pytest.approx(theirs, rel=1e-4)
@@ -202,7 +208,7 @@ def restricted(log: NDArray[np.float64], labels: Labels, parts: dict[str, float]
 def test_the_restricted_likelihood_is_largest_at_the_estimates(seed: int) -> None:
     labels = plan(4, 6)
     log = np.log(times_of(labels, Truth(dyad_slope=0.05 * seed, performer_slope=0.05), seed))
-    found = log_time_model(np.exp(log), **labels)
+    found = log_time_model(np.exp(log), **given(labels))
     parts = variances(found)
     best, covariance = restricted(log, labels, parts)
     for name in parts:
@@ -218,7 +224,7 @@ def test_the_restricted_likelihood_is_largest_at_the_estimates(seed: int) -> Non
 @pytest.mark.slow
 def test_what_was_put_in_comes_out() -> None:
     labels, truth = plan(30, 10), Truth()
-    found = log_time_model(times_of(labels, truth, 7), **labels)
+    found = log_time_model(times_of(labels, truth, 7), **given(labels))
     assert found.converged
     for name, true in zip(COLUMNS, truth.effects, strict=True):
         effect = found.effect(name)
@@ -236,7 +242,7 @@ def test_z_intervals_of_four_dyads_are_too_short() -> None:
     hits = {"t": 0, "z": 0}
     for seed in range(120):
         times = times_of(labels, truth, seed)
-        effect = log_time_model(times, **labels).effect("haptics")
+        effect = log_time_model(times, **given(labels)).effect("haptics")
         off = abs(effect.estimate.value - (truth.effects[1] + 0.5 * truth.effects[3]))
         hits["t"] += effect.estimate.high - effect.estimate.value >= off
         hits["z"] += stats.norm.ppf(0.975) * effect.error >= off
@@ -249,7 +255,7 @@ def test_z_intervals_of_four_dyads_are_too_short() -> None:
 def test_slopes_make_an_effect_less_sure() -> None:
     labels = plan(6, 20)
     times = times_of(labels, Truth(dyad_slope=0.3, performer_slope=0.3), 3)
-    without, dyad, performer = (log_time_model(times, **labels, slopes=s) for s in ("none", "dyad", "performer"))
+    without, dyad, performer = (log_time_model(times, **given(labels), slopes=s) for s in ("none", "dyad", "performer"))
     assert without.effect("haptics").error < 0.5 * dyad.effect("haptics").error
     assert dyad.effect("haptics x configuration").error < 0.5 * performer.effect("haptics x configuration").error
     assert [len(model.components) for model in (without, dyad, performer)] == [3, 4, 5]
@@ -285,7 +291,7 @@ def mancl_derouen(labels: Labels, values: NDArray[np.float64], model: Model, pow
 def test_errors_of_counts_are_mancl_and_derouens() -> None:
     labels = plan(5, 8)
     counts = counts_of(labels, Truth(), 1)
-    found = count_model(counts, **labels)
+    found = count_model(counts, **given(labels))
     errors = [found.effect(name).error for name in COLUMNS]
     assert errors == pytest.approx(np.sqrt(np.diag(mancl_derouen(labels, counts, found, 1))), rel=1e-6)
     assert found.effect("haptics").free == 4.0
@@ -295,7 +301,7 @@ def test_errors_of_counts_are_mancl_and_derouens() -> None:
 def test_errors_of_shares_are_mancl_and_derouens() -> None:
     labels = plan(5, 12)
     failed = failures_of(labels, Truth(), 1)
-    found = share_model(failed, **labels)
+    found = share_model(failed, **given(labels))
     errors = [found.effect(name).error for name in COLUMNS]
     assert errors == pytest.approx(np.sqrt(np.diag(mancl_derouen(labels, failed, found, 2))), rel=1e-6)
 
@@ -310,7 +316,7 @@ def test_dyads_of_one_trial_are_a_generalised_linear_model() -> None:
         (failed, share_model, families.Binomial()),
     ):
         other = GLM(values, columns(labels), family=family).fit()
-        found = model(values, **labels)
+        found = model(values, **given(labels))
         assert [found.effect(name).estimate.value for name in COLUMNS] == pytest.approx(other.params, rel=1e-5)
 
 
@@ -318,13 +324,14 @@ def test_means_of_conditions_are_those_observed() -> None:
     labels = plan(4, 9)
     labels["order"] = np.ones_like(labels["order"])
     counts = counts_of(labels, Truth(), 3)
-    found = count_model(counts, **labels)
+    found = count_model(counts, **given(labels))
     at = {name: found.effect(name).estimate.value for name in COLUMNS[:4]}
     assert len(found.cells) == 4
     for cell in found.cells:
-        h, c = cell.haptics - 0.5, cell.dyadic - 0.5
+        felt, two = dict(cell.levels)["haptics"] == "on", dict(cell.levels)["configuration"] == "dyadic"
+        h, c = felt - 0.5, two - 0.5
         log = at["intercept"] + h * at["haptics"] + c * at["configuration"] + h * c * at["haptics x configuration"]
-        own = (labels["haptics"] == cell.haptics) & (labels["dyadic"] == cell.dyadic)
+        own = (labels["haptics"] == felt) & (labels["dyadic"] == two)
         assert np.exp(log) == pytest.approx(cell.mean, rel=1e-6)
         assert (cell.mean, cell.trials, cell.dyads) == (pytest.approx(counts[own].mean()), own.sum(), 4)
     bimanual, dyadic = ((np.array([c.mean for c in found.cells])[i + 1] / found.cells[i].mean) for i in (0, 2))
@@ -337,9 +344,9 @@ def test_over_dispersion_is_measured_and_used() -> None:
     calm = Truth(dyad=0.0, performer=0.0, dyad_slope=0.0, performer_slope=0.0)
     mean = np.exp(explained(labels, calm, 1))
     source = np.random.default_rng(1)
-    plain = count_model(source.poisson(mean), **labels)
+    plain = count_model(source.poisson(mean), **given(labels))
     wild_counts = source.poisson(mean * source.gamma(2.0, 0.5, len(mean)))
-    wild, negative = (count_model(wild_counts, **labels, family=f) for f in ("poisson", "negative_binomial"))
+    wild, negative = (count_model(wild_counts, **given(labels), family=f) for f in ("poisson", "negative_binomial"))
     assert plain.dispersion == pytest.approx(1.0, abs=4 * np.sqrt(2 / plain.trials))
     assert wild.dispersion > 2.0
     assert negative.alpha == pytest.approx(0.5, abs=0.1)
@@ -348,7 +355,7 @@ def test_over_dispersion_is_measured_and_used() -> None:
     written = mancl_derouen(labels, wild_counts.astype(float), negative, 1, negative.alpha)
     assert errors == pytest.approx(np.sqrt(np.diag(written)), rel=1e-6)
     steady = np.round(mean)
-    fallen_back = count_model(steady, **labels, family="negative_binomial")
+    fallen_back = count_model(steady, **given(labels), family="negative_binomial")
     assert fallen_back.name == "Poisson GEE"
     assert any("no more than Poisson's" in note for note in fallen_back.notes)
 
@@ -357,7 +364,7 @@ def test_over_dispersion_is_measured_and_used() -> None:
 @every_model
 def test_effects_of_many_dyads_are_recovered(model: Any, sample: Any) -> None:
     labels, truth = plan(40, 8), Truth(dyad=0.1, performer=0.05, dyad_slope=0.05, performer_slope=0.05)
-    found = model(sample(labels, truth, 11), **labels)
+    found = model(sample(labels, truth, 11), **given(labels))
     for name, true in zip(COLUMNS[1:], truth.effects[1:], strict=True):
         effect = found.effect(name)
         assert abs(effect.estimate.value - true) < 4 * effect.error, name
@@ -372,7 +379,7 @@ def test_effects_of_many_dyads_are_recovered(model: Any, sample: Any) -> None:
 def test_another_unit_of_time_shifts_the_intercept_only() -> None:
     labels = plan(4, 8)
     times = times_of(labels, Truth(), 5)
-    seconds, milliseconds = log_time_model(times, **labels), log_time_model(1000.0 * times, **labels)
+    seconds, milliseconds = log_time_model(times, **given(labels)), log_time_model(1000.0 * times, **given(labels))
     first, second = seconds.effect("intercept"), milliseconds.effect("intercept")
     assert second.estimate.value - first.estimate.value == pytest.approx(np.log(1000.0))
     assert second.ratio.high == pytest.approx(1000.0 * first.ratio.high, rel=1e-6)
@@ -390,7 +397,7 @@ def test_names_of_dyads_and_the_order_of_rows_change_nothing(model: Any, sample:
     renamed = kept(labels, by)
     renamed["dyads"] = np.array([{"D00": 7, "D01": 3, "D02": 9, "D03": 1, "D04": 5}[d] for d in renamed["dyads"]])
     renamed["performers"] = np.char.add("P", renamed["performers"].astype(str))
-    one, other = model(values, **labels), model(values[by], **renamed)
+    one, other = model(values, **given(labels)), model(values[by], **given(renamed))
     assert numbers(other) == pytest.approx(numbers(one), rel=2e-3, abs=1e-5)
     assert one.notes == other.notes
     assert one.cells == tuple(replace(cell, mean=pytest.approx(cell.mean)) for cell in other.cells)
@@ -400,8 +407,8 @@ def test_names_of_dyads_and_the_order_of_rows_change_nothing(model: Any, sample:
 def test_performers_belong_to_their_dyad(model: Any, sample: Any) -> None:
     labels = plan(4, 8)
     values = sample(labels, Truth(), 7)
-    alone = model(values, **(labels | {"performers": people(labels)}))
-    assert numbers(model(values, **labels)) == pytest.approx(numbers(alone), rel=1e-6, abs=1e-9)
+    alone = model(values, **given(labels | {"performers": people(labels)}))
+    assert numbers(model(values, **given(labels))) == pytest.approx(numbers(alone), rel=1e-6, abs=1e-9)
     assert alone.performers == 12
 
 
@@ -410,7 +417,7 @@ def test_performers_belong_to_their_dyad(model: Any, sample: Any) -> None:
 def test_conditions_change_places(model: Any, sample: Any) -> None:
     labels = plan(4, 10)
     values = sample(labels, Truth(), 8)
-    one, other = model(values, **labels), model(values, **(labels | {"haptics": ~labels["haptics"]}))
+    one, other = model(values, **given(labels)), model(values, **given(labels | {"haptics": ~labels["haptics"]}))
     for name, sign in zip(COLUMNS, (1, -1, 1, -1, 1), strict=True):
         value = one.effect(name).estimate.value
         assert other.effect(name).estimate.value == pytest.approx(sign * value, rel=1e-3, abs=1e-5)
@@ -421,7 +428,7 @@ def test_conditions_change_places(model: Any, sample: Any) -> None:
 def test_t_and_z_differ_in_their_quantile_only(model: Any, sample: Any) -> None:
     labels = plan(4, 10)
     values = sample(labels, Truth(), 9)
-    t, z = (model(values, **labels, interval=interval, level=0.9).effect("haptics") for interval in ("t", "z"))
+    t, z = (model(values, **given(labels), interval=interval, level=0.9).effect("haptics") for interval in ("t", "z"))
     assert (t.estimate.value, t.error) == (z.estimate.value, z.error)
     assert t.estimate.high - t.estimate.value == pytest.approx(stats.t.ppf(0.95, 3) * t.error)
     assert z.estimate.high - z.estimate.value == pytest.approx(stats.norm.ppf(0.95) * z.error)
@@ -439,8 +446,8 @@ def test_missing_values_are_left_out_and_counted(model: Any, sample: Any) -> Non
     labels = plan(4, 10)
     values = sample(labels, Truth(), 10)
     gone = np.random.default_rng(2).random(len(values)) < 0.1
-    found = model(np.where(gone, np.nan, values), **labels)
-    assert numbers(found) == pytest.approx(numbers(model(values[~gone], **kept(labels, ~gone))))
+    found = model(np.where(gone, np.nan, values), **given(labels))
+    assert numbers(found) == pytest.approx(numbers(model(values[~gone], **given(kept(labels, ~gone)))))
     assert (found.left_out, found.trials) == (gone.sum(), (~gone).sum())
 
 
@@ -448,7 +455,7 @@ def test_missing_values_are_left_out_and_counted(model: Any, sample: Any) -> Non
 def test_one_dyad_has_estimates_and_no_intervals(model: Any, sample: Any) -> None:
     labels = plan(1, 20)
     values = sample(labels, Truth(), 11)
-    found = model(values, **labels)
+    found = model(values, **given(labels))
     assert found.fitted
     assert np.isfinite([effect.estimate.value for effect in found.effects]).all()
     assert np.isnan([(e.estimate.low, e.estimate.high, e.error, e.p) for e in found.effects]).all()
@@ -461,20 +468,20 @@ def test_one_dyad_has_estimates_and_no_intervals(model: Any, sample: Any) -> Non
 @every_model
 def test_a_missing_configuration_is_said(model: Any, sample: Any) -> None:
     labels = kept(plan(4, 12), ~plan(4, 12)["dyadic"])
-    found = model(sample(labels, Truth(), 12), **labels)
+    found = model(sample(labels, Truth(), 12), **given(labels))
     assert found.fitted
     for name in ("configuration", "haptics x configuration", "haptics, dyadic"):
         assert np.isnan([found.effect(name).estimate.value, found.effect(name).error, found.effect(name).p]).all()
     assert np.isfinite(found.effect("haptics").p)
     assert sum("these trials cannot tell it" in note for note in found.notes) >= 2
-    assert [(cell.haptics, cell.dyadic) for cell in found.cells] == [(False, False), (True, False)]
+    assert [cell.label for cell in found.cells] == [f"haptics {felt}, configuration bimanual" for felt in ("off", "on")]
 
 
 @every_model
 def test_without_one_cell_there_is_no_interaction(model: Any, sample: Any) -> None:
     full = plan(4, 12)
     labels = kept(full, ~(full["dyadic"] & full["haptics"]))
-    found = model(sample(labels, Truth(), 13), **labels)
+    found = model(sample(labels, Truth(), 13), **given(labels))
     assert np.isfinite([found.effect("haptics").p, found.effect("configuration").p]).all()
     assert np.isnan(found.effect("haptics x configuration").estimate.value)
     assert len(found.cells) == 3
@@ -483,7 +490,7 @@ def test_without_one_cell_there_is_no_interaction(model: Any, sample: Any) -> No
 @every_model
 def test_no_trials_are_no_model(model: Any, sample: Any) -> None:
     for labels in (kept(plan(2, 2), slice(0, 0)), kept(plan(2, 2), slice(0, 1))):
-        found = model(sample(labels, Truth(), 14), **labels)
+        found = model(sample(labels, Truth(), 14), **given(labels))
         assert not found.fitted
         assert not found.converged
         assert np.isnan(numbers(found)).all()
@@ -493,7 +500,7 @@ def test_no_trials_are_no_model(model: Any, sample: Any) -> None:
 def test_times_without_chance_are_no_model() -> None:
     labels = plan(3, 4)
     for times in (np.full(len(labels["order"]), 2.5), np.exp(columns(labels) @ Truth().effects)):
-        found = log_time_model(times, **labels)
+        found = log_time_model(times, **given(labels))
         assert not found.fitted
         assert any("do not vary" in note for note in found.notes)
 
@@ -506,24 +513,24 @@ def test_a_condition_without_failures_has_no_finite_odds(model: Any, value: floa
     labels = plan(4, 20)
     values = failures_of(labels, Truth(), 15)
     values[labels["dyadic"] & labels["haptics"]] = value
-    found = model(values, **labels)
+    found = model(values, **given(labels))
     assert not found.fitted
     assert np.isnan(numbers(found)).all()
-    assert any(f"{what} in one condition (dyadic, haptics on)" in note for note in found.notes)
+    assert any(f"{what} in one condition (haptics on, configuration dyadic)" in note for note in found.notes)
     assert found.cells[3].mean == value
 
 
 def test_single_trials_do_not_tell_performers_from_chance() -> None:
     labels = kept(plan(8, 2), plan(8, 2)["order"] == 1)
     labels = kept(labels, labels["haptics"])
-    found = log_time_model(times_of(labels, Truth(), 16), **labels)
+    found = log_time_model(times_of(labels, Truth(), 16), **given(labels))
     assert list(variances(found)) == ["dyad", "residual"]
-    assert sum("no source of chance of its own" in note for note in found.notes) == 3
+    assert sum("no source of chance of its own" in note for note in found.notes) == 1
 
 
 def test_warnings_are_notes() -> None:
     labels = plan(1, 8)
-    found = share_model((labels["order"] <= 3).astype(float), **labels)
+    found = share_model((labels["order"] <= 3).astype(float), **given(labels))
     assert any(note.startswith("statsmodels: Perfect separation") for note in found.notes)
     assert len(set(found.notes)) == len(found.notes)
 
@@ -538,7 +545,7 @@ def test_studies_whose_dyads_or_performers_do_not_differ_have_a_fit() -> None:
     without = 0
     for seed in range(48):
         labels = plan(2 + seed % 5, 6)
-        found = log_time_model(times_of(labels, truths[seed % 4], seed), **labels)
+        found = log_time_model(times_of(labels, truths[seed % 4], seed), **given(labels))
         assert found.fitted
         assert found.converged
         assert np.isfinite(numbers(found)).all()
@@ -550,7 +557,7 @@ def test_studies_whose_dyads_or_performers_do_not_differ_have_a_fit() -> None:
 
 def test_times_of_a_performer_that_never_vary_are_no_model() -> None:
     labels = plan(4, 6)
-    found = log_time_model(np.exp(explained(labels, Truth(), 3)), **labels)
+    found = log_time_model(np.exp(explained(labels, Truth(), 3)), **given(labels))
     assert not found.fitted
     assert "not fitted: the times do not vary beyond effects, dyads and performers" in found.notes
 
@@ -558,12 +565,12 @@ def test_times_of_a_performer_that_never_vary_are_no_model() -> None:
 def test_dyads_show_no_error_of_an_effect_that_one_of_them_tells() -> None:
     full = plan(3, 8)
     labels = kept(full, (full["dyads"] == "D00") | ~full["dyadic"])
-    found = count_model(counts_of(labels, Truth(), 18), **labels)
+    found = count_model(counts_of(labels, Truth(), 18), **given(labels))
     assert {"configuration: a single dyad tells it"} < set(found.notes)
     assert any(note.startswith("no intervals") for note in found.notes)
     assert np.isfinite(found.effect("configuration").estimate.value)
     assert np.isnan([effect.error for effect in found.effects]).all()
-    mixed = log_time_model(times_of(labels, Truth(), 18), **labels)
+    mixed = log_time_model(times_of(labels, Truth(), 18), **given(labels))
     assert "configuration: a single dyad tells it" in mixed.notes
     assert np.isfinite(mixed.effect("configuration").error)
 
@@ -573,13 +580,13 @@ def test_wrong_input_is_named(model: Any, sample: Any) -> None:
     labels = plan(2, 3)
     values = sample(labels, Truth(), 19)
     with pytest.raises(ValueError, match="haptics: one for each of"):
-        model(values, **(labels | {"haptics": [True]}))
+        model(values, **given(labels | {"haptics": np.array([True])}))
     with pytest.raises(ValueError, match="order: trial numbers from 1"):
-        model(values, **(labels | {"order": labels["order"] - 1}))
+        model(values, **given(labels | {"order": labels["order"] - 1}))
     with pytest.raises(ValueError, match="expected, found -1"):
-        model(np.where(values == values[0], -1.0, values), **labels)
+        model(np.where(values == values[0], -1.0, values), **given(labels))
     with pytest.raises(ValueError, match="no effect 'sex'"):
-        model(values, **labels).effect("sex")
+        model(values, **given(labels)).effect("sex")
 
 
 @pytest.mark.parametrize("family", ["poisson", "negative_binomial"])
@@ -589,15 +596,107 @@ def test_what_is_no_count_is_named(family: Any, count: float) -> None:
     counts = counts_of(labels, Truth(), 19)
     counts[3] = count
     with pytest.raises(ValueError, match=r"whole numbers from 0 to 2\^53 are expected, found " + re.escape(str(count))):
-        count_model(counts, **labels, family=family)
+        count_model(counts, **given(labels), family=family)
 
 
 @pytest.mark.parametrize("family", ["poisson", "negative_binomial"])
 def test_the_largest_counts_are_modelled(family: Any) -> None:
     labels = plan(4, 3)
-    found = count_model(np.full(len(labels["order"]), MOST), **labels, family=family)
+    found = count_model(np.full(len(labels["order"]), MOST), **given(labels), family=family)
     assert found.fitted
     assert all(cell.mean == MOST for cell in found.cells)
+
+
+# --- any factors -------------------------------------------------------------------------------------------------
+
+
+def with_masses(labels: Labels) -> dict[str, Any]:
+    """A study of haptics x configuration x mass, the mass by turns."""
+    grams = np.array([100.0, 200.0, 400.0])[labels["order"] % 3]
+    named = np.array(["light", "middle", "heavy"])[labels["order"] % 3]
+    arguments = given(labels)
+    numeric, categorical = (
+        Factor("mass", grams, numeric=True, unit="g"),
+        Factor("mass", named, ("light", "middle", "heavy")),
+    )
+    return {"numeric": arguments | {"factors": (*arguments["factors"], numeric)}} | {
+        "categorical": arguments | {"factors": (*arguments["factors"], categorical)}
+    }
+
+
+@every_model
+def test_every_factor_of_a_study_is_a_term(model: Any, sample: Any) -> None:
+    labels = plan(6, 12)
+    arguments = with_masses(labels)["categorical"]
+    found = model(sample(labels, Truth(), 30), **arguments)
+    assert found.fitted
+    masses = [f"mass: {level} less light" for level in ("middle", "heavy")]
+    others = [f"{name} x {mass}" for name in ("haptics", "configuration") for mass in masses]
+    simple = ["haptics, bimanual", "haptics, dyadic", *(f"haptics, {level}" for level in ("light", "middle", "heavy"))]
+    names = {effect.name for effect in found.effects if np.isfinite(effect.p)}
+    assert {*COLUMNS, *masses, *others, *simple} <= names
+    assert found.equation.split(" = ")[1].startswith(
+        "intercept + haptics x configuration + haptics x mass + configuration x mass + b log(trial)"
+    )
+    assert len(found.cells) == 12
+
+
+def test_effects_of_a_numeric_and_of_a_categorical_factor_are_recovered() -> None:
+    labels = plan(8, 12)
+    every = with_masses(labels)
+    grams = every["numeric"]["factors"][2].values
+    times = times_of(labels, Truth(residual=0.02), 31) * np.exp(0.002 * grams)
+    line, each = (log_time_model(times, **every[kind]) for kind in ("numeric", "categorical"))
+    assert line.effect("mass").estimate.value == pytest.approx(0.002, rel=0.05)
+    assert each.effect("mass: middle less light").estimate.value == pytest.approx(0.2, rel=0.05)
+    assert each.effect("mass: heavy less light").estimate.value == pytest.approx(0.6, rel=0.05)
+    ends = line.effect("haptics, mass 100.0").estimate.value, line.effect("haptics, mass 400.0").estimate.value
+    slope = line.effect("haptics x mass").estimate.value
+    assert ends[1] - ends[0] == pytest.approx(300.0 * slope, abs=1e-9)
+    assert {"mass by dyad", "mass by performer"} <= set(variances(line))
+
+
+@every_model
+def test_the_order_of_levels_and_the_reference_change_signs_only(model: Any, sample: Any) -> None:
+    labels = plan(6, 12)
+    arguments = with_masses(labels)["categorical"]
+    haptics, configuration, mass = arguments["factors"]
+    turned = Factor("mass", mass.values, ("heavy", "light", "middle"))
+    values = sample(labels, Truth(), 32)
+    one = model(values, **arguments)
+    other = model(values, **arguments | {"factors": (haptics, configuration, turned)})
+    before, after = one.effect("mass: heavy less light"), other.effect("mass: light less heavy")
+    assert after.estimate.value == pytest.approx(-before.estimate.value, abs=1e-5)
+    assert after.error == pytest.approx(before.error, rel=1e-3)
+    assert other.effect("haptics").estimate.value == pytest.approx(one.effect("haptics").estimate.value, abs=1e-5)
+    assert other.effect("haptics").error == pytest.approx(one.effect("haptics").error, rel=1e-3)
+
+
+@every_model
+def test_a_factor_between_dyads_takes_a_degree_of_freedom(model: Any, sample: Any) -> None:
+    labels = plan(6, 12)
+    group = Factor("group", np.where(np.unique(labels["dyads"], return_inverse=True)[1] % 2, "trained", "novice"))
+    arguments = given(labels)
+    values = sample(labels, Truth(), 33)
+    found = model(values, **arguments | {"factors": (*arguments["factors"], group)})
+    assert found.effect("group").free == 4.0
+    assert not any(name.startswith("group by") for name in variances(found))
+    alone = model(values, **arguments | {"factors": (group,)})
+    assert [effect.name for effect in alone.effects] == ["intercept", "group", "log trial"]
+
+
+def test_a_level_that_is_not_declared_and_two_factors_of_one_name_are_named() -> None:
+    labels = plan(2, 3)
+    arguments, times = given(labels), times_of(labels, Truth(), 34)
+    haptics = arguments["factors"][0]
+    other = Factor("haptics", haptics.values, ("off", "full"))
+    with pytest.raises(ValueError, match="haptics: one of off, full is expected, found on"):
+        log_time_model(times, **arguments | {"factors": (other,)})
+    with pytest.raises(ValueError, match="a name of its own"):
+        log_time_model(times, **arguments | {"factors": (haptics, haptics)})
+    holes = Factor("mass", np.where(labels["order"] == 1, np.nan, 1.0), numeric=True)
+    with pytest.raises(ValueError, match="mass: a number for each trial is expected, found nan"):
+        log_time_model(times, **arguments | {"factors": (holes,)})
 
 
 # --- residuals ---------------------------------------------------------------------------------------------------
@@ -605,7 +704,7 @@ def test_the_largest_counts_are_modelled(family: Any) -> None:
 
 def test_normal_residuals_lie_on_a_line() -> None:
     labels = plan(4, 40)
-    found = log_time_model(times_of(labels, Truth(), 20), **labels).diagnostics
+    found = log_time_model(times_of(labels, Truth(), 20), **given(labels)).diagnostics
     assert found is not None
     assert np.corrcoef(found.quantiles, found.residuals)[0, 1] > 0.997
     assert (found.residuals.mean(), found.residuals.std()) == pytest.approx((0.0, 1.0), abs=1e-6)
@@ -625,13 +724,13 @@ def test_diagnostics_find_what_is_wrong() -> None:
         streaks[i] += 0.6 * streaks[i - 1]
     skewed = source.exponential(0.4, len(common))
     louder = source.normal(0, 0.4, len(common)) * np.where(labels["dyadic"], 3.0, 1.0)
-    found = [log_time_model(np.exp(common + x), **labels).diagnostics for x in (streaks, skewed, louder)]
+    found = [log_time_model(np.exp(common + x), **given(labels)).diagnostics for x in (streaks, skewed, louder)]
     assert all(one is not None for one in found)
     assert found[0].successive == pytest.approx(0.6, abs=0.1)
     assert found[1].skewness == pytest.approx(2.0, abs=0.5)
     assert found[2].spread > 0.3
     by = np.random.default_rng(0).permutation(len(common))
-    mixed = log_time_model(np.exp(common + streaks)[by], **kept(labels, by)).diagnostics
+    mixed = log_time_model(np.exp(common + streaks)[by], **given(kept(labels, by))).diagnostics
     assert mixed.successive == pytest.approx(found[0].successive, abs=1e-3)
 
 

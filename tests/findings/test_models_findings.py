@@ -1,25 +1,25 @@
 """Models of a study: their terms are the results, and what cannot be fitted says why."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from made_modern import modern_blocks, modern_study
 from made_study import Block, made_study, times
+from netboard.analysis.factors import paper_factors
 from netboard.analysis.models import log_time_model
 from netboard.findings.models import Fits, fits
 from netboard.findings.results import table_of
 from netboard.measuring.study import Study
 
 
-def _columns(study: Study) -> tuple[pd.Series, ...]:
+def _columns(study: Study) -> tuple[Any, ...]:
     rows = study.counted
     return (
         *(rows[name] for name in ("completion", "dyad", "performer")),
-        rows["haptics"] == 1,
-        rows["configuration"] == "dyadic",
+        paper_factors(rows["haptics"] == 1, rows["configuration"] == "dyadic"),
         rows["order"],
     )
 

@@ -12,13 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from netboard.analysis.factors import COLUMNS, Cell, Design
+from netboard.analysis.factors import Cell, Design, simple_effects
 from netboard.analysis.statistics import Estimate
 
 Interval = Literal["t", "z"]
-
-WITHIN = {"haptics, bimanual": -0.5, "haptics, dyadic": 0.5}
-"""Haptics in one configuration: its own effect, and so much of the interaction [1]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +25,7 @@ class Effect:
     Attributes
     ----------
     name : str
-        One of `COLUMNS` or of `WITHIN`.
+        A column of the design, or an effect of `simple_effects`, such as ``haptics, dyadic``.
     estimate : Estimate
         Its coefficient; NaN where data cannot tell it [log of the response].
     ratio : Estimate
@@ -114,7 +111,7 @@ class Model:
     converged : bool
         The fit ended where it should.
     effects : tuple of Effect
-        Those of `COLUMNS`, then those of `WITHIN`.
+        One for each column of the model, then those of `simple_effects`.
     components : tuple of Component
         Sources of chance, the residual last; none of a marginal model.
     cells : tuple of Cell
@@ -162,7 +159,7 @@ class Model:
         Parameters
         ----------
         name : str
-            One of `COLUMNS` or of `WITHIN`.
+            Its name.
 
         Returns
         -------
@@ -188,7 +185,7 @@ def effects_of(
     level: float,
     interval: Interval,
 ) -> tuple[Effect, ...]:
-    """Turn coefficients into effects, those of haptics in each configuration with them.
+    """Turn coefficients into effects, those of a factor at each level of another with them.
 
     Parameters
     ----------
@@ -201,25 +198,62 @@ def effects_of(
     level : float
         Confidence [1].
     interval : {"t", "z"}
-        Student's with one degree of freedom less than dyads; or the normal one.
+        Student's with `careful_freedom`; or the normal one.
 
     Returns
     -------
     tuple of Effect
-        Those of `COLUMNS`, then those of `WITHIN`; NaN where data cannot tell.
+        One for each column asked for, then those of `simple_effects`; NaN where data cannot tell.
     """
-    free = design.n_dyads - 1.0 if interval == "t" else inf
-    rows: dict[str, NDArray[np.float64]] = {name: np.eye(len(design.names))[i] for i, name in enumerate(design.names)}
-    if COLUMNS[3] in rows:
-        rows |= {name: rows[COLUMNS[1]] + share * rows[COLUMNS[3]] for name, share in WITHIN.items()}
+    free = careful_freedom(design) if interval == "t" else inf
     found = []
-    for name in (*COLUMNS, *WITHIN):
-        row = rows.get(name)
+    for name, row in contrasts_of(design).items():
         value = nan if row is None else float(row @ coefficients)
         variance = nan if row is None else float(row @ covariance @ row)
         error = sqrt(variance) if variance >= 0.0 else nan
         found.append(_effect(name, value, error, free, level, design.n_dyads))
     return tuple(found)
+
+
+def careful_freedom(design: Design) -> float:
+    """Return the degrees of freedom between dyads: dyads less one, and less the effects that vary between dyads only.
+
+    Parameters
+    ----------
+    design : Design
+        The trials.
+
+    Returns
+    -------
+    float
+        Degrees of freedom; 0 if there are too few dyads [1].
+    """
+    return max(0.0, design.n_dyads - 1.0 - design.between)
+
+
+def contrasts_of(design: Design) -> dict[str, NDArray[np.float64] | None]:
+    """Return how much each effect has of each coefficient.
+
+    Parameters
+    ----------
+    design : Design
+        The trials.
+
+    Returns
+    -------
+    dict of str to ndarray of float64, shape (k,), or None
+        By name of the effect; None where these trials cannot tell a coefficient that it needs [1].
+    """
+    place = {name: i for i, name in enumerate(design.names)}
+    wanted = {name: {name: 1.0} for name in design.asked} | simple_effects(design)
+    rows: dict[str, NDArray[np.float64] | None] = {}
+    for name, shares in wanted.items():
+        row = np.zeros(len(place))
+        known = all(column in place for column in shares)
+        for column, share in shares.items() if known else ():
+            row[place[column]] = share
+        rows[name] = row if known else None
+    return rows
 
 
 def _effect(name: str, value: float, error: float, free: float, level: float, n: int) -> Effect:
@@ -270,10 +304,10 @@ def diagnose(design: Design, residuals: NDArray[np.float64], fitted: NDArray[np.
 
 def _successive(design: Design, residuals: NDArray[np.float64]) -> float:
     """Correlate residuals of trials k and k + 1 of one performer in one condition."""
-    keys = np.column_stack([design.performers, design.haptics, design.dyadic, design.order])
+    keys = np.column_stack([design.performers, design.conditions, design.order])
     by = np.lexsort(keys.T[::-1])
     keys, residuals = keys[by], residuals[by]
-    next_to = (np.diff(keys[:, :3], axis=0) == 0.0).all(axis=1) & (np.diff(keys[:, 3]) == 1.0)
+    next_to = (np.diff(keys[:, :2], axis=0) == 0.0).all(axis=1) & (np.diff(keys[:, 2]) == 1.0)
     if next_to.sum() < 3:
         return nan
     return float(np.corrcoef(residuals[:-1][next_to], residuals[1:][next_to])[0, 1])

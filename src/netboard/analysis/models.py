@@ -1,4 +1,4 @@
-"""Models of a whole study: completion times, counts and failures over haptics, configuration and practice.
+"""Models of a whole study: completion times, counts and failures over the study's factors and practice.
 
 Trials of a dyad are alike, and so are trials of a performer. The mixed model of log times says so with sources of
 chance; the models of counts and shares leave it open and take the spread between dyads for their errors. Either way the
@@ -9,8 +9,9 @@ Needs statsmodels (extra `analysis`). docs/analysis-modern.md has the equations,
 """
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 from math import nan, sqrt
 from typing import Any, Literal
 
@@ -30,7 +31,7 @@ from netboard.analysis.effects import (
     effects_of,
     said,
 )
-from netboard.analysis.factors import Design, cells_of, design_of
+from netboard.analysis.factors import Design, Factor, cells_of, design_of
 from netboard.analysis.restricted import restricted_fit
 
 Slopes = Literal["none", "dyad", "performer"]
@@ -42,9 +43,9 @@ FEW = 20
 MOST = 2.0**53
 """The largest count: beyond it a float64 does not tell a whole number from the next [1]."""
 
-TIMES = "log(time) = intercept + haptics x configuration + b log(trial) + dyad + performer (+ slopes) + residual"
-COUNTS = "log(mean count) = intercept + haptics x configuration + b log(trial)"
-SHARES = "log(odds) = intercept + haptics x configuration + b log(trial)"
+TIMES = "log(time) = {fixed} + dyad + performer (+ slopes) + residual"
+COUNTS = "log(mean count) = {fixed}"
+SHARES = "log(odds) = {fixed}"
 
 _MIXED = (
     "Dyads are a random sample of one population, and performers of a dyad of another: any two could change places.",
@@ -66,8 +67,7 @@ def log_time_model(
     times: ArrayLike,
     dyads: ArrayLike,
     performers: ArrayLike,
-    haptics: ArrayLike,
-    dyadic: ArrayLike,
+    factors: Sequence[Factor],
     order: ArrayLike,
     *,
     slopes: Slopes = "performer",
@@ -82,17 +82,17 @@ def log_time_model(
         Completion times of trials; NaN are left out [s].
     dyads, performers : array_like, shape (n,)
         Whose trial it is: labels of any kind. The performer is a person, or the two of a dyad together.
-    haptics, dyadic : array_like of bool, shape (n,)
-        Forces are felt; two people perform.
+    factors : sequence of Factor
+        The fixed factors of the study, such as `netboard.analysis.factors.paper_factors`.
     order : array_like, shape (n,)
         Number of the trial in its condition, from 1 [1].
     slopes : {"none", "dyad", "performer"}
-        Whose effect of haptics differs by chance: nobody's, a dyad's, or a dyad's and a performer's. Without them an
-        effect that differs between dyads is taken for surer than it is.
+        Whose effects differ by chance: nobody's, a dyad's, or a dyad's and a performer's, of each factor that varies
+        within performers. Without them an effect that differs between dyads is taken for surer than it is.
     level : float
         Confidence [1].
     interval : {"t", "z"}
-        Student's with one degree of freedom less than dyads; or the normal one, which is too short for few.
+        Student's with the degrees of freedom between dyads (`careful_freedom`); or the normal one, too short for few.
 
     Returns
     -------
@@ -107,7 +107,7 @@ def log_time_model(
     seconds = np.asarray(times, dtype=float)
     if (seconds <= 0.0).any():
         raise ValueError(f"times: positive times are expected, found {seconds[seconds <= 0.0][0]} s")
-    design = design_of(np.log(seconds), dyads, performers, haptics, dyadic, order)
+    design = design_of(np.log(seconds), dyads, performers, factors, order)
     fit = _Fit("linear mixed model, REML", TIMES, _MIXED, level, interval, geometric=True)
     lack = _lack(design)
     if lack:
@@ -124,8 +124,7 @@ def count_model(
     counts: ArrayLike,
     dyads: ArrayLike,
     performers: ArrayLike,
-    haptics: ArrayLike,
-    dyadic: ArrayLike,
+    factors: Sequence[Factor],
     order: ArrayLike,
     *,
     family: Family = "poisson",
@@ -143,8 +142,8 @@ def count_model(
         Whole numbers from 0 to `MOST`; NaN are left out [1].
     dyads, performers : array_like, shape (n,)
         Whose trial it is: labels of any kind. The performer is a person, or the two of a dyad together.
-    haptics, dyadic : array_like of bool, shape (n,)
-        Forces are felt; two people perform.
+    factors : sequence of Factor
+        The fixed factors of the study, such as `netboard.analysis.factors.paper_factors`.
     order : array_like, shape (n,)
         Number of the trial in its condition, from 1 [1].
     family : {"poisson", "negative_binomial"}
@@ -152,7 +151,7 @@ def count_model(
     level : float
         Confidence [1].
     interval : {"t", "z"}
-        Student's with one degree of freedom less than dyads; or the normal one, which is too short for few.
+        Student's with the degrees of freedom between dyads (`careful_freedom`); or the normal one, too short for few.
 
     Returns
     -------
@@ -168,7 +167,7 @@ def count_model(
     strange = np.isfinite(values) & ((values < 0.0) | (values != np.floor(values)) | (values > MOST))
     if strange.any():
         raise ValueError(f"counts: whole numbers from 0 to 2^53 are expected, found {values[strange][0]}")
-    design = design_of(values, dyads, performers, haptics, dyadic, order)
+    design = design_of(values, dyads, performers, factors, order)
     assumptions = tuple(sentence.format(what="mean count") for sentence in _MARGINAL)
     fit = _Fit("Poisson GEE", COUNTS, assumptions, level, interval)
     lack = _lack(design) or _one_sided(design, "nothing was counted", 0.0)
@@ -184,8 +183,7 @@ def share_model(
     failed: ArrayLike,
     dyads: ArrayLike,
     performers: ArrayLike,
-    haptics: ArrayLike,
-    dyadic: ArrayLike,
+    factors: Sequence[Factor],
     order: ArrayLike,
     *,
     level: float = 0.95,
@@ -199,14 +197,14 @@ def share_model(
         1 for an attempt that failed, 0 for one that did not; NaN are left out [1].
     dyads, performers : array_like, shape (n,)
         Whose attempt it is: labels of any kind. The performer is a person, or the two of a dyad together.
-    haptics, dyadic : array_like of bool, shape (n,)
-        Forces are felt; two people perform.
+    factors : sequence of Factor
+        The fixed factors of the study, such as `netboard.analysis.factors.paper_factors`.
     order : array_like, shape (n,)
         Number of the trial in its condition, from 1 [1].
     level : float
         Confidence [1].
     interval : {"t", "z"}
-        Student's with one degree of freedom less than dyads; or the normal one, which is too short for few.
+        Student's with the degrees of freedom between dyads (`careful_freedom`); or the normal one, too short for few.
 
     Returns
     -------
@@ -222,7 +220,7 @@ def share_model(
     strange = np.isfinite(values) & (values != 0.0) & (values != 1.0)
     if strange.any():
         raise ValueError(f"failed: 0 or 1 is expected, found {values[strange][0]}")
-    design = design_of(values, dyads, performers, haptics, dyadic, order)
+    design = design_of(values, dyads, performers, factors, order)
     assumptions = tuple(sentence.format(what="odds") for sentence in _MARGINAL)
     fit = _Fit("logistic GEE", SHARES, assumptions, level, interval)
     lack = _lack(design) or _one_sided(design, "none failed", 0.0) or _one_sided(design, "all failed", 1.0)
@@ -261,7 +259,7 @@ class _Fit:
         few = self._few(design) if fitted else ()
         return Model(
             self.name,
-            self.equation,
+            self.equation.format(fixed=_fixed(design)),
             fitted,
             converged and fitted,
             effects_of(design, coefficients, covariance, level=self.level, interval=self.interval),
@@ -303,6 +301,12 @@ class _Fit:
         return self.model(design, coefficients, unknown, converged=bool(fit.converged), notes=notes)
 
 
+def _fixed(design: Design) -> str:
+    """Write the fixed part of a model; a product of factors has their main effects with it."""
+    pairs = [f"{a.name} x {b.name}" for a, b in combinations(design.factors, 2)]
+    return " + ".join(("intercept", *(pairs or [one.name for one in design.factors]), "b log(trial)"))
+
+
 def _lack(design: Design) -> str:
     """Say what a design has too little of."""
     n, k = design.columns.shape
@@ -313,8 +317,7 @@ def _one_sided(design: Design, what: str, value: float) -> str:
     """Say where the response has the same extreme value in all trials of a condition."""
     for cell in cells_of(design):
         if cell.mean == value:
-            where = f"{'dyadic' if cell.dyadic else 'bimanual'}, haptics {'on' if cell.haptics else 'off'}"
-            return f"not fitted: {what} in one condition ({where}), so an effect has no finite estimate"
+            return f"not fitted: {what} in one condition ({cell.label}), so an effect has no finite estimate"
     return ""
 
 
@@ -346,13 +349,11 @@ def _parts(design: Design, slopes: Slopes) -> tuple[dict[str, NDArray[np.float64
     A source is told from others if its share of the variances is no sum of theirs: the information of REML about the
     variances, at equal ones, is not singular (Searle, Casella and McCulloch, Variance Components, 1992, 6.6).
     """
-    slope = (design.haptics - 0.5)[:, None]
-    dyad, performer = (np.eye(index.max() + 1)[index] for index in (design.dyads, design.performers))
-    wanted = {"dyad": dyad, "performer": performer}
-    if slopes != "none":
-        wanted["haptics by dyad"] = slope * dyad
-    if slopes == "performer":
-        wanted["haptics by performer"] = slope * performer
+    units = {"dyad": design.dyads, "performer": design.performers}
+    wanted = {name: np.eye(index.max() + 1)[index] for name, index in units.items()}
+    for factor in design.varied(design.performers) if slopes != "none" else ():
+        for name in ("dyad", "performer")[: 1 + (slopes == "performer")]:
+            wanted[f"{factor.name} by {name}"] = _each(factor.deviations, wanted[name])
     n, k = design.columns.shape
     basis = np.linalg.qr(design.columns)[0]
     kept: dict[str, NDArray[np.float64]] = {}
@@ -366,6 +367,11 @@ def _parts(design: Design, slopes: Slopes) -> tuple[dict[str, NDArray[np.float64
         else:
             notes.append(f"{name}: no source of chance of its own, these trials cannot tell it")
     return kept, tuple(notes)
+
+
+def _each(deviations: NDArray[np.float64], units: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Multiply every column of a factor with every unit's indicator."""
+    return (units[:, :, None] * deviations[:, None, :]).reshape(len(units), -1)
 
 
 def _independent(sources: list[NDArray[np.float64]], residual: int) -> bool:

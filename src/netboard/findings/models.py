@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 
 from netboard.analysis.effects import Effect, Model
+from netboard.analysis.factors import PRACTICE, Factor, paper_factors
 from netboard.analysis.models import count_model, log_time_model, share_model
 from netboard.findings.measures import rows_of
 from netboard.findings.results import Result, kept
@@ -67,7 +68,7 @@ class Fits:
             interval = f"95 % {effect.estimate.method}" if np.isfinite(low) else ""
             rest = (effect.estimate.n, "dyad", note)
             quantity = f"{fit.measure}: {fit.ratio}"
-            if effect.name == "log trial":
+            if effect.name == PRACTICE:
                 quantity = f"{fit.measure}: exponent of practice"
             elif effect.name == "intercept":
                 quantity, unit = f"{fit.measure}: {fit.first}", "s" if fit.measure == "completion time" else "1"
@@ -77,14 +78,14 @@ class Fits:
 
 def _shown(effect: Effect) -> tuple[float, float, float]:
     """Return a term as what it multiplies; practice as its exponent."""
-    of = effect.estimate if effect.name == "log trial" else effect.ratio
+    of = effect.estimate if effect.name == PRACTICE else effect.ratio
     return of.value, of.low, of.high
 
 
 def _chance(fit: Fit) -> Iterator[Result]:
     for component in fit.model.components:
         numbers = (component.deviation, np.nan, np.nan, "1", "", component.levels)
-        of = "trial" if component.name == "residual" else component.name.removeprefix("haptics by ")
+        of = "trial" if component.name == "residual" else component.name.split(" by ")[-1]
         yield Result("models", f"{fit.measure}: SD on the log scale", component.name, *numbers, of)
 
 
@@ -138,8 +139,24 @@ def _people(rows: pd.DataFrame) -> pd.DataFrame:
     return rows[rows["condition"] == rows["configuration"] + ", " + rows["force"]]
 
 
-def _labels(rows: pd.DataFrame) -> tuple[pd.Series, ...]:
-    return rows["dyad"], rows["performer"], rows["haptics"] == 1, rows["configuration"] == "dyadic", rows["order"]
+def _labels(rows: pd.DataFrame) -> tuple[pd.Series, pd.Series, tuple[Factor, ...], pd.Series]:
+    return rows["dyad"], rows["performer"], factors_of(rows), rows["order"]
+
+
+def factors_of(rows: pd.DataFrame) -> tuple[Factor, ...]:
+    """Return the fixed factors of the models: haptics and configuration.
+
+    Parameters
+    ----------
+    rows : DataFrame
+        Rows of the table of trials.
+
+    Returns
+    -------
+    tuple of Factor
+        What each row has of them.
+    """
+    return paper_factors(rows["haptics"] == 1, rows["configuration"] == "dyadic")
 
 
 def _number_of(attempts: pd.DataFrame) -> pd.Series:
