@@ -9,6 +9,7 @@ from netboard.errors import ConfigError
 from netboard.services import configuration
 from netboard.services.configuration import ConfigFile, Overrides
 from netboard.services.wording import examples
+from netboard.wire.control import CommandName
 
 
 def status(
@@ -42,42 +43,16 @@ def stop(
     raise typer.Exit(service.emergency(settings, release=release, guard=guard))
 
 
-Deed = Literal[
-    "start",
-    "pause",
-    "pause_after_trial",
-    "resume",
-    "abort",
-    "repeat",
-    "veto",
-    "skip",
-    "stop",
-    "stop_after_block",
-    "next",
-    "end",
-    "open",
-    "arm",
-    "disarm",
-    "note",
-    "take",
-    "play",
-    "seek",
-    "speed",
-    "loop",
-    "step",
-    "previous",
-]
-
-
 def control(
     command: Annotated[
-        Deed,
+        CommandName,
         typer.Argument(
             help="abort gives up the attempt, which begins anew; skip counts the trial as done; repeat adds a trial at "
             "the end of the block, and veto takes that back; stop ends the block; next goes on to the next one; end "
-            "ends the session and the server; open takes a form as JSON; take makes this the commander. A replay knows "
-            "play, pause, seek 12.5 (or trial 5, tick 900), speed 0.5, loop (on, off, trial 5, or from and to), step "
-            "(ticks), next and previous (trial, or another mark), and end."
+            "ends the session and the server; emergency_stop takes all forces away, and emergency_release allows them "
+            "again; open takes a form as JSON; take makes this the commander. A replay knows play, pause, seek 12.5 "
+            "(or trial 5, tick 900), speed 0.5, loop (on, off, trial 5, or from and to), step (ticks), next and "
+            "previous (trial, or another mark), and end."
         ),
     ],
     arguments: Annotated[

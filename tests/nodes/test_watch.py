@@ -4,8 +4,8 @@ from itertools import count, islice
 
 import pytest
 
-from netboard.experiment.machine import Cause, Phase
-from netboard.nodes.watch import READY_TICKS, Watch
+from netboard.experiment.machine import STAGE_FAULT, Cause, Phase
+from netboard.nodes.watch import LASTING_TICKS, READY_TICKS, Watch
 
 ALL_THERE: tuple[str, ...] = ()
 TICKS = count()
@@ -35,11 +35,48 @@ def test_without_autostart_it_waits_for_the_operator() -> None:
 
 def test_what_an_operator_was_refused_is_to_be_read_until_something_is_obeyed() -> None:
     watch = Watch(autostart=False)
+    wait(watch, Phase.IDLE, 1, ("the left agent",))
     watch.refused("cannot start without the left agent")
     assert watch.command(next(TICKS), Phase.IDLE, ("the left agent",), "") is Cause.NONE
     assert watch.notice == "cannot start without the left agent"
     watch.obeyed()
     assert watch.notice == ""
+
+
+def test_a_refusal_is_shown_no_longer_than_its_reason_holds() -> None:
+    watch = Watch(autostart=False)
+    wait(watch, Phase.IDLE, 1, ("the left agent",))
+    watch.refused("cannot start without the left agent")
+    wait(watch, Phase.IDLE, 1, ("the right agent",))
+    assert watch.notice == "waiting for the right agent"
+    wait(watch, Phase.IDLE, 1)
+    assert watch.notice == ""
+
+
+def test_in_a_pause_the_reason_that_holds_now_is_shown() -> None:
+    watch = Watch(autostart=False)
+    lost, stopped = "no sample from the left agent", "emergency stop at the left device"
+    watch.command(next(TICKS), Phase.RUNNING, ALL_THERE, lost)
+    assert watch.notice == f"paused: {lost}"
+    wait(watch, Phase.PAUSED, LASTING_TICKS + 1, ALL_THERE, stopped)
+    assert watch.notice == f"paused: {stopped}"
+    watch.await_operator()
+    wait(watch, Phase.PAUSED, 5, ALL_THERE, "the left device is not armed")
+    wait(watch, Phase.PAUSED, 1, ("the logger",))
+    assert watch.notice == "paused: waiting for the logger"
+    wait(watch, Phase.PAUSED, 1)
+    assert watch.notice == f"ready to resume (paused: {stopped})"
+    watch.obeyed()
+    assert wait(watch, Phase.PAUSED, 1) is Cause.NONE
+    assert watch.notice == ""
+
+
+def test_a_fault_of_the_stage_itself_is_shown_too() -> None:
+    watch = Watch(autostart=True)
+    watch.faulted(STAGE_FAULT)
+    assert watch.notice == f"paused: {STAGE_FAULT}"
+    assert wait(watch, Phase.PAUSED, 10 * READY_TICKS) is Cause.NONE
+    assert watch.notice == f"ready to resume (paused: {STAGE_FAULT})"
 
 
 @pytest.mark.parametrize("phase", [Phase.LEVELLING, Phase.RUNNING, Phase.HOLDING])

@@ -1,17 +1,23 @@
 """The command: what it accepts, what it answers, and that it loads no more than it was asked for."""
 
+import inspect
 import os
+import re
 import subprocess
 import sys
+from importlib import resources
 from importlib.metadata import version
 from pathlib import Path
+from typing import get_args
 
 import pytest
 from typer.testing import CliRunner
 
 from netboard.config import Config, parse, played_sides
+from netboard.services import operating
 from netboard.services.cli import app
 from netboard.services.demonstration import demo_settings
+from netboard.wire import control
 
 runner = CliRunner()
 COMMANDS = (
@@ -55,6 +61,16 @@ def test_every_command_has_help_with_examples(command: str) -> None:
 
 def test_nothing_asked_shows_the_help() -> None:
     assert "Usage: netboard" in runner.invoke(app, []).output
+
+
+def test_control_takes_every_command_of_the_protocol_and_no_other() -> None:
+    taken = get_args(get_args(inspect.signature(operating.control).parameters["command"].annotation)[0])
+    page = (resources.files("netboard.wire") / "PROTOCOL.md").read_text()
+    tables = re.findall(r"^\| command \|.*\n\| ---.*\n((?:\|.*\n)+)", page, re.MULTILINE)
+    listed = {
+        name for table in tables for row in table.splitlines() for name in re.findall(r"`(\w+)`", row.split("|")[1])
+    }
+    assert set(taken) == set(control.COMMANDS) == listed
 
 
 def test_version() -> None:

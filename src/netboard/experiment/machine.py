@@ -59,6 +59,10 @@ class Cause(IntEnum):
     SKIP = 17  # operator: this trial is done, without success
 
 
+STAGE_FAULT = "the stage: a value was not finite, or the board stood upright"
+"""Why a stage reports a fault that nobody has told it."""
+
+
 class Action(IntEnum):
     """What the stage does on an edge."""
 

@@ -20,7 +20,7 @@ from netboard import doors, sockets
 from netboard.clock import now_ns
 from netboard.config import SIDES
 from netboard.errors import NetboardError
-from netboard.experiment.machine import Cause, Phase
+from netboard.experiment.machine import STAGE_FAULT, Cause, Phase
 from netboard.nodes import alarm, seats
 from netboard.nodes.alarm import Alarm
 from netboard.nodes.answers import SessionAnswers
@@ -427,7 +427,9 @@ class Session:
         cause, state = Cause(int(row["event"])), self.state[0]
         self._started = self._started or cause == Cause.START
         details = change_of(cause, row, state)
-        if self.watch.notice:
+        if cause == Cause.FAULT:
+            if row["command"] != row["event"]:
+                self.watch.faulted(STAGE_FAULT)
             details["notice"] = self.watch.notice
         self._note(cause.name.lower(), details)
         for name, judged in self.ledger.happened(cause, row, state, self.rows, number):

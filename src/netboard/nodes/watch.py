@@ -11,6 +11,9 @@ from netboard.experiment.machine import TABLE, Cause, Phase
 READY_TICKS = 500
 """Everything must have been ready for so many ticks before a block starts or goes on by itself [1]."""
 
+LASTING_TICKS = 100
+"""A reason that comes during a pause must hold for so many ticks to be named as the cause of the pause later [1]."""
+
 
 @dataclass
 class Watch:
@@ -28,7 +31,11 @@ class Watch:
     notice: str = ""
     _ready_since: int | None = None
     _faulted: bool = False
-    _refused: bool = False
+    _cause: str = ""
+    _trouble: str = ""
+    _trouble_since: int = 0
+    _seen: tuple[Phase, tuple[str, ...], str] | None = None
+    _refused_when: tuple[Phase, tuple[str, ...], str] | None = None
 
     def command(self, tick: int, phase: Phase, missing: tuple[str, ...], trouble: str) -> Cause:
         """Command for this tick.
@@ -55,35 +62,59 @@ class Watch:
             self._ready_since = None
         elif self._ready_since is None:
             self._ready_since = tick
+        if trouble != self._trouble:
+            self._trouble, self._trouble_since = trouble, tick
+        self._seen = (phase, missing, trouble)
         if trouble and Cause.FAULT in TABLE[phase]:
             self._faulted = True
-            self.notice = f"paused: {trouble}"
+            self._pause(trouble)
             return Cause.FAULT
         if self.autostart and self._ready_since is not None and tick - self._ready_since >= READY_TICKS:
             return self._by_itself(phase)
-        if phase == Phase.IDLE and missing and not self._refused:
-            self.notice = "waiting for " + ", ".join(missing)
+        if self._refused_when != self._seen:
+            self._refused_when = None
+            self._say(tick, phase, missing, trouble)
         return Cause.NONE
 
     def obeyed(self) -> None:
         """An operator's wish is carried out: what was to be said before counts no more."""
-        self._faulted = self._refused = False
-        self.notice = ""
+        self._faulted, self._refused_when = False, None
+        self.notice = self._cause = ""
 
     def refused(self, reason: str) -> None:
-        """An operator's wish is not carried out."""
-        self.notice, self._refused = reason, True
+        """An operator's wish is not carried out: the reason is shown until the situation changes."""
+        self.notice, self._refused_when = reason, self._seen
 
     def await_operator(self) -> None:
         """Go on only when an operator wishes it, whatever the reason of the pause was."""
         self._faulted = False
 
+    def faulted(self, reason: str) -> None:
+        """The stage itself has paused the trial."""
+        self._pause(reason)
+
+    def _pause(self, reason: str) -> None:
+        self._refused_when, self._cause = None, reason
+        self.notice = f"paused: {reason}"
+
+    def _say(self, tick: int, phase: Phase, missing: tuple[str, ...], trouble: str) -> None:
+        """Show what holds now, not what held once."""
+        waiting = "waiting for " + ", ".join(missing) if missing else ""
+        if phase == Phase.IDLE:
+            self.notice = waiting
+        elif phase == Phase.PAUSED:
+            if trouble and tick - self._trouble_since >= LASTING_TICKS:
+                self._cause = trouble
+            ready = f"ready to resume (paused: {self._cause})" if self._cause else ""
+            self.notice = f"paused: {trouble or waiting}" if trouble or waiting else ready
+        else:
+            self.notice = ""
+
     def _by_itself(self, phase: Phase) -> Cause:
         if phase == Phase.IDLE:
-            self.notice = ""
+            self.obeyed()
             return Cause.START
         if phase == Phase.PAUSED and self._faulted:
-            self._faulted = False
-            self.notice = ""
+            self.obeyed()
             return Cause.RESUME
         return Cause.NONE

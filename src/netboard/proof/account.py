@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.errors import RecordingError
-from netboard.experiment.machine import Cause
+from netboard.experiment.machine import STAGE_FAULT, Cause
 from netboard.recording.reader import Recording
 from netboard.recording.summary import find_gaps
 from netboard.wire.records import BLOCK_BEGAN, EventRecord
@@ -326,6 +326,6 @@ def _pauses(ticks: NDArray[Any], events: Iterable[EventRecord]) -> Iterator[Paus
         if event is None:
             yield Pause(tick, "")
         elif row["command"] != row["event"]:
-            yield Pause(tick, "the stage: a value was not finite, or the board stood upright")
+            yield Pause(tick, STAGE_FAULT)
         else:
             yield Pause(tick, event.details.get("notice", "").removeprefix("paused: ") or "the operator")

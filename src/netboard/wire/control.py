@@ -4,28 +4,29 @@ A message is data only; `netboard.wire.messages` holds the rules for all of them
 """
 
 from dataclasses import dataclass
+from typing import Literal, get_args
 
 REPLAY_OF = "replay of "
 """With this the notice of a replay begins, and no other."""
 
-REPLAY_COMMANDS = (
+ReplayCommand = Literal[
     "play",
     "seek",  # to a time, a trial or a tick
     "speed",
     "loop",  # one part again and again
     "step",  # by ticks
     "previous",  # trial, note or other mark
-)
+]
 """Commands that only a replay carries out."""
 
-COMMANDS = (
+SessionCommand = Literal[
     "start",  # the block
     "pause",  # at once
     "resume",
     "abort",  # give up this attempt, and try again
     "stop",  # the block, at once
-    "emergency_stop",  # no device has a force any more
-    "emergency_release",  # they may be armed again
+    "emergency_stop",  # all commanded forces are zero
+    "emergency_release",  # devices may be armed again
     "take",  # be the commander
     "open",  # the session: its form, as JSON
     "arm",  # devices may have forces
@@ -38,8 +39,16 @@ COMMANDS = (
     "next",  # give up what is left of this block, and go on with the next one
     "end",  # the session, and with it the server; it can be resumed
     "note",  # for the recording
-    *REPLAY_COMMANDS,
-)
+]
+"""Commands of a live session; a replay carries out some of them too."""
+
+CommandName = Literal[SessionCommand, ReplayCommand]
+"""Every command: what the protocol allows and what ``netboard control`` takes."""
+
+REPLAY_COMMANDS: tuple[str, ...] = get_args(ReplayCommand)
+"""Commands that only a replay carries out."""
+
+COMMANDS: tuple[str, ...] = get_args(CommandName)
 
 
 @dataclass(frozen=True, slots=True)
