@@ -118,12 +118,15 @@ def _in_words(study: "Study", found: Harvest) -> Iterator[str]:
     silent = study.blocks.loc[~study.blocks["recording"].isin(study.trials["recording"]), "recording"]
     if len(silent):
         yield f"  without any attempt at a trial: {len(silent)} of these, {silent.iloc[0]} the first"
+    from netboard.measuring.completions import notes
+
     left_out = study.exclusions
     failed = int((study.trials["outcome"] != "success").sum())
     excluded = len(left_out.drop_duplicates(["recording", "trial", "attempt"]))
     yield f"{len(study.counted)} trials count; {failed} attempts failed; {excluded} attempts are excluded"
     for why, count in left_out["why"].value_counts().sort_index().items():
         yield f"  excluded: {count} x {why}"
+    yield from (f"  {note}" for note in notes(study))
 
 
 def _in_total(folder: Path, seconds: float, peak: float) -> str:

@@ -15,6 +15,9 @@ from netboard.recording.channels import Field
 NOTHING = {"integer": 0, "number": float("nan"), "string": ""}
 Row = Mapping[str, Any]
 
+USUAL: Row = {"outcome": "success", "target": 1, "completion": 1.0}
+"""What an attempt is, if it does not say otherwise."""
+
 
 def rows_of(fields: tuple[Field, ...], rows: Iterable[Row]) -> dict[str, Any]:
     """Make columns of rows that say only some of the columns."""
@@ -52,8 +55,7 @@ def measured(block: Block, number: int) -> Measured:
         "simulated": 1,
     }
     trials = [
-        {"recording": name, "trial": k, "attempt": 1, "outcome": "success", "target": 1, **row}
-        for k, row in enumerate(block.trials, start=1)
+        {"recording": name, "trial": k, "attempt": 1, **USUAL, **row} for k, row in enumerate(block.trials, start=1)
     ]
     movements = [
         {"recording": name, "trial": 1, "attempt": 1, "movement": k, "cooperative": 1, **row}

@@ -28,7 +28,7 @@ def brute(omega: np.ndarray, theta: np.ndarray, rate: float) -> list[tuple[int, 
         sign = 0 if abs(w) <= DEGREE else (1 if w > 0 else -1)
         if begun and sign != begun[1]:
             first = begun[0]
-            if k - first >= 0.1 * rate and abs(theta[k - 1] - theta[first]) >= DEGREE:
+            if k - 1 - first >= round(0.1 * rate) and abs(theta[k - 1] - theta[first]) >= DEGREE:
                 found.append((first, k))
             begun = None
         if sign and not begun:
@@ -51,11 +51,11 @@ def test_fast_long_and_far_enough() -> None:
 
 
 def test_shortest_and_least_angle_count() -> None:
-    omega, theta = board((0.2, 0.1, 12), (1.0, 0.5, 1.9))
-    assert limits(board_segments(omega, theta, 1000.0)) == [(200, 300)]
+    omega, theta = board((0.2, 0.101, 12), (1.0, 0.5, 1.9))
+    assert limits(board_segments(omega, theta, 1000.0)) == [(200, 301)]
     assert limits(board_segments(omega, theta, 1000.0, shortest=0.101)) == []
-    assert limits(board_segments(omega, theta, 1000.0, least_angle=0.9 * DEGREE)) == [(200, 300), (1000, 1500)]
-    assert limits(board_segments(omega, theta, 1000.0, least_rate=2 * DEGREE)) == [(200, 300)]
+    assert limits(board_segments(omega, theta, 1000.0, least_angle=0.9 * DEGREE)) == [(200, 301), (1000, 1500)]
+    assert limits(board_segments(omega, theta, 1000.0, least_rate=2 * DEGREE)) == [(200, 301)]
 
 
 def test_a_turn_ends_a_movement_or_not() -> None:

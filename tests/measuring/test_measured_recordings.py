@@ -149,4 +149,6 @@ def test_a_hole_is_no_movement(tmp_path: Path) -> None:
     whole, less = (measure(runs_of([recorded(tmp_path, part)])[0], Readings()) for part in (rows, holed))
     assert less.blocks["missing"][0] == 300
     assert less.blocks["duration"][0] == whole.blocks["duration"][0]
-    np.testing.assert_allclose(less.trials["unknown"] - whole.trials["unknown"], [np.nan, 0.3], atol=1e-9)
+    np.testing.assert_allclose(less.trials["unknown"] - whole.trials["unknown"], [0.0, 0.3], atol=1e-9)
+    assert list(less.trials["completion_source"]) == ["recording", ""]
+    np.testing.assert_allclose(less.trials["recorded_completion"], whole.trials["recorded_completion"])

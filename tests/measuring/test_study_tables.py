@@ -9,7 +9,7 @@ import pytest
 from made_study import Block
 from made_study import measured as made_block
 from netboard.errors import ConfigError
-from netboard.measuring.exclusions import excluded
+from netboard.measuring.exclusions import NO_COMPLETION, excluded
 from netboard.measuring.readings import Exclusions, Readings, parse
 from netboard.measuring.recordings import Measured
 from netboard.measuring.study import FIELDS_IN_STUDY, Study, study_of
@@ -29,11 +29,12 @@ def study(folder: Path, *words: str) -> Study:
 
 
 def blocks(**columns: object) -> pd.DataFrame:
-    return pd.DataFrame({"recording": ["r"], "pilot": [0], "simulated": [0]} | columns)
+    return pd.DataFrame({"recording": ["r"], "pilot": [0], "simulated": [0], "not_measured": [""]} | columns)
 
 
 def trials(**columns: object) -> pd.DataFrame:
     base = {"recording": "r", "trial": [1, 2, 3], "attempt": 1, "catch": 0, "flags": ""}
+    base |= {"outcome": "success", "completion": 1.0}
     return pd.DataFrame(base | columns)
 
 
@@ -90,10 +91,19 @@ def test_what_is_excluded_does_not_count_and_is_listed(folder: Path) -> None:
         ({"catch": [0, 1, 0]}, Exclusions(), ["a catch trial"]),
         ({"catch": [0, 1, 0]}, Exclusions(catch=False), []),
         ({}, Exclusions(warm_up=2), ["one of the first 2 trials of the block"] * 2),
+        ({"completion": [1.0, np.nan, 2.0]}, Exclusions(), [NO_COMPLETION]),
+        ({"completion": np.nan, "outcome": "fell"}, Exclusions(), []),
     ],
 )
 def test_each_rule_excludes_what_it_names(change: dict[str, object], rules: Exclusions, why: list[str]) -> None:
     assert list(excluded(blocks(), trials(**change), rules)["why"]) == why
+
+
+def test_attempts_that_ended_otherwise_are_listed() -> None:
+    told = blocks(not_measured=["2.1 pause; 4.3 abort"])
+    found = excluded(told, trials(), Exclusions())
+    assert list(found[["trial", "attempt"]].itertuples(index=False, name=None)) == [(2, 1), (4, 3)]
+    assert [why.rpartition(": ")[2] for why in found["why"]] == ["pause", "abort"]
 
 
 def test_a_simulated_hand_may_be_still() -> None:
@@ -108,7 +118,7 @@ def test_an_attempt_has_all_its_reasons() -> None:
 
 @pytest.mark.parametrize(("pilots", "count"), [("unless_all", 1), ("always", 1), ("never", 0)])
 def test_pilots_do_not_count_beside_others(pilots: str, count: int) -> None:
-    both = pd.DataFrame({"recording": ["r", "s"], "pilot": [0, 1], "simulated": 0})
+    both = pd.DataFrame({"recording": ["r", "s"], "pilot": [0, 1], "simulated": 0, "not_measured": ""})
     rows = trials(recording=["r", "r", "s"])
     assert len(excluded(both, rows, Exclusions(pilots=pilots))) == count  # type: ignore[arg-type]
     alone = excluded(blocks(pilot=[1]), trials(), Exclusions(pilots=pilots))  # type: ignore[arg-type]

@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.analysis.signals import Breaks, LowPass, derivative, runs
+from netboard.analysis.signals import Breaks, LowPass, derivative, lasting, runs
 
 SpeedOrder = Literal["absolute_first", "filter_first"]
 Window = Literal["to_completion", "whole"]
@@ -276,22 +276,22 @@ def find_completion(
     radius : float
         Of the ball [m].
     hold : float
-        How long it must stay [s].
+        How long it must stay, by the definition of `netboard.analysis.signals.lasting` [s].
     """
     reach = half_width if inside == "centre" else half_width - radius
-    away, least = np.abs(p - target), hold * rate * (1 - 1e-9)
+    away = np.abs(p - target)
     # Where a sample is missing, the ball was in the target or it was not: what depends on that is not known.
-    found, other = _first_hold(away <= reach, least, rate), _first_hold(~(away > reach), least, rate)
+    found, other = _first_hold(away <= reach, hold, rate), _first_hold(~(away > reach), hold, rate)
     if found.sample != other.sample:
         return Completion(float("nan"), None, float("nan"))
     return found if not np.isnan(away[: found.sample]).any() else replace(found, entries=float("nan"))
 
 
-def _first_hold(within: NDArray[np.bool_], least: float, rate: float) -> Completion:
+def _first_hold(within: NDArray[np.bool_], hold: float, rate: float) -> Completion:
     """Find the first stay in the target that is long enough."""
-    found = runs(within)
-    held = np.flatnonzero(found[:, 1] - 1 - found[:, 0] >= least)
+    entries = runs(within)[:, 0]
+    held = lasting(within, hold, rate)
     if held.size == 0:
-        return Completion(float("nan"), None, len(found))
-    sample = int(found[held[0], 0])
-    return Completion(sample / rate, sample, int(held[0]) + 1)
+        return Completion(float("nan"), None, len(entries))
+    sample = int(held[0, 0])
+    return Completion(sample / rate, sample, int(np.searchsorted(entries, sample)) + 1)

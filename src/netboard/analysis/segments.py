@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 
 from netboard.analysis.motion import Trial
-from netboard.analysis.signals import runs
+from netboard.analysis.signals import lasting
 
 Turning = Literal["one_way", "either_way"]
 Angle = Literal["net", "range", "integral"]
@@ -121,7 +121,7 @@ def board_segments(
     least_rate : float
         The board turns when it is faster than this [rad/s].
     shortest : float
-        Least duration; n samples last ``n / rate`` [s].
+        Least duration, by the definition of `netboard.analysis.signals.lasting` [s].
     least_angle : float
         Least angle [rad].
 
@@ -134,11 +134,10 @@ def board_segments(
         raise ValueError("the board's tilt and its rate must have one value each for every sample")
     fast = np.abs(omega) > least_rate
     if turning == "one_way":
-        bounds = np.concatenate([runs(fast & (omega > 0)), runs(fast & (omega < 0))])
+        bounds = np.concatenate([lasting(fast & way, shortest, rate) for way in (omega > 0, omega < 0)])
         bounds = bounds[np.argsort(bounds[:, 0])]
     else:
-        bounds = runs(fast)
-    bounds = bounds[bounds[:, 1] - bounds[:, 0] >= shortest * rate * (1 - 1e-9)]
+        bounds = lasting(fast, shortest, rate)
     angles = _angles(theta, omega, bounds, rate, angle)
     far = np.abs(angles) >= least_angle
     bounds, angles = bounds[far], angles[far]

@@ -146,6 +146,62 @@ def runs(mask: NDArray[np.bool_]) -> NDArray[np.int64]:
     return np.flatnonzero(padded[1:] != padded[:-1]).reshape(-1, 2)
 
 
+def ticks_of(seconds: float, rate: float) -> int:
+    """Return how many sample intervals a time takes: the nearest whole number, as in the trial state machine [1].
+
+    Parameters
+    ----------
+    seconds : float
+        The time [s].
+    rate : float
+        Samples per second [Hz].
+    """
+    return round(seconds * rate)
+
+
+def lasts(first: ArrayLike, stop: ArrayLike, rate: float) -> NDArray[np.float64]:
+    """Return how long stretches of samples last: from the first sample of each to its last one.
+
+    Parameters
+    ----------
+    first, stop : array_like, shape (k,)
+        First sample of each stretch and the one after its last, as from `runs` [1].
+    rate : float
+        Samples per second [Hz].
+
+    Returns
+    -------
+    ndarray, shape (k,)
+        The durations: a stretch of n samples lasts ``(n - 1) / rate`` [s].
+    """
+    return (np.asarray(stop, np.float64) - 1.0 - np.asarray(first, np.float64)) / rate
+
+
+def lasting(mask: NDArray[np.bool_], seconds: float, rate: float) -> NDArray[np.int64]:
+    """Find where a condition holds for a minimum duration: the one definition of this in all measures.
+
+    A condition has lasted for a time T when it is true at a sample and at all samples up to, and including, the one
+    that is T later: at ``T rate + 1`` samples. The trial state machine counts the hold of the ball in the target in
+    this way (it counts ticks from the one after the ball came in), so a hold of 1.5 s at 1 kHz takes 1501 samples.
+
+    Parameters
+    ----------
+    mask : ndarray of bool, shape (n,)
+        Whether the condition is true [1].
+    seconds : float
+        The minimum duration; a single sample lasts for 0 s [s].
+    rate : float
+        Samples per second [Hz].
+
+    Returns
+    -------
+    ndarray of int64, shape (k, 2)
+        First sample of each run that is long enough, and the one after its last [1].
+    """
+    found = runs(mask)
+    return found[found[:, 1] - 1 - found[:, 0] >= ticks_of(seconds, rate)]
+
+
 def paired(left: ArrayLike, right: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Take two signals that go together, sample by sample.
 

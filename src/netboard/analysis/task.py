@@ -1,8 +1,9 @@
 """How well a trial went, beyond its completion time: time in the target, overshoots, falls, and the time to react.
 
-Positions are the ball's along the board, + = right, from the release on; the target may be at either side. Times are
-those of samples: a sample stands for the time until the next one. Of a record with a hole nothing is known that the
-hole could change: bridge short ones first (`netboard.analysis.signals.bridge`).
+Positions are the ball's along the board, + = right, from the release on; the target may be at either side. An amount of
+time counts each sample as the time until the next one; a single stay lasts from its first sample to its last. Of a
+record with a hole nothing is known that the hole could change: bridge short ones first
+(`netboard.analysis.signals.bridge`).
 """
 
 from collections.abc import Iterable
@@ -14,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from netboard.analysis.motion import HALF_WIDTH
 from netboard.analysis.movements import STILL_BELOW
-from netboard.analysis.signals import runs
+from netboard.analysis.signals import lasting, lasts, runs, ticks_of
 
 Beyond = Literal["far_edge", "centre"]
 Onset = Literal["sustained", "before_peak"]
@@ -33,7 +34,7 @@ class InTarget:
     visits : float
         How many there are [1].
     longest : float
-        The longest of them [s].
+        The longest of them, from its first sample to its last [s].
     first : float
         When the first begins, from the release; NaN without one [s].
     """
@@ -131,7 +132,7 @@ def time_in_target(p: ArrayLike, rate: float, *, centre: float, half_width: floa
         time=float(lengths.sum() / rate),
         share=float(inside.mean()) if len(inside) else np.nan,
         visits=len(starts),
-        longest=float(lengths.max(initial=0) / rate),
+        longest=float(lasts(starts, stops, rate).max(initial=0.0)),
         first=float(starts[0] / rate) if len(starts) else np.nan,
     )
 
@@ -242,7 +243,7 @@ def reaction(
     threshold : float
         Speed from which a stylus moves [m/s].
     hold : float
-        Time for which it must, without a break [s].
+        Time for which it must, without a break, by the definition of `netboard.analysis.signals.lasting` [s].
     portion : float
         Of the first peak [1].
     soonest : float
@@ -254,13 +255,11 @@ def reaction(
         The time of the onset, and whether it was anticipated.
     """
     speed = np.abs(np.asarray(velocity, dtype=float))
-    least = max(1, round(hold * rate))
-    starts, stops = runs(speed >= threshold).T
-    lasting = np.flatnonzero(stops - starts >= least)
-    if not len(lasting):
+    moves = lasting(speed >= threshold, hold, rate)
+    if not len(moves):
         return Reaction(np.nan, anticipated=False)
-    begin, end = int(starts[lasting[0]]), int(stops[lasting[0]])
-    if np.isnan(speed[: begin + least if onset == "sustained" else end + 1]).any():
+    begin, end = map(int, moves[0])
+    if np.isnan(speed[: begin + ticks_of(hold, rate) + 1 if onset == "sustained" else end + 1]).any():
         return Reaction(np.nan, anticipated=False)
     if begin == 0:
         return Reaction(np.nan, anticipated=True)

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from netboard.analysis.cooperation import PORTIONS, Contributions, Delays, contributions, delays
+from netboard.analysis.signals import lasts
 from netboard.config import SIDES
 from netboard.measuring.tables import PLACE, Columns, count, number
 from netboard.measuring.take import RATE, Take
@@ -102,7 +103,7 @@ def movements(take: Take) -> Iterator[Mapping[str, Any]]:
         yield {
             "movement": k + 1,
             "onset": (own.first[k] - take.trial.release) / RATE,
-            "duration": (own.stop[k] - own.first[k]) / RATE,
+            "duration": float(lasts(own.first[k], own.stop[k], RATE)),
             "angle": own.angle[k],
             "cut": int(own.cut[k]),
             "left_moved": moved.left[k],

@@ -1,6 +1,7 @@
 """Which attempts do not count, and why: the declared rules, applied to all attempts alike, and everything listed."""
 
 from collections.abc import Collection, Iterator
+from math import isnan
 from typing import Any
 
 import pandas as pd
@@ -12,6 +13,9 @@ from netboard.measuring.tables import PLACE, words
 
 EXCLUSIONS = (*PLACE, words("why", "why the attempt does not count"))
 """Columns of the table of exclusions: a row for each reason, so an attempt may have several."""
+
+NO_COMPLETION = "no completion time: by the readings of this analysis, its samples do not show when the hold began"
+"""Why a success does not count that has no completion time."""
 
 _STUCK = ("stuck_left", "stuck_right")
 
@@ -48,6 +52,7 @@ def excluded(blocks: pd.DataFrame, trials: pd.DataFrame, rules: Exclusions) -> p
         for row in trials.to_dict("records")
         for why in _reasons(row, recordings[row["recording"]], rules, pilots, named)
     ]
+    rows += [(name, *ended) for name, block in recordings.items() for ended in _ended_otherwise(block["not_measured"])]
     return pd.DataFrame(rows, columns=[field.name for field in EXCLUSIONS])
 
 
@@ -99,6 +104,14 @@ def require_recordings(rules: Exclusions, recordings: Collection[str]) -> None:
             raise ConfigError(f"[exclusions] trials: there is no trial {trial} in {recording!r}: no such recording")
 
 
+def _ended_otherwise(told: str) -> Iterator[tuple[int, int, str]]:
+    """Yield trial, attempt and reason of each attempt that is not measured, from the column of a block."""
+    for word in filter(None, told.split("; ")):
+        place, _, outcome = word.partition(" ")
+        trial, _, attempt = place.partition(".")
+        yield int(trial), int(attempt), f"ended before success, fall or end of its time: {outcome}"
+
+
 def _reasons(
     row: dict[str, Any],
     block: dict[str, Any],
@@ -107,6 +120,8 @@ def _reasons(
     named: dict[tuple[str, int], str],
 ) -> Iterator[str]:
     """Yield why an attempt does not count."""
+    if row["outcome"] == "success" and isnan(row["completion"]):
+        yield NO_COMPLETION
     if pilots and block["pilot"]:
         yield "a pilot recording"
     if row["trial"] <= rules.warm_up:

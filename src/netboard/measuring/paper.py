@@ -9,7 +9,7 @@ from netboard.analysis.braking import Braking, Strategy, first_braking
 from netboard.analysis.motion import Window
 from netboard.analysis.movements import classify, movement_times
 from netboard.analysis.peaks import Peaks, velocity_peaks
-from netboard.measuring.tables import Group, number
+from netboard.measuring.tables import Group, number, words
 from netboard.measuring.take import RATE, Take
 
 
@@ -65,8 +65,13 @@ def strategy_of(take: Take, braking: Braking) -> Strategy:
     return first_braking(take.turns, found.theta, found.p, found.vp, RATE, take.trial, braking=braking)
 
 
-def _completion(take: Take) -> dict[str, float]:
-    return {"completion": take.completion, "entries": take.entries}
+def _completion(take: Take) -> dict[str, float | str]:
+    return {
+        "completion": take.completion,
+        "completion_source": take.source,
+        "recorded_completion": take.attempt.completion,
+        "entries": take.entries,
+    }
 
 
 def _peaks(take: Take) -> dict[str, float]:
@@ -99,6 +104,10 @@ PAPER = (
     Group(
         (
             number("completion", "completion time: from the release to the beginning of the hold", "s"),
+            words("completion_source", "samples, or recording where these show no hold; empty without a time"),
+            number(
+                "recorded_completion", "completion time in the recording; live, one tick more: that of the entry", "s"
+            ),
             number("entries", "how often the ball came into the target", "1"),
         ),
         _completion,

@@ -19,7 +19,7 @@ from netboard.measuring.modern import MODERN
 from netboard.measuring.paper import PAPER
 from netboard.measuring.readings import Readings
 from netboard.measuring.tables import DTYPES, PLACE, Columns, columns_of, count, number, words
-from netboard.measuring.take import RATE, Block, Take, columns_for
+from netboard.measuring.take import RATE, Block, Take, columns_for, measurable
 from netboard.proof.quality import judged_along
 from netboard.recording.reader import Recording
 from netboard.tick import TICK
@@ -45,6 +45,8 @@ BLOCKS = (
     count("missing", "how many are not there"),
     count("trials", "successful trials planned for the block"),
     count("repaired", "1: a recording that was damaged, and recovered"),
+    count("attempts", "attempts that were begun"),
+    words("not_measured", "those without success, fall or end of time, as TRIAL.ATTEMPT and what ended them"),
     words("netboard", "version of netboard that recorded it"),
     words("config_sha256", "SHA-256 of its configuration"),
 )
@@ -200,6 +202,10 @@ def _block(run: Run, block: Block, repaired: bool) -> dict[str, Any]:
         "missing": block.missing,
         "trials": config.block.trials,
         "repaired": int(repaired),
+        "attempts": len(block.attempts),
+        "not_measured": "; ".join(
+            f"{one.trial}.{one.attempt} {one.outcome}" for one in block.attempts if not measurable(one)
+        ),
         "netboard": said["netboard"],
         "config_sha256": said["config_sha256"],
     }

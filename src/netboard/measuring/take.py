@@ -6,16 +6,17 @@ what is still missing is not a number, and nothing is computed across it. Only t
 
 from collections.abc import Iterator, Mapping
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from math import isnan, nan
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.analysis.motion import Motion, Trial, Window, find_completion, motion, placements
+from netboard.analysis.motion import Completion, Motion, Trial, Window, find_completion, motion, placements
 from netboard.analysis.segments import Segments, board_segments
-from netboard.analysis.signals import LowPass, bridge, by_number
+from netboard.analysis.signals import LowPass, bridge, by_number, ticks_of
 from netboard.config import SIDES, Config
 from netboard.errors import RecordingError
 from netboard.measuring.readings import Readings
@@ -41,6 +42,11 @@ def columns_for(readings: Readings) -> tuple[str, ...]:
         How the recording is to be measured.
     """
     return ("tick", *_PLACES, *_FORCES, *(_RATES if readings.filters.velocity == "device" else ()))
+
+
+def measurable(attempt: Attempt) -> bool:
+    """Tell whether an attempt came to the end of the task: other ends are an operator's, or the recording's."""
+    return attempt.outcome in ("success", "fell", "timed_out")
 
 
 class Block:
@@ -125,6 +131,8 @@ class Block:
             raise ValueError("the devices' velocities were not read: open the recording with filters.velocity=device")
         other = copy(self)
         other.readings, other._columns = readings, self._columns | columns
+        if columns:  # What the recording says of an attempt is not of these.
+            other.attempts = tuple(replace(attempt, completion=nan) for attempt in self.attempts)
         if columns or readings.filters != self.readings.filters:
             stale: tuple[str, ...] = _FILTERED
         else:
@@ -244,7 +252,7 @@ class Block:
             The next one.
         """
         for attempt in self.attempts:
-            if attempt.outcome in ("success", "fell", "timed_out"):
+            if measurable(attempt):
                 yield self._take(attempt)
 
     def _take(self, attempt: Attempt) -> "Take":
@@ -252,15 +260,7 @@ class Block:
         release, stop = attempt.tick - self.first, attempt.stop - self.first
         how, sizes = self.readings, self.config.geometry
         target = attempt.target * sizes.target_distance
-        completion = find_completion(
-            self.raw("p")[release:stop],
-            RATE,
-            target,
-            inside=how.completion.inside,
-            half_width=sizes.target_width / 2,
-            radius=sizes.ball_radius,
-            hold=self.config.task.hold_time,
-        )
+        completion, source = self._completion(attempt, self.raw("p")[release:stop], target)
         done = None if completion.sample is None else release + completion.sample
         trial, part = Trial(release, stop, target, done), slice(0, self.samples)
         found, turns = self.whole, self._turns
@@ -271,7 +271,31 @@ class Block:
             turns = self.segments(found)
         elif how.segments.ends == "trial":
             turns = _shifted(self.segments(_cut(found, trial)), release)
-        return Take(self, attempt, part, trial, found, turns, completion.time, completion.entries)
+        return Take(self, attempt, part, trial, found, turns, completion.time, completion.entries, source)
+
+    def _completion(self, attempt: Attempt, p: NDArray[np.float64], target: float) -> tuple[Completion, str]:
+        """Find when a success was completed: from the ball's samples, or else from what the recording says of it.
+
+        The referee decided on the ball's centre, so the recording says nothing of a hold of the whole ball.
+        """
+        inside, sizes = self.readings.completion.inside, self.config.geometry
+        found = find_completion(
+            p,
+            RATE,
+            target,
+            inside=inside,
+            half_width=sizes.target_width / 2,
+            radius=sizes.ball_radius,
+            hold=self.config.task.hold_time,
+        )
+        if attempt.outcome != "success":
+            return Completion(nan, None, found.entries), ""
+        if found.sample is not None:
+            return found, "samples"
+        if inside != "centre" or isnan(attempt.completion):
+            return found, ""
+        sample = min(ticks_of(attempt.completion, RATE), p.size)
+        return Completion(sample / RATE, sample, found.entries), "recording"
 
 
 @dataclass(frozen=True)
@@ -296,6 +320,9 @@ class Take:
         Completion time; NaN without one [s].
     entries : float
         How often the ball came into the target [1].
+    source : str
+        What the completion time is from: ``samples`` of the ball, or the ``recording`` where they do not show a hold;
+        empty without one.
     """
 
     block: Block
@@ -306,6 +333,7 @@ class Take:
     turns: Segments
     completion: float
     entries: float
+    source: str
 
     def raw(self, name: str) -> NDArray[np.float64]:
         """Return a column of `part`, as recorded, shape (n,) [SI].
@@ -337,8 +365,8 @@ class Take:
     def knows(self, window: Window) -> bool:
         """Say whether it is known where a window ends.
 
-        A success of which no hold is to be found has none up to its completion: a hole hides when it began, samples are
-        too far apart, or the readings ask for more than the referee did.
+        A success without a completion time has none up to its completion: its samples show no hold by the readings, and
+        the recording does not say when it was.
 
         Parameters
         ----------

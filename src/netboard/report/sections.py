@@ -6,6 +6,7 @@ from typing import Any
 
 import pandas as pd
 
+from netboard.measuring.completions import notes
 from netboard.measuring.readings import Readings
 from netboard.measuring.study import Study
 from netboard.report.grids import Cell, Column, Grid, code, grid, name
@@ -57,7 +58,7 @@ def head(study: Study, provenance: Mapping[str, Any]) -> Head:
     if "made_utc" in provenance:
         facts.append(("Analysed", str(provenance["made_utc"])))
     title = ", ".join(sorted(word for word in blocks["study"].unique() if word)) or "unnamed"
-    return Head(title, tuple(facts), tuple(_warnings(blocks)))
+    return Head(title, tuple(facts), (*_warnings(blocks), *notes(study)))
 
 
 def _warnings(blocks: pd.DataFrame) -> list[str]:

@@ -165,7 +165,10 @@ def _causes(study: Study) -> Grid:
 def _excluded(study: Study) -> Grid:
     """List every attempt that does not count, with every reason."""
     known = anchors(study)
-    rows = [(Link(key[0], known[key]), key[1], key[2], "; ".join(why)) for key, why in sorted(reasons(study).items())]
+    rows = [
+        (Link(key[0], known[key]) if key in known else key[0], key[1], key[2], "; ".join(why))
+        for key, why in sorted(reasons(study).items())
+    ]
     columns = [name("Recording"), number("Trial"), number("Attempt"), name("Why")]
     return grid("Every attempt that does not count, with every reason", columns, rows)
 
