@@ -7,7 +7,18 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.signal import butter, filtfilt
 
-from netboard.analysis.signals import LowPass, bridge, by_number, derivative, evenly, resample, runs
+from netboard.analysis.signals import (
+    LowPass,
+    bridge,
+    by_number,
+    derivative,
+    evenly,
+    lasting,
+    lasts,
+    resample,
+    runs,
+    ticks_of,
+)
 
 RATE = 1000.0
 FAST, SLOW = LowPass(20.0), LowPass(5.0)
@@ -142,6 +153,27 @@ def test_runs() -> None:
     np.testing.assert_array_equal(runs(mask), [[0, 2], [4, 5], [6, 7]])
     assert runs(np.zeros(3, bool)).shape == (0, 2)
     assert runs(np.zeros(0, bool)).shape == (0, 2)
+
+
+@pytest.mark.evidence("truth", lasting, lasts, ticks_of)
+def test_a_hold_of_a_time_takes_one_sample_more_than_ticks() -> None:
+    assert (ticks_of(1.5, 1000.0), ticks_of(0.03, 100.0), ticks_of(0.0, 1000.0)) == (1500, 3, 0)
+    mask = np.repeat([False, True, False, True], [5, 1500, 5, 1501])
+    np.testing.assert_array_equal(lasting(mask, 1.5, 1000.0), [[1510, 3011]])
+    np.testing.assert_array_equal(lasts(*runs(mask).T, 1000.0), [1.499, 1.5])
+    assert lasting(mask, 0.0, 1000.0).shape == (2, 2), "a single sample lasts for no time"
+
+
+@pytest.mark.evidence("properties", lasting, lasts, ticks_of, of=("time", "rate"))
+@given(st.lists(st.booleans(), max_size=60), st.integers(0, 9), st.sampled_from([250.0, 1000.0]), st.integers(0, 9))
+def test_what_lasts_is_as_long_as_it_says(mask: list[bool], ticks: int, rate: float, shift: int) -> None:
+    found = lasting(np.array(mask, bool), ticks / rate, rate)
+    assert ticks_of(ticks / rate, rate) == ticks
+    assert (lasts(*found.T, rate) >= ticks / rate - 1e-12).all()
+    long = [k for k in range(len(mask) - ticks) if all(mask[k : k + ticks + 1])]
+    assert all(any(first <= k and k + ticks < stop for first, stop in found) for k in long)
+    later = lasting(np.array([False] * shift + mask, bool), ticks / rate, rate)
+    np.testing.assert_array_equal(later, found + shift)
 
 
 @pytest.mark.evidence("disturbance", by_number, of="holes")

@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 
 from made_study import Block, made_study, times
 from netboard.analysis.motion import find_completion
-from netboard.analysis.signals import lasting, lasts
 from netboard.config import Config
 from netboard.experiment.machine import Cause, Phase, pack_rules
 from netboard.export.runs import runs_of
@@ -48,14 +47,6 @@ def test_a_hold_is_that_of_the_trial_state_machine(stays: list[tuple[bool, int]]
     assert (found.sample is None) == (live is None)
     if found.sample is not None:
         assert live == found.sample + 1, "the referee counts the tick in which the ball came in"
-
-
-@given(st.lists(st.booleans(), max_size=60), st.integers(0, 9))
-def test_what_lasts_is_as_long_as_it_says(mask: list[bool], ticks: int) -> None:
-    found = lasting(np.array(mask, bool), ticks / 250.0, 250.0)
-    assert (lasts(*found.T, 250.0) >= ticks / 250.0 - 1e-12).all()
-    long = [k for k in range(len(mask) - ticks) if all(mask[k : k + ticks + 1])]
-    assert all(any(first <= k and k + ticks < stop for first, stop in found) for k in long)
 
 
 def imported(folder: Path, inside: int, told: float | None, outcome: str = "success") -> Measured:
