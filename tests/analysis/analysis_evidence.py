@@ -17,7 +17,19 @@ PACKAGE = TESTS.parent.parent / "src" / "netboard" / "analysis"
 
 KINDS = {
     "truth": (),
-    "independent": ("numpy", "scipy", "scikit-learn", "statsmodels", "pandas", "monalysa", "statistics"),
+    "independent": (
+        "numpy",
+        "scipy",
+        "scikit-learn",
+        "statsmodels",
+        "pandas",
+        "monalysa",
+        "statistics",
+        "lme4",
+        "lmerTest",
+        "pbkrtest",
+        "brglm2",
+    ),
     "properties": ("time", "mirror", "unit", "constant", "rate", "order", "balance"),
     "disturbance": ("noise", "holes"),
 }
@@ -53,6 +65,13 @@ WITHOUT = {
         for kind in ("truth", "properties", "disturbance")
     },
     ("restricted.restricted_fit", "disturbance"): "takes the trials that have a value: the models leave out the others",
+    **{
+        (
+            f"small_samples.{name}",
+            "disturbance",
+        ): "takes what the fit leaves; the models leave out trials without a value"
+        for name in ("satterthwaite_freedom", "kenward_roger_freedom", "kenward_roger_covariance")
+    },
     ("contrasts.holm", "properties"): "takes a few probabilities, in the order in which they come back",
     ("contrasts.holm", "disturbance"): NO_SAMPLES,
     ("signals.runs", "disturbance"): "takes what is true or false; what of a hole is neither, the caller says",

@@ -18,7 +18,7 @@ from statsmodels.genmod.generalized_linear_model import GLM
 
 from netboard.analysis.effects import Model
 from netboard.analysis.factors import COLUMNS, Factor, paper_factors
-from netboard.analysis.models import MOST, count_model, log_time_model, share_model
+from netboard.analysis.models import AT_ZERO, MOST, count_model, log_time_model, share_model
 from netboard.analysis.statistics import t_interval
 
 Labels = dict[str, NDArray[Any]]
@@ -605,6 +605,41 @@ def test_the_largest_counts_are_modelled(family: Any) -> None:
     found = count_model(np.full(len(labels["order"]), MOST), **given(labels), family=family)
     assert found.fitted
     assert all(cell.mean == MOST for cell in found.cells)
+
+
+def test_effects_have_the_inference_of_small_samples_beside_the_careful_one() -> None:
+    labels = plan(4, 10)
+    found = log_time_model(times_of(labels, Truth(), 9), **given(labels))
+    effect = found.effect("configuration")
+    satterthwaite, kenward_roger = effect.by("Satterthwaite"), effect.by("Kenward-Roger")
+    assert satterthwaite.error == effect.error <= kenward_roger.error
+    assert effect.free == 3.0 < satterthwaite.free < 20.0
+    assert satterthwaite.p == pytest.approx(
+        2 * stats.t.sf(abs(effect.estimate.value) / effect.error, satterthwaite.free)
+    )
+    assert satterthwaite.estimate.method == f"t, {satterthwaite.free:.1f} df (Satterthwaite)"
+    assert satterthwaite.ratio.low == pytest.approx(np.exp(satterthwaite.estimate.low))
+    with pytest.raises(
+        ValueError, match="configuration: no inference by 'Wald', expected one of Satterthwaite, Kenward"
+    ):
+        effect.by("Wald")
+    counted = count_model(counts_of(labels, Truth(), 9), **given(labels)).effect("haptics")
+    assert counted.others == ()
+
+
+def test_a_variance_of_zero_is_known_to_satterthwaite_and_says_so() -> None:
+    labels = plan(4, 6)
+    truth = Truth(dyad_slope=0.0, performer_slope=0.0)
+    singular = [log_time_model(times_of(labels, truth, seed), **given(labels)) for seed in range(12)]
+    without = [
+        one for one in singular if not variances(one)["haptics by dyad"] + variances(one)["haptics by performer"]
+    ]
+    assert without
+    for one in without:
+        effect = one.effect("haptics")
+        assert effect.by("Satterthwaite").free > 100.0
+        assert effect.by("Kenward-Roger").free < 10.0
+        assert AT_ZERO in one.notes
 
 
 # --- any factors -------------------------------------------------------------------------------------------------

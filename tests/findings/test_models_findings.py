@@ -42,6 +42,11 @@ def test_terms_are_those_of_the_models(found: Fits) -> None:
         row, effect = table.loc[("completion time: ratio", name)], model.effect(name)
         assert (row["value"], row["low"], row["high"]) == (effect.ratio.value, effect.ratio.low, effect.ratio.high)
         assert table.loc[("completion time: p", name), "value"] == effect.p
+        for other in effect.others:
+            row = table.loc[(f"completion time: ratio, {other.method}", name)]
+            assert (row["value"], row["low"], row["high"]) == (other.ratio.value, other.ratio.low, other.ratio.high)
+            assert row["interval"] == f"95 % {other.estimate.method}"
+            assert table.loc[(f"completion time: p, {other.method}", name), "value"] == other.p
     assert table.loc[("completion time: ratio", "haptics, dyadic"), "value"] == pytest.approx(1 / 1.5, rel=0.1)
     assert table.loc[("completion time: at the first trial", "intercept"), "unit"] == "s"
     practice = table.loc[("completion time: exponent of practice", "log trial")]

@@ -13,9 +13,44 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from netboard.analysis.factors import Cell, Design, simple_effects
+from netboard.analysis.restricted import Moments
+from netboard.analysis.small_samples import (
+    kenward_roger_covariance,
+    kenward_roger_freedom,
+    satterthwaite_freedom,
+)
 from netboard.analysis.statistics import Estimate
 
 Interval = Literal["t", "z"]
+
+METHODS = ("Satterthwaite", "Kenward-Roger")
+"""Methods for small samples."""
+
+
+@dataclass(frozen=True, slots=True)
+class Inference:
+    """How sure an effect is, by a method for small samples.
+
+    Attributes
+    ----------
+    method : str
+        ``Satterthwaite`` or ``Kenward-Roger``.
+    estimate, ratio : Estimate
+        The coefficient [log of the response] and its exponential [1], with the method's confidence interval.
+    error : float
+        Standard error of the coefficient [log of the response].
+    free : float
+        Degrees of freedom [1].
+    p : float
+        p value of no effect [1].
+    """
+
+    method: str
+    estimate: Estimate
+    ratio: Estimate
+    error: float
+    free: float
+    p: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +72,8 @@ class Effect:
         Degrees of freedom of the interval; infinite for z [1].
     p : float
         How probable so large a coefficient is if there is none [1].
+    others : tuple of Inference
+        The same effect by the methods for small samples; none of a marginal model.
     """
 
     name: str
@@ -45,6 +82,30 @@ class Effect:
     error: float
     free: float
     p: float
+    others: tuple[Inference, ...] = ()
+
+    def by(self, method: str) -> Inference:
+        """Return the inference of a method.
+
+        Parameters
+        ----------
+        method : str
+            ``Satterthwaite`` or ``Kenward-Roger``.
+
+        Returns
+        -------
+        Inference
+            That one.
+
+        Raises
+        ------
+        ValueError
+            If the model has none of it.
+        """
+        found = {one.method: one for one in self.others}
+        if method not in found:
+            raise ValueError(f"{self.name}: no inference by {method!r}, expected one of {', '.join(found) or 'none'}")
+        return found[method]
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,6 +245,7 @@ def effects_of(
     *,
     level: float,
     interval: Interval,
+    moments: Moments | None = None,
 ) -> tuple[Effect, ...]:
     """Turn coefficients into effects, those of a factor at each level of another with them.
 
@@ -199,6 +261,8 @@ def effects_of(
         Confidence [1].
     interval : {"t", "z"}
         Student's with `careful_freedom`; or the normal one.
+    moments : Moments or None
+        Of a mixed model: Satterthwaite's and Kenward and Roger's inference is added.
 
     Returns
     -------
@@ -207,12 +271,23 @@ def effects_of(
     """
     free = careful_freedom(design) if interval == "t" else inf
     found = []
+    enlarged = None if moments is None else kenward_roger_covariance(moments)
     for name, row in contrasts_of(design).items():
         value = nan if row is None else float(row @ coefficients)
-        variance = nan if row is None else float(row @ covariance @ row)
-        error = sqrt(variance) if variance >= 0.0 else nan
-        found.append(_effect(name, value, error, free, level, design.n_dyads))
+        others = []
+        if row is not None and moments is not None and enlarged is not None:
+            degrees = satterthwaite_freedom(moments, row), kenward_roger_freedom(moments, row)
+            for method, size, own in zip(METHODS, (covariance, enlarged), degrees, strict=True):
+                others.append(Inference(method, *_sure(value, _error(row, size), own, level, design.n_dyads, method)))
+        sure = _sure(value, _error(row, covariance), free, level, design.n_dyads)
+        found.append(Effect(name, *sure, tuple(others)))
     return tuple(found)
+
+
+def _error(row: NDArray[np.float64] | None, covariance: NDArray[np.float64]) -> float:
+    """Return the standard error of a combination of coefficients."""
+    variance = nan if row is None else float(row @ covariance @ row)
+    return sqrt(variance) if variance >= 0.0 else nan
 
 
 def careful_freedom(design: Design) -> float:
@@ -256,17 +331,20 @@ def contrasts_of(design: Design) -> dict[str, NDArray[np.float64] | None]:
     return rows
 
 
-def _effect(name: str, value: float, error: float, free: float, level: float, n: int) -> Effect:
-    """Put an interval round a coefficient."""
-    method = "z" if free == inf else f"t, {free:.0f} df"
+def _sure(
+    value: float, error: float, free: float, level: float, n: int, method: str = ""
+) -> tuple[Estimate, Estimate, float, float, float]:
+    """Return coefficient, ratio, error, degrees of freedom and p."""
+    digits = 1 if method else 0
+    name = "z" if free == inf else f"t, {free:.{digits}f} df"
     p = half = nan
     if free > 0.0 and error > 0.0:
         half = float(stats.t.ppf(0.5 + level / 2.0, free)) * error
         p = float(2.0 * stats.t.sf(abs(value) / error, free))
     low, high = value - half, value + half
-    estimate = Estimate(value, low, high, level, n, "dyad", method)
-    ratio = Estimate(_exp(value), _exp(low), _exp(high), level, n, "dyad", method)
-    return Effect(name, estimate, ratio, error, free, p)
+    said = f"{name} ({method})" if method else name
+    estimate = Estimate(value, low, high, level, n, "dyad", said)
+    return estimate, Estimate(_exp(value), _exp(low), _exp(high), level, n, "dyad", said), error, free, p
 
 
 def _exp(x: float) -> float:

@@ -32,7 +32,7 @@ from netboard.analysis.effects import (
     said,
 )
 from netboard.analysis.factors import Design, Factor, cells_of, design_of
-from netboard.analysis.restricted import restricted_fit
+from netboard.analysis.restricted import Moments, restricted_fit
 
 Slopes = Literal["none", "dyad", "performer"]
 Family = Literal["poisson", "negative_binomial"]
@@ -46,6 +46,11 @@ MOST = 2.0**53
 TIMES = "log(time) = {fixed} + dyad + performer (+ slopes) + residual"
 COUNTS = "log(mean count) = {fixed}"
 SHARES = "log(odds) = {fixed}"
+
+AT_ZERO = (
+    "Satterthwaite takes a variance that is estimated as 0 for known, and so has too many degrees of freedom; "
+    "Kenward-Roger keeps it among the uncertain ones"
+)
 
 _MIXED = (
     "Dyads are a random sample of one population, and performers of a dyad of another: any two could change places.",
@@ -253,6 +258,7 @@ class _Fit:
         diagnostics: Diagnostics | None = None,
         dispersion: float = nan,
         correlation: float = nan,
+        moments: Moments | None = None,
     ) -> Model:
         """Say everything about a fit; numbers that are not finite are no fit."""
         fitted = bool(np.isfinite(coefficients).all() and len(coefficients))
@@ -262,7 +268,7 @@ class _Fit:
             self.equation.format(fixed=_fixed(design)),
             fitted,
             converged and fitted,
-            effects_of(design, coefficients, covariance, level=self.level, interval=self.interval),
+            effects_of(design, coefficients, covariance, level=self.level, interval=self.interval, moments=moments),
             components,
             cells_of(design, geometric=self.geometric),
             dispersion,
@@ -399,6 +405,8 @@ def _mixed(fit: _Fit, design: Design, parts: dict[str, NDArray[np.float64]], not
     variances = dict(zip(parts, found.variances, strict=True))
     nothing = 1e-6 * found.residual
     notes += tuple(f"{name}: its variance is estimated as 0" for name, s in variances.items() if s < nothing)
+    if 0.0 in found.variances:
+        notes += (AT_ZERO,)
     if not found.converged:
         notes += ("the search for the variances did not end",)
     components = [Component(name, s, sqrt(s), int(parts[name].any(axis=0).sum())) for name, s in variances.items()]
@@ -409,6 +417,7 @@ def _mixed(fit: _Fit, design: Design, parts: dict[str, NDArray[np.float64]], not
         converged=found.converged,
         notes=notes,
         components=(*components, Component("residual", found.residual, sqrt(found.residual), len(design.values))),
+        moments=found.moments,
         diagnostics=_left(design, found.coefficients, parts, variances, found.residual),
     )
 

@@ -12,6 +12,7 @@ Groups share no value of a source, and all that is computed is of one group at a
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import log, pi
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,6 +54,8 @@ class Restricted:
         Logarithm of the restricted likelihood [1].
     converged : bool
         The search ended because there was nothing more to gain.
+    moments : Moments
+        What small-sample inference needs.
     """
 
     coefficients: Array
@@ -61,6 +64,41 @@ class Restricted:
     residual: float
     likelihood: float
     converged: bool
+    moments: "Moments"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Moments:
+    """Information about the variances, at the estimates; `netboard.analysis.small_samples` is made of it.
+
+    V is the covariance of the response over the residual variance, X the columns, and G_i the covariance that a unit
+    of the i-th variance adds; the last one is the residual's, the identity. P = V^-1 - V^-1 X C X' V^-1.
+
+    Attributes
+    ----------
+    residual : float
+        Variance of the residual [square of the response].
+    active : ndarray of bool, shape (c + 1,)
+        Variances that are not estimated as 0 [1].
+    unscaled : ndarray of float64, shape (k, k)
+        C = (X' V^-1 X)^-1: the covariance of the coefficients over the residual variance [square of a coefficient's].
+    first : ndarray of float64, shape (c + 1, k, k)
+        X' V^-1 G_i V^-1 X [1].
+    second : ndarray of float64, shape (c + 1, c + 1, k, k)
+        X' V^-1 G_i V^-1 G_j V^-1 X [1].
+    expected : ndarray of float64, shape (c + 1, c + 1)
+        tr(P G_i P G_j): twice the expected information about the variances, times the residual's square [1].
+    observed : ndarray of float64, shape (c + 1, c + 1)
+        The same, of these data: 2 y' P G_i P G_j P y / residual - tr(P G_i P G_j) [1].
+    """
+
+    residual: float
+    active: NDArray[np.bool_]
+    unscaled: Array
+    first: Array
+    second: Array
+    expected: Array
+    observed: Array
 
 
 def restricted_fit(
@@ -94,7 +132,8 @@ def restricted_fit(
     residual = best.square / data.count
     likelihood = -0.5 * (best.value + data.count * (1.0 + log(2.0 * pi / data.count)))
     variances = tuple(float(residual * ratio) for ratio in best.ratios)
-    return Restricted(root @ best.along, residual * root @ root.T, variances, residual, likelihood, converged)
+    moments = data.moments(best.ratios, residual)
+    return Restricted(root @ best.along, residual * root @ root.T, variances, residual, likelihood, converged, moments)
 
 
 def _triangles(
@@ -153,42 +192,88 @@ class _Data:
         V = I + sum r_j Z_j Z_j'. Weighted by its root, sources are z, what the effects span is `basis`, and y is `left`
         once that is taken away. So Z' P Z = z' z - shared shared', the first of which has blocks, one for each group.
         """
-        of = self.of
-        z, x, y, logs = self._weighted(np.sqrt(of @ ratios))
-        basis, triangle = np.linalg.qr(x.reshape(-1, self.k))
-        along = basis.T @ y.ravel()
-        left = y - (basis @ along).reshape(y.shape)
-        square = float((left**2).sum())
-        back = z.transpose(0, 2, 1)
-        shared = back @ basis.reshape(x.shape)
-        own, pulls = back @ z, (back @ left[:, :, None])[:, :, 0]
-        taken = shared @ shared.transpose(0, 2, 1)
-        between = np.einsum("gak,gal,aj->jkl", shared, shared, of).reshape(of.shape[1], -1)
-        overlap = of.T @ (own * (own - 2.0 * taken)).sum(axis=0) @ of + between @ between.T
-        traces, squares = np.einsum("gaa->a", own - taken) @ of, (pulls**2).sum(axis=0) @ of
-        lost = np.einsum("ga,gak,aj->jk", pulls, shared, of)
-        bent = of.T @ (pulls[:, :, None] * own * pulls[:, None, :]).sum(axis=0) @ of - lost @ lost.T
-        n = self.count
+        z, x, y, logs = self._weighted(np.sqrt(self.of @ ratios), self.stack)
+        found = _quadratic(z, x, y, self.of)
+        n, square, squares = self.count, found.square, found.squares
         return _Point(
             ratios,
-            logs + 2.0 * float(np.log(np.abs(np.diag(triangle))).sum()) + n * log(square),
-            traces - n * squares / square,
-            2.0 * n * bent / square - n * np.outer(squares, squares) / square**2 - overlap,
-            overlap - np.outer(traces, traces) / n,
-            1.0 / np.sqrt(np.diag(of.T @ (own**2).sum(axis=0) @ of)),
+            logs + 2.0 * float(np.log(np.abs(np.diag(found.triangle))).sum()) + n * log(square),
+            found.traces - n * squares / square,
+            2.0 * n * found.bent / square - n * np.outer(squares, squares) / square**2 - found.overlap,
+            found.overlap - np.outer(found.traces, found.traces) / n,
+            1.0 / np.sqrt(np.diag(self.of.T @ (found.own**2).sum(axis=0) @ self.of)),
             square,
-            triangle,
-            along,
+            found.triangle,
+            found.along,
         )
 
-    def _weighted(self, spread: Array) -> tuple[Array, Array, Array, float]:
+    def moments(self, ratios: Array, residual: float) -> Moments:
+        """Return the information about all variances. The residual is one more source, a column for each row."""
+        groups, rows, m = *self.stack.shape[:2], len(self.of)
+        every = np.concatenate(
+            [self.stack[:, :, :m], np.broadcast_to(np.eye(rows), (groups, rows, rows)), self.stack[:, :, m:]], axis=2
+        )
+        z, x, y, _ = self._weighted(np.sqrt(self.of @ ratios), every)
+        of = np.zeros((m + rows, self.of.shape[1] + 1))
+        of[:m, :-1], of[m:, -1] = self.of, 1.0
+        found = _quadratic(z, x, y, of)
+        # A triangle has fewer rows than its group has trials, or more: those that are not there are residual alone.
+        found.overlap[-1, -1] += self.count + self.k - groups * rows
+        across, root = z.transpose(0, 2, 1) @ x, np.linalg.inv(found.triangle)
+        parts = np.einsum("gmk,mi->igmk", across, of)
+        return Moments(
+            residual,
+            np.append(ratios > 0.0, True),
+            root @ root.T,
+            np.einsum("igmk,gml->ikl", parts, across),
+            np.einsum("igmk,gmn,jgnl->ijkl", parts, found.own, parts, optimize=True),
+            found.overlap,
+            2.0 * found.bent / residual - found.overlap,
+        )
+
+    def _weighted(self, spread: Array, stack: Array) -> tuple[Array, Array, Array, float]:
         """Make chance the same everywhere: sources, effects and response over the root of V; and log |V|."""
-        m = len(self.of)
-        scaled = self.stack[:, :, :m] * spread
+        scaled = self.stack[:, :, : len(self.of)] * spread
         root = np.linalg.cholesky(np.eye(scaled.shape[1]) + scaled @ scaled.transpose(0, 2, 1))
-        weighted = np.linalg.solve(root, self.stack)
+        weighted = np.linalg.solve(root, stack)
         logs = 2.0 * float(np.log(np.diagonal(root, axis1=1, axis2=2)).sum())
-        return weighted[:, :, :m], weighted[:, :, m:-1], weighted[:, :, -1], logs
+        return weighted[:, :, : -self.k - 1], weighted[:, :, -self.k - 1 : -1], weighted[:, :, -1], logs
+
+
+class _Quadratic(NamedTuple):
+    """Least squares of the weighted numbers, and traces and squares of the sources: see `_Data.at` and `Moments`."""
+
+    triangle: Array
+    along: Array
+    square: float
+    own: Array
+    traces: Array
+    overlap: Array
+    squares: Array
+    bent: Array
+
+
+def _quadratic(z: Array, x: Array, y: Array, of: Array) -> _Quadratic:
+    """Compute tr(P G_i), tr(P G_i P G_j), y' P G_i P y and y' P G_i P G_j P y without any matrix of all trials."""
+    basis, triangle = np.linalg.qr(x.reshape(-1, x.shape[2]))
+    along = basis.T @ y.ravel()
+    left = y - (basis @ along).reshape(y.shape)
+    back = z.transpose(0, 2, 1)
+    shared = back @ basis.reshape(x.shape)
+    own, pulls = back @ z, (back @ left[:, :, None])[:, :, 0]
+    taken = shared @ shared.transpose(0, 2, 1)
+    between = np.einsum("gak,gal,aj->jkl", shared, shared, of).reshape(of.shape[1], -1)
+    lost = np.einsum("ga,gak,aj->jk", pulls, shared, of)
+    return _Quadratic(
+        triangle,
+        along,
+        float((left**2).sum()),
+        own,
+        np.einsum("gaa->a", own - taken) @ of,
+        of.T @ (own * (own - 2.0 * taken)).sum(axis=0) @ of + between @ between.T,
+        (pulls**2).sum(axis=0) @ of,
+        of.T @ (pulls[:, :, None] * own * pulls[:, None, :]).sum(axis=0) @ of - lost @ lost.T,
+    )
 
 
 def _search(data: _Data, start: Array) -> tuple[_Point, bool]:

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from netboard.analysis.effects import Effect, Model
-from netboard.analysis.factors import PRACTICE, Factor, paper_factors
+from netboard.analysis.effects import Effect, Inference, Model
+from netboard.analysis.factors import INTERCEPT, PRACTICE, Factor, paper_factors
 from netboard.analysis.models import count_model, log_time_model, share_model
 from netboard.findings.measures import rows_of
 from netboard.findings.results import Result, kept
@@ -64,21 +64,28 @@ class Fits:
     def _terms(self, fit: Fit) -> Iterator[Result]:
         note = "; ".join((f"{fit.model.name}: {fit.model.equation}", *self.notes, *fit.model.notes))
         for effect in fit.model.effects:
-            group, (value, low, high), unit = effect.name, _shown(effect), "1"
-            interval = f"95 % {effect.estimate.method}" if np.isfinite(low) else ""
-            rest = (effect.estimate.n, "dyad", note)
-            quantity = f"{fit.measure}: {fit.ratio}"
-            if effect.name == PRACTICE:
-                quantity = f"{fit.measure}: exponent of practice"
-            elif effect.name == "intercept":
-                quantity, unit = f"{fit.measure}: {fit.first}", "s" if fit.measure == "completion time" else "1"
-            yield Result("models", quantity, group, value, low, high, unit, interval, *rest)
-            yield Result("models", f"{fit.measure}: p", group, effect.p, np.nan, np.nan, "1", "", *rest)
+            yield from _rows(fit, effect, effect, "", note)
+            for other in effect.others:
+                yield from _rows(fit, effect, other, f", {other.method}", note)
 
 
-def _shown(effect: Effect) -> tuple[float, float, float]:
+def _rows(fit: Fit, effect: Effect, sure: Effect | Inference, method: str, note: str) -> Iterator[Result]:
+    """A term with its interval, and its p, by one method."""
+    (value, low, high), unit = _shown(effect.name, sure), "1"
+    interval = f"95 % {sure.estimate.method}" if np.isfinite(low) else ""
+    rest = (sure.estimate.n, "dyad", note)
+    quantity = f"{fit.measure}: {fit.ratio}"
+    if effect.name == PRACTICE:
+        quantity = f"{fit.measure}: exponent of practice"
+    elif effect.name == INTERCEPT:
+        quantity, unit = f"{fit.measure}: {fit.first}", "s" if fit.measure == "completion time" else "1"
+    yield Result("models", f"{quantity}{method}", effect.name, value, low, high, unit, interval, *rest)
+    yield Result("models", f"{fit.measure}: p{method}", effect.name, sure.p, np.nan, np.nan, "1", "", *rest)
+
+
+def _shown(name: str, sure: Effect | Inference) -> tuple[float, float, float]:
     """Return a term as what it multiplies; practice as its exponent."""
-    of = effect.estimate if effect.name == PRACTICE else effect.ratio
+    of = sure.estimate if name == PRACTICE else sure.ratio
     return of.value, of.low, of.high
 
 
