@@ -16,7 +16,7 @@ from netboard.tick import TICK
 from netboard.wire.codec import encode
 from netboard.wire.meeting import Goodbye, Refusal, Welcome
 from netboard.wire.messages import PROTOCOL_VERSION
-from netboard.wire.records import EventRecord, LogBatch, TickRecord
+from netboard.wire.records import ClockRecord, EventRecord, LogBatch, TickRecord
 
 NAME = b"listener@1"
 AHEAD_NS = 5_000_000_000
@@ -212,7 +212,7 @@ def test_the_server_tells_what_time_it_is_here(rig: Rig) -> None:
     server = rig.serve("one")
     rig.step(60)
     server.note_clocks()
-    server.port.append(encode(server.port.clock_records(0)[0].__class__(0, "listener", 1, 2, 3, 4, 77, 1, 0.0)))
+    server.port.append(encode(ClockRecord(0, "listener", 1, 2, 3, 4, 77, 1, 0.0)))
     rig.step(3)
     ((offset_ns, bound_ns),) = rig.told.clocks
     assert abs(offset_ns - AHEAD_NS) <= bound_ns < 30_000_000

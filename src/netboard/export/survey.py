@@ -19,6 +19,7 @@ from netboard.proof.quality import judged
 from netboard.recording.reader import Recording
 from netboard.recording.summary import Attempt, attempts_along
 from netboard.tick import TICK_NS
+from netboard.wire.records import kind_of_peer
 
 PORTION = 16_384
 """Ticks that are in memory at once, or a few more [1]."""
@@ -174,7 +175,8 @@ def _utc_minus_server(recording: Recording) -> int:
     opened_ns, clock_ns, server_ns = (
         int(said[name]) for name in ("opened_log_ns", "opened_monotonic_ns", "welcome_server_ns")
     )
-    offsets = [(probe.bound_ns, probe.offset_ns) for probe in recording.clocks() if probe.peer == "logger"]
+    probes = [probe for probe in recording.clocks() if kind_of_peer(probe.peer) == "logger"]
+    offsets = [(probe.bound_ns, probe.offset_ns) for probe in probes]
     # Another logger may have been there, on a machine with another clock: ours is the one that fits what was noted.
     fitting = min((abs(clock_ns - server_ns - offset) for _, offset in offsets), default=0) + _DRIFT_NS
     ours = [found for found in offsets if abs(clock_ns - server_ns - found[1]) <= fitting]

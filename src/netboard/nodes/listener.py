@@ -23,7 +23,7 @@ from netboard.tick import TICK
 from netboard.wire.codec import decode, encode
 from netboard.wire.meeting import Goodbye, Hello, Ping, Pong, Refusal, Welcome
 from netboard.wire.messages import PROTOCOL_VERSION, Message
-from netboard.wire.records import ClockRecord, EventRecord, LogBatch, LogRequest, TickRecord
+from netboard.wire.records import ClockRecord, EventRecord, LogBatch, LogRequest, TickRecord, kind_of_peer
 
 log = logging.getLogger(__name__)
 
@@ -179,7 +179,7 @@ class Listener:
                 self._miss(number, 1)
             case EventRecord():
                 events.append(record)
-            case ClockRecord(peer="listener", t2_ns=sent_ns) if sent_ns in self._answers:
+            case ClockRecord(peer=peer, t2_ns=sent_ns) if kind_of_peer(peer) == "listener" and sent_ns in self._answers:
                 self._ear.tell_clock(record.offset_ns, record.bound_ns)
 
     def _miss(self, first: int, count: int) -> None:

@@ -15,7 +15,7 @@ from netboard import ends, fastpath, sockets
 from netboard.config import SIDES, Side
 from netboard.errors import WireError
 from netboard.nodes import seats
-from netboard.nodes.peer import Link, Rate, clock_records, link_of
+from netboard.nodes.peer import Connections, Link, Rate, clock_records, link_of
 from netboard.nodes.refusals import Refusals
 from netboard.wire import fixed
 from netboard.wire.codec import decode, encode
@@ -53,9 +53,11 @@ class Seat:
         self.side = side
         self.hello: Hello | None = None
         self.agent = b""
+        self.connection = ""
         self.clock = ClockEstimator()
         self.probe: tuple[int, int, int, int] | None = None
         self._words = words
+        self._connections = Connections()
         self._sample = np.zeros(seats.SAMPLE_WORDS, np.int64)
         self._probed_tick = -PROBE_TICKS
         self._rate = Rate()
@@ -64,7 +66,7 @@ class Seat:
     def sit(self, agent: bytes, hello: Hello, now_ns: int) -> None:
         """Take the seat: nothing of an agent before is kept."""
         self.leave()
-        self.hello, self.agent = hello, agent
+        self.hello, self.agent, self.connection = hello, agent, self._connections.name(hello)
         self._words[seats.ARRIVED] = now_ns
 
     def leave(self) -> None:
@@ -90,9 +92,10 @@ class Seat:
         """Let the newest sample tell the time there."""
         words, clock = self._words, self.clock
         sent, received, answered = (int(words[at]) for at in (seats.FORCE_SENT, seats.FORCE_RECEIVED, seats.SENT))
-        self.probe = (sent, received, answered, now_ns)
+        probe = (sent, received, answered, now_ns)
         self._probed_tick = tick
-        if clock.add(*self.probe):
+        if clock.add(*probe):
+            self.probe = probe
             words[seats.OFFSET], words[seats.CLOCK_KNOWN] = clock.offset_ns, True
             words[seats.STAMP] = words[seats.STAMPED] - clock.offset_ns
 
@@ -260,8 +263,7 @@ class MotionPort:
 
     def clock_records(self, seq: int) -> list[ClockRecord]:
         """The newest raw probe of each agent with the estimate so far, numbered from `seq`."""
-        found = [(f"agent.{side}", seat.probe, seat.clock) for side, seat in self.seats.items()]
-        return clock_records(found, seq)
+        return clock_records(self.seats.values(), seq)
 
     def links(self, now_ns: int) -> list[Link]:
         """Tell how the agents are connected."""

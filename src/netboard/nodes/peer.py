@@ -3,10 +3,13 @@
 The server asks peers that do not speak every millisecond for their time, a few times a second.
 """
 
+from collections import Counter
+from collections.abc import Iterable
 from math import nan
+from typing import Protocol
 
 from netboard.wire.meeting import Hello, Ping, Pong
-from netboard.wire.records import ClockRecord
+from netboard.wire.records import ClockRecord, connection_name
 from netboard.wire.session import NEVER_NS, ClockEstimator
 
 Link = tuple[str, str, str, float, float, float, float, float, int]
@@ -64,15 +67,40 @@ def link_of(hello: Hello, clock: ClockEstimator, age_ns: int, rate: float, lost:
     )
 
 
-def clock_records(
-    found: list[tuple[str, tuple[int, int, int, int] | None, ClockEstimator]], seq: int
-) -> list[ClockRecord]:
-    """Write the newest raw probe of each peer that has answered one, numbered from `seq`."""
+class Connections:
+    """Names the connections of each kind of peer: ``display.left``, then ``display.left#2`` and so on.
+
+    Each connection has a clock estimate of its own, so its probes must be told from those of another.
+    """
+
+    def __init__(self) -> None:
+        self._counts: Counter[str] = Counter()
+
+    def name(self, hello: Hello) -> str:
+        """Name the next connection of a peer's kind."""
+        kind = what(hello)
+        self._counts[kind] += 1
+        return connection_name(kind, self._counts[kind])
+
+
+class Probed(Protocol):
+    """A peer whose clock is probed."""
+
+    connection: str
+    probe: tuple[int, int, int, int] | None
+    clock: ClockEstimator
+
+
+def clock_records(peers: Iterable[Probed], seq: int) -> list[ClockRecord]:
+    """Write the newest raw probe of each peer, numbered from `seq`; each probe is written once."""
     records: list[ClockRecord] = []
-    for peer, probe, clock in found:
-        if probe is not None:
-            number = seq + len(records)
-            records.append(ClockRecord(number, peer, *probe, clock.offset_ns, clock.bound_ns, clock.drift_ppm))
+    for peer in peers:
+        if peer.probe is not None:
+            number, probe, clock = seq + len(records), peer.probe, peer.clock
+            records.append(
+                ClockRecord(number, peer.connection, *probe, clock.offset_ns, clock.bound_ns, clock.drift_ppm)
+            )
+            peer.probe = None
     return records
 
 
@@ -85,15 +113,18 @@ class Peer:
         How it introduced itself.
     now_ns : int
         When [ns].
+    connection : str
+        Name of its connection, as `Connections` gives it.
 
     Attributes
     ----------
     probe : (int, int, int, int) or None
-        The stamps of the newest answer.
+        The stamps of the newest answer, until they are recorded.
     """
 
-    def __init__(self, hello: Hello, now_ns: int) -> None:
+    def __init__(self, hello: Hello, now_ns: int, connection: str) -> None:
         self.hello = hello
+        self.connection = connection
         self.clock = ClockEstimator(CLOCK_WINDOW_NS)
         self.probe: tuple[int, int, int, int] | None = None
         self._heard_ns = now_ns
@@ -118,9 +149,10 @@ class Peer:
         return Ping(now_ns)
 
     def answered(self, pong: Pong, now_ns: int) -> None:
-        """Take the answer."""
-        self.probe = (pong.ping_ns, pong.received_ns, pong.sent_ns, now_ns)
-        self.clock.add(*self.probe)
+        """Take the answer, unless its stamps are impossible."""
+        probe = (pong.ping_ns, pong.received_ns, pong.sent_ns, now_ns)
+        if self.clock.add(*probe):
+            self.probe = probe
 
     def link(self, now_ns: int) -> Link:
         """Tell how it is."""

@@ -6,6 +6,7 @@ not what was written, was not finished, or contradicts itself. A damaged file is
 away, to tell what can be saved. Nothing is written beside a recording.
 """
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import pairwise
 from pathlib import Path
@@ -28,8 +29,9 @@ from netboard.recording.channels import CHANNELS, FORMAT_VERSION
 from netboard.recording.reader import Recording
 from netboard.recording.recovery import Report as Recovered
 from netboard.recording.spilled import recover_any
-from netboard.recording.summary import Gap, find_gaps
+from netboard.recording.summary import find_gaps
 from netboard.stage import Stage, make_stage
+from netboard.tick import TICK_NS
 from netboard.wire.records import BLOCK_BEGAN, ClockRecord, EventRecord, FrameRecord
 
 Tell = Callable[[int], object]
@@ -112,12 +114,12 @@ def _check(recording: Recording, replay: bool, tell: Tell) -> Report:
     findings += check_numbers(recording, seen, (events, probes, remarks))
     findings += check_frames(recording.frames())
     findings += check_losses(recording, events, remarks)
-    findings += check_time(recording, seen, events)
+    findings += check_time(recording, seen, events, remarks)
     if config is not None:
         findings += check_clocks(probes, config.network.clock_bound_ms, seen.active_ns)
         findings += check_configuration(recording, config, events)
         if "what_if" not in recording.metadata:
-            findings += check_trials(config, seen, recording.attempts(), _goes_on(recording))
+            findings += check_trials(config, seen, recording.attempts(), _continues(recording))
             findings += plan_findings(recording.path, config)
             findings += journal_findings(recording, config, seen)
     findings += replayed(seen)
@@ -135,7 +137,7 @@ def _bytes(recording: Recording) -> Finding:
     return Finding("file", Grade.SOUND, f"{size} bytes, every checksum is right")
 
 
-def _goes_on(recording: Recording) -> bool:
+def _continues(recording: Recording) -> bool:
     """Whether another file has what comes after it of the same block."""
     said = recording.metadata
     for path in parts_of(recording.path):
@@ -171,7 +173,8 @@ def check_numbers(recording: Recording, seen: Walk, streams: Streams) -> Iterato
     if seen.disordered:
         where = numbers_in_words(np.array(seen.disordered))
         problems.append(f"{len(seen.disordered)} ticks come after one with the same or a higher number: {where}")
-    unexplained = [gap for gap in seen.gaps if not (excused or any(_covers(lost, gap) for lost in noted))]
+    lost_after = _lost_after(streams[2])
+    unexplained = [gap for gap in seen.gaps if not excused and lost_after[gap.first - 1] < gap.count]
     if unexplained:
         count = sum(gap.count for gap in unexplained)
         where = numbers_in_words(np.array([gap.first for gap in unexplained]))
@@ -209,9 +212,13 @@ def _wrong_totals(recording: Recording, seen: Walk) -> Iterator[str]:
         )
 
 
-def _covers(lost: dict[str, str], gap: Gap) -> bool:
-    """Whether missing ticks can be among what the logger noted as lost: directly after the last one it had."""
-    return int(lost.get("after_tick", -1)) == gap.first - 1 and int(lost["count"]) >= gap.count
+def _lost_after(remarks: Sequence[EventRecord]) -> Counter[int]:
+    """How many records the logger noted as lost directly after each tick that it had."""
+    lost: Counter[int] = Counter()
+    for remark in remarks:
+        if remark.name == "log_lost":
+            lost[int(remark.details.get("after_tick", -1))] += int(remark.details["count"])
+    return lost
 
 
 def check_frames(frames: Sequence[FrameRecord]) -> Iterator[Finding]:
@@ -262,8 +269,13 @@ def check_losses(
 # --- time --------------------------------------------------------------------------------------------------------
 
 
-def check_time(recording: Recording, seen: Walk, events: Sequence[EventRecord]) -> Iterator[Finding]:
+def check_time(
+    recording: Recording, seen: Walk, events: Sequence[EventRecord], remarks: Sequence[EventRecord]
+) -> Iterator[Finding]:
     """Check that time never goes back, and that ticks are 1 ms apart but where the server said that it stood still.
+
+    Where records were lost, what the server said may be among them. A what-if has the times of its source, without the
+    events of that.
 
     Parameters
     ----------
@@ -271,13 +283,24 @@ def check_time(recording: Recording, seen: Walk, events: Sequence[EventRecord]) 
         The file.
     seen : Walk
         What was seen of its ticks.
-    events : sequence of EventRecord
-        Its events.
+    events, remarks : sequence of EventRecord
+        Its events, and the remarks of its logger.
     """
     problems = []
-    stood_ms = [int(event.details["milliseconds"]) for event in events if event.name == "stood_still"]
-    wrong = [tick for tick, more_ns in seen.jumps if not _is_told(more_ns, stood_ms)]
-    if wrong and not (seen.missing and recording.recovery):
+    stood_ms: Counter[int] = Counter()
+    for event in events:
+        if event.name == "stood_still":
+            stood_ms[event.tick] += int(event.details["milliseconds"])
+    untold = "what_if" in recording.metadata or bool(recording.recovery.get("damage"))
+    lost_after = _lost_after(remarks)
+    before = {gap.first + gap.count: gap.first - 1 for gap in seen.gaps}
+    wrong = [
+        tick
+        for tick, more_ns in seen.jumps
+        if more_ns != stood_ms[tick] * TICK_NS
+        and not (_goes_on(more_ns) and (untold or before.get(tick, tick - 1) in lost_after))
+    ]
+    if wrong:
         problems.append(f"{len(wrong)} ticks are not 1 ms after the one before: {numbers_in_words(np.array(wrong))}")
     back = [b.seq for a, b in pairwise(events) if b.time_ns < a.time_ns]
     if back:
@@ -286,16 +309,15 @@ def check_time(recording: Recording, seen: Walk, events: Sequence[EventRecord]) 
         problems.append(f"the log time goes back at {stepped} chunks")
     yield from (Finding("time", Grade.DAMAGE, problem) for problem in problems)
     if stood_ms:
-        yield Finding(
-            "time", Grade.LOSS, f"the server stood still {len(stood_ms)} times, for {sum(stood_ms)} ms in all"
-        )
+        text = f"the server stood still {len(stood_ms)} times, for {stood_ms.total()} ms in all"
+        yield Finding("time", Grade.LOSS, text)
     if not problems:
         yield Finding("time", Grade.SOUND, f"ticks are 1 ms apart over {seen.count * 1e-3:.3f} s, no stamp goes back")
 
 
-def _is_told(more_ns: int, stood_ms: Sequence[int]) -> bool:
-    """Whether a jump is one, or some in a row, that the server has told of."""
-    return more_ns > 0 and more_ns % 1_000_000 == 0 and more_ns // 1_000_000 <= sum(stood_ms)
+def _goes_on(more_ns: int) -> bool:
+    """Whether a jump is what a server does that stood still: forward by whole ticks."""
+    return more_ns > 0 and more_ns % TICK_NS == 0
 
 
 def _log_time_steps(path: Path) -> int:

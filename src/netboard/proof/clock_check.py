@@ -1,5 +1,8 @@
 """Checks the clocks of a recording's peers by what was recorded of them: raw probes, and the estimates made with these.
 
+Probes belong to one connection each, and are checked connection by connection. Older servers gave all connections of a
+kind of peer (two displays at a station, several consoles) the same name; their probes are told apart first.
+
 A server probes more often than it records, so an estimate cannot be made again from the file; it can be refuted. Each
 probe limits the offset (a message takes no negative time) and has a bound of its own, which the estimate that was made
 with it, and with others, may not exceed. The limits of all probes of a peer must go together with some drift that two
@@ -16,11 +19,17 @@ from numpy.typing import NDArray
 from scipy.stats import theilslopes
 
 from netboard.proof.grade import Finding, Grade
-from netboard.wire.records import ClockRecord
+from netboard.wire.records import ClockRecord, kind_of_peer
 from netboard.wire.session import ClockEstimator
 
 LARGEST_DRIFT_PPM = 100.0
 """Two crystals do not differ by more: what the bounds of the estimates allow for [1e-6]."""
+
+_INTERLEAVED_NS = 1_000_000_000
+"""The newest probes of several connections are recorded together, once a second: they are not further apart [ns]."""
+
+_SINGLE = "agent."
+"""Only of these there is one at a time: an agent takes the seat of its side."""
 
 _STRETCH = 60
 _AT_LEAST = 6
@@ -58,20 +67,57 @@ def check_clocks(
     if not probes:
         yield Finding("clocks", Grade.SOUND, "no clock probe was recorded")
     for peer in sorted({probe.peer for probe in probes}):
-        yield from check_peer(peer, [probe for probe in probes if probe.peer == peer], bound_ms, active_ns)
+        connections = connections_of([probe for probe in probes if probe.peer == peer])
+        for number, mine in enumerate(connections, start=1):
+            name = peer if len(connections) == 1 else f"{peer} (connection {number} of {len(connections)})"
+            yield from check_connection(name, mine, bound_ms, active_ns)
 
 
-def check_peer(
+def connections_of(probes: Sequence[ClockRecord]) -> list[list[ClockRecord]]:
+    """Tell the connections apart of which an older server recorded the probes under one name.
+
+    Parameters
+    ----------
+    probes : sequence of ClockRecord
+        All probes with one name, in order.
+
+    Returns
+    -------
+    list of list of ClockRecord
+        Of each connection. If the probes can be those of one connection, or no interleaving explains their order, it is
+        one.
+    """
+    peer = probes[0].peer
+    in_order = all(before.t3_ns <= later.t3_ns for before, later in pairwise(probes))
+    if in_order or peer != kind_of_peer(peer) or peer.startswith(_SINGLE):
+        return [list(probes)]
+    connections: list[list[ClockRecord]] = []
+    newest_ns = probes[0].t3_ns
+    for probe in {(p.t0_ns, p.t1_ns, p.t2_ns, p.t3_ns): p for p in probes}.values():
+        # The last probe of a silent connection was recorded again and again; here each is in its first place, once.
+        if probe.t3_ns < newest_ns - _INTERLEAVED_NS:
+            return [list(probes)]
+        newest_ns = max(newest_ns, probe.t3_ns)
+        for connection in connections:
+            if connection[-1].t3_ns < probe.t3_ns and not stepped([connection[-1], probe]):
+                connection.append(probe)
+                break
+        else:
+            connections.append([probe])
+    return connections
+
+
+def check_connection(
     peer: str, probes: Sequence[ClockRecord], bound_ms: float, active_ns: tuple[int, int] | None
 ) -> Iterator[Finding]:
-    """Check the clock of one peer.
+    """Check the clock of a peer by the probes of one of its connections.
 
     Parameters
     ----------
     peer : str
         Its name.
     probes : sequence of ClockRecord
-        Its probes, in order.
+        The probes, in order.
     bound_ms, active_ns
         As for `check_clocks`.
     """
@@ -175,10 +221,11 @@ def line_through(probes: Sequence[ClockRecord]) -> Fit | None:
     if np.ptp(t[quick]) == 0.0:
         return None
     slope, offset, *_ = theilslopes(middles[quick], t[quick])
-    # A line is no better than the ways of the probes that it goes through, all of which may be on one side of it.
-    longest = np.max(ways[quick])
-    known = longest < LARGEST_DRIFT_PPM * 1e-6 * np.ptp(t[quick])
-    beyond = np.abs(offset + slope * t - offsets) > bounds + longest
+    # A line is no better than the ways of the probes that it goes through, all of which may be on one side of it; and
+    # beyond those it is worse the further it is drawn.
+    longest, span = np.max(ways[quick]), np.ptp(t[quick])
+    known = longest < LARGEST_DRIFT_PPM * 1e-6 * span
+    beyond = np.abs(offset + slope * t - offsets) > bounds + longest * (1.0 + np.ptp(t) / span)
     return Fit(float(slope) * 1e6 if known else float("nan"), int(np.count_nonzero(beyond)))
 
 

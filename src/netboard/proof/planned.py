@@ -17,8 +17,9 @@ from netboard.design.study import parse_study, resolve_study
 from netboard.errors import ConfigError, RecordingError
 from netboard.experiment.entries import Header, Lines, read_lines
 from netboard.proof.grade import Finding, Grade
+from netboard.proof.journal_check import check_journal
 from netboard.proof.quality import judged
-from netboard.proof.trial_check import check_journal, check_plan
+from netboard.proof.trial_check import check_plan
 from netboard.proof.walk import Walk
 from netboard.recording.journal import journal_path
 from netboard.recording.reader import Recording

@@ -1,6 +1,6 @@
-"""Checks the trials of a recording against its configuration, against the plan of its study, and against the journal.
+"""Checks the trials of a recording against its configuration, and against the plan of its study.
 
-Pure: attempts, configurations and journal entries in, findings out. A block that was stopped is a loss: something that
+Pure: attempts and configurations in, findings out. A block that was stopped is a loss: something that
 was planned is not there. Trials in an order that the trial machine never makes, or another condition than the plan's,
 are damage.
 """
@@ -12,16 +12,13 @@ from itertools import pairwise
 import numpy as np
 
 from netboard.config import Config
-from netboard.experiment.entries import AttemptEnded, Entry
 from netboard.experiment.machine import Cause, Phase, first_target, ticks
-from netboard.experiment.quality import Verdict
 from netboard.proof.grade import Finding, Grade
 from netboard.proof.walk import Walk
 from netboard.recording.summary import Attempt
 from netboard.tables.experiment import Block
 
 _ENDS = (Cause.LAST, Cause.STOP)
-_COMPARED = ("success", "fell", "timed_out")
 
 
 def check_trials(config: Config, seen: Walk, listed: Sequence[Attempt], goes_on: bool) -> Iterator[Finding]:
@@ -107,7 +104,9 @@ def _done(config: Config, seen: Walk, goes_on: bool) -> Finding:
     over = int(row["event"]) == Cause.LAST
     finished = over and int(row["phase"]) != Phase.FAILED
     done = int(row["trial"]) - (not (finished or int(row["event"]) == Cause.HELD))
-    wanted = block.trials + int(row["extra"])
+    # A veto in the last tick of a trial may be what makes it the last one.
+    vetoed = int(row["command"]) == Cause.VETO and int(row["extra"]) > 0
+    wanted = block.trials + int(row["extra"]) - vetoed
     timed = 0 < ticks(block.duration) <= int(row["block_ticks"]) + 1
     condition = block.label or f"{block.configuration}, force {block.force}"
     words = f"{done} of {wanted} trials done, {int(row['failures'])} failed attempts, condition: {condition}"
@@ -141,58 +140,3 @@ def check_plan(config: Config, planned: Config) -> Iterator[Finding]:
         yield Finding("plan", Grade.DAMAGE, f"block {number} of study {study} is not as planned: {'; '.join(wrong)}")
     else:
         yield Finding("plan", Grade.SOUND, f"block {number} is that of the plan of study {study}: {config.block.label}")
-
-
-def check_journal(
-    entries: Sequence[Entry], run: str, block: int, seen: Walk, verdicts: Sequence[Verdict]
-) -> Iterator[Finding]:
-    """Check the journal's attempts against those of the recording.
-
-    Parameters
-    ----------
-    entries : sequence of Entry
-        The journal's.
-    run : str
-        Id of the server's run that the recording is of.
-    block : int
-        Number of its block [1].
-    seen : Walk
-        What was seen of its ticks.
-    verdicts : sequence of Verdict
-        What the rules of its configuration say of its attempts.
-    """
-    if not seen.count:
-        return
-    first, last = int(seen.first["tick"][0]), int(seen.last["tick"][0])
-    told = {
-        (entry.trial, entry.attempt): entry
-        for entry in entries
-        if isinstance(entry, AttemptEnded) and (entry.run, entry.block) == (run, block) and first <= entry.tick <= last
-    }
-    judged = {(verdict.trial, verdict.attempt): verdict for verdict in verdicts}
-    problems = [
-        *(f"trial {n}, attempt {k} is in the recording only" for n, k in sorted(judged.keys() - told.keys())),
-        *(problem for place in sorted(judged.keys() & told.keys()) for problem in _differs(told[place], judged[place])),
-    ]
-    missing = sorted(place for place in told.keys() - judged.keys() if told[place].outcome in _COMPARED)
-    if problems:
-        yield Finding("journal", Grade.DAMAGE, f"contradicts the recording: {'; '.join(problems)}")
-    if missing:
-        which = ", ".join(f"trial {n}, attempt {k}" for n, k in missing)
-        yield Finding("journal", Grade.LOSS, f"tells of attempts whose ticks are not here: {which}")
-    if not (problems or missing):
-        yield Finding("journal", Grade.SOUND, f"tells the same of all {len(judged)} attempts")
-
-
-def _differs(told: AttemptEnded, judged: Verdict) -> Iterator[str]:
-    """Say what the journal tells otherwise of an attempt; a command ends one in ways that only the server knows."""
-    where = f"trial {told.trial}, attempt {told.attempt}"
-    if judged.outcome not in _COMPARED and told.outcome not in _COMPARED:
-        return
-    if told.outcome != judged.outcome:
-        yield f"{where} is {told.outcome} there and {judged.outcome} here"
-    elif told.outcome == "success" and told.completion != judged.completion:
-        yield f"{where} took {told.completion} s there and {judged.completion} s here"
-    elif told.flags != judged.flags:
-        there, here = (", ".join(flags) or "none" for flags in (told.flags, judged.flags))
-        yield f"{where} has the flags {there} there and {here} here"

@@ -265,7 +265,7 @@ CHANNELS = (
         "t3_ns",
         (
             Field("seq", "integer", "number of the probe, from 0", "1"),
-            Field("peer", "string", "agent.left and so on", ""),
+            Field("peer", "string", "agent.left and so on; of the second connection of such a peer agent.left#2", ""),
             Field("t0_ns", "integer", "sent by the server, server time", "ns"),
             Field("t1_ns", "integer", "received by the peer, its own time", "ns"),
             Field("t2_ns", "integer", "sent by the peer, its own time", "ns"),

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from netboard.experiment.machine import BALL_FREE, Cause, Phase
 from netboard.tick import LATE_NS, TICK, TICK_SECONDS
 from netboard.wire.motion import Safeguard
-from netboard.wire.records import ClockRecord, EventRecord, FrameRecord
+from netboard.wire.records import ClockRecord, EventRecord, FrameRecord, kind_of_peer
 
 
 @dataclass(frozen=True, slots=True)
@@ -298,7 +298,7 @@ class Summary:
     left, right : SideSummary
         The two sides.
     round_trips : dict of Spread
-        Network round trip of the clock probes by peer, the peer's own time taken off [s].
+        Network round trip of the clock probes by kind of peer, the peer's own time taken off [s].
     displays : dict of DisplaySummary
         The displays, by station.
     events : int
@@ -358,7 +358,7 @@ def summarise(
     """
     trips: dict[str, list[int]] = {}
     for probe in clocks:
-        trips.setdefault(probe.peer, []).append(probe.t3_ns - probe.t0_ns - (probe.t2_ns - probe.t1_ns))
+        trips.setdefault(kind_of_peer(probe.peer), []).append(probe.t3_ns - probe.t0_ns - (probe.t2_ns - probe.t1_ns))
     return Summary(
         ticks=ticks.size,
         duration=float(ticks["tick"][-1] - ticks["tick"][0] + 1) * TICK_SECONDS if ticks.size else 0.0,

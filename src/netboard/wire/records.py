@@ -125,7 +125,7 @@ class ClockRecord:
     seq : int
         Number of the probe, from 0 [1].
     peer : str
-        ``agent.left`` and so on.
+        ``agent.left`` and so on; of the second connection of such a peer ``agent.left#2``.
     t0_ns, t3_ns : int
         Sent and received by the server, server time [ns].
     t1_ns, t2_ns : int
@@ -147,6 +147,30 @@ class ClockRecord:
     offset_ns: int
     bound_ns: int
     drift_ppm: float
+
+
+def connection_name(kind: str, number: int) -> str:
+    """Name a connection of a peer in `ClockRecord.peer`.
+
+    Parameters
+    ----------
+    kind : str
+        What the peer is: ``agent.left``.
+    number : int
+        How many connections of its kind there have been, with this one [1].
+    """
+    return kind if number == 1 else f"{kind}#{number}"
+
+
+def kind_of_peer(name: str) -> str:
+    """Tell what a peer is, from the name of one of its connections.
+
+    Parameters
+    ----------
+    name : str
+        `ClockRecord.peer`.
+    """
+    return name.partition("#")[0]
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,165 @@
+"""Clock probes as the ports record them: `netboard check` finds no damage, whoever comes, leaves and returns."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import count
+
+import numpy as np
+import pytest
+from fake_router import WELCOME, FakeRouter, hello
+from test_control_port import Answers
+
+from netboard.nodes.control_port import ControlPort
+from netboard.proof.clock_check import check_clocks, connections_of
+from netboard.proof.grade import Finding, Grade, worst
+from netboard.wire.meeting import Goodbye, Ping, Pong
+from netboard.wire.records import ClockRecord, kind_of_peer
+
+MS = 1_000_000
+HOUSE_MS = 10
+
+
+class Station:
+    """A server's control channel in memory, and the peers that answer its pings, each by a clock of its own."""
+
+    def __init__(self) -> None:
+        self.router = FakeRouter()
+        self.port = ControlPort(self.router, WELCOME, Answers())  # type: ignore[arg-type]
+        self.records: list[ClockRecord] = []
+        self.clocks: dict[bytes, int] = {}
+        self.held: list[tuple[int, bytes, Pong]] = []
+        self.chance = np.random.default_rng(5)
+        self.now_ms = 0
+
+    def join(self, name: bytes, role: str, side: str = "", ahead_s: float = 0.0) -> None:
+        self.clocks[name] = round(ahead_s * 1e9)
+        self.router.say(name, hello(role, side, name.decode()))
+
+    def leave(self, name: bytes) -> None:
+        self.router.say(name, Goodbye("restarted"))
+        del self.clocks[name]
+
+    def vanish(self, name: bytes) -> None:
+        """Say nothing any more."""
+        del self.clocks[name]
+
+    def go_on(self, seconds: float) -> None:
+        for _ in range(round(seconds * 1000 / HOUSE_MS)):
+            self.now_ms += HOUSE_MS
+            now_ns = self.now_ms * MS
+            self.port.pump(now_ns)
+            for name in list(self.router.sent):
+                for message in self.router.heard(name):
+                    if isinstance(message, Ping) and name in self.clocks:
+                        there, way = self.clocks[name], self.chance.integers(50_000, 60 * MS, 2).tolist()
+                        received = message.sent_ns + way[0] + there
+                        pong = Pong(message.sent_ns, received, received + 1000)
+                        self.held.append((message.sent_ns + sum(way) + 1000, name, pong))
+            for item in sorted((item for item in self.held if item[0] <= now_ns), key=lambda item: item[0]):
+                self.held.remove(item)
+                self.router.say(item[1], item[2])
+            self.port.drain(now_ns)
+            if self.now_ms % 1000 == 0:
+                self.records += self.port.clock_records(len(self.records))
+
+    def findings(self, records: list[ClockRecord]) -> list[Finding]:
+        return [*check_clocks(records, 0.5, None)]
+
+
+def two_displays(at: Station) -> None:
+    at.join(b"one", "display", "left")
+    at.join(b"two", "display", "left", ahead_s=-7.0)
+    at.go_on(12)
+
+
+def several_consoles(at: Station) -> None:
+    for number in range(4):
+        at.join(b"console %d" % number, "console", ahead_s=number * 100.0)
+    at.go_on(12)
+
+
+def a_display_that_is_restarted(at: Station) -> None:
+    at.join(b"other", "display", "right")
+    for number in range(3):
+        at.join(b"run %d" % number, "display", "left", ahead_s=number * 1e6)
+        at.go_on(6)
+        at.leave(b"run %d" % number)
+
+
+def a_display_that_dies_and_another(at: Station) -> None:
+    at.join(b"one", "display", "left")
+    at.go_on(6)
+    at.vanish(b"one")
+    at.join(b"two", "display", "left")
+    at.go_on(12)
+
+
+def a_display_that_says_hello_again(at: Station) -> None:
+    at.join(b"one", "display", "left")
+    at.go_on(6)
+    at.join(b"one", "display", "left")
+    at.go_on(6)
+
+
+TOPOLOGIES = (
+    two_displays,
+    several_consoles,
+    a_display_that_is_restarted,
+    a_display_that_dies_and_another,
+    a_display_that_says_hello_again,
+)
+
+
+@pytest.mark.parametrize("happens", TOPOLOGIES)
+def test_probes_of_any_topology_are_sound_connection_by_connection(happens: Callable[[Station], None]) -> None:
+    at = Station()
+    happens(at)
+    findings = at.findings(at.records)
+    assert worst(findings) == Grade.SOUND, findings
+    assert len(findings) == len({record.peer for record in at.records}) >= 1
+    assert len({(record.peer, record.t0_ns) for record in at.records}) == len(at.records)
+
+
+@pytest.mark.parametrize("happens", TOPOLOGIES)
+def test_where_an_older_server_gave_them_one_name_it_is_no_damage(happens: Callable[[Station], None]) -> None:
+    at = Station()
+    happens(at)
+    findings = at.findings([replace(record, peer=kind_of_peer(record.peer)) for record in at.records])
+    assert worst(findings) < Grade.DAMAGE, findings
+
+
+def test_interleaved_probes_under_one_name_are_told_apart() -> None:
+    at = Station()
+    two_displays(at)
+    old = [replace(record, peer="display.left") for record in at.records]
+    silent = [replace(old[-1], seq=len(old) + k) for k in range(3)]  # recorded again and again
+    apart = connections_of([*old, *silent, *(replace(p, t3_ns=p.t3_ns) for p in silent)])
+    assert sorted(map(len, apart)) == [len(old) // 2, len(old) // 2]
+    assert all(len({record.offset_ns // 10**9 for record in mine}) == 1 for mine in apart)
+    assert worst(at.findings([*old, *silent])) == Grade.SOUND
+
+
+def test_probes_of_one_connection_in_a_wrong_order_are_damage() -> None:
+    at = Station()
+    a_display_that_is_restarted(at)
+    for peer in {record.peer for record in at.records}:
+        places = [k for k, record in enumerate(at.records) if record.peer == peer]
+        wrong = list(at.records)
+        wrong[places[1]], wrong[places[3]] = wrong[places[3]], wrong[places[1]]
+        findings = at.findings(wrong)
+        assert [f.grade for f in findings if "earlier than the one before" in f.text] == [Grade.DAMAGE], peer
+
+
+def test_an_answer_with_impossible_stamps_is_not_recorded() -> None:
+    at = Station()
+    at.join(b"one", "display", "left")
+    at.go_on(1.5)
+    (known,) = at.port.clock_records(0) or at.records[-1:]
+    now_ns = at.now_ms * MS
+    for number, pong in zip(
+        count(1), (Pong(now_ns, 20, 10), Pong(now_ns + 10**9, 1, 2), Pong(-(2**62), 0, 0)), strict=False
+    ):
+        at.router.say(b"one", pong)
+        at.port.drain(now_ns + number)
+        assert at.port.clock_records(9) == []
+    assert known.peer == "display.left"
