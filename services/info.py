@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from rich.console import Console
-from rich.table import Table
 
 from netboard.config import parse
 from netboard.errors import RecordingError
@@ -13,6 +12,7 @@ from netboard.proof.account import Stretch, account_of, parts_of
 from netboard.proof.quality import judged
 from netboard.recording.reader import Recording
 from netboard.report.tables import summary_of, summary_tables
+from netboard.terminal import FittedTable, numbers
 
 
 def main(path: Path) -> int:
@@ -37,7 +37,7 @@ def main(path: Path) -> int:
     return 0
 
 
-def provenance_table(recording: Recording) -> Table:
+def provenance_table(recording: Recording) -> FittedTable:
     """Say where a recording comes from.
 
     Parameters
@@ -47,7 +47,7 @@ def provenance_table(recording: Recording) -> Table:
 
     Returns
     -------
-    Table
+    FittedTable
         For printing.
     """
     block = parse(recording.config_text, f"{recording.path} (its configuration)").block
@@ -63,13 +63,13 @@ def provenance_table(recording: Recording) -> Table:
         "doctor": said.get("doctor", "?"),
         "configuration": said.get("config_sha256", "?"),
     }
-    table = Table(title="Recording", title_justify="left", show_header=False)
+    table = FittedTable("", "", title="Recording", header=False)
     for name, value in rows.items():
         table.add_row(name, value)
     return table
 
 
-def quality_table(verdicts: Sequence[Verdict]) -> Table:
+def quality_table(verdicts: Sequence[Verdict]) -> FittedTable:
     """Say which attempts are doubtful, by the rules of the recording's configuration, and why.
 
     Parameters
@@ -79,21 +79,21 @@ def quality_table(verdicts: Sequence[Verdict]) -> Table:
 
     Returns
     -------
-    Table
+    FittedTable
         For printing.
     """
     doubtful = [verdict for verdict in verdicts if verdict.flags]
     title = f"Doubtful attempts: {len(doubtful)} of {len(verdicts)}"
-    table = Table(title=title, title_justify="left", show_header=bool(doubtful))
-    for heading in ("trial", "attempt", "outcome", "flag", "what it says"):
-        table.add_column(heading, justify="right" if heading in ("trial", "attempt") else "left")
+    table = FittedTable(
+        *numbers("trial", "attempt"), "outcome", "flag", "what it says", title=title, header=bool(doubtful)
+    )
     for verdict in doubtful:
         words, sentences = "\n".join(verdict.flags), "\n".join(WORDS[word] for word in verdict.flags)
         table.add_row(str(verdict.trial), str(verdict.attempt), verdict.outcome, words, sentences)
     return table
 
 
-def account_table(path: Path) -> Table:
+def account_table(path: Path) -> FittedTable:
     """Account for every tick of the session, in all parts that are in the same folder.
 
     Parameters
@@ -103,10 +103,10 @@ def account_table(path: Path) -> Table:
 
     Returns
     -------
-    Table
+    FittedTable
         For printing.
     """
-    table = Table(title="Account of the session", title_justify="left", show_header=False)
+    table = FittedTable("", "", title="Account of the session", header=False)
     try:
         account = account_of(parts_of(path))
     except RecordingError as error:

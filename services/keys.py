@@ -63,19 +63,19 @@ def add(
 def list_(config: ConfigFile = None, overrides: Overrides = None) -> None:
     """Tell who may connect, and which secret keys are here, by their fingerprints."""
     from rich.console import Console
-    from rich.table import Table
 
     from netboard import keys
+    from netboard.terminal import FittedTable
 
     folder = folder_of(config, overrides)
     console = Console(highlight=False)
     if (folder / keys.LIST).exists():
-        table = Table("name", "fingerprint", "created", "revoked", title="Who may connect", title_justify="left")
+        table = FittedTable("name", "fingerprint", "created", "revoked", title="Who may connect")
         for peer in keys.read_list(folder):
             revoked = f"{peer.revoked:%Y-%m-%dT%H:%MZ}" if peer.revoked else ""
             table.add_row(peer.name, keys.fingerprint(peer.public), f"{peer.created:%Y-%m-%dT%H:%MZ}", revoked)
         console.print(table)
-    table = Table("file", "fingerprint", "of the server", title=f"Secret keys in {folder}", title_justify="left")
+    table = FittedTable("file", "fingerprint", "of the server", title=f"Secret keys in {folder}")
     for row in keys.key_files(folder):
         table.add_row(*row)
     console.print(table)

@@ -8,12 +8,13 @@ from pathlib import Path
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-from rich.table import Table
+from rich.text import Text
 
 from netboard.config import Config
 from netboard.errors import NetboardError
 from netboard.rehearsal.block import Rehearsal
 from netboard.rehearsal.jobs import Job, Sheet, jobs_of, rehearse, rehearse_all
+from netboard.terminal import FittedTable, numbers
 from netboard.tick import TICK_SECONDS
 
 console = Console(highlight=False)
@@ -106,18 +107,15 @@ def bars() -> Progress:
     return Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
 
 
-def table_of(sheets: Sequence[Sheet]) -> Table:
+def table_of(sheets: Sequence[Sheet]) -> FittedTable:
     """Show the blocks, a row for each."""
-    table = Table(title="Rehearsal", title_justify="left")
-    for heading in ("block", "condition"):
-        table.add_column(heading, no_wrap=True)
-    for heading in ("trials", "failed", "mean time", "ticks", "speed"):
-        table.add_column(heading, justify="right", no_wrap=True)
+    counted = numbers("trials", "failed", "mean time", "ticks", "speed")
+    table = FittedTable("block", "condition", *counted, title="Rehearsal")
     for sheet in sheets:
         mean = "-" if sheet.mean_completion is None else f"{sheet.mean_completion:.2f} s"
         table.add_row(
             f"{sheet.session} {sheet.block}",
-            sheet.label + (" [red]given up[/red]" if sheet.given_up else ""),
+            Text(sheet.label).append(" given up" if sheet.given_up else "", "red"),
             str(sheet.successes),
             str(sheet.failures),
             mean,

@@ -5,15 +5,14 @@ from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
-from rich import box
 from rich.console import Console
-from rich.markup import escape
 from rich.progress import track
-from rich.table import Table
+from rich.text import Text
 
 from netboard.errors import RecordingError
 from netboard.proof.catalogue import Entry, Filter, entry_of, files_in, in_order, with_check, with_trials
 from netboard.proof.grade import VERDICTS, Grade
+from netboard.terminal import Cell, FittedTable, numbers
 
 COLOURS = {VERDICTS[Grade.SOUND]: "green", VERDICTS[Grade.LOSS]: "yellow", VERDICTS[Grade.DAMAGE]: "red"}
 """Of each verdict on a terminal."""
@@ -71,7 +70,7 @@ def _completed(entry: Entry, full: bool) -> Entry:
     return with_check(counted) if full else counted
 
 
-def table_of(entries: Sequence[Entry], folder: Path) -> Table:
+def table_of(entries: Sequence[Entry], folder: Path) -> FittedTable:
     """Show files, a group for each session.
 
     Parameters
@@ -81,35 +80,32 @@ def table_of(entries: Sequence[Entry], folder: Path) -> Table:
     folder : Path
         Where they are.
     """
-    table = Table(title=f"Sessions in {folder}", title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    table.add_column("block\ncondition")
-    table.add_column("file", overflow="fold")
-    for heading in ("trials", "length\nsize", "lost"):
-        table.add_column(heading, justify="right", no_wrap=True)
-    table.add_column("verdict", overflow="fold")
+    table = FittedTable(
+        "block\ncondition", "file", *numbers("trials", "length\nsize", "lost"), "verdict", title=f"Sessions in {folder}"
+    )
     for (dyad, session), group in in_order(entries):
         study = ", ".join(sorted({entry.study for entry in group if entry.study})) or "no study"
         pilot = ", pilot" if any(entry.pilot for entry in group) else ""
         day = min((entry.opened[:10] for entry in group if entry.opened), default="date not known")
         title = f"{dyad} {session}" if dyad else "not known whose"
-        table.add_section()
-        table.add_row(f"[bold]{escape(title)}[/bold]", f"{day}, {study}{pilot}")
+        table.end_section()
+        table.add_row(Text(title, "bold"), f"{day}, {study}{pilot}")
         for entry in group:
             table.add_row(*_row(entry, folder))
     return table
 
 
-def _row(entry: Entry, folder: Path) -> list[str]:
+def _row(entry: Entry, folder: Path) -> list[Cell]:
     """Write what is known of one file."""
     trials = f"{entry.done} of {entry.trials}" if entry.trials else f"{entry.done}"
     known = entry.kind in ("recording", "journal") and entry.verdict != VERDICTS[Grade.DAMAGE]
     return [
-        (f"{entry.block} of {entry.blocks}" if entry.blocks else entry.kind) + f"\n{escape(entry.condition)}",
-        escape(str(entry.path.relative_to(folder))),
+        (f"{entry.block} of {entry.blocks}" if entry.blocks else entry.kind) + f"\n{entry.condition}",
+        str(entry.path.relative_to(folder)),
         trials if known else "-",
         (f"{entry.duration / 60:.1f} min" if entry.duration else "-") + f"\n{entry.size / 1e6:.1f} MB",
         str(entry.lost),
-        f"[{COLOURS[entry.verdict]}]{entry.verdict}[/]" + (f"\n{escape(entry.why)}" if entry.why else ""),
+        Text(entry.verdict, COLOURS[entry.verdict]).append(f"\n{entry.why}" if entry.why else "", "default"),
     ]
 
 

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-from rich.table import Table
 
 from netboard.config import ADAPTER, Config, resolve
 from netboard.errors import ConfigError
@@ -22,6 +21,7 @@ from netboard.settings import read
 from netboard.simulation import Motion, Steps, check_start, choose_steps, columns_of, energies_of, is_held, simulate
 from netboard.studies.hand_files import doubts, find_inputs, plan_outputs, read_hands, write_table
 from netboard.tables.scene import Physics
+from netboard.terminal import FittedTable
 
 console = Console(highlight=False)
 
@@ -204,15 +204,15 @@ def balance(energies: Mapping[str, NDArray[np.float64]]) -> str:
     return f"balanced to {np.abs(stored - stored[0] - worked).max():.2g} J; it varies by {np.ptp(stored):.3g} J"
 
 
-def table_of(sheets: Sequence[Sheet]) -> Table:
+def table_of(sheets: Sequence[Sheet]) -> FittedTable:
     """Show one sheet from top to bottom; of several, what may be odd about one of them, a row for each."""
     if len(sheets) == 1:
-        table = Table(show_header=False)
+        table = FittedTable("", "", header=False)
         for name, value in sheets[0].items():
-            table.add_row(escape(name), escape(value))
+            table.add_row(name, value)
         return table
     names = [name for name in sheets[0] if name in ("input", "samples", "lasts", "theta [rad]", "p [m]", "took")]
-    table = Table(*map(escape, names))
+    table = FittedTable(*names)
     for sheet in sheets:
-        table.add_row(*(escape(sheet[name]) for name in names))
+        table.add_row(*(sheet[name] for name in names))
     return table

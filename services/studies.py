@@ -5,9 +5,7 @@ from collections.abc import Iterator
 from dataclasses import asdict, replace
 from pathlib import Path
 
-from rich import box
 from rich.console import Console
-from rich.table import Table
 
 from netboard.config import Config
 from netboard.design import library
@@ -16,6 +14,7 @@ from netboard.design.balance import Table as Counts
 from netboard.design.plan import Plan, PlanBlock, config_of, digest, plan_of, seated, to_json
 from netboard.design.study import Study, parse_study, resolve_study
 from netboard.errors import ConfigError
+from netboard.terminal import FittedTable
 
 OK = 0
 
@@ -151,7 +150,7 @@ def show_list() -> int:
     int
         Exit code.
     """
-    table = Table("study", "what it is", "orders", box=None)
+    table = FittedTable("study", "what it is", "orders")
     for name in library.NAMES:
         study = load(name)
         table.add_row(name, study.text, ", ".join(study.orders))
@@ -216,10 +215,7 @@ def _print_balance(console: Console, balance: Balance) -> None:
 
 def _print_table(console: Console, part: Counts) -> None:
     """Print a table under its title."""
-    table = Table(box=box.SIMPLE_HEAD)
-    for column in part.columns:
-        table.add_column(column, no_wrap=True)
+    table = FittedTable(*part.columns, title=part.title)
     for row in part.rows:
         table.add_row(*row)
-    console.print(f"[bold]{part.title}[/bold]", highlight=False)
     console.print(table)

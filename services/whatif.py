@@ -7,9 +7,7 @@ from math import isnan
 from pathlib import Path
 from typing import Any
 
-from rich import box
 from rich.console import Console
-from rich.table import Table
 from rich.text import Text
 
 from netboard.config import parse
@@ -19,6 +17,7 @@ from netboard.stage import make_stage
 from netboard.studies.what_if import QUANTITIES, Comparison, WhatIf, what_if
 from netboard.studies.what_if_figure import draw
 from netboard.studies.what_if_file import keep
+from netboard.terminal import FittedTable, numbers
 
 WORDS = (
     "The loop is open: the hands do what they did and do not react to the change. The trial machine decides anew.\n"
@@ -136,7 +135,7 @@ def attempt_at(found: WhatIf, trial: int, path: Path) -> Comparison:
     return attempts[-1]
 
 
-def table_of(comparisons: Sequence[Comparison], changes: Sequence[str]) -> Table:
+def table_of(comparisons: Sequence[Comparison], changes: Sequence[str]) -> FittedTable:
     """Show every attempt then and now.
 
     Parameters
@@ -148,17 +147,15 @@ def table_of(comparisons: Sequence[Comparison], changes: Sequence[str]) -> Table
     """
     otherwise = sum(one.then.outcome != one.now.outcome for one in comparisons)
     title = f"With {', '.join(changes) or 'nothing changed'}: {otherwise} of {len(comparisons)} attempts end otherwise"
-    table = Table(title=Text(title), title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 1, 0))
-    table.add_column("trial,\nattempt", justify="right")
-    table.add_column("outcome,\nthen -> now", no_wrap=True)
-    table.add_column("completion", justify="right", no_wrap=True)
-    for quantity in QUANTITIES:
-        table.add_column(Text(f"{quantity.text}\n[{quantity.unit}]\nrms\nmax"), justify="right", no_wrap=True)
+    differing = numbers(*(f"{quantity.text}\n[{quantity.unit}]\nrms\nmax" for quantity in QUANTITIES))
+    table = FittedTable(
+        *numbers("trial,\nattempt"), "outcome,\nthen -> now", *numbers("completion"), *differing, title=title
+    )
     for one in comparisons:
         same = one.then.outcome == one.now.outcome
         table.add_row(
             f"{one.then.trial}, {one.then.attempt}",
-            one.then.outcome if same else f"[yellow]{one.then.outcome}\n-> {one.now.outcome}[/yellow]",
+            one.then.outcome if same else Text(f"{one.then.outcome}\n-> {one.now.outcome}", "yellow"),
             seconds(one.then.completion) if not one.changed else completions(one),
             *(differences(one, quantity.name, quantity.scale) for quantity in QUANTITIES),
         )

@@ -50,7 +50,7 @@ def test_one_file() -> None:
     assert all(found[name][0] == 0.0 for name in COLUMNS[:7])
     assert "paper model, free board, 1 free ball" in result.output
     assert "dop853 in steps of at most 0.5 ms, 0.25 of its shortest time constant" in result.output
-    for line in ("samples     │ 201", "every       │ 1 ms", "rows        │ 201", "steps       │ 400, at most 0.5 ms"):
+    for line in ("samples      201", "every        1 ms", "rows         201", "steps        400, at most 0.5 ms"):
         assert line in result.output
 
 

@@ -128,7 +128,7 @@ def test_what_a_study_does_not_have_is_said() -> None:
 
 def test_the_table_for_the_terminal_has_all_rows(compared: pd.DataFrame) -> None:
     table = comparison_table(compared)
-    assert table.row_count == len(REPORTED)
+    assert len(table.rows) == len(REPORTED)
     console = Console(width=200, file=StringIO(), record=True)
     console.print(table)
     text = console.export_text().replace("\N{NO-BREAK SPACE}", " ")

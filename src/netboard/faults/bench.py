@@ -13,8 +13,6 @@ from pathlib import Path
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-from rich.table import Table
-from rich.text import Text
 
 from netboard.clock import now_ns
 from netboard.config import SIDES
@@ -27,6 +25,7 @@ from netboard.faults.gathering import Evidence, Window, gather
 from netboard.faults.sites import Setup, Site, open_site
 from netboard.studies.machine import describe
 from netboard.studies.results import Folder, Part, Value, Verdict, new_folder, show
+from netboard.terminal import FittedTable
 
 COLUMNS = (
     *("case", "falls after [ms]", "zero after [ms]", "largest step / limit [1]"),
@@ -123,9 +122,7 @@ def list_cases() -> int:
     """Print the table of cases; exit code 0."""
     console = Console(highlight=False)
     for part, title in PARTS.items():
-        table = Table(title=Text(title), title_justify="left", title_style="bold", pad_edge=False)
-        for column in ("case", "what is done", "what must happen"):
-            table.add_column(column)
+        table = FittedTable("case", "what is done", "what must happen", title=title)
         for case in CASES:
             if case.part == part:
                 table.add_row(case.name, case.done, case.expected)

@@ -4,13 +4,14 @@ from math import isfinite
 from typing import Any
 
 import pandas as pd
-from rich.table import Table
+from rich.text import Text
 
 from netboard.findings.paper import REMINDER
 from netboard.report.numbers import after, between, reported, unit_of, written
+from netboard.terminal import FittedTable
 
 
-def comparison_table(compared: pd.DataFrame) -> Table:
+def comparison_table(compared: pd.DataFrame) -> FittedTable:
     """Make the table.
 
     Parameters
@@ -18,16 +19,18 @@ def comparison_table(compared: pd.DataFrame) -> Table:
     compared : DataFrame
         From `netboard.findings.paper.compare`.
     """
-    table = Table(title="The paper and this study", title_justify="left", caption=REMINDER, caption_justify="left")
-    for heading in ("Fig.", "quantity", "of", "paper", "this study", "n", ""):
-        table.add_column(heading, overflow="fold")
+    table = FittedTable(
+        "Fig.", "quantity", "of", "paper", "this study", "n", "", title="The paper and this study", caption=REMINDER
+    )
     rows = compared.to_dict("records")
     for row, following in zip(rows, [*rows[1:], None], strict=True):
         ends = following is None or following["figure"][0] != row["figure"][0]
         n = f"{row['n']} {row['of']}{'' if row['n'] == 1 else 's'}" if row["of"] else "0"
         verdict = f"{row['verdict']}; {row['note']}" if row["kind"] == "count" and row["note"] else row["verdict"]
         cells = (row["figure"], row["quantity"], row["group"], _paper(row), _study(row), n, _colour(verdict))
-        table.add_row(*cells, end_section=ends)
+        table.add_row(*cells)
+        if ends:
+            table.end_section()
     return table
 
 
@@ -48,7 +51,7 @@ def _study(row: dict[str, Any]) -> str:
     return f"{value}{unit} ({interval})" if interval else f"{value}{unit}"
 
 
-def _colour(verdict: str) -> str:
+def _colour(verdict: str) -> Text:
     """Mark what agrees and what does not; the words say so too."""
     colour = {"same": "green", "other": "red"}.get(verdict.split(maxsplit=1)[0])
-    return f"[{colour}]{verdict}[/{colour}]" if colour else verdict
+    return Text(verdict, colour or "")

@@ -3,9 +3,9 @@
 from math import isnan
 
 from rich.console import Group, RenderableType
-from rich.table import Table
 from rich.text import Text
 
+from netboard.terminal import FittedTable, numbers
 from netboard.wire.control import Status
 
 
@@ -34,12 +34,9 @@ def _lines(status: Status) -> list[Text]:
     return lines
 
 
-def _links(status: Status) -> Table:
-    table = Table(title="Peers", title_justify="left")
-    for heading in ("peer", "host:process", "version"):
-        table.add_column(heading)
-    for heading in ("heard", "round trip", "clock known to", "drift", "messages", "lost"):
-        table.add_column(heading, justify="right")
+def _links(status: Status) -> FittedTable:
+    measured = numbers("heard", "round trip", "clock known to", "drift", "messages", "lost")
+    table = FittedTable("peer", "host:process", "version", *measured, title="Peers")
     for what, name, version, age, round_trip, bound, drift, rate, lost in status.links:
         table.add_row(
             what,

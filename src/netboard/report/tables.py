@@ -1,14 +1,13 @@
 """A recording in words and tables for the terminal."""
 
 from rich.console import Group, RenderableType
-from rich.table import Table
-from rich.text import Text
 
 from netboard.proof.verification import Verdict
 from netboard.recording.reader import Recording
 from netboard.recording.summary import Attempt, Spread, Summary, summarise
 from netboard.replay.playback import clock
 from netboard.replay.reel import Reel
+from netboard.terminal import FittedTable, numbers
 
 _SIDES = {-1: "left", 0: "unknown", 1: "right"}
 
@@ -46,21 +45,16 @@ def verdict_line(verdict: Verdict) -> str:
     )
 
 
-def _trials(attempts: tuple[Attempt, ...]) -> Table:
-    table = Table(title="Trials", title_justify="left")
-    for heading in ("trial", "attempt", "target", "outcome", "completion time"):
-        table.add_column(heading, justify="left" if heading in ("target", "outcome") else "right")
+def _trials(attempts: tuple[Attempt, ...]) -> FittedTable:
+    table = FittedTable(*numbers("trial", "attempt"), "target", "outcome", *numbers("completion time"), title="Trials")
     for a in attempts:
         time = f"{a.completion:.3f} s" if a.outcome == "success" else "-"
         table.add_row(str(a.trial), str(a.attempt), _SIDES[a.target], a.outcome, time)
     return table
 
 
-def _timing(summary: Summary) -> Table:
-    table = Table(title="Timing", title_justify="left")
-    table.add_column("")
-    for heading in ("50 %", "99 %", "99.9 %", "largest"):
-        table.add_column(heading, justify="right")
+def _timing(summary: Summary) -> FittedTable:
+    table = FittedTable("", *numbers("50 %", "99 %", "99.9 %", "largest"), title="Timing")
     spreads = {
         "tick begins late by": summary.lateness,
         "left: stylus read to force rendered": summary.left.loop,
@@ -78,12 +72,10 @@ def _milliseconds(spread: Spread) -> tuple[str, ...]:
     return tuple(f"{value * 1e3:.3f} ms" for value in (spread.p50, spread.p99, spread.p999, spread.largest))
 
 
-def _counts(summary: Summary) -> Table:
+def _counts(summary: Summary) -> FittedTable:
     completions = summary.completions
     mean = f"{sum(completions) / len(completions):.3f} s" if completions else "-"
-    table = Table(title="Counts", title_justify="left", show_header=False)
-    table.add_column("")
-    table.add_column("", justify="right")
+    table = FittedTable("", *numbers(""), title="Counts", header=False)
     rows = {
         "duration": f"{summary.duration:.3f} s",
         "ticks": f"{summary.ticks}",
@@ -94,11 +86,11 @@ def _counts(summary: Summary) -> Table:
         "failed attempts": f"{summary.failures}",
         "mean completion time": mean,
     }
-    for side, numbers in (("left", summary.left), ("right", summary.right)):
-        rows[f"{side}: ticks without a fresh sample"] = f"{numbers.stale_ticks}"
-        rows[f"{side}: samples no tick used"] = f"{numbers.skipped_samples}"
-        rows[f"{side}: ticks with a limited force"] = f"{numbers.limited_ticks}"
-        rows[f"{side}: largest force rendered"] = f"{numbers.largest_force:.3f} N"
+    for side, counts in (("left", summary.left), ("right", summary.right)):
+        rows[f"{side}: ticks without a fresh sample"] = f"{counts.stale_ticks}"
+        rows[f"{side}: samples no tick used"] = f"{counts.skipped_samples}"
+        rows[f"{side}: ticks with a limited force"] = f"{counts.limited_ticks}"
+        rows[f"{side}: largest force rendered"] = f"{counts.largest_force:.3f} N"
     for station, shown in summary.displays.items():
         rows[f"{station} display: frames shown"] = f"{shown.frames}"
         rows[f"{station} display: views dropped"] = f"{shown.dropped}"
@@ -107,7 +99,7 @@ def _counts(summary: Summary) -> Table:
     return table
 
 
-def marks_table(reel: Reel) -> Table:
+def marks_table(reel: Reel) -> FittedTable:
     """Trials and events of a recording, with their times.
 
     Parameters
@@ -115,11 +107,8 @@ def marks_table(reel: Reel) -> Table:
     reel : Reel
         The recording.
     """
-    table = Table(title=f"{reel.name}: {clock(reel.length)}", title_justify="left")
-    for heading in ("time", "tick", "trial", "kind", "what"):
-        table.add_column(heading, justify="left" if heading in ("kind", "what") else "right")
+    table = FittedTable(*numbers("time", "tick", "trial"), "kind", "what", title=f"{reel.name}: {clock(reel.length)}")
     for mark in reel.marks:
-        style = "bold" if mark.kind == "trial" else None
-        cells = f"{mark.time:.3f} s", str(mark.tick), str(mark.trial), mark.kind, Text(mark.label)
-        table.add_row(*cells, style=style)
+        style = "bold" if mark.kind == "trial" else ""
+        table.add_row(f"{mark.time:.3f} s", str(mark.tick), str(mark.trial), mark.kind, mark.label, style=style)
     return table

@@ -5,7 +5,6 @@ from dataclasses import asdict
 from math import floor, log10
 
 from rich.console import Group, RenderableType
-from rich.table import Table
 from rich.text import Text
 
 from netboard.devices.base import DeviceInfo, Reading
@@ -13,6 +12,7 @@ from netboard.devices.profile import Placement
 from netboard.doctor.finding import Finding
 from netboard.rig.identification import Estimate, Identified
 from netboard.rig.listing import Listing
+from netboard.terminal import FittedTable, numbers
 
 UNITS = {"mass": "kg", "damping": "N s/m", "friction": "N", "load": "N", "delay": "ms", "stiffness": "N/m"}
 """Unit of each estimate, as shown."""
@@ -20,13 +20,13 @@ UNITS = {"mass": "kg", "damping": "N s/m", "friction": "N", "load": "N", "delay"
 
 def listing_tables(found: Listing) -> RenderableType:
     """Tables of devices and backends, with what to do below each device that may not be opened."""
-    devices = Table("device", "serial", "USB", "at", "seen by", title="Devices", title_justify="left")
+    devices = FittedTable("device", "serial", "USB", "at", "seen by", title="Devices")
     for each in found.devices:
         model = Text(each.model)
         if each.shut:
             model.append(f"\nno permission for {', '.join(each.shut)}", "bold red")
         devices.add_row(model, each.serial or "?", each.usb, each.place, ", ".join(each.seen_by))
-    backends = Table("backend", "", title="Backends", title_justify="left")
+    backends = FittedTable("backend", "", title="Backends")
     for name, trouble in found.backends:
         backends.add_row(name, Text(trouble, "yellow") if trouble else "can be used")
     advice = [Text(advice, "bold") for advice in dict.fromkeys(each.advice for each in found.devices) if advice]
@@ -43,9 +43,9 @@ def plain_listing(found: Listing) -> Mapping[str, object]:
     }
 
 
-def findings_table(title: str, findings: Iterable[Finding]) -> Table:
+def findings_table(title: str, findings: Iterable[Finding]) -> FittedTable:
     """Lay findings out, with what to do below each that is not green."""
-    table = Table(title=title, title_justify="left", show_header=False)
+    table = FittedTable("", "", "", title=title, header=False)
     for finding in findings:
         found = Text(finding.found)
         if finding.advice:
@@ -54,9 +54,9 @@ def findings_table(title: str, findings: Iterable[Finding]) -> Table:
     return table
 
 
-def identified_table(title: str, found: Identified) -> Table:
+def identified_table(title: str, found: Identified) -> FittedTable:
     """Estimates with their intervals, and how well the model fits."""
-    table = Table("", "estimate", "+- (95 %)", "", title=title, title_justify="left")
+    table = FittedTable("", *numbers("estimate", "+- (95 %)"), "", title=title)
     for name, value, half_width, unit in _estimates(found):
         digits = max(0, 1 - floor(log10(half_width))) if half_width > 0.0 else 4
         table.add_row(name, f"{value:.{digits}f}", f"{half_width:.{digits}f}", unit)
@@ -77,9 +77,9 @@ def plain_identified(info: DeviceInfo, found: Identified) -> Mapping[str, object
     }
 
 
-def placement_table(title: str, place: Placement) -> Table:
+def placement_table(title: str, place: Placement) -> FittedTable:
     """Where the scene's origin, the workspace and the scale are, in millimetres."""
-    table = Table("", "x", "y", "z", "", title=title, title_justify="left")
+    table = FittedTable("", *numbers("x", "y", "z"), "", title=title)
     rows = {
         "zero": (place.zero_x, place.zero_y, place.zero_z),
         "workspace from": place.box[:3],
@@ -91,9 +91,9 @@ def placement_table(title: str, place: Placement) -> Table:
     return table
 
 
-def reading_table(title: str, reading: Reading) -> Table:
+def reading_table(title: str, reading: Reading) -> FittedTable:
     """One reading, as the scene has it."""
-    table = Table("", "x", "y", "z", "", title=title, title_justify="left")
+    table = FittedTable("", *numbers("x", "y", "z"), "", title=title)
     table.add_row("position", *(f"{value * 1e3:8.2f}" for value in (reading.x, reading.y, reading.z)), "mm")
     table.add_row("velocity", *(f"{value * 1e3:8.1f}" for value in (reading.vx, reading.vy, reading.vz)), "mm/s")
     ready = Text("ready for forces", "green") if reading.ready else Text("not ready for forces", "yellow")

@@ -12,11 +12,11 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console, Group
-from rich.table import Table
 from rich.text import Text
 
 from netboard.errors import ConfigError
 from netboard.studies.machine import describe
+from netboard.terminal import Column, FittedTable
 
 Value = str | float | int | bool
 
@@ -168,13 +168,17 @@ def show(console: Console, part: Part) -> None:
     part : Part
         What was found.
     """
-    # As `Text`, for in plain strings rich takes a unit such as [m] for a style.
-    table = Table(title=Text(part.title), title_justify="left", title_style="bold", pad_edge=False)
-    for i, column in enumerate(part.columns):
-        table.add_column(Text(column), justify="left" if i == 0 else "right", no_wrap=i == 0)
+    head, *others = part.columns
+    table = FittedTable(head, *(Column(column, number=_counted(part, column)) for column in others), title=part.title)
     for row in part.rows:
-        table.add_row(*(Text(shown(value)) for value in row))
+        table.add_row(*map(shown, row))
     console.print(Group(table, *(_line(verdict) for verdict in part.verdicts), Text("")))
+
+
+def _counted(part: Part, column: str) -> bool:
+    """Tell whether there are only numbers in a column."""
+    place = part.columns.index(column)
+    return all(isinstance(row[place], int | float) for row in part.rows)
 
 
 def _line(verdict: Verdict) -> Text:

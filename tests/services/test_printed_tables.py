@@ -1,0 +1,225 @@
+"""Every table that a command prints, on narrow and wide terminals: no row is like another because something was cut."""
+
+import ast
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from io import StringIO
+from math import nan
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rich.cells import cell_len
+from rich.console import Console, RenderableType
+from typer.testing import CliRunner
+
+import netboard
+import proofs
+from made_study import SMALL, made_study, random_blocks
+from netboard import services
+from netboard.design import library
+from netboard.devices.base import Reading
+from netboard.devices.profile import Placement
+from netboard.doctor.finding import Finding
+from netboard.experiment.machine import Cause
+from netboard.experiment.quality import WORDS, Verdict
+from netboard.findings.paper import compare
+from netboard.rehearsal.jobs import Sheet
+from netboard.report.comparison import comparison_table
+from netboard.report.links import status_tables
+from netboard.rig.identification import Identified
+from netboard.rig.listing import Backend, Listed, Listing
+from netboard.rig.words import findings_table, identified_table, listing_tables, placement_table, reading_table
+from netboard.services import rehearsal, simulate
+from netboard.services.cli import app
+from netboard.services.info import quality_table
+from netboard.studies.results import Part, show
+from netboard.terminal import GAP, WIDEST_NAMES, FittedTable
+from netboard.wire.codec import decode
+
+pytestmark = pytest.mark.slow
+
+WIDTHS = (80, 120)
+LONG = "bimanual, haptics on, stiffness 1200 N/m, board of 0.85 kg"
+ADVICE = "write a rule for udev, reload the rules, and plug the device in again; " * 3
+PEERS = ("agent.left", "agent.right", "display.left", "display.left", "display.right", "console", "console", "logger")
+ESTIMATE = (0.0421, 0.0013)
+UNEVEN = 'orders.main = "3 duo"\n[kinds.duo]\n[factors.f]\nlevels.a = {}\nlevels.b = {}\n'
+DATA = Path(__file__).parent.parent / "data"
+RUNNER = CliRunner()
+assert simulate.console.width  # imported here: a console that is made while COLUMNS is set keeps that width
+
+SHEET = Sheet("S01", 1, LONG, "bimanual", "full", 30, 17, 4.567, 456_789, 3.2, False, "")
+SHEETS = [
+    replace(SHEET, session=f"S{session:02}", block=block, label=f"{LONG}, {level}", given_up=block == 2)
+    for session in (1, 2)
+    for block, level in enumerate(("light", "heavy", "light again"), start=1)
+]
+VERDICTS = [Verdict(trial, attempt, 0, 1, Cause.FELL, nan, tuple(WORDS)) for trial in (1, 12) for attempt in (1, 2, 3)]
+LISTING = Listing(
+    devices=(
+        *(
+            Listed("Touch (formerly PHANTOM Omni)", f"2011270{k}", f"0483:572{k}", f"usb 1-{k}", ("pyusb",))
+            for k in "123"
+        ),
+        Listed("Falcon", "", "0403:cb48", "usb 2-1", ("pyusb", "hidapi"), ("/dev/bus/usb/002/003",)),
+    ),
+    backends=(Backend("openhaptics", ADVICE), Backend("falcon", "")),
+    remarks=(),
+)
+FINDINGS = [Finding(f"timer slack of process {k}", "yellow", "50 us, expected 1 us", ADVICE) for k in range(3)]
+PART = Part(
+    "forces",
+    "What a force condition costs [N]",
+    ("condition of force and method of integration", "seconds", "what happens", "error [m]"),
+    [(f"{LONG} {k}", 1.234567, "rests", 1e-12) for k in range(5)],
+)
+
+
+def printing(renderable: RenderableType) -> Callable[[int], str]:
+    """Make what prints on a terminal of some width."""
+
+    def on(width: int) -> str:
+        console = Console(width=width, file=StringIO(), record=True)
+        console.print(renderable)
+        return console.export_text()
+
+    return on
+
+
+def running(*words: str, code: int = 0) -> Callable[[int], str]:
+    """Make what runs a command in a terminal of some width."""
+
+    def on(width: int) -> str:
+        result = RUNNER.invoke(app, words, env={"COLUMNS": str(width), "NO_COLOR": "1"})
+        assert result.exit_code == code, result.output
+        return result.output
+
+    return on
+
+
+def shown_part(width: int) -> str:
+    console = Console(width=width, file=StringIO(), record=True)
+    show(console, PART)
+    return console.export_text()
+
+
+def status() -> RenderableType:
+    """A server with two displays at one station, and two consoles."""
+    golden = decode((DATA / "frames" / "status.bin").read_bytes())
+    links = tuple(
+        (peer, f"haptics-laboratory-{number}:47{number}", "0.2.0.dev12", 0.0123, 0.000431, 0.000217, nan, 999.8, 1234)
+        for number, peer in enumerate(PEERS)
+    )
+    return status_tables(replace(golden, links=links))  # type: ignore[type-var]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Recordings whose names differ only at their ends, keys, tables of hands, and a study whose counts do not meet."""
+    made = tmp_path_factory.mktemp("printed")
+    (made / "rec").mkdir()
+    for end in ("practice", "test"):
+        proofs.write(made / "rec" / f"{'S01_D03_2026-11-22_' * 3}{end}.mcap", proofs.rows())
+        columns = np.stack([np.arange(201) / 1000, *np.zeros((4, 201))], 1)
+        np.savetxt(made / f"{end}.csv", columns, delimiter=",", header="t,z_left,v_left,z_right,v_right", comments="")
+    (made / "uneven.toml").write_text(UNEVEN)
+    return made
+
+
+def cases(folder: Path) -> list[Callable[[int], str]]:
+    """Everything that prints a table."""
+    recording = str(min((folder / "rec").iterdir()))
+    keys = ("--set", f'network.keys="{folder}"')
+    all_of_them = ("--output", f"{folder}/all/", "--force")
+    RUNNER.invoke(app, ["keys", "init", *keys])
+    for role in ("logger", "console", "listener"):
+        RUNNER.invoke(app, ["keys", "add", role, *keys])
+    return [
+        printing(status()),
+        printing(rehearsal.table_of(SHEETS)),
+        printing(quality_table(VERDICTS)),
+        printing(listing_tables(LISTING)),
+        printing(findings_table("This machine", FINDINGS)),
+        printing(identified_table("Touch", Identified(*[ESTIMATE] * 6, 1e-5, 0.05, 7))),
+        printing(placement_table("Touch", Placement())),
+        printing(reading_table("Touch", Reading(0, 0.1, 0.2, 0.3, 0.0, 0.0, -0.1, 1, ready=True))),
+        printing(comparison_table(compare(made_study(random_blocks(), *SMALL)))),
+        shown_part,
+        running("info", recording),
+        running("sessions", str(folder / "rec")),
+        running("whatif", recording, "--set", "physics.k_h=400"),
+        running("replay", recording, "--markers"),
+        running("simulate", "--input", f"{folder}/test.csv", "--output", f"{folder}/out.csv", "--force"),
+        running("simulate", *("--input", f"{folder}/test.csv", "--input", f"{folder}/practice.csv"), *all_of_them),
+        running("keys", "list", *keys),
+        running("bench", "faults", "--list"),
+        running("plan", "list"),
+        running("plan", "check", f"{folder}/uneven.toml", code=2),
+        *(running("plan", "show", "--study", name, "--dyads", "4", "--dyad", "2") for name in library.NAMES),
+    ]
+
+
+def makers() -> set[str]:
+    """Every function that makes a table."""
+    found = set()
+    for place in (Path(netboard.__file__).parent, Path(services.__file__).parent):
+        for path in place.rglob("*.py"):
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+                if isinstance(node, ast.FunctionDef) and any(map(_makes, ast.walk(node))):
+                    found.add(f"{path.name}: {node.name}")
+    return found
+
+
+def _makes(node: ast.AST) -> bool:
+    return isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == FittedTable.__name__
+
+
+def test_no_table_is_made_elsewhere() -> None:
+    for place in (Path(netboard.__file__).parent, Path(services.__file__).parent):
+        for path in place.rglob("*.py"):
+            assert path.name == "terminal.py" or "rich.table" not in path.read_text(encoding="utf-8"), path
+
+
+def test_every_table_that_is_printed_tells_its_rows_apart(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    tables: list[FittedTable] = []
+    made_by: set[str] = set()
+    make = FittedTable.__init__
+
+    def note(self: FittedTable, *columns: object, **options: object) -> None:
+        make(self, *columns, **options)  # type: ignore[arg-type]
+        caller = sys._getframe(1).f_code
+        made_by.add(f"{Path(caller.co_filename).name}: {caller.co_name}")
+        tables.append(self)
+
+    monkeypatch.setattr(FittedTable, "__init__", note)
+    monkeypatch.chdir(folder)
+    for case in cases(folder):
+        for width in WIDTHS:
+            shown = case(width)
+            assert "\N{HORIZONTAL ELLIPSIS}" not in shown, shown
+    assert made_by >= makers()
+    for table in tables:
+        for width in WIDTHS:
+            require_told_apart(table, width)
+
+
+def require_told_apart(table: FittedTable, width: int) -> None:
+    """Names are there, whole or folded, in each row; numbers are not broken."""
+    shown = printing(table)(width)
+    words, names = set(shown.split()), table.names
+    assert all(cell_len(line.rstrip()) <= width for line in shown.splitlines()), shown
+    widest = [
+        max((cell_len(line) for row in table.rows for line in row[place].plain.split("\n")), default=0)
+        for place in range(names)
+    ]
+    fits = sum(widest) + GAP * names <= round(width * WIDEST_NAMES)
+    for row in table.rows:
+        for place, cell in enumerate(row):
+            lines = cell.plain.splitlines()
+            if table.columns[place].number:
+                assert all(line in shown for line in lines), shown
+            if place < names and fits:
+                assert all(line.strip() in shown for line in lines), shown
+                assert words >= set(cell.plain.split()), shown

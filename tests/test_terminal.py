@@ -1,0 +1,74 @@
+"""Tables on a terminal: whatever is in them, rows can be told apart at any width."""
+
+from io import StringIO
+
+import hypothesis.strategies as st
+import pytest
+from hypothesis import given
+from rich.console import Console
+from rich.text import Text
+
+from netboard.terminal import FittedTable, numbers
+
+NAMES = st.text("abcdefgh-./", min_size=1, max_size=90)
+
+
+def printed(table: FittedTable, width: int) -> str:
+    console = Console(width=width, file=StringIO(), record=True)
+    console.print(table)
+    return console.export_text()
+
+
+@given(st.lists(NAMES, min_size=1, max_size=6, unique=True), st.integers(0, 12), st.integers(30, 140))
+def test_no_character_of_a_name_is_lost(names: list[str], others: int, width: int) -> None:
+    table = FittedTable("", *numbers(*("1" * (place + 3) for place in range(others))))
+    for name in names:
+        table.add_row(name, *("12345678" for _ in range(others)))
+    shown = printed(table, width)
+    letters = "".join(letter for letter in shown if letter in "abcdefgh-./")
+    assert letters == "".join(names) * (len(letters) // len("".join(names)))
+    assert shown.count("12345678") == others * len(names)
+    assert all(len(line.rstrip()) <= width for line in shown.splitlines())
+
+
+@given(st.lists(st.text("abcde ", max_size=200).filter(lambda text: text.strip() != ""), min_size=1, max_size=4))
+def test_text_wraps_and_nothing_of_it_is_lost(texts: list[str]) -> None:
+    table = FittedTable("", "")
+    for number, text in enumerate(texts):
+        table.add_row(str(number), text)
+    shown = printed(table, 60)
+    assert "".join(letter for letter in shown if letter in "abcde") == "".join(texts).replace(" ", "")
+
+
+def test_columns_that_do_not_fit_follow_below_with_the_names() -> None:
+    table = FittedTable("peer", "host", *numbers(*(f"column {place}" for place in range(9))), title="Peers")
+    table.add_row("left display", "lab-1:17", *("1234567" for _ in range(9)))
+    table.add_row("left display", "lab-1:18", *("1234568" for _ in range(9)))
+    wide, narrow = printed(table, 200), printed(table, 80)
+    assert table.names == 2
+    assert (wide.count("lab-1:17"), narrow.count("lab-1:17")) == (1, 2)
+    assert narrow.count("Peers") == 1
+
+
+def test_the_first_columns_by_which_rows_differ_are_their_names() -> None:
+    table = FittedTable("trial", "attempt", "outcome")
+    table.add_row("1", "1", "fell")
+    assert table.names == 1
+    table.add_row("1", "2", "fell")
+    assert table.names == 2
+    table.add_row("1", "2", "fell")
+    assert table.names == 1
+
+
+def test_brackets_are_no_markup_and_styles_stay() -> None:
+    table = FittedTable("length [m]", "")
+    table.add_row("[red]", Text("given up", "red"), style="bold")
+    assert "length [m]" in printed(table, 80)
+    assert "[red]" in printed(table, 80)
+
+
+def test_a_row_has_at_most_as_many_cells_as_there_are_columns() -> None:
+    table = FittedTable("a", "b")
+    table.add_row("1")
+    with pytest.raises(ValueError, match="found 3, expected at most 2"):
+        table.add_row("1", "2", "3")
