@@ -1,6 +1,7 @@
 """What must hold after a fault, on evidence made up for it."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from netboard.faults.checks import (
     gentle,
     goes_on,
     neighbour_unmoved,
+    no_damage,
     noted,
     nothing_lost,
     paused,
@@ -22,6 +24,7 @@ from netboard.faults.checks import (
     safeguarded,
     shown,
     told,
+    verdict_of,
     whole,
 )
 from netboard.faults.devices import TRACE
@@ -29,6 +32,7 @@ from netboard.faults.evidence import Pause
 from netboard.faults.gathering import Evidence, Taken, Window
 from netboard.proof.account import Account, Stretch
 from netboard.proof.account import Pause as Told
+from netboard.proof.grade import Finding, Grade, Report
 from netboard.tables.rig import Safety
 from netboard.tick import TICK
 from netboard.wire.motion import Safeguard
@@ -228,3 +232,15 @@ def test_the_other_dyad_must_notice_nothing() -> None:
     assert neighbour_unmoved(evidence(neighbour=taken((pause(at=-500),)))).holds
     assert not neighbour_unmoved(evidence(neighbour=taken((pause(),)))).holds
     assert not neighbour_unmoved(evidence(neighbour=taken(accounts=(account(unexplained=(Stretch(1, 2),)),)))).holds
+
+
+def test_a_recording_that_is_called_damaged_fails_every_case(tmp_path: Path) -> None:
+    lossy = Report(tmp_path / "a.mcap", (Finding("trials", Grade.LOSS, "stopped"),))
+    broken = Report(tmp_path / "b.mcap", (Finding("clocks", Grade.DAMAGE, "no clock does this"),))
+    good = evidence(rig=taken(reports=(lossy,)))
+    assert no_damage(good).holds
+    assert verdict_of(good) == "complete with listed losses"
+    bad = evidence(rig=taken(reports=(lossy,)), neighbour=taken(reports=(broken,)))
+    assert not no_damage(bad).holds
+    assert no_damage(bad).found == "b.mcap: no clock does this"
+    assert verdict_of(bad) == "damaged"

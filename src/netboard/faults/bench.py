@@ -19,7 +19,7 @@ from netboard.config import SIDES
 from netboard.errors import NetboardError
 from netboard.faults.case import PARTS, Case
 from netboard.faults.cases import CASES, choose
-from netboard.faults.checks import Falls, fades_of
+from netboard.faults.checks import Falls, fades_of, verdict_of
 from netboard.faults.evidence import largest_step, without_cut
 from netboard.faults.gathering import Evidence, Window, gather
 from netboard.faults.sites import Setup, Site, open_site
@@ -29,7 +29,7 @@ from netboard.terminal import FittedTable
 
 COLUMNS = (
     *("case", "falls after [ms]", "zero after [ms]", "largest step / limit [1]"),
-    *("pauses [1]", "ticks lost [1]", "holds"),
+    *("pauses [1]", "ticks lost [1]", "check", "holds"),
 )
 
 WELL_S = 90.0
@@ -64,7 +64,7 @@ class Outcome:
 
     case: Case
     verdicts: tuple[Verdict, ...] = ()
-    figures: tuple[Value, ...] = ("", "", "", "", "")
+    figures: tuple[Value, ...] = ("", "", "", "", "", "")
     facts: tuple[tuple[str, str], ...] = ()
     refusal: str = ""
 
@@ -280,6 +280,7 @@ def figures(case: Case, evidence: Evidence) -> tuple[Value, ...]:
         max(shares, default=0.0),
         len(evidence.pauses),
         lost,
+        verdict_of(evidence),
     )
 
 

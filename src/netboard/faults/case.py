@@ -1,14 +1,14 @@
 """What a row of the table of faults is: what is done, in words and in code, and what must happen, in words and in code.
 
 Some things must hold after every fault, and are not repeated in the table: no step of a force larger than the slew
-limit, no vertical force while a trial is paused, every tick recorded or listed as lost with its cause, a trial on again
-at the end, and nothing of it noticed by another dyad on the same server.
+limit, no vertical force while a trial is paused, every tick recorded or listed as lost with its cause, no recording that
+`netboard check` calls damaged, a trial on again at the end, and nothing of it noticed by another dyad on the same server.
 """
 
 from dataclasses import dataclass
 
 from netboard.config import Side
-from netboard.faults.checks import Check, back, gentle, goes_on, neighbour_unmoved, nothing_lost, rests, whole
+from netboard.faults.checks import Check, back, gentle, goes_on, neighbour_unmoved, no_damage, nothing_lost, rests, whole
 from netboard.faults.harm import Act
 from netboard.faults.sites import Setup
 
@@ -75,7 +75,7 @@ class Case:
     @property
     def all_checks(self) -> tuple[Check, ...]:
         """Everything that must hold."""
-        return (*self.checks, gentle(self.cut), rests(), whole(), back, neighbour_unmoved)
+        return (*self.checks, gentle(self.cut), rests(), whole(), no_damage, back, neighbour_unmoved)
 
 
 PARTS = {

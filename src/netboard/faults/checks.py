@@ -17,6 +17,7 @@ from netboard.experiment.machine import Phase
 from netboard.faults.evidence import Fade, Pause, between, fades, largest_step, steps_to_nothing, without_cut
 from netboard.faults.gathering import Evidence, Taken
 from netboard.nodes import alarm
+from netboard.proof.grade import VERDICTS, Grade
 from netboard.studies.results import Verdict
 from netboard.tick import TICK_NS
 from netboard.wire.motion import Safeguard
@@ -285,6 +286,23 @@ def told(fact: str, wanted: str) -> Check:
 def back(evidence: Evidence) -> Verdict:
     """Check that everything was made as meant, and was well again at the end."""
     return Verdict("a trial is on again", not evidence.window.trouble, evidence.window.trouble or "it is")
+
+
+def no_damage(evidence: Evidence) -> Verdict:
+    """Check that `netboard check` calls no recording damaged: what is missing is listed."""
+    claim = "netboard check calls no recording damaged"
+    damage = [
+        f"{report.path.name}: {finding.text}"
+        for report in evidence.reports
+        for finding in report.findings
+        if finding.grade == Grade.DAMAGE
+    ]
+    return Verdict(claim, not damage, "; ".join(damage) or f"netboard check: {verdict_of(evidence)}")
+
+
+def verdict_of(evidence: Evidence) -> str:
+    """Return the worst verdict of `netboard check` on the recordings."""
+    return VERDICTS[max((report.grade for report in evidence.reports), default=Grade.SOUND)]
 
 
 def neighbour_unmoved(evidence: Evidence) -> Verdict:

@@ -17,6 +17,8 @@ from netboard.faults.devices import read_traces
 from netboard.faults.evidence import Pause, between, pauses, pauses_between
 from netboard.faults.sites import Site
 from netboard.proof.account import Account, account_of
+from netboard.proof.checking import check
+from netboard.proof.grade import Report
 from netboard.recording.reader import Recording
 from netboard.recording.spilled import recover_any
 from netboard.tables.rig import Safety
@@ -63,6 +65,8 @@ class Taken:
         Of each session.
     painted_ns : dict of ndarray of int64
         When each station's display has painted a frame [ns].
+    reports : tuple of netboard.proof.grade.Report
+        What `netboard check` says of each file.
     """
 
     ticks: NDArray[Any]
@@ -70,6 +74,7 @@ class Taken:
     pauses: tuple[Pause, ...]
     accounts: tuple[Account, ...]
     painted_ns: Mapping[Side, NDArray[np.int64]]
+    reports: tuple[Report, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -95,6 +100,11 @@ class Evidence:
     traces: Mapping[Side, Sequence[NDArray[Any]]]
     rig: Taken
     neighbour: Taken | None
+
+    @property
+    def reports(self) -> tuple[Report, ...]:
+        """What `netboard check` says of each file, the other dyad's among them."""
+        return (*self.rig.reports, *(self.neighbour.reports if self.neighbour is not None else ()))
 
     @property
     def ticks(self) -> NDArray[Any]:
@@ -186,6 +196,7 @@ def take(paths: Sequence[Path]) -> Taken:
         pauses=tuple(sorted(found, key=lambda pause: pause.at_ns)),
         accounts=tuple(accounts),
         painted_ns={side: np.array(times, np.int64) for side, times in painted.items()},
+        reports=tuple(check(path) for path in paths),
     )
 
 
