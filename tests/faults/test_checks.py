@@ -239,7 +239,7 @@ def test_a_recording_that_is_called_damaged_fails_every_case(tmp_path: Path) -> 
     broken = Report(tmp_path / "b.mcap", (Finding("clocks", Grade.DAMAGE, "no clock does this"),))
     good = evidence(rig=taken(reports=(lossy,)))
     assert no_damage(good).holds
-    assert verdict_of(good) == "complete with listed losses"
+    assert verdict_of(good) == "losses"
     bad = evidence(rig=taken(reports=(lossy,)), neighbour=taken(reports=(broken,)))
     assert not no_damage(bad).holds
     assert no_damage(bad).found == "b.mcap: no clock does this"

@@ -1,14 +1,25 @@
 """What a row of the table of faults is: what is done, in words and in code, and what must happen, in words and in code.
 
 Some things must hold after every fault, and are not repeated in the table: no step of a force larger than the slew
-limit, no vertical force while a trial is paused, every tick recorded or listed as lost with its cause, no recording that
-`netboard check` calls damaged, a trial on again at the end, and nothing of it noticed by another dyad on the same server.
+limit, no vertical force while a trial is paused, every tick recorded or listed as lost with its cause, no recording
+that `netboard check` calls damaged, a trial on again at the end, and nothing of it noticed by another dyad on the same
+server.
 """
 
 from dataclasses import dataclass
 
 from netboard.config import Side
-from netboard.faults.checks import Check, back, gentle, goes_on, neighbour_unmoved, no_damage, nothing_lost, rests, whole
+from netboard.faults.checks import (
+    Check,
+    back,
+    gentle,
+    goes_on,
+    neighbour_unmoved,
+    no_damage,
+    nothing_lost,
+    rests,
+    whole,
+)
 from netboard.faults.harm import Act
 from netboard.faults.sites import Setup
 

@@ -17,7 +17,7 @@ from netboard.experiment.machine import Phase
 from netboard.faults.evidence import Fade, Pause, between, fades, largest_step, steps_to_nothing, without_cut
 from netboard.faults.gathering import Evidence, Taken
 from netboard.nodes import alarm
-from netboard.proof.grade import VERDICTS, Grade
+from netboard.proof.grade import Grade
 from netboard.studies.results import Verdict
 from netboard.tick import TICK_NS
 from netboard.wire.motion import Safeguard
@@ -43,6 +43,7 @@ STOPPED_WITHIN = 0.003
 """An emergency stop is on its way to the devices for at most so long [s]."""
 
 LATELY_NS = 1_000_000_000
+_WORDS = {Grade.SOUND: "complete", Grade.LOSS: "losses", Grade.DAMAGE: "damaged"}
 TICK = TICK_NS * 1e-9
 
 
@@ -301,8 +302,8 @@ def no_damage(evidence: Evidence) -> Verdict:
 
 
 def verdict_of(evidence: Evidence) -> str:
-    """Return the worst verdict of `netboard check` on the recordings."""
-    return VERDICTS[max((report.grade for report in evidence.reports), default=Grade.SOUND)]
+    """Return the worst result of `netboard check` on the recordings, in one word."""
+    return _WORDS[max((report.grade for report in evidence.reports), default=Grade.SOUND)]
 
 
 def neighbour_unmoved(evidence: Evidence) -> Verdict:
