@@ -55,7 +55,10 @@ WITHOUT = {
                 "effects.diagnose",
             ),
             *("factors.design_of", "factors.paper_factors", "factors.simple_effects", "factors.cells_of"),
-            "factors.interaction",
+            *("factors.interaction", "effects.interval_effect", "random_effects.residual_deviation"),
+            *("random_effects.random_effects", "random_effects.mixed_model", "marginal.marginal_model"),
+            *("marginal.over_dispersed_model", "marginal.one_sided", "marginal.penalised_model"),
+            *("specification.lacking", "specification.noting"),
         )
         for kind in ("truth", "properties", "disturbance")
     },
@@ -63,6 +66,10 @@ WITHOUT = {
         (f"statistics.{name}", kind): COMMON
         for name in ("known", "mean")
         for kind in ("truth", "properties", "disturbance")
+    },
+    **{
+        (f"firth.{name}", "disturbance"): "takes what has a value; the models leave out trials without one"
+        for name in ("firth_fit", "profile_interval")
     },
     ("restricted.restricted_fit", "disturbance"): "takes the trials that have a value: the models leave out the others",
     **{

@@ -18,7 +18,8 @@ from statsmodels.genmod.generalized_linear_model import GLM
 
 from netboard.analysis.effects import Model
 from netboard.analysis.factors import COLUMNS, Factor, paper_factors
-from netboard.analysis.models import AT_ZERO, MOST, count_model, log_time_model, share_model
+from netboard.analysis.models import MOST, count_model, log_time_model, share_model
+from netboard.analysis.random_effects import AT_ZERO
 from netboard.analysis.statistics import t_interval
 
 Labels = dict[str, NDArray[Any]]
@@ -509,15 +510,61 @@ def test_times_without_chance_are_no_model() -> None:
     ("model", "value", "what"),
     [(share_model, 0.0, "none failed"), (share_model, 1.0, "all failed"), (count_model, 0.0, "nothing was counted")],
 )
-def test_a_condition_without_failures_has_no_finite_odds(model: Any, value: float, what: str) -> None:
+def test_a_condition_without_failures_has_firths_estimate(model: Any, value: float, what: str) -> None:
     labels = plan(4, 20)
     values = failures_of(labels, Truth(), 15)
-    values[labels["dyadic"] & labels["haptics"]] = value
+    empty = labels["dyadic"] & labels["haptics"]
+    values[empty] = value
     found = model(values, **given(labels))
+    assert found.fitted
+    assert found.converged
+    assert "Firth's penalised likelihood" in found.name
+    assert any(f"{what} in one condition (haptics on, configuration dyadic)" in note for note in found.notes)
+    effect = found.effect("haptics, dyadic")
+    ends = effect.estimate.low, effect.estimate.value, effect.estimate.high
+    assert np.isfinite(ends).all()
+    assert ends == tuple(sorted(ends))
+    assert (effect.estimate.value < 0.0) == (value == 0.0)
+    assert effect.estimate.method == "profile, 3 df"
+    assert effect.p < 0.1
+    assert found.dispersion >= 1.0
+    assert found.cells[3].mean == value
+
+
+@pytest.mark.parametrize("model", [share_model, count_model])
+def test_where_nothing_failed_anywhere_there_is_nothing_to_compare(model: Any) -> None:
+    labels = plan(4, 20)
+    found = model(np.zeros(len(labels["order"])), **given(labels))
     assert not found.fitted
     assert np.isnan(numbers(found)).all()
-    assert any(f"{what} in one condition (haptics on, configuration dyadic)" in note for note in found.notes)
-    assert found.cells[3].mean == value
+    assert any("in any condition, so there is nothing to compare" in note for note in found.notes)
+
+
+def test_p_and_interval_of_firths_likelihood_agree_and_dyads_that_differ_widen_it() -> None:
+    labels = plan(6, 20)
+    values = failures_of(labels, Truth(), 15)
+    values[labels["dyadic"] & labels["haptics"]] = 0.0
+    calm = share_model(values, **given(labels))
+    for effect in calm.effects:
+        assert (effect.p < 0.05) == (effect.estimate.low > 0.0 or effect.estimate.high < 0.0), effect.name
+    often = values.copy()
+    often[labels["dyads"] == "D00"] = 1.0 - (labels["order"][labels["dyads"] == "D00"] % 5 == 0)
+    often[labels["dyadic"] & labels["haptics"]] = 0.0
+    wild = share_model(often, **given(labels))
+    assert wild.dispersion > 2.0 * calm.dispersion
+    width = [one.effect("haptics").estimate.high - one.effect("haptics").estimate.low for one in (calm, wild)]
+    assert width[1] > width[0]
+
+
+def test_a_level_without_failures_is_seen_behind_other_factors() -> None:
+    labels = plan(6, 12)
+    arguments = with_masses(labels)["categorical"]
+    values = failures_of(labels, Truth(), 15)
+    heavy = arguments["factors"][2].values == "heavy"
+    values[heavy & labels["haptics"]] = 0.0
+    found = share_model(values, **arguments)
+    assert any("none failed in one condition (haptics on, mass heavy)" in note for note in found.notes)
+    assert np.isfinite(found.effect("haptics, heavy").estimate.low)
 
 
 def test_single_trials_do_not_tell_performers_from_chance() -> None:

@@ -90,6 +90,26 @@ def test_falls_without_any_are_not_fitted_and_say_so(found: Fits) -> None:
     assert falls["note"].str.contains("not fitted").all()
 
 
+def test_falls_in_all_conditions_but_one_have_a_finite_ratio_of_odds() -> None:
+    fell = {"outcome": "fell"}
+    blocks = modern_blocks(dyads=6, trials=8)
+    some = [
+        one
+        if (one.configuration, one.force) == ("dyadic", "full")
+        else Block(
+            one.dyad, one.performer, one.configuration, one.force, [fell, *one.trials[:3], fell, *one.trials[3:]]
+        )
+        for one in blocks
+    ]
+    found = fits(modern_study(some))
+    assert "Firth" in found.fits[2].model.name
+    table = table_of(found.results).set_index(["quantity", "group"])
+    row = table.loc[("falls per attempt: ratio of odds", "haptics, dyadic")]
+    assert 0.0 < row["low"] < row["value"] < row["high"] < 1.0
+    assert row["interval"] == "95 % profile, 5 df"
+    assert "none failed in one condition (haptics on, configuration dyadic)" in row["note"]
+
+
 def test_an_attempt_has_the_number_of_the_trial_that_it_was_at() -> None:
     fell = {"outcome": "fell"}
     blocks = modern_blocks(dyads=6, trials=8)

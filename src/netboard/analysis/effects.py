@@ -341,10 +341,48 @@ def _sure(
     if free > 0.0 and error > 0.0:
         half = float(stats.t.ppf(0.5 + level / 2.0, free)) * error
         p = float(2.0 * stats.t.sf(abs(value) / error, free))
-    low, high = value - half, value + half
     said = f"{name} ({method})" if method else name
-    estimate = Estimate(value, low, high, level, n, "dyad", said)
-    return estimate, Estimate(_exp(value), _exp(low), _exp(high), level, n, "dyad", said), error, free, p
+    estimate, ratio = _estimates((value, value - half, value + half), level, n, said)
+    return estimate, ratio, error, free, p
+
+
+def _estimates(ends: tuple[float, float, float], level: float, n: int, method: str) -> tuple[Estimate, Estimate]:
+    """Return value, low and high as they are, and their exponentials."""
+    value, low, high = ends
+    ratio = Estimate(_exp(value), _exp(low), _exp(high), level, n, "dyad", method)
+    return Estimate(value, low, high, level, n, "dyad", method), ratio
+
+
+def interval_effect(
+    name: str, ends: tuple[float, float, float], error: float, free: float, p: float, level: float, n: int, method: str
+) -> Effect:
+    """Make an effect of an interval that is not symmetric.
+
+    Parameters
+    ----------
+    name : str
+        Its name.
+    ends : tuple of float
+        The coefficient, and the low and the high end of its interval [log of the response].
+    error : float
+        Standard error [log of the response].
+    free : float
+        Degrees of freedom [1].
+    p : float
+        p value of no effect [1].
+    level : float
+        Confidence [1].
+    n : int
+        Dyads [1].
+    method : str
+        What the interval is.
+
+    Returns
+    -------
+    Effect
+        With its ratio.
+    """
+    return Effect(name, *_estimates(ends, level, n, method), error, free, p)
 
 
 def _exp(x: float) -> float:

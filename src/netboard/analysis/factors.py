@@ -424,13 +424,15 @@ def _combinations(factors: Sequence[Factor], n: int) -> NDArray[np.int64]:
     return np.unique(np.column_stack(places), axis=0, return_inverse=True)[1].ravel().astype(np.int64)
 
 
-def cells_of(design: Design, *, geometric: bool = False) -> tuple[Cell, ...]:
+def cells_of(design: Design, factors: Sequence[Factor] | None = None, *, geometric: bool = False) -> tuple[Cell, ...]:
     """Describe what was observed in each condition.
 
     Parameters
     ----------
     design : Design
         The trials.
+    factors : sequence of Factor or None
+        Conditions are told apart by these; None for all of the design.
     geometric : bool
         Values are logarithms; the mean is that of what they are logarithms of.
 
@@ -439,7 +441,8 @@ def cells_of(design: Design, *, geometric: bool = False) -> tuple[Cell, ...]:
     tuple of Cell
         Conditions that have trials. A numeric factor of more than `MOST_VALUES` values is not told apart.
     """
-    listed = [one for one in design.factors if not one.numeric or len(one.present) <= MOST_VALUES]
+    factors = design.factors if factors is None else factors
+    listed = [one for one in factors if not one.numeric or len(one.present) <= MOST_VALUES]
     numbers = _combinations(listed, len(design.values))
     cells = []
     for number in np.unique(numbers):
