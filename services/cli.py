@@ -27,7 +27,7 @@ from netboard.services import (
     scenes,
     session,
 )
-from netboard.services.wording import examples
+from netboard.services.wording import examples, missing_extra
 
 OK, FAULT, WRONG = 0, 1, 2
 
@@ -44,6 +44,12 @@ class Guarded(TyperGroup):
                 raise
             typer.secho(f"netboard: {error}", err=True, fg=typer.colors.RED)
             raise typer.Exit(WRONG if isinstance(error, ConfigError) else FAULT) from None
+        except ModuleNotFoundError as error:
+            advice = missing_extra(error)
+            if ctx.params["debug"] or not advice:
+                raise
+            typer.secho(f"netboard: {advice}", err=True, fg=typer.colors.RED)
+            raise typer.Exit(WRONG) from None
         except KeyboardInterrupt:
             typer.secho("netboard: interrupted", err=True, fg=typer.colors.RED)
             raise typer.Exit(FAULT) from None

@@ -96,13 +96,22 @@ def _text_of(file: Path, make: str) -> str:
         raise ConfigError(f"{file}: cannot be read: {error}") from error
 
 
-@app.command(epilog=examples("netboard config check -c rig.toml"))
-def check(config: ConfigFile = None, overrides: Overrides = None) -> None:
+@app.command(epilog=examples("netboard config check rig.toml", "netboard config check --set block.trials=6"))
+def check(
+    file: Annotated[Path | None, typer.Argument(metavar="[FILE]", help="The TOML file; the same as --config.")] = None,
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+) -> None:
     """Check the configuration and list everything that is wrong with it."""
+    from netboard.recording.disk import require_writable
     from netboard.stage import make_stage
 
+    if file is not None and config is not None:
+        raise ConfigError("config check: found a FILE and --config, expected one of them")
+    config = config or file
     settings = load(config, overrides or ())
     make_stage(settings)
+    require_writable(Path(settings.recording.directory), "[recording] directory")
     source = config or (DEFAULT_FILE if DEFAULT_FILE.exists() else "defaults")
     block = settings.block
     typer.echo(f"{source}: in order ({block.configuration}, {block.trials} trials, {digest(settings)[:12]})")
@@ -124,4 +133,4 @@ def init(file: Annotated[Path, typer.Argument(metavar="FILE", help="The file to 
         raise ConfigError(f"{file}: is there already and is left as it is; name another file") from None
     except OSError as error:
         raise ConfigError(f"{file}: cannot be written: {error}") from error
-    typer.echo(f"{file}: written; check it after editing with: netboard config check -c {file}")
+    typer.echo(f"{file}: written; check it after editing with: netboard config check {file}")

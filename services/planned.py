@@ -148,6 +148,12 @@ class Planned:
         RecordingError
             If it is complete as it is, and was begun before.
         """
+        if self.path.exists() and not self.config.session.ready:
+            console.print(
+                f"{self.path}: exists already: this session was begun before. Go on with it: netboard server --resume; "
+                "or give the new session another name in its form (name, dyad), else it will not open",
+                soft_wrap=True,
+            )
         ledger = Ledger(lambda config: Journal.create(self._path(config), self.header(config.session)))
         return Programme(self.blocks(self.config.session), self.blocks), ledger
 

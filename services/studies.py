@@ -14,6 +14,7 @@ from netboard.design.balance import Table as Counts
 from netboard.design.plan import Plan, PlanBlock, config_of, digest, plan_of, seated, to_json
 from netboard.design.study import Study, parse_study, resolve_study
 from netboard.errors import ConfigError
+from netboard.settings import tables
 from netboard.terminal import FittedTable
 
 OK = 0
@@ -185,6 +186,8 @@ def _print_plan(console: Console, study: Study, plan: Plan) -> None:
     """Print the blocks of a dyad."""
     console.print(f"[bold]{study.name}[/bold]: {study.text}", highlight=False)
     console.print(f"dyad {plan.dyad}, seed {plan.seed}, order {plan.order}, A sits {plan.seat_a}, {digest(plan)[:12]}")
+    if study.factors:
+        _print_table(console, _levels(study))
     names = ("block", "kind", "by", *study.factors, "trials", "first target", "catch", "rest", "asked")
     for session in plan.sessions:
         rows = [tuple(_cells(study, block)) for block in session.blocks]
@@ -192,6 +195,24 @@ def _print_plan(console: Console, study: Study, plan: Plan) -> None:
         title = f"Session {session.number}"
         columns = tuple(names[place] for place in used)
         _print_table(console, Counts(title, columns, tuple(tuple(row[place] for place in used) for row in rows)))
+
+
+def _levels(study: Study) -> Counts:
+    """What each level of a factor changes, with units."""
+    units = {
+        (*table.path, key.name): f" {key.unit}" * (key.unit != "1") for table in tables(Config) for key in table.keys
+    }
+    rows = []
+    for name, factor in study.factors.items():
+        for level, changes in factor.levels.items():
+            differs = [
+                f"{table}.{key} = {value}"
+                + (f" {unit}" if (unit := units.get((table, key), "")) not in ("", "1") else "")
+                for table, changed in changes.changed().items()
+                for key, value in changed.items()
+            ]
+            rows.append((name, level, ", ".join(differs) or "nothing"))
+    return Counts("Factors", ("factor", "level", "what differs"), tuple(rows))
 
 
 def _cells(study: Study, block: PlanBlock) -> Iterator[str]:

@@ -1,7 +1,9 @@
 """What the help texts of all commands have in common."""
 
+import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from importlib.metadata import requires
 from pathlib import Path
 from typing import Annotated
 
@@ -10,8 +12,26 @@ from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
+REQUIREMENT = re.compile(r"(?P<package>[\w.-]+).*extra == [\"'](?P<extra>\w+)[\"']")
+"""A package of an extra, as the metadata of netboard lists it."""
+
 Screenshot = Annotated[Path | None, typer.Option(metavar="FILE", help="Save the first picture as a PNG file and stop.")]
 Dyad = Annotated[int, typer.Option(min=1, help="Number of the dyad in the study.")]
+
+
+IMPORTED_AS = {"hid": "hidapi", "usb": "pyusb"}
+"""Packages by the names of their modules, where these differ."""
+
+
+def missing_extra(error: ModuleNotFoundError) -> str:
+    """Say which extra of netboard installs a module that is not there; nothing if none does."""
+    module = (error.name or "").partition(".")[0]
+    package = IMPORTED_AS.get(module, module)
+    for line in requires("netboard") or ():
+        found = REQUIREMENT.match(line)
+        if found and found["package"].casefold() == package.casefold() and found["extra"] != "dev":
+            return f"this needs {package}, which is not installed: pip install 'netboard[{found['extra']}]'"
+    return ""
 
 
 def examples(*lines: str) -> str:

@@ -63,3 +63,20 @@ def test_a_stranger_has_no_power_over_the_terminal(caplog: pytest.LogCaptureFixt
     caplog.set_level("INFO")
     Chronicle(Kept()).note(0, "agent_joined", {"name": "\x1b[2J", "config": "long"})
     assert caplog.messages == ["agent_joined name=?[2J"]
+
+
+def test_the_log_sums_stalls_in_a_row_and_the_recording_has_each(caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level("INFO")
+    kept = Kept()
+    chronicle = Chronicle(kept)
+    chronicle.opened = True
+    for _ in range(11):
+        chronicle.note(1, "stood_still", {"milliseconds": "20"})
+    chronicle.note(2, "start", {"trial": "1"})
+    chronicle.note(3, "stood_still", {"milliseconds": "7"})
+    chronicle.note(4, "held", {})
+    assert [line for line in caplog.messages if line.startswith("stood_still")] == [
+        *(f"stood_still milliseconds={20 * times} times={times}" for times in (1, 2, 4, 8, 11)),
+        "stood_still milliseconds=7 times=1",
+    ]
+    assert sum(name == "stood_still" for _, _, name in told(kept)) == 12

@@ -35,6 +35,23 @@ def test_whoever_commands_first_is_the_commander_and_others_are_refused() -> Non
     assert not one.decide("start", A, "lab:1", NOW).accepted
 
 
+def test_what_cannot_be_done_now_is_refused_with_what_can() -> None:
+    one = desk()
+    paused = replace(NOW, phase=Phase.PAUSED)
+    assert one.decide("start", A, "lab:1", paused).reason.startswith("cannot start while paused; possible now: resume")
+    assert (
+        one.decide("resume", A, "lab:1", NOW).reason
+        == "cannot resume while idle; possible now: start, stop, repeat, veto"
+    )
+    for phase in Phase:
+        now = replace(NOW, phase=phase)
+        for command in CAUSES:
+            decision = desk().decide(command, A, "lab:1", now)
+            if not decision.accepted:
+                for name in decision.reason.partition("possible now: ")[2].split(", "):
+                    assert name == "nothing" or desk().decide(name, A, "lab:1", now).accepted
+
+
 @pytest.mark.parametrize("command", ["emergency_stop", "note"])
 def test_anybody_may_stop_everything_and_leave_a_note(command: str) -> None:
     one = desk()

@@ -13,6 +13,7 @@ from typing import get_args
 import pytest
 from typer.testing import CliRunner
 
+import proofs
 from netboard.config import Config, parse, played_sides
 from netboard.services import operating
 from netboard.services.cli import app
@@ -235,3 +236,46 @@ def test_check_refuses_a_scene_that_the_live_tick_cannot_hold() -> None:
     )
     assert result.exit_code == 2
     assert "too stiff" in result.output
+
+
+def test_a_configuration_is_checked_by_its_file_and_its_folders_are(tmp_path: Path) -> None:
+    Path("rig.toml").write_text("[block]\ntrials = 6\n")
+    for words in (["rig.toml"], ["-c", "rig.toml"]):
+        result = runner.invoke(app, ["config", "check", *words])
+        assert (result.exit_code, result.output.partition("(")[0]) == (0, "rig.toml: in order ")
+    both = runner.invoke(app, ["config", "check", "rig.toml", "-c", "rig.toml"])
+    assert (both.exit_code, "expected one of them" in both.output) == (2, True)
+    Path("taken").write_text("a file")
+    for folder, why in (
+        ("taken", "Not a directory"),
+        ("taken/deeper", "Not a directory"),
+        ("/proc/recordings", "/proc"),
+    ):
+        result = runner.invoke(app, ["config", "check", "--set", f'recording.directory="{folder}"'])
+        assert result.exit_code == 2
+        assert f'[recording] directory: found "{folder}", expected a folder that can be written' in result.output
+        assert why in result.output
+    assert {path.name for path in tmp_path.iterdir()} == {"rig.toml", "taken"}
+
+
+@pytest.mark.parametrize(
+    ("command", "module", "extra"),
+    [
+        ("explain rec.mcap --trial 1 -o sheet.png", "matplotlib", "analysis"),
+        ("analyse rec.mcap --dask tcp://127.0.0.1:1", "distributed", "dask"),
+        ("lsl", "pylsl", "lsl"),
+        ("export rec.mcap --to nwb", "pynwb", "nwb"),
+        ("export rec.mcap --to parquet", "pyarrow", "parquet"),
+    ],
+)
+def test_a_missing_library_is_named_with_the_command_that_installs_it(
+    command: str, module: str, extra: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    proofs.write(Path("rec.mcap"), proofs.rows())
+    for name in [name for name in sys.modules if name.partition(".")[0] == module]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, module, None)
+    result = runner.invoke(app, command.split())
+    assert result.exit_code == 2, result.output
+    assert f"netboard[{extra}]" in result.output
+    assert "pip install" in result.output

@@ -6,10 +6,12 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from netboard.config import Config
 from netboard.design import library
 from netboard.design.plan import digest, plan_of
 from netboard.design.study import paper_study, parse_study
 from netboard.services.cli import app
+from netboard.services.planned import Planned, Wanted
 from netboard.services.studies import load
 
 runner = CliRunner()
@@ -101,3 +103,28 @@ def test_the_template_is_a_study() -> None:
     assert parse_study(run("template")).name == "template"
     assert parse_study(run("template paper")) == paper_study()
     assert "there are paper, " in run("template other", 2)
+
+
+def test_levels_of_factors_are_shown_with_what_differs_and_units() -> None:
+    Path("own.toml").write_text(
+        'orders.main = "3 duo"\n[kinds.duo]\n'
+        "[factors.mass]\nlevels.light.physics.M = 0.01\nlevels.heavy.physics.M = 0.05\n"
+        '[factors.felt]\nlevels.on.block.force = "full"\nlevels.on.block.force_delay_ms = 20\nlevels.off = {}\n'
+    )
+    shown = " ".join(runner.invoke(app, ["plan", "show", "--study", "own.toml"]).output.split())
+    assert "mass light physics.M = 0.01 kg" in shown
+    assert "heavy physics.M = 0.05 kg" in shown
+    assert "felt on block.force = full, block.force_delay_ms = 20 ms" in shown
+    assert "off nothing" in shown
+
+
+def test_a_session_that_was_begun_before_is_said_when_the_server_starts(capsys: pytest.CaptureFixture[str]) -> None:
+    planned = Planned(Config(), Wanted("pilot", 1))
+    planned.begun()
+    assert capsys.readouterr().out == ""
+    planned.path.parent.mkdir()
+    planned.path.write_text("begun before")
+    planned.begun()
+    said = capsys.readouterr().out
+    assert f"{planned.path}: exists already" in said
+    assert "--resume" in said

@@ -18,6 +18,9 @@ from netboard.wire.records import ClockRecord, EventRecord
 
 log = logging.getLogger(__name__)
 
+SUMMED = "stood_still"
+"""Several of these in a row are summed in the log, for a machine that stalls does so again and again."""
+
 
 class Chronicle:
     """Numbers what is recorded, and brings it to the loggers.
@@ -41,6 +44,8 @@ class Chronicle:
         self._port = port
         self._events = 0
         self._held: list[tuple[str, dict[str, str]]] = []
+        self._stalls = 0
+        self._stalled_ms = 0
 
     def note(self, tick: int, name: str, details: dict[str, str]) -> None:
         """Record an event, or hold it until the session is open, and tell whoever runs the server.
@@ -58,8 +63,25 @@ class Chronicle:
             self._record_event(tick, name, details)
         else:
             self._held.append((name, details))
+        if name == SUMMED:
+            self._count_stall(int(details["milliseconds"]))
+            return
+        self._say_stalls()
         said = " ".join(f"{key}={value}" for key, value in details.items() if key != "config")
         log.info("%s %s", name, "".join(letter if letter.isprintable() else "?" for letter in said))
+
+    def _count_stall(self, milliseconds: int) -> None:
+        """Add a stall to those in a row; the log has the first, and their sum at the second, fourth, eighth, ..."""
+        self._stalls += 1
+        self._stalled_ms += milliseconds
+        if self._stalls & (self._stalls - 1) == 0:
+            log.info("%s milliseconds=%d times=%d", SUMMED, self._stalled_ms, self._stalls)
+
+    def _say_stalls(self) -> None:
+        """Say what the stalls in a row come to, if the last line about them does not, and begin to count anew."""
+        if self._stalls & (self._stalls - 1):
+            log.info("%s milliseconds=%d times=%d", SUMMED, self._stalled_ms, self._stalls)
+        self._stalls = self._stalled_ms = 0
 
     def catch_up(self, tick: int) -> None:
         """Record what was held while the session was not open, as of a tick [1]."""

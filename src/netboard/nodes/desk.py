@@ -144,7 +144,7 @@ class Desk:
         """Decide on what the trial machine has to carry out."""
         cause = CAUSES[command]
         if cause not in TABLE[now.phase]:
-            return Decision(False, f"cannot {command} while {now.phase.name.lower()}")
+            return Decision(False, _not_now(command, now.phase))
         if command in ("start", "resume"):
             if not self.armed:
                 return Decision(False, f"cannot {command}: the devices are not armed (arm)")
@@ -178,7 +178,7 @@ class Desk:
 
     def _pause_after(self, now: Situation) -> Decision:
         if Cause.PAUSE not in TABLE[now.phase]:
-            return Decision(False, f"cannot pause while {now.phase.name.lower()}")
+            return Decision(False, _not_now("pause", now.phase))
         if now.phase not in _UNDER_WAY:
             return Decision(True, cause=Cause.PAUSE)
         self.pause_after = not self.pause_after
@@ -190,6 +190,12 @@ class Desk:
             self.pause_after = False
             return Cause.PAUSE
         return Cause.NONE
+
+
+def _not_now(command: str, phase: Phase) -> str:
+    """Say that a command does nothing in a phase, and which ones do something."""
+    possible = [name for name, cause in CAUSES.items() if cause in TABLE[phase]]
+    return f"cannot {command} while {phase.name.lower()}; possible now: {', '.join(possible) or 'nothing'}"
 
 
 def form_of(text: str, known: Session) -> Session:

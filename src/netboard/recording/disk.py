@@ -10,9 +10,10 @@ import os
 import sys
 from collections import deque
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import NamedTuple
 
-from netboard.errors import RecordingError
+from netboard.errors import ConfigError, RecordingError
 
 LOW_BYTES = 5_000_000_000
 """Less free space than this is said [1]."""
@@ -148,3 +149,28 @@ def allocate(handle: int, start: int, count: int) -> bool:
         if number != errno.EINTR:
             raise OSError(number, os.strerror(number))
     return True
+
+
+def require_writable(folder: Path, key: str) -> None:
+    """Refuse a folder in which no file can be written, or that cannot be made where it is to be; nothing is left there.
+
+    Parameters
+    ----------
+    folder : Path
+        The folder.
+    key : str
+        The setting that names it.
+
+    Raises
+    ------
+    ConfigError
+        If the folder, or the one that it would be made in, takes no file.
+    """
+    place = next(parent for parent in (folder, *folder.absolute().parents) if parent.exists())
+    try:
+        with TemporaryFile(dir=place):
+            pass
+    except OSError as error:
+        raise ConfigError(
+            f'{key}: found "{folder}", expected a folder that can be written: {place}: {error.strerror or error}'
+        ) from error
