@@ -199,15 +199,13 @@ def _print_plan(console: Console, study: Study, plan: Plan) -> None:
 
 def _levels(study: Study) -> Counts:
     """What each level of a factor changes, with units."""
-    units = {
-        (*table.path, key.name): f" {key.unit}" * (key.unit != "1") for table in tables(Config) for key in table.keys
-    }
+    keys = [(*table.path, key.name, key.unit) for table in tables(Config) for key in table.keys]
+    units = {tuple(name): f" {unit}" * (unit != "1") for *name, unit in keys}
     rows = []
     for name, factor in study.factors.items():
         for level, changes in factor.levels.items():
             differs = [
-                f"{table}.{key} = {value}"
-                + (f" {unit}" if (unit := units.get((table, key), "")) not in ("", "1") else "")
+                f"{table}.{key} = {value}{units[table, key]}".rstrip()
                 for table, changed in changes.changed().items()
                 for key, value in changed.items()
             ]
