@@ -237,7 +237,7 @@ def recording(output: Output = None, quick: Quick = False, force: Force = False,
 
 @app.command(
     epilog="Examples:\n\n  netboard bench analysis --quick\n\n  netboard bench analysis recordings/ -o results\n\n"
-    "  netboard bench analysis recordings/ --sensitivity"
+    "  netboard bench analysis recordings/ --sensitivity\n\n  netboard bench analysis --calibration --quick"
 )
 def analysis(
     recordings: Annotated[
@@ -246,6 +246,10 @@ def analysis(
     sensitivity: Annotated[
         bool,
         typer.Option("--sensitivity", help="Instead: how far open questions, noise and lost samples move each number."),
+    ] = False,
+    calibration: Annotated[
+        bool,
+        typer.Option("--calibration", help="Instead: how often the tests of simulated studies reject, beside .05."),
     ] = False,
     output: Output = None,
     quick: Quick = False,
@@ -257,6 +261,16 @@ def analysis(
     ] = None,
 ) -> None:
     """What it costs to analyse a study: time and memory against its size, anew and kept, beside reading the files."""
+    if calibration:
+        from netboard.sensitivity.calibration_bench import study as simulations
+        from netboard.studies.running import run_named
+
+        if sensitivity or recordings is not None or workers is not None:
+            raise ConfigError(
+                "--calibration: found with recordings, --sensitivity or --workers; it simulates studies alone"
+            )
+        run_named("calibration", simulations, output, json, quick=quick, force=force)
+        return
     if sensitivity:
         from netboard.services import sensitivity as service
 
