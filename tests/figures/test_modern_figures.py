@@ -145,6 +145,7 @@ def test_measures_are_levels(study: Study, drawn: dict[str, Picture]) -> None:
 
 def test_contrasts_are_effect_sizes_with_their_p(study: Study, drawn: dict[str, Picture]) -> None:
     picture = drawn["contrasts"]
+    assert "assumes that differences are symmetric" in picture.caption
     axes = dict(zip(("forces", "configuration", "interaction"), figure_of(picture).axes, strict=True))
     names = [label.get_text() for label in axes["forces"].get_yticklabels()]
     for one in comparisons(study).comparisons:

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from scipy import stats
 
 from made_modern import modern_blocks, modern_study
 from made_study import Block, made_study, times
@@ -86,6 +87,19 @@ def test_corrected_p_values_are_those_of_the_family(found: Comparisons) -> None:
     assert sure.contrast.permutation.p == pytest.approx(2.0 / 2**14)
     assert sure.contrast.permutation.p <= sure.corrected <= len(family) * 2.0 / 2**14
     assert all(one.corrected >= one.contrast.permutation.p for one in many.comparisons)
+
+
+def test_beside_p_of_permutations_stands_what_it_assumes_and_how_skewed_the_differences_are(found: Comparisons) -> None:
+    table = table_of(found.results)
+    p = table[table["quantity"].str.endswith(("p, permutation test", "p, Holm"))]
+    assert len(p)
+    assert p["note"].str.contains("assumes that differences are symmetric about 0").all()
+    one = next(one for one in found.comparisons if one.contrast.n >= 4 and np.ptp(one.contrast.differences) > 0.0)
+    skewness = f"these have skewness {stats.skew(one.contrast.differences):.1f}"
+    own = p[(p["quantity"] == f"{one.measure.name}: p, permutation test") & (p["group"] == one.question.name)]
+    assert own["note"].str.endswith(skewness).all()
+    others = table[table["quantity"].str.endswith("p, sign test")]
+    assert not others["note"].str.contains("symmetric").any()
 
 
 def test_without_any_difference_intervals_cover_zero() -> None:

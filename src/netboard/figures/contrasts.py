@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 
+from netboard.analysis.exact_tests import SYMMETRIC
 from netboard.figures.marks import Look, beside, draw_mean, look_of, new_mosaic, styled, titled
 from netboard.figures.picture import BLACK, Picture
 from netboard.findings.contrasts import Comparison, Question, comparisons
@@ -140,6 +141,6 @@ def _caption(found: Sequence[Comparison]) -> str:
         "Mean difference over the standard deviation of the dyads' differences, without bias (g_z), with 95 % "
         f"intervals of the noncentral t distribution; n = {many} dyads, each compared with itself; completion times by "
         "their logarithms. Beyond 1 the axis is logarithmic. p: exact permutation tests, which can give no p below "
-        f"{least:.3g} with so many dyads; corrected within families of measures (Holm), {sure} of {len(found)} are "
+        f"{least:.3g} with so many dyads. Such a test {SYMMETRIC}. Corrected within families of measures (Holm), {sure} of {len(found)} are "
         "below 0.05."
     )

@@ -11,9 +11,11 @@ from typing import Literal, TypeVar
 
 import numpy as np
 import pandas as pd
+from scipy import stats
 
 from netboard.analysis.contrasts import Contrast, condition_contrast, holm
 from netboard.analysis.effect_sizes import paired_effect
+from netboard.analysis.exact_tests import SYMMETRIC
 from netboard.analysis.statistics import Estimate
 from netboard.findings.groups import conditions, estimated, with_base
 from netboard.findings.measures import EXPLAINED, Measure, as_read, exponential, levels
@@ -23,6 +25,9 @@ from netboard.measuring.study import Study
 Kind = Literal["forces", "configuration", "interaction"]
 
 T = TypeVar("T")
+
+LEAST_FOR_SKEWNESS = 4
+"""The skewness of fewer differences says nothing [1]."""
 
 SEED = 20_220_302
 """Of bootstraps, and of permutations of many dyads."""
@@ -157,9 +162,17 @@ def _rows(one: Comparison) -> Iterator[Result]:
     yield estimated("contrasts", f"{one.measure.name}: g_z", group, one.hedges, "1", note)
     for name, test in (("sign test", contrast.signs), ("permutation test", contrast.permutation)):
         least = f"at least {test.least_p:.3g} with so many" if np.isfinite(test.least_p) else "too few to test"
-        yield _number(one, f"{one.measure.name}: p, {name}", test.p, test.n, least)
-    family = f"all contrasts of all measures of {one.measure.family}, permutation tests"
+        shape = f"; {_symmetry(contrast)}" if test is contrast.permutation else ""
+        yield _number(one, f"{one.measure.name}: p, {name}", test.p, test.n, f"{least}{shape}")
+    family = f"all contrasts of all measures of {one.measure.family}, permutation tests; {_symmetry(contrast)}"
     yield _number(one, f"{one.measure.name}: p, Holm", one.corrected, contrast.n, family)
+
+
+def _symmetry(contrast: Contrast) -> str:
+    """Say what the permutation test assumes, and how skewed these differences are."""
+    if contrast.n < LEAST_FOR_SKEWNESS or not np.ptp(contrast.differences) > 0.0:
+        return SYMMETRIC
+    return f"{SYMMETRIC}; these have skewness {stats.skew(contrast.differences):.1f}"
 
 
 def _number(one: Comparison, quantity: str, value: float, n: int, note: str) -> Result:
