@@ -141,6 +141,6 @@ def _caption(found: Sequence[Comparison]) -> str:
         "Mean difference over the standard deviation of the dyads' differences, without bias (g_z), with 95 % "
         f"intervals of the noncentral t distribution; n = {many} dyads, each compared with itself; completion times by "
         "their logarithms. Beyond 1 the axis is logarithmic. p: exact permutation tests, which can give no p below "
-        f"{least:.3g} with so many dyads. Such a test {SYMMETRIC}. Corrected within families of measures (Holm), {sure} of {len(found)} are "
-        "below 0.05."
+        f"{least:.3g} with so many dyads. Such a test {SYMMETRIC}. Corrected within families (Holm), {sure} "
+        f"of {len(found)} are below 0.05."
     )

@@ -170,7 +170,7 @@ def _rows(one: Comparison) -> Iterator[Result]:
 
 def _symmetry(contrast: Contrast) -> str:
     """Say what the permutation test assumes, and how skewed these differences are."""
-    if contrast.n < LEAST_FOR_SKEWNESS or not np.ptp(contrast.differences) > 0.0:
+    if contrast.n < LEAST_FOR_SKEWNESS or not np.isfinite(contrast.effect.value):
         return SYMMETRIC
     return f"{SYMMETRIC}; these have skewness {stats.skew(contrast.differences):.1f}"
 
