@@ -16,8 +16,8 @@ from pydantic import TypeAdapter
 
 from netboard.errors import ConfigError
 from netboard.settings import NO_EXTRAS, read, write, write_template
-from netboard.tables.contradictions import of_block, of_force, of_safety, of_scene, of_sizes
-from netboard.tables.experiment import Block, Quality, Session, Task
+from netboard.tables.contradictions import of_block, of_design, of_force, of_safety, of_scene, of_sizes
+from netboard.tables.experiment import Block, Design, Quality, Session, Task
 from netboard.tables.rig import MOUSE, Agents, Display, Fixture, Network, Realtime, Recording, Safety
 from netboard.tables.scene import Geometry, Physics
 from netboard.tables.simulated import Participant, VirtualDevice
@@ -41,6 +41,7 @@ class Config:
     __pydantic_config__ = NO_EXTRAS
     session: Session = field(default_factory=Session)
     block: Block = field(default_factory=Block)
+    design: Design = field(default_factory=Design)
     quality: Quality = field(default_factory=Quality)
     task: Task = field(default_factory=Task)
     physics: Physics = field(default_factory=Physics)
@@ -165,6 +166,7 @@ def contradictions(config: Config) -> Iterator[str]:
     """
     yield from of_scene(config.physics)
     yield from of_block(config.block)
+    yield from of_design(config.design)
     yield from of_force(config.block, config.physics)
     yield from of_sizes(config.geometry, config.task, config.physics)
     yield from of_safety(config.safety)

@@ -189,7 +189,7 @@ def _many(kind: Any) -> str:
     """Say what several values of a type are."""
     if get_origin(kind) is Literal:
         return ", ".join(f'"{choice}"' for choice in get_args(kind))
-    return "texts" if kind in (str, StrictStr) else "whole numbers"
+    return {str: "texts", StrictStr: "texts", float: "numbers"}.get(kind, "whole numbers")
 
 
 # --- reading -----------------------------------------------------------------------------------------------------
@@ -370,12 +370,12 @@ def _show(value: Any) -> str:
 # --- writing -----------------------------------------------------------------------------------------------------
 
 
-def to_toml(value: str | bool | int | float | tuple[int | str, ...]) -> str:
+def to_toml(value: str | bool | int | float | tuple[int | float | str, ...]) -> str:
     """Write a TOML value that reads back as the same value, to the last bit.
 
     Parameters
     ----------
-    value : str, bool, int, float or tuple of int or str
+    value : str, bool, int, float or tuple of these
         The value.
 
     Returns

@@ -39,7 +39,7 @@ from netboard.methods.catalogue import METHODS, NUMBER, advance
 from netboard.methods.choice import Choice, choose
 from netboard.physics.hold import later, moving, reached, resting
 from netboard.physics.models import coupling, stopped
-from netboard.physics.rendering import FELT, Felt, felt_of, force_on_hand, is_catch, pack_felt
+from netboard.physics.rendering import FELT, Felt, felt_of, force_on_hand, is_catch, pack_felt, scale_in
 from netboard.physics.scene import SCENE, Parts, pack_scene, parts_of
 from netboard.physics.vectors import State, calm
 from netboard.tick import STATE, TICK, TICK_SECONDS
@@ -153,7 +153,7 @@ def _force(s: Any, row: Any, hands: State, parts: Parts, felt: Felt, numbers: An
     if not (felt.left or felt.right) or not is_active(s["phase"]) or is_catch(s["trial"], numbers, felt):
         return
     rolls = s["phase"] == _RUNNING or s["phase"] == _HOLDING
-    left_z, right_z, p, scale = row["left_used_z"], row["right_used_z"], s["p"], numbers["scale"]
+    left_z, right_z, p, scale = row["left_used_z"], row["right_used_z"], s["p"], scale_in(s["trial"], numbers, felt)
     if felt.left and row["left_live"] != 0:
         gains = numbers["left_free"] if rolls else numbers["left_fixed"]
         row["left_force"] = force_on_hand(on_left, left_z, right_z, p, row["left_other"], gains, scale, felt)

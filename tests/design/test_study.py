@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from netboard.design import library
 from netboard.design.balance import require_balance
+from netboard.design.factors import Declared, declared
 from netboard.design.parts import CHANGED, Factor, Kind, Questionnaire
 from netboard.design.plan import plan_of
 from netboard.design.study import Study, paper_study, parse_study, resolve_study
@@ -185,3 +186,54 @@ def test_any_tables_are_a_study_or_an_error(values: dict[str, object]) -> None:
 def test_any_text_is_a_study_or_an_error(text: str) -> None:
     read_or_refuse(text)
     read_or_refuse(SMALL + text)
+
+
+# --- types of factors, roles -------------------------------------------------------------------------------------
+
+
+def study_with(*lines: str) -> str:
+    return "\n".join(('orders.main = "4 duo"', "[kinds.duo]", *lines))
+
+
+def test_a_factor_whose_levels_set_one_number_is_numeric_with_its_unit() -> None:
+    levels = "levels.light.physics.m = 0.02", "levels.heavy.physics.m = 0.05"
+    found = declared(parse_study(study_with("[factors.mass]", *levels)).factors["mass"])
+    assert found == Declared("numeric", ("light", "heavy"), (0.02, 0.05), "kg")
+
+
+def test_other_factors_are_categorical_or_boolean() -> None:
+    text = study_with(
+        "[factors.force]",
+        'levels.on.block.force = "full"',
+        'levels.off.block.force = "none"',
+        "[factors.smooth]",
+        "levels.yes.display.smooth = true",
+        "levels.no.display.smooth = false",
+        "[factors.nothing]",
+        "levels.some.physics.m = 0.02",
+        "levels.rest = {}",
+    )
+    types = {name: declared(factor).type for name, factor in parse_study(text).factors.items()}
+    assert types == {"force": "categorical", "smooth": "boolean", "nothing": "categorical"}
+
+
+def test_a_level_may_say_its_value() -> None:
+    lines = 'unit = "y"', "levels.young.value = 20.0", "levels.old.value = 70.0"
+    found = declared(parse_study(study_with("[factors.age]", 'order = "between"', *lines)).factors["age"])
+    assert found == Declared("numeric", ("young", "old"), (20.0, 70.0), "y")
+
+
+def test_a_numeric_factor_without_values_is_refused() -> None:
+    with pytest.raises(ConfigError, match=r"\[factors.age\] levels.old value: there is none, expected one for each"):
+        parse_study(study_with("[factors.age]", 'type = "numeric"', "levels.young.value = 20.0", "levels.old = {}"))
+
+
+def test_within_a_block_only_the_gain_can_differ() -> None:
+    levels = "levels.light.physics.m = 0.02", "levels.heavy.physics.m = 0.05"
+    with pytest.raises(ConfigError, match=r"sets physics.m; within a block only block.force_scale can differ"):
+        parse_study(study_with("[factors.mass]", 'order = "trial"', *levels))
+
+
+def test_what_came_later_does_not_change_the_text_of_a_study() -> None:
+    text = resolve_study(paper_study())
+    assert not {line.partition(" =")[0].rpartition(".")[2] for line in text.splitlines()} & {"role", "type", "unit"}

@@ -91,7 +91,10 @@ def unreadable(folder: Path, recordings: tuple[Path, ...]) -> list[Path]:
     shutil.copy(recordings[0], sound)
     data = recordings[1].read_bytes()
     cut.write_bytes(data[:-1000])
-    damaged.write_bytes(data[:200_000] + bytes(64) + data[200_064:])
+    hurt = bytearray(data)
+    for place in range(100_000, 300_000, 20_000):  # one of them may be in what nobody reads: an index of a chunk
+        hurt[place : place + 64] = bytes(64)
+    damaged.write_bytes(hurt)
     (folder / "text.mcap").write_text("no recording")
     empty = recorded(folder, two_trials()[:0])
     return [sound, damaged, cut, folder / "text.mcap", empty]

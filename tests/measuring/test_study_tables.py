@@ -12,7 +12,7 @@ from netboard.errors import ConfigError
 from netboard.measuring.exclusions import NO_COMPLETION, excluded
 from netboard.measuring.readings import Exclusions, Readings, parse
 from netboard.measuring.recordings import Measured
-from netboard.measuring.study import FIELDS_IN_STUDY, Study, study_of
+from netboard.measuring.study import Study, study_of
 from rehearsed_study import measured, rehearse
 
 
@@ -49,7 +49,8 @@ def test_trials_are_numbered_within_each_performer_and_condition(folder: Path) -
     }
     assert (found.trials.loc[found.trials["outcome"] != "success", "counts"] == 0).all()
     for name in ("blocks", "trials", "movements"):
-        assert set(getattr(found, name)) == {field.name for field in FIELDS_IN_STUDY[name]}
+        assert list(getattr(found, name)) == list(dict.fromkeys(getattr(found, name)))
+        assert set(getattr(found, name)) == {field.name for field in found.fields(name)}
 
 
 @pytest.mark.slow

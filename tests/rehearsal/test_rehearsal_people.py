@@ -49,7 +49,7 @@ def test_a_force_tells_something_only_where_all_of_the_board_is_felt() -> None:
 
     def tells(sides: tuple[str, ...] = ("left",), **keys: object) -> bool:
         config = Config()
-        return mind(replace(config, block=replace(config.block, **keys)), "left", sides)._is_telling(row[0])
+        return mind(replace(config, block=replace(config.block, **keys)), "left", sides)._scale_in(row[0]) > 0.0
 
     assert tells()
     assert tells(force_scale=0.5)

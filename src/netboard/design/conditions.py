@@ -10,7 +10,16 @@ from itertools import product
 from typing import Literal
 
 from netboard.config import SIDES, Side
-from netboard.design.counterbalance import Draw, bits, catch_trials, first_sides, rows, shuffled, turn_of
+from netboard.design.counterbalance import (
+    Draw,
+    bits,
+    catch_trials,
+    first_sides,
+    rows,
+    shuffled,
+    trial_levels,
+    turn_of,
+)
 from netboard.design.parts import Factor
 from netboard.design.study import Study
 from netboard.errors import ConfigError
@@ -180,6 +189,28 @@ class Conditions:
                 f"{after} are none; expected at most {most}"
             )
         return catch_trials(number, trials, after, self._seed, self._dyad, Draw.CATCH, place)
+
+    def within(self, kind: str, trials: int, place: int) -> dict[str, tuple[str, ...]]:
+        """Draw the levels of the factors that vary within a block: all combinations, each as often as the others.
+
+        Parameters
+        ----------
+        kind : str
+            Its kind.
+        trials : int
+            Its trials [1].
+        place : int
+            How many blocks of the plan come before it [1].
+
+        Returns
+        -------
+        dict of tuple of str
+            For each factor, a level for each trial.
+        """
+        factors = self._study.trial_factors_of(kind)
+        cells = list(product(*(factor.levels for factor in factors.values())))
+        drawn = trial_levels(len(cells), trials, self._seed, self._dyad, Draw.TRIALS, place) if factors else ()
+        return {name: tuple(cells[cell][which] for cell in drawn) for which, name in enumerate(factors)}
 
     def seed_at(self, place: int) -> int:
         """Draw the seed of a block, below 2^31 [1].

@@ -25,6 +25,7 @@ class Draw(IntEnum):
     SIDES = 3
     CATCH = 4
     BLOCKS = 5
+    TRIALS = 6
 
 
 def bits(number: int, *words: int) -> tuple[int, ...]:
@@ -207,3 +208,29 @@ def catch_trials(number: int, trials: int, after: int, *words: int) -> Row:
     half = number // 2 + (number % 2 if order and order[0] % 2 else 0)
     odds = min(max(half, number - len(even)), len(odd))
     return tuple(sorted(odd[:odds] + even[: number - odds]))
+
+
+def trial_levels(levels: int, trials: int, *words: int) -> Row:
+    """Draw the level of each trial of a block: each as often as the others, with either target, as far as that goes.
+
+    Parameters
+    ----------
+    levels : int
+        Number of levels [1].
+    trials : int
+        Trials of the block [1].
+    *words : int
+        The seed, and what the draw is for; none negative [1].
+
+    Returns
+    -------
+    tuple of int
+        A level for each trial, from 0 [1].
+    """
+    order = shuffled(levels, *words, 0)
+    odd = trials - trials // 2
+    drawn = [0] * trials
+    for parity, (first, count) in enumerate(((0, odd), (odd, trials // 2))):
+        own = [order[(first + index) % levels] for index in range(count)]
+        drawn[parity::2] = [own[index] for index in shuffled(count, *words, 1 + parity)]
+    return tuple(drawn)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal
 
 from netboard.settings import NO_EXTRAS, about
-from netboard.tables.experiment import Block, Quality, Task
+from netboard.tables.experiment import Block, FactorType, Quality, Role, Task
 from netboard.tables.rig import Display
 from netboard.tables.scene import Geometry, Physics
 from netboard.tables.simulated import Participant
@@ -24,11 +24,25 @@ CHANGED: dict[str, type[Any]] = {
 }
 """Tables of the configuration that may differ from block to block."""
 
-PLANNED = ("number", "blocks", "label", "configuration", "performer", "station", "catch", "instructions", "seed")
+PLANNED = (
+    "number",
+    "blocks",
+    "label",
+    "configuration",
+    "performer",
+    "station",
+    "catch",
+    "trial_scales",
+    "instructions",
+    "seed",
+)
 """Keys of ``[block]`` that follow from the plan."""
 
 SESSION = "session"
 """Where a questionnaire comes at the end of a session."""
+
+WITHIN = "trial"
+"""Order of a factor that varies over the trials of a block."""
 
 ALL = "all"
 """Every factor."""
@@ -62,20 +76,25 @@ class Level(Changes):
     """One level of a factor: what differs with it. Its instructions are read after those of the kind."""
 
     __pydantic_config__ = NO_EXTRAS
+    value: Annotated[float, about("value of this level of a numeric factor", allow_inf_nan=False)] | Literal["auto"] = (
+        "auto"
+    )
 
 
 @dataclass(frozen=True, slots=True)
 class Factor:
-    """What varies over blocks."""
+    """What varies over blocks, or over the trials of a block."""
 
     __pydantic_config__ = NO_EXTRAS
     order: Annotated[
-        Literal["alternate", "latin", "random", "between"],
+        Literal["alternate", "latin", "random", "between", "trial"],
         about(
             "how its levels follow each other: in turn, in rows of a balanced latin square, each once in a random "
-            "order and so on, or one level for a whole dyad"
+            "order and so on, one level for a whole dyad, or drawn trial by trial within each block"
         ),
     ] = "alternate"
+    type: Annotated[FactorType, about("what its levels are; auto: as what they set is")] | Literal["auto"] = "auto"
+    unit: Annotated[str, about("unit of a numeric factor; empty: that of what its levels set")] = ""
     levels: Annotated[dict[str, Level], about("its levels by name, each with what differs")] = field(
         default_factory=dict
     )
@@ -90,6 +109,10 @@ class Kind(Changes):
         Literal["dyad", "A", "B", "AB", "BA"],
         about("who performs it: the dyad, one participant alone, or both alone, one after the other"),
     ] = "dyad"
+    role: (
+        Annotated[Role, about("what its trials are for: an analysis takes test trials; auto: by its name, else test")]
+        | Literal["auto"]
+    ) = "auto"
     other_hand: Annotated[
         Literal["own", "still", "robot"],
         about("who moves the other hand of one alone: he himself (bimanual), nobody, or a simulated partner"),

@@ -14,11 +14,12 @@ from typing import Any, Literal
 
 from netboard.config import Config, Side, contradictions
 from netboard.design.conditions import Conditions, Performer, Sequence
+from netboard.design.factors import declared, role_by_name
 from netboard.design.order import steps_of
 from netboard.design.parts import SESSION
 from netboard.design.study import Study
 from netboard.errors import ConfigError
-from netboard.tables.experiment import Block
+from netboard.tables.experiment import Block, Design, Role
 
 Hand = Literal["right", "left"]
 
@@ -78,6 +79,8 @@ class PlanBlock:
         What differs from the rig's configuration, by table and key.
     seed : int
         Seed of everything random while the block runs [1].
+    design : Design
+        Its role, and its factors with the level of each; as the block's configuration has it.
     """
 
     number: int
@@ -94,6 +97,12 @@ class PlanBlock:
     instructions: tuple[dict[str, str], ...]
     changes: dict[str, dict[str, Any]]
     seed: int
+    design: Design
+
+    @property
+    def role(self) -> Role:
+        """What its trials are for, catch trials aside."""
+        return role_by_name(self.kind) if self.design.role == "auto" else self.design.role
 
     @property
     def configuration(self) -> Literal["dyadic", "bimanual"]:
@@ -217,9 +226,14 @@ def to_json(plan: Plan) -> str:
     Returns
     -------
     str
-        One line, keys in alphabetical order.
+        One line, keys in alphabetical order. Of the block's design it has what does not follow from the study: a role
+        other than the name's, and what was drawn for trials.
     """
-    return json.dumps(asdict(plan), sort_keys=True, separators=(",", ":"))
+    whole = asdict(plan)
+    for block in (block for session in whole["sessions"] for block in session["blocks"]):
+        design = block.pop("design")
+        block |= {name: design[name] for name in ("role", "trials") if design[name] not in ("auto", {})}
+    return json.dumps(whole, sort_keys=True, separators=(",", ":"))
 
 
 def digest(plan: Plan) -> str:
@@ -275,6 +289,9 @@ def _block(
     levels = [study.factors[factor].levels[level] for factor, level in conditions]
     changes = _merged([part.changed() for part in (study, kind, *levels)])
     block = replace(Block(), **changes.get("block", {}))
+    within = spread.within(name, block.trials, place) if block.haptics else {}
+    if scales := _scales(study, within, block.force_scale):
+        changes = {**changes, "block": {**changes.get("block", {}), "trial_scales": scales}}
     base = {**study.instructions, **kind.instructions}
     asked = {name, SESSION} if step.last else {name}
     return PlanBlock(
@@ -292,7 +309,37 @@ def _block(
         instructions=tuple(part for part in (base, *(level.instructions for level in levels)) if part),
         changes=changes,
         seed=spread.seed_at(place),
+        design=_design(study, name, conditions, within),
     )
+
+
+def _design(
+    study: Study, kind: str, conditions: tuple[tuple[str, str], ...], trials: dict[str, tuple[str, ...]]
+) -> Design:
+    """Declare the factors of a block, with its levels."""
+    own = {name: declared(study.factors[name]) for name in (*dict(conditions), *trials)}
+    return Design(
+        kind=kind,
+        role=study.kinds[kind].role,
+        between=tuple(name for name in own if study.factors[name].order == "between"),
+        factors=dict(conditions),
+        trials=trials,
+        levels={name: one.levels for name, one in own.items()},
+        types={name: one.type for name, one in own.items()},
+        values={name: one.values for name, one in own.items() if one.values},
+        units={name: one.unit for name, one in own.items() if one.unit},
+    )
+
+
+def _scales(study: Study, within: dict[str, tuple[str, ...]], otherwise: float) -> tuple[float, ...]:
+    """What is felt is multiplied by this in each trial; empty where no trial differs."""
+    of_levels = {
+        name: {level: changes.block.get("force_scale") for level, changes in study.factors[name].levels.items()}
+        for name in within
+    }
+    each = zip(*([of_levels[name][level] for level in levels] for name, levels in within.items()), strict=True)
+    scales = tuple(next((float(one) for one in trial if one is not None), otherwise) for trial in each)
+    return scales if any(one != otherwise for one in scales) else ()
 
 
 def _merged(parts: list[dict[str, dict[str, Any]]]) -> dict[str, dict[str, Any]]:
@@ -367,7 +414,7 @@ def config_of(config: Config, session: PlanSession, number: int) -> Config:
         table: replace(getattr(config, table), **keys) for table, keys in plan.changes.items() if table != "block"
     }
     config = replace(config, **tables)
-    config = replace(config, block=_block_of(config, session, plan))
+    config = replace(config, block=_block_of(config, session, plan), design=plan.design)
     problems = "\n".join(f"block {number} ({plan.label}): {problem}" for problem in contradictions(config))
     if problems:
         raise ConfigError(problems)

@@ -16,12 +16,19 @@ from itertools import combinations
 from typing import Annotated, Any, TypeVar
 
 from netboard.design import library
+from netboard.design.factors import declared
 from netboard.design.order import MOST, steps_of
-from netboard.design.parts import ALL, CHANGED, PLANNED, SESSION, Changes, Factor, Kind, Level, Questionnaire
+from netboard.design.parts import ALL, CHANGED, PLANNED, SESSION, WITHIN, Changes, Factor, Kind, Level, Questionnaire
 from netboard.errors import ConfigError
 from netboard.settings import NO_EXTRAS, about, check, to_toml
 
 T = TypeVar("T")
+
+IN_TRIALS = "block.force_scale"
+"""What can differ from trial to trial within a block."""
+
+_LATER = {"role": "auto", "type": "auto", "unit": "", "value": "auto"}
+"""Keys that came later, with their defaults."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +63,19 @@ class Study(Changes):
         kind : str
             Name of the kind.
         """
+        return {name: factor for name, factor in self._every(kind).items() if factor.order != WITHIN}
+
+    def trial_factors_of(self, kind: str) -> dict[str, Factor]:
+        """Factors that vary over the trials of a kind's blocks.
+
+        Parameters
+        ----------
+        kind : str
+            Name of the kind.
+        """
+        return {name: factor for name, factor in self._every(kind).items() if factor.order == WITHIN}
+
+    def _every(self, kind: str) -> dict[str, Factor]:
         names = self.kinds[kind].factors
         return {name: factor for name, factor in self.factors.items() if name in names or ALL in names}
 
@@ -219,6 +239,7 @@ def _contradictions(study: Study) -> Iterator[str]:
             yield f"[factors.{name}] levels: found {len(factor.levels)}, expected two or more"
         if name == ALL:
             yield f"[factors.{name}]: expected another name; this one means every factor"
+        yield from (f"[factors.{name}] {problem}" for problem in _factor_problems(factor))
     for name, questionnaire in study.questionnaires.items():
         for kind in questionnaire.after:
             if kind not in (*study.kinds, SESSION):
@@ -247,6 +268,19 @@ def _order_problems(study: Study, text: str) -> Iterator[str]:
         yield f"{blocks} blocks, expected at most {MOST}"
 
 
+def _factor_problems(factor: Factor) -> Iterator[str]:
+    """Find what is wrong with a factor."""
+    try:
+        declared(factor)
+    except ConfigError as error:
+        yield str(error)
+    for level, changes in factor.levels.items() if factor.order == WITHIN else ():
+        if set_here := sorted(_keys(changes) - {IN_TRIALS}):
+            yield f"levels.{level}: sets {', '.join(set_here)}; within a block only {IN_TRIALS} can differ"
+        if changes.instructions:
+            yield f"levels.{level} instructions: there are some, expected none for a factor within a block"
+
+
 def _kind_problems(study: Study, name: str) -> Iterator[str]:
     """Find what is wrong with a kind of block."""
     kind = study.kinds[name]
@@ -258,8 +292,9 @@ def _kind_problems(study: Study, name: str) -> Iterator[str]:
     if kind.performers == "dyad" and kind.other_hand != "own":
         yield f' other_hand: found "{kind.other_hand}", expected performers = "A", "B", "AB" or "BA" with it'
     varied = study.factors_of(name)
-    by_factor = {one: set().union(*map(_keys, factor.levels.values())) for one, factor in varied.items()}
-    for one, other in combinations(varied, 2):
+    every = varied | study.trial_factors_of(name)
+    by_factor = {one: set().union(*map(_keys, factor.levels.values())) for one, factor in every.items()}
+    for one, other in combinations(every, 2):
         for key in sorted(by_factor[one] & by_factor[other]):
             yield f" factors: {one} and {other} both set {key}, expected at most one of them to"
     anywhere = _keys(study).union(_keys(kind), *by_factor.values())
@@ -311,6 +346,8 @@ def _lines(part: Any) -> Iterator[str]:
     own = (*CHANGED, "instructions")
     for item in fields(part):
         value = getattr(part, item.name)
+        if item.name in _LATER and value == _LATER[item.name]:
+            continue  # studies from before there was such a key keep their digest
         if not isinstance(value, dict):
             yield f"{item.name} = {to_toml(value)}"
         elif item.name in own:

@@ -18,6 +18,7 @@ KINDS = {
     "forces": "haptics less off",
     "configuration": "dyadic less bimanual",
     "interaction": "haptics less off, dyadic less bimanual",
+    "factor": "levels of other factors",
 }
 """Titles of the panels."""
 
@@ -45,7 +46,7 @@ def picture(study: Study) -> Picture:
     looks = looks_of(study, [one.question for one in found])
     most = max(len({one.question for one in found if one.question.kind == kind}) for kind in kinds)
     figure, axes = new_mosaic(1.3 + len(names) * (0.14 + 0.1 * most), [kinds])
-    for kind, letter in zip(kinds, "ABC", strict=False):
+    for kind, letter in zip(kinds, "ABCD", strict=False):
         _panel(
             axes[kind],
             [one for one in found if one.question.kind == kind],

@@ -97,14 +97,14 @@ def _gains(axes: Axes, found: list[Comparison]) -> None:
         look, gains = _look(one), one.gains
         draw_dyads(axes, gains, np.full(len(gains), row + 0.27), look.colour, one.condition.force)
         draw_mean(axes, row, one.gain, look, one.condition.force, across=True)
-    names = [f"{one.condition.feeling}:\n{one.better} of {one.known} dyads better" for one in found]
+    names = [f"{one.condition.felt}:\n{one.better} of {one.known} dyads better" for one in found]
     axes.set_yticks(range(len(found)), names)
     axes.set_ylim(len(found) - 0.5, -0.5)
     axes.set_xlabel(f"mean of the two alone less dyad [{found[0].quantity.unit if found else '1'}]")
 
 
 def _caption(found: list[Comparison]) -> str:
-    known = [(f"{one.condition.feeling}, {one.quantity.name}", one.known, "dyad") for one in found]
+    known = [(f"{one.condition.felt}, {one.quantity.name}", one.known, "dyad") for one in found]
     least = min(one.test.least_p for one in found)
     return (
         "A, B: a point for each participant, the two of a dyad joined. To the right: better than the partner, both "

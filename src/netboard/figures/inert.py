@@ -48,7 +48,7 @@ def picture(study: Study) -> Picture:
         means = [own[0].mean_effect, *(one.mean_passive for one in own)]
         for column, mean in zip(columns, means, strict=True):
             draw_mean(axes, column + offset, mean, look, f"{condition.name}, {column}", scale=POINTS.scale)
-        axes.plot([], [], linestyle="none", marker=look.marker, color=look.colour, label=condition.feeling)
+        axes.plot([], [], linestyle="none", marker=look.marker, color=look.colour, label=condition.felt)
     names = [
         "with forces less without,\nas recorded",
         *(f"inert partner less still one,\n{k} N/m" for k in STIFFNESSES),
@@ -75,4 +75,4 @@ def _caption(found: tuple[Control, ...]) -> str:
 def _share(one: Control) -> str:
     value, low, high = (f"{PERCENT.scale * end:.0f}" for end in (one.share.value, one.share.low, one.share.high))
     ends = f" ({low} to {high})" if np.isfinite(one.share.low) else ""
-    return f"{one.condition.feeling}, {one.stiffness} N/m: {value} %{ends}"
+    return f"{one.condition.felt}, {one.stiffness} N/m: {value} %{ends}"

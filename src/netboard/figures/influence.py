@@ -30,7 +30,7 @@ def picture(study: Study) -> Picture:
     figure, axes = new_mosaic(3.2, [["all"]])
     for place, one in enumerate(found):
         _column(axes["all"], place, one)
-    names = [f"{one.condition.feeling}\n{one.direction}" for one in found]
+    names = [f"{one.condition.felt}\n{one.direction}" for one in found]
     axes["all"].set_xticks(range(len(found)), names, fontsize=7)
     if len(found) > FEW:
         for label in axes["all"].get_xticklabels():

@@ -126,7 +126,7 @@ def _top(course: Course) -> float:
 
 def _performers(one: TeamLearning) -> str:
     """Say how many participants there are, where dyads are not what performs."""
-    return f"{many(one.performers, 'participant')}, " if one.team == "bimanual" else ""
+    return f"{many(one.performers, 'participant')}, " if one.team.startswith("bimanual") else ""
 
 
 def _caption(study: Study, teams: tuple[TeamLearning, ...]) -> str:

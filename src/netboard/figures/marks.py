@@ -4,9 +4,11 @@ A configuration is a colour. A force is a shape: hollow without haptics, filled 
 parts of the force. Dyads are small pale points behind their mean.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from contextvars import ContextVar
 from dataclasses import dataclass, replace
 from functools import wraps
+from textwrap import fill
 from typing import Any
 
 import matplotlib as mpl
@@ -17,12 +19,18 @@ from matplotlib.patheffects import withStroke
 from numpy.typing import ArrayLike
 
 from netboard.analysis.statistics import Estimate
-from netboard.figures.picture import BLACK, COLOURS, PINK, SKY, STYLE, WIDTH, Picture
-from netboard.findings.groups import Condition, simulated
+from netboard.figures.picture import BLACK, BLUE, COLOURS, GREEN, ORANGE, PINK, SKY, STYLE, VERMILION, WIDTH, Picture
+from netboard.findings.groups import Condition, bounded, simulated, teams
 from netboard.measuring.study import Study
 
 PARTNERS = {"robot partner": SKY, "still partner": PINK}
 """Colours of dyadic conditions whose partner is no person."""
+
+MORE = (VERMILION, BLUE, SKY, GREEN, ORANGE, PINK)
+"""Colours of teams that differ in the levels of other factors, in their order."""
+
+_TEAMS: ContextVar[Mapping[str, str]] = ContextVar("teams", default={})  # noqa: B039  # nobody writes to it
+"""Colours of such teams in the picture that is being drawn."""
 
 _SHAPES = {
     "none": ("o", "white", "--"),
@@ -32,6 +40,9 @@ _SHAPES = {
     "unrelated": ("D", "white", (0, (5, 1, 1, 1, 1, 1))),
 }
 _OTHER = ("X", "", ":")
+
+_TITLE = 92
+"""Characters of a title over the whole width of a picture [1]."""
 
 _HALO = [withStroke(linewidth=2.6, foreground="white")]
 """Keeps means readable on areas and among points."""
@@ -67,6 +78,8 @@ def team_colour(team: str) -> str:
     team : str
         As `Condition.team`.
     """
+    if team in _TEAMS.get():
+        return _TEAMS.get()[team]
     configuration, _, partner = team.partition(", ")
     return PARTNERS.get(partner, COLOURS.get(configuration, BLACK))
 
@@ -96,11 +109,21 @@ def team_look(team: str) -> Look:
     """
     markers = {"bimanual": "o", "dyadic": "s"}
     lines = {"bimanual": "-", "dyadic": "--"}
-    colour = team_colour(team)
-    return Look(colour, markers.get(team, "^"), colour, lines.get(team, ":"))
+    colour, configuration = team_colour(team), team.partition(", ")[0]
+    named = configuration if team in _TEAMS.get() else team
+    return Look(colour, markers.get(named, "^"), colour, lines.get(named, ":"))
 
 
-def styled(draw: Callable[[Study], Picture]) -> Callable[[Study], Picture]:
+def _colours(study: Study) -> dict[str, str]:
+    """Choose colours for teams that are told apart by more than configuration and partner."""
+    every = teams(study)
+    others = [one for one in every if one not in COLOURS and one.partition(", ")[2] not in PARTNERS]
+    taken = {team_colour(one) for one in every if one not in others}
+    free = [colour for colour in MORE if colour not in taken]
+    return {one: free[k % len(free)] for k, one in enumerate(others)}
+
+
+def styled_whole(draw: Callable[[Study], Picture]) -> Callable[[Study], Picture]:
     """Let a function draw in the style of all pictures, and say under the picture whether people are simulated.
 
     Parameters
@@ -111,9 +134,32 @@ def styled(draw: Callable[[Study], Picture]) -> Callable[[Study], Picture]:
 
     @wraps(draw)
     def drawn(study: Study) -> Picture:
-        with mpl.rc_context(STYLE):
-            picture = draw(study)
+        chosen = _TEAMS.set(_colours(study))
+        try:
+            with mpl.rc_context(STYLE):
+                picture = draw(study)
+        finally:
+            _TEAMS.reset(chosen)
         said = simulated(study) if picture.figure is not None else ""
+        return replace(picture, caption=f"{picture.caption} {said}".rstrip())
+
+    return drawn
+
+
+def styled(draw: Callable[[Study], Picture]) -> Callable[[Study], Picture]:
+    """As `styled_whole`, with no more conditions than a picture has room for; its caption says over what it pools.
+
+    Parameters
+    ----------
+    draw : callable
+        Draws a picture of a study.
+    """
+    whole = styled_whole(draw)
+
+    @wraps(draw)
+    def drawn(study: Study) -> Picture:
+        fewer, said = bounded(study)
+        picture = whole(fewer)
         return replace(picture, caption=f"{picture.caption} {said}".rstrip())
 
     return drawn
@@ -145,7 +191,10 @@ def titled(axes: Axes, letter: str, text: str) -> None:
     letter, text : str
         Its letter and its title.
     """
-    axes.set_title(f"$\\bf{{{letter}}}$  {text}", loc="left")
+    place = axes.get_subplotspec()
+    columns = place.get_gridspec().ncols // (place.colspan.stop - place.colspan.start) if place is not None else 1
+    lines = fill(text, max(14, _TITLE // max(columns, 1)), break_long_words=False)
+    axes.set_title(f"$\\bf{{{letter}}}$  {lines}", loc="left")
 
 
 def draw_mean(

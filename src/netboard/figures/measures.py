@@ -29,6 +29,10 @@ BESIDE = 0.22
 """From a mean to its dyads [1]."""
 
 
+_WIDE = 100
+"""Characters of labels beside each other in a legend [1]."""
+
+
 @styled
 def picture(study: Study) -> Picture:
     """Draw all measures.
@@ -97,7 +101,13 @@ def legend(figure: Figure, shown: Sequence[Condition], where: Where = "outside u
         for look in looks
     ]
     labels = [one.label for one in shown]
-    figure.legend(handles, labels, loc=where, ncols=4 if len(shown) <= 4 else 3, handletextpad=0.2)
+    figure.legend(handles, labels, loc=where, ncols=_columns(labels), handletextpad=0.2)
+
+
+def _columns(labels: Sequence[str]) -> int:
+    """Columns of a legend that fit beside each other [1]."""
+    most = 4 if len(labels) <= 4 else 3
+    return max(1, min(most, _WIDE // max(map(len, labels), default=1)))
 
 
 def _panel(axes: Axes, found: Sequence[Levels], at: dict[str, float]) -> None:

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator, NullLocator
 
 from netboard.analysis.effects import Effect
-from netboard.figures.marks import Look, beside, draw_mean, many, new_mosaic, styled, titled
+from netboard.figures.marks import Look, beside, draw_mean, many, new_mosaic, styled_whole, titled
 from netboard.figures.picture import BLACK, ORANGE, SKY, Picture
 from netboard.findings.models import Fit, Fits, fits
 from netboard.measuring.study import Study
@@ -22,7 +22,7 @@ LOOKS = {
 """Of each model."""
 
 
-@styled
+@styled_whole
 def picture(study: Study) -> Picture:
     """Draw the models.
 
@@ -72,7 +72,8 @@ def _terms(axes: Axes, shown: Sequence[Fit]) -> None:
             draw_mean(axes, names.index(effect.name) + offset, effect.ratio, look, label, across=True)
         axes.plot([], [], linestyle="none", marker=look.marker, color=look.colour, label=f"{fit.measure}, {fit.ratio}")
     axes.set_xscale("log")
-    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 1.5, 2.0, 3.0, 5.0, 7.0)))
+    low, high = axes.get_xlim()
+    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 1.5, 2.0, 3.0, 5.0, 7.0) if high < 30 * low else (1.0,)))
     axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
     axes.xaxis.set_minor_locator(NullLocator())
     axes.tick_params(axis="x", labelsize=7)

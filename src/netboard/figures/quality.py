@@ -6,9 +6,9 @@ from matplotlib.axes import Axes
 from netboard.figures.marks import look_of, new_mosaic, styled, titled
 from netboard.figures.measures import legend
 from netboard.figures.picture import Picture
-from netboard.findings.groups import conditions
+from netboard.findings.groups import Condition, conditions
 from netboard.findings.quality import Quality, quality
-from netboard.measuring.study import Study
+from netboard.measuring.study import Study, pooled
 
 TITLE = "What was recorded"
 
@@ -37,8 +37,19 @@ def picture(study: Study) -> Picture:
     titled(axes["excluded"], "B", "attempts excluded [1]")
     _times(axes["times"], found, study)
     titled(axes["times"], "C", "completion time through the session")
-    legend(figure, conditions(study), "outside lower center")
+    legend(figure, of_blocks(study), "outside lower center")
     return Picture("quality", TITLE, _caption(found, dyads), figure)
+
+
+def of_blocks(study: Study) -> tuple[Condition, ...]:
+    """List the conditions of blocks, without the levels of factors that vary within them.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+    """
+    return conditions(pooled(study, [factor.name for factor in study.factors if factor.scope == "trial"]))
 
 
 def _counts(axes: Axes, found: Quality, column: str) -> None:
@@ -68,7 +79,7 @@ def _times(axes: Axes, found: Quality, study: Study) -> None:
     """Draw the geometric mean of each block, those of a dyad joined."""
     for dyad, own in found.blocks.groupby("dyad"):
         axes.plot(own["block"], own["time"], color="#BBBBBB", linewidth=0.6, zorder=1, label=f"_{dyad}")
-    for condition in conditions(study):
+    for condition in of_blocks(study):
         look = look_of(condition)
         own = found.blocks[found.blocks["condition"] == condition.label]
         axes.plot(

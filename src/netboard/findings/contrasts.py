@@ -1,7 +1,8 @@
 """What forces and a partner change: differences between conditions within dyads, with intervals and exact tests.
 
 Every measure of `netboard.findings.measures` that is compared has the same contrasts: each force that is felt less
-none, within each configuration; two people less one, within each force; and the interaction of the two. Those of all
+none, within each configuration; two people less one, within each force; the interaction of the two; and each level of
+another factor of the study less its first one, within all the others. Those of all
 measures of a family are one family of tests (Holm). They are declared here, before anybody looks at results.
 """
 
@@ -17,12 +18,12 @@ from netboard.analysis.contrasts import Contrast, condition_contrast, holm
 from netboard.analysis.effect_sizes import paired_effect
 from netboard.analysis.exact_tests import SYMMETRIC
 from netboard.analysis.statistics import Estimate
-from netboard.findings.groups import conditions, estimated, with_base
+from netboard.findings.groups import by_factor, conditions, estimated, with_base
 from netboard.findings.measures import EXPLAINED, Measure, as_read, exponential, levels
 from netboard.findings.results import Result, kept
 from netboard.measuring.study import Study
 
-Kind = Literal["forces", "configuration", "interaction"]
+Kind = Literal["forces", "configuration", "interaction", "factor"]
 
 T = TypeVar("T")
 
@@ -39,7 +40,7 @@ class Question:
 
     Attributes
     ----------
-    kind : {"forces", "configuration", "interaction"}
+    kind : {"forces", "configuration", "interaction", "factor"}
         What makes the difference.
     name : str
         In words.
@@ -67,31 +68,38 @@ def questions_of(study: Study) -> tuple[Question, ...]:
         All of them; none for a study of one condition.
     """
     people = tuple(one for one in conditions(study) if not one.partner)
-    forces = {(one.configuration, one.force): one for one in people}
-    effects = {(one.configuration, one.force): (one, off) for one, off in with_base(people)}
+    forces = {(one.configuration, one.force, one.among): one for one in people}
+    effects = {(one.configuration, one.force, one.among): (one, off) for one, off in with_base(people)}
     return (
         *(Question("forces", f"{one.label} less off", (one.name,), (off.name,)) for one, off in effects.values()),
         *(
-            Question("configuration", f"dyadic less bimanual, {one.feeling}", (one.name,), (alone.name,))
+            Question(
+                "configuration",
+                ", ".join(("dyadic less bimanual", one.feeling, *one.among)),
+                (one.name,),
+                (alone.name,),
+            )
             for one, alone in _both(forces)
         ),
         *(
             Question(
                 "interaction",
-                f"{two[0].feeling} less off, dyadic less bimanual",
+                ", ".join((f"{two[0].feeling} less off, dyadic less bimanual", *two[0].among)),
                 (two[0].name, two[1].name),
                 (one[0].name, one[1].name),
             )
             for two, one in _both(effects)
         ),
+        *(Question("factor", name, (one.name,), (base.name,)) for name, one, base in by_factor(people)),
     )
 
 
-def _both(of: Mapping[tuple[str, str], T]) -> Iterator[tuple[T, T]]:
-    """Yield what there is of a force both of two people and of one."""
-    for (configuration, force), found in of.items():
-        if configuration == "dyadic" and ("bimanual", force) in of:
-            yield found, of["bimanual", force]
+def _both(of: Mapping[tuple[str, str, tuple[str, ...]], T]) -> Iterator[tuple[T, T]]:
+    """Yield what there is of a force and other levels both of two people and of one."""
+    for (configuration, force, among), found in of.items():
+        alone = ("bimanual", force, among)
+        if configuration == "dyadic" and alone in of:
+            yield found, of[alone]
 
 
 @dataclass(frozen=True, slots=True)

@@ -98,7 +98,7 @@ def dyads(study: Study) -> Dyads:
         The study.
     """
     trials, every = counted(study), conditions(study)
-    alone = {one.force: one.name for one in every if one.team == "bimanual"}
+    alone = {(one.force, one.among): one.name for one in every if one.configuration == "bimanual"}
     found = []
     for quantity in QUANTITIES:
         levels = {
@@ -108,8 +108,9 @@ def dyads(study: Study) -> Dyads:
             for name, rows in trials.groupby("condition")
         }
         for one in every:
-            if one.team == "dyadic":
-                found.append(_compare(quantity, one, _points(levels, one.name, alone.get(one.force, ""))))
+            if one.configuration == "dyadic" and not one.partner:
+                points = _points(levels, one.name, alone.get((one.force, one.among), ""))
+                found.append(_compare(quantity, one, points))
     return Dyads(tuple(found), tuple(result for one in found for result in _results(one)))
 
 
@@ -133,7 +134,7 @@ def _compare(quantity: Quantity, condition: Condition, points: Iterator[Point]) 
 
 
 def _results(found: Comparison) -> Iterator[Result]:
-    quantity, group = found.quantity, found.condition.feeling
+    quantity, group = found.quantity, found.condition.felt
     note = "" if found.known else "no dyad performed in both configurations with this force"
     yield estimated(TOPIC, f"{quantity.name}: mean of the two less dyad", group, found.gain, quantity.unit, note)
     if found.known:

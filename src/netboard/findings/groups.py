@@ -6,15 +6,17 @@ many blocks, a dyad is one value.
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
 
 from netboard.analysis.performance import trial_times
 from netboard.analysis.statistics import Estimate, t_interval
-from netboard.findings.results import Result
-from netboard.measuring.study import Study
+from netboard.design.factors import level_text
+from netboard.findings.results import Result, kept
+from netboard.measuring.conditions import StudyFactor, names_of
+from netboard.measuring.study import Study, pooled
 
 FORCES = {
     "none": "haptics off",
@@ -24,6 +26,9 @@ FORCES = {
     "unrelated": "unrelated force",
 }
 """What each force condition is called, in the order in which they are shown."""
+
+MOST_CONDITIONS = 6
+"""A picture shows no more conditions than this, if there are factors that it can pool over [1]."""
 
 CONFIGURATIONS = ("bimanual", "dyadic")
 """In the order in which they are shown."""
@@ -69,22 +74,39 @@ class Condition:
         What the hands felt, a key of `FORCES`.
     partner : str
         Who the partner was if none of the two people, such as ``robot partner``; else empty.
+    levels : tuple of (StudyFactor, str)
+        Factors that the others do not tell, with their levels.
+    role : str
+        What its trials were for if they are no test; else empty.
     """
 
     name: str
     configuration: str
     force: str
     partner: str
+    levels: tuple[tuple[StudyFactor, str], ...] = ()
+    role: str = ""
+
+    @property
+    def among(self) -> tuple[str, ...]:
+        """What it has in common with the conditions that it is compared with: levels of all other factors, and role."""
+        texts = [factor.text(level) for factor, level in self.levels]
+        return (*texts, self.role) if self.role else tuple(texts)
 
     @property
     def team(self) -> str:
-        """Who performs: configuration and partner."""
-        return f"{self.configuration}, {self.partner}" if self.partner else self.configuration
+        """Who performs with what: configuration, partner, levels of other factors, and a role that is no test."""
+        return ", ".join(filter(None, (self.configuration, self.partner, *self.among)))
 
     @property
     def feeling(self) -> str:
         """What the hands felt, in words."""
         return FORCES.get(self.force, self.force)
+
+    @property
+    def felt(self) -> str:
+        """What the hands felt, with the levels of other factors."""
+        return ", ".join((self.feeling, *self.among))
 
     @property
     def label(self) -> str:
@@ -100,21 +122,78 @@ def conditions(study: Study) -> tuple[Condition, ...]:
     study : Study
         The study.
     """
-    found = {
-        Condition(name, configuration, force, name.removeprefix(f"{configuration}, {force}").removeprefix(", "))
-        for name, configuration, force in zip(
-            study.blocks["condition"], study.blocks["configuration"], study.blocks["force"], strict=True
-        )
-    }
-    return tuple(sorted(found, key=_place))
+    analysed = study.analysed
+    told = [factor for factor in study.factors if factor.told]
+    caught = set(study.counted.loc[study.counted["role"] == "catch", "recording"])
+    found: dict[str, Condition] = {}
+    for place, row in zip(analysed.index, analysed.to_dict("records"), strict=True):
+        longest = max((len(study.levels.sequences[one.name][place]) for one in told), default=1)
+        trials = range(1, 1 + max(longest, 1))
+        levels = {one.name: study.levels.at(one, [place] * len(trials), trials) for one in told}
+        for role in {row["role"] or "test", *(["catch"] if row["recording"] in caught else [])}:
+            names = names_of(pd.DataFrame([row] * len(trials)), levels, [role] * len(trials))
+            for trial, name in enumerate(names):
+                own = tuple((one, levels[one.name][trial]) for one in told if levels[one.name][trial])
+                who = row["configuration"], row["force"], row["partner"]
+                found[name] = Condition(name, *who, own, "" if role == "test" else role)
+    return tuple(sorted(found.values(), key=_place))
 
 
-def _place(condition: Condition) -> tuple[int, str, int, str]:
+@kept
+def bounded(study: Study) -> tuple[Study, str]:
+    """Pool over as few factors as leave no more conditions than a picture has room for.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+
+    Returns
+    -------
+    Study
+        The same one, or one with fewer conditions.
+    str
+        Which factors were pooled over, in a sentence; empty for none.
+    """
+    cells = len(conditions(study))
+    within_first = sorted((one for one in reversed(study.factors) if one.told), key=lambda one: one.scope != "trial")
+    over: list[StudyFactor] = []
+    fewer = study
+    while len(conditions(fewer)) > MOST_CONDITIONS and len(over) < len(within_first):
+        over.append(within_first[len(over)])
+        fewer = pooled(study, [one.name for one in over])
+    if not over:
+        return study, ""
+    each = "; ".join(f"{one.name} ({', '.join(level_text(one.of, level) for level in one.of.levels)})" for one in over)
+    return fewer, f"Pooled over {each}: the study has {cells} conditions, which tables and models tell apart."
+
+
+def block_labels(study: Study) -> dict[str, str]:
+    """Label the conditions of blocks, also of those that are not analysed or in which a factor varies.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+
+    Returns
+    -------
+    dict of str
+        Labels by the names of conditions.
+    """
+    of_blocks = pooled(study, [factor.name for factor in study.factors if factor.scope == "trial"])
+    known = {one.name: one.label for one in conditions(of_blocks)}
+    return {name: known.get(name, name) for name in study.blocks["condition"]}
+
+
+def _place(condition: Condition) -> tuple[int, str, tuple[int, ...], str, int, str]:
     """Where a condition stands among the others."""
     known = list(FORCES)
     return (
         CONFIGURATIONS.index(condition.configuration),
         condition.partner,
+        tuple(factor.of.levels.index(level) for factor, level in condition.levels),
+        condition.role,
         known.index(condition.force) if condition.force in known else len(known),
         condition.name,
     )
@@ -247,18 +326,60 @@ def comparisons(every: tuple[Condition, ...], values: Mapping[str, pd.Series]) -
     ------
     str
         What is compared, such as ``dyadic, haptics on less off``, for each force with none; or ``bimanual less
-        dyadic``, over the forces that both have.
+        dyadic``, over the forces that both have; or as `by_factor` says.
     Series
         The differences by dyad; empty where no dyad has both.
     """
     for one, base in with_base(every):
         yield f"{one.label} less off", (values[one.name] - values[base.name]).dropna()
-    alone = {one.force: one.name for one in every if one.team == "bimanual"}
-    together = {one.force: one.name for one in every if one.team == "dyadic"}
-    shared = [force for force in alone if force in together]
-    if shared:
-        each = [values[alone[force]] - values[together[force]] for force in shared]
-        yield "bimanual less dyadic", pd.concat(each, axis=1).mean(axis=1, skipna=False).dropna()
+    for among in dict.fromkeys(one.among for one in every):
+        own = [one for one in every if one.among == among and not one.partner]
+        alone = {one.force: one.name for one in own if one.configuration == "bimanual"}
+        together = {one.force: one.name for one in own if one.configuration == "dyadic"}
+        shared = [force for force in alone if force in together]
+        if shared:
+            each = [values[alone[force]] - values[together[force]] for force in shared]
+            name = ", ".join(("bimanual less dyadic", *among))
+            yield name, pd.concat(each, axis=1).mean(axis=1, skipna=False).dropna()
+    for name, one, other in by_factor(every):
+        yield name, (values[one.name] - values[other.name]).dropna()
+
+
+def by_factor(every: tuple[Condition, ...]) -> Iterator[tuple[str, Condition, Condition]]:
+    """Yield pairs of conditions that differ in the level of one factor of the study's own, or in the force.
+
+    Parameters
+    ----------
+    every : tuple of Condition
+        The conditions.
+
+    Yields
+    ------
+    str
+        What is compared, such as ``mass heavy (0.05 kg) less light (0.02 kg), dyadic, haptics on``: each level with the
+        first one that there is under otherwise equal conditions. Forces, where there is none without any.
+    Condition
+        The one of the level.
+    Condition
+        The other one.
+    """
+    for place in range(max((len(one.levels) for one in every), default=0)):
+        first: dict[object, Condition] = {}
+        for one in every:
+            if place >= len(one.levels):
+                continue
+            factor, level = one.levels[place]
+            others = (*one.levels[:place], *one.levels[place + 1 :])
+            base = first.setdefault((factor.name, one.configuration, one.force, one.partner, others, one.role), one)
+            if base is not one:
+                less = factor.text(base.levels[place][1]).removeprefix(f"{factor.name} ")
+                rest = replace(one, levels=others).label
+                yield f"{factor.text(level)} less {less}, {rest}", one, base
+    felt: dict[str, Condition] = {}
+    for one in every:
+        base = felt.setdefault(one.team, one)
+        if base is not one and base.force != "none":
+            yield f"{one.feeling} less {base.feeling}, {one.team}", one, base
 
 
 def estimate(values: pd.Series, of: str = "dyad") -> Estimate:

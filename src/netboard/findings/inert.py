@@ -115,7 +115,7 @@ def controls(study: Study) -> Controls:
         for felt, off in with_base(conditions(study)):
             columns = [_of(live, felt), _of(live, off), _of(inert, felt)]
             table = pd.concat(columns, axis=1, join="inner").sort_index()
-            if felt.team == "dyadic" and len(table):
+            if felt.configuration == "dyadic" and not felt.partner and len(table):
                 found.append(_control(felt, stiffness, table))
     return Controls(tuple(sorted(found, key=lambda one: one.condition.name)))
 

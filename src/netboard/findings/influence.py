@@ -124,10 +124,10 @@ def influences(study: Study) -> Influences:
     """
     found: list[Influence] = []
     for condition in conditions(study):
-        blocks = study.blocks[study.blocks["condition"] == condition.name]
-        movers = blocks[["left_by", "right_by"]]
+        trials = study.counted[study.counted["condition"] == condition.name]
+        movers = study.blocks.loc[study.blocks["recording"].isin(trials["recording"]), ["left_by", "right_by"]]
         if (movers["left_by"] != movers["right_by"]).all() and not movers.isin(["still", "robot"]).any(axis=None):
-            found += _in_condition(condition, study.counted[study.counted["condition"] == condition.name], study.paths)
+            found += _in_condition(condition, trials, study.paths)
     return Influences(tuple(found))
 
 

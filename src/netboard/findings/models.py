@@ -1,11 +1,13 @@
 """Models of all trials at once: completion times, velocity peaks and falls over forces, configuration and practice.
 
 The models are those of `netboard.analysis.models`; here they are given a study, and their terms, notes and assumptions
-become results. All forces that are felt are one level of a model; the contrasts tell them apart.
+become results. Fixed factors are haptics (or each force, where several are felt), configuration, and every other factor
+that the study declares or that differs between its blocks; a numeric one is a straight line over its values.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from math import floor, log10
 
 import numpy as np
 import pandas as pd
@@ -13,8 +15,10 @@ import pandas as pd
 from netboard.analysis.effects import Effect, Inference, Model
 from netboard.analysis.factors import INTERCEPT, PRACTICE, Factor, paper_factors
 from netboard.analysis.models import count_model, log_time_model, share_model
+from netboard.findings.groups import FORCES
 from netboard.findings.measures import rows_of
 from netboard.findings.results import Result, kept
+from netboard.measuring.conditions import StudyFactor
 from netboard.measuring.study import Study
 
 
@@ -129,41 +133,67 @@ def fits(study: Study) -> Fits:
     """
     trials, attempts = (_people(rows_of(study, of)) for of in ("trial", "attempt"))
     attempts = attempts.assign(order=_number_of(attempts))
-    times = log_time_model(trials["completion"].where(trials["completion"] > 0.0), *_labels(trials))
-    peaks = count_model(trials["peaks"], *_labels(trials))
-    falls = share_model(attempts["outcome"] == "fell", *_labels(attempts))
+    times = log_time_model(trials["completion"].where(trials["completion"] > 0.0), *_labels(trials, study))
+    peaks = count_model(trials["peaks"], *_labels(trials, study))
+    falls = share_model(attempts["outcome"] == "fell", *_labels(attempts, study))
     return Fits(
         (
             Fit("completion time", "trial", "ratio", "at the first trial", times),
             Fit("velocity peaks", "trial", "ratio", "at the first trial", peaks),
             Fit("falls per attempt", "attempt", "ratio of odds", "odds at the first trial", falls),
         ),
-        _left_out(study, len(trials), trials),
+        _left_out(study, len(trials)),
     )
 
 
 def _people(rows: pd.DataFrame) -> pd.DataFrame:
-    return rows[rows["condition"] == rows["configuration"] + ", " + rows["force"]]
+    return rows[(rows["partner"] == "") & rows["role"].isin(["", "test"])]
 
 
-def _labels(rows: pd.DataFrame) -> tuple[pd.Series, pd.Series, tuple[Factor, ...], pd.Series]:
-    return rows["dyad"], rows["performer"], factors_of(rows), rows["order"]
+def _labels(rows: pd.DataFrame, study: Study) -> tuple[pd.Series, pd.Series, tuple[Factor, ...], pd.Series]:
+    return rows["dyad"], rows["performer"], factors_of(rows, study.factors), rows["order"]
 
 
-def factors_of(rows: pd.DataFrame) -> tuple[Factor, ...]:
-    """Return the fixed factors of the models: haptics and configuration.
+def factors_of(rows: pd.DataFrame, others: Sequence[StudyFactor] = ()) -> tuple[Factor, ...]:
+    """Return the fixed factors of the models: haptics or force, configuration, and the study's own.
 
     Parameters
     ----------
     rows : DataFrame
         Rows of the table of trials.
+    others : sequence of StudyFactor
+        Factors of the study. Those that force, configuration and partner tell already are left out.
 
     Returns
     -------
     tuple of Factor
         What each row has of them.
     """
-    return paper_factors(rows["haptics"] == 1, rows["configuration"] == "dyadic")
+    found = list(paper_factors(rows["haptics"] == 1, rows["configuration"] == "dyadic"))
+    felt = [force for force in FORCES if force in set(rows["force"])]
+    if len([force for force in felt if force != "none"]) > 1:
+        found[0] = _named("force", rows["force"], felt)
+    own = [_own(rows, one) for one in others if one.told]
+    if own:  # without others, a study is told what it lacks beside that of the paper
+        found = [one for one in found if len(set(one.values)) > 1]
+    return (*found, *own)
+
+
+def _named(name: str, values: pd.Series, levels: Sequence[str]) -> Factor:
+    """Return a factor of names; one of two levels says which is compared with which."""
+    full = f"{name}: {levels[1]} less {levels[0]}" if len(levels) == 2 else name
+    return Factor(full, values.to_numpy(str), tuple(levels))
+
+
+def _own(rows: pd.DataFrame, factor: StudyFactor) -> Factor:
+    """Return a factor of the study: a numeric one in decimal steps of its unit that suit its range."""
+    if len(set(factor.of.values)) < 2 or (rows[factor.column] == "").any():
+        levels = tuple(one for one in ("", *factor.of.levels) if one in set(rows[factor.column]))
+        return _named(factor.name, rows[factor.column], levels)
+    step = 10.0 ** floor(log10(max(factor.of.values) - min(factor.of.values)))
+    unit = factor.of.unit if step == 1.0 else f"{step:g} {factor.of.unit}".removesuffix(" 1")
+    values = np.round(rows[f"{factor.column}_value"].to_numpy(float) / step, 9)
+    return Factor(f"{factor.name} [{unit}]", values, numeric=True, unit=unit)
 
 
 def _number_of(attempts: pd.DataFrame) -> pd.Series:
@@ -173,12 +203,9 @@ def _number_of(attempts: pd.DataFrame) -> pd.Series:
     return done - succeeded + 1
 
 
-def _left_out(study: Study, kept: int, trials: pd.DataFrame) -> tuple[str, ...]:
-    """Say what the models do not tell apart or leave out."""
+def _left_out(study: Study, kept: int) -> tuple[str, ...]:
+    """Say what the models leave out."""
     notes = []
     if kept < len(study.counted):
         notes.append(f"{len(study.counted) - kept} trials with a robot or a still hand are left out")
-    felt = sorted(trials.loc[trials["haptics"] == 1, "force"].unique())
-    if len(felt) > 1:
-        notes.append(f"haptics: {', '.join(felt)} together")
     return tuple(notes)

@@ -27,7 +27,8 @@ PEOPLE = (
     words("partner", "the other participant of the dyad; empty if the dyad performed together"),
     words("configuration", "dyadic or bimanual"),
     words("force", "what the hands felt"),
-    words("condition", "configuration and force, and the partner if not a person"),
+    words("condition", "configuration, force, partner, the levels that these do not tell, and a role that is not test"),
+    words("role", "what the trials were for: practice, familiarisation, baseline, test, or catch"),
     count("trials", "successful trials that count"),
     count("attempts", "attempts that ended with a success, a fall or the end of their time"),
     count("falls", "of these: with a fall"),
@@ -58,7 +59,8 @@ def people_of(study: Study) -> pd.DataFrame:
     DataFrame
         The columns of `PEOPLE`, sorted by dyad, performer and condition.
     """
-    keys = ["dyad", "performer", "configuration", "force", "condition"]
+    factors = [field.name for field in study.factor_fields]
+    keys = ["dyad", "performer", "configuration", "force", "condition", "role"]
     partners = _partners(study)
     delays = {key: rows["delay_20"] for key, rows in study.movements[study.movements["counts"] == 1].groupby(keys)}
     rows = []
@@ -69,6 +71,7 @@ def people_of(study: Study) -> pd.DataFrame:
         rows.append(
             {
                 **named,
+                **{name: _common(attempts[name]) for name in factors},
                 "partner": partners.get(named["performer"], ""),
                 **_of_attempts(attempts),
                 **_of_trials(trials, study),
@@ -76,7 +79,15 @@ def people_of(study: Study) -> pd.DataFrame:
                 "signed_delay_20": known.mean(),
             }
         )
-    return pd.DataFrame(rows, columns=[field.name for field in PEOPLE])
+    return pd.DataFrame(rows, columns=[field.name for field in (*PEOPLE, *study.factor_fields)])
+
+
+def _common(levels: pd.Series) -> object:
+    """The one level of some trials; all of them where there are several, and no value then."""
+    found = levels.dropna().unique()
+    if len(found) == 1:
+        return found[0]
+    return np.nan if levels.dtype == np.float64 else ", ".join(map(str, found))
 
 
 def _partners(study: Study) -> dict[str, str]:

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from netboard.analysis.statistics import Estimate, t_interval
-from netboard.findings.groups import conditions, estimated
+from netboard.findings.groups import block_labels, estimated
 from netboard.findings.measures import exponential
 from netboard.findings.results import Result
 from netboard.measuring.study import Study
@@ -106,7 +106,7 @@ def _blocks(study: Study) -> pd.DataFrame:
     counted = ["attempts", *OUTCOMES, "counts", "excluded"]
     place = ["dyad", "block"]
     blocks = study.blocks.groupby(place).agg(condition=("condition", "first"), missing=("missing", "sum"))
-    blocks["condition"] = blocks["condition"].map({one.name: one.label for one in conditions(study)})
+    blocks["condition"] = blocks["condition"].map(block_labels(study))
     sums = trials.groupby(place)[counted].sum().reindex(blocks.index, fill_value=0)
     return blocks.join(sums).assign(time=np.exp(trials.groupby(place)["log_time"].mean())).reset_index()
 

@@ -126,6 +126,8 @@ def _reasons(
         yield "a pilot recording"
     if row["trial"] <= rules.warm_up:
         yield f"one of the first {rules.warm_up} trials of the block"
+    if block.get("role") in rules.roles:
+        yield f"in a {block['role']} block"
     if rules.catch and row["catch"]:
         yield "a catch trial"
     for flag in str(row["flags"]).split():

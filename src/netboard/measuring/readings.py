@@ -22,6 +22,7 @@ from netboard.analysis.segments import Angle, Turning
 from netboard.analysis.signals import CutoffOf, OrderOf, Padding
 from netboard.experiment.quality import WORDS
 from netboard.settings import NO_EXTRAS, about, read, write, write_template
+from netboard.tables.experiment import Role
 
 Flag = Literal[
     "late_ticks",
@@ -182,7 +183,11 @@ class Exclusions:
         tuple[Flag, ...],
         about("marks of quality that exclude an attempt; a simulated hand may be still for long", strict=False),
     ] = TECHNICAL  # type: ignore[assignment]
-    catch: Annotated[bool, about("exclude catch trials")] = True
+    catch: Annotated[bool, about("exclude catch trials; false: they are conditions of their own")] = True
+    roles: Annotated[
+        tuple[Role, ...],
+        about("roles of blocks that are excluded; others but test are conditions of their own", strict=False),
+    ] = ("practice", "familiarisation", "baseline")
     pilots: Annotated[
         Literal["unless_all", "always", "never"], about("exclude pilot recordings: unless all are, always, or never")
     ] = "unless_all"

@@ -12,8 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from netboard.config import Config, Side
+from netboard.design.factors import role_of, trial_role
 from netboard.experiment.quality import SEEN, Verdict
 from netboard.export.runs import Run
+from netboard.measuring.conditions import factors_text, kind_text, settings_text
 from netboard.measuring.details import MOVEMENTS, PATHS, movements, path
 from netboard.measuring.modern import MODERN
 from netboard.measuring.paper import PAPER
@@ -32,6 +34,8 @@ BLOCKS = (
     count("pilot", "1: not to be counted"),
     count("block", "number of the block in the dyad's plan, from 1; counted through if two have the same"),
     count("part", "number of the recording in its block, from 1"),
+    words("kind", "kind of block, as in the study; empty: none"),
+    words("role", "what its trials are for: practice, familiarisation, baseline or test"),
     words("configuration", "dyadic: two people with one hand each; bimanual: one with both"),
     words("force", "what the hands felt: full, partner_only, environment_only, none or unrelated"),
     count("haptics", "1: they felt something"),
@@ -49,6 +53,8 @@ BLOCKS = (
     words("not_measured", "those without success, fall or end of time, as TRIAL.ATTEMPT and what ended them"),
     words("netboard", "version of netboard that recorded it"),
     words("config_sha256", "SHA-256 of its configuration"),
+    words("factors", "factors of the block with its levels, as a JSON list"),
+    words("settings", "settings that may differ without being a factor, as a JSON object"),
 )
 """Columns of the table of blocks: one row a recording."""
 
@@ -63,6 +69,7 @@ TRIALS = (
     count("target", "side of the target: -1 left, +1 right"),
     number("release", "when the ball was released, from the first tick of the recording on", "s"),
     number("duration", "from there to the end, the hold included", "s"),
+    words("role", "what the trial is for: practice, familiarisation, baseline, test, or catch"),
     count("catch", "1: a catch trial, in which nothing was felt"),
     words("flags", "marks of quality, with spaces between"),
     *(field for group in _GROUPS for field in group.fields),
@@ -154,6 +161,7 @@ def _attempt(take: Take, flags: Mapping[int, tuple[str, ...]]) -> dict[str, Any]
         "target": attempt.target,
         "release": (attempt.tick - take.block.first) / RATE,
         "duration": attempt.duration,
+        "role": trial_role(config, attempt.trial),
         "catch": int(attempt.trial in config.block.catch),
         "flags": " ".join(flags.get(attempt.tick, ())),
     }
@@ -189,6 +197,8 @@ def _block(run: Run, block: Block, repaired: bool) -> dict[str, Any]:
         "pilot": int(config.session.pilot),
         "block": config.block.number,
         "part": int(said["part"]),
+        "kind": kind_text(config),
+        "role": role_of(config),
         "configuration": config.block.configuration,
         "force": config.block.force,
         "haptics": int(config.block.haptics),
@@ -208,6 +218,8 @@ def _block(run: Run, block: Block, repaired: bool) -> dict[str, Any]:
         ),
         "netboard": said["netboard"],
         "config_sha256": said["config_sha256"],
+        "factors": factors_text(config),
+        "settings": settings_text(config),
     }
 
 

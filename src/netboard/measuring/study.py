@@ -3,17 +3,26 @@
 The paths alone are not joined: they are long, and given recording by recording.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
 
 from netboard.analysis.performance import running_number
+from netboard.measuring.conditions import (
+    Levels,
+    StudyFactor,
+    names_of,
+    partner_of,
+    study_levels,
+    value_columns,
+)
 from netboard.measuring.exclusions import excluded
 from netboard.measuring.readings import Readings
 from netboard.measuring.recordings import FIELDS, Measured
 from netboard.measuring.tables import Columns, count, words
+from netboard.recording.channels import Field
 
 PLACE_IN_STUDY = (
     words("dyad", "pseudonym of the dyad"),
@@ -21,7 +30,9 @@ PLACE_IN_STUDY = (
     words("configuration", "dyadic or bimanual"),
     words("force", "what the hands felt"),
     count("haptics", "1: they felt something"),
-    words("condition", "configuration and force, and who the partner was if none of the two people"),
+    words("partner", "who the partner was if none of the two people: robot partner or still partner; else empty"),
+    words("kind", "kind of block, as in the study; empty: none"),
+    words("condition", "configuration, force, partner, the levels that these do not tell, and a role that is not test"),
     count("block", "number of the block in the dyad's plan, from 1; counted through if two have the same"),
     count("counts", "1: a successful trial that is not excluded"),
     count("order", "its number among the performer's that count in the condition, from 1; 0 if it does not count"),
@@ -30,6 +41,7 @@ PLACE_IN_STUDY = (
 
 _SHARED = tuple(field.name for field in PLACE_IN_STUDY)
 _KEYS = ["recording", "trial", "attempt"]
+_RAW = ("factors", "settings")
 
 
 @dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)
@@ -46,6 +58,8 @@ class Study:
         Those of each recording by its name.
     exclusions : DataFrame
         As in `netboard.measuring.exclusions`.
+    levels : Levels
+        The factors of the study. All tables have their columns.
     """
 
     readings: Readings
@@ -54,6 +68,45 @@ class Study:
     movements: pd.DataFrame
     paths: Mapping[str, pd.DataFrame]
     exclusions: pd.DataFrame
+    levels: Levels
+
+    @property
+    def factors(self) -> tuple[StudyFactor, ...]:
+        """What varied by plan, besides configuration, force and partner."""
+        return self.levels.factors
+
+    @property
+    def factor_fields(self) -> tuple[Field, ...]:
+        """Columns of the factors, which every table has beside its own."""
+        return tuple(field for factor in self.factors for field in factor.fields)
+
+    def fields(self, table: str) -> tuple[Field, ...]:
+        """Columns of a table.
+
+        Parameters
+        ----------
+        table : str
+            Name of a table of a recording.
+        """
+        own = FIELDS_IN_STUDY[table]
+        there = {field.name for field in own}
+        return (*own, *(field for field in self.factor_fields if field.name not in there))
+
+    def with_factors(self, rows: pd.DataFrame) -> pd.DataFrame:
+        """Add the columns of the factors to rows of trials.
+
+        Parameters
+        ----------
+        rows : DataFrame
+            With columns ``recording`` and ``trial``.
+        """
+        places = dict(zip(self.blocks["recording"], range(len(self.blocks)), strict=True))
+        return rows.assign(**_factor_columns(self.levels, [places[one] for one in rows["recording"]], rows["trial"]))
+
+    @property
+    def analysed(self) -> pd.DataFrame:
+        """The blocks whose role is analysed; all of them if no role is."""
+        return self.blocks[_analysed(self.blocks, self.readings.exclusions.roles)]
 
     @property
     def counted(self) -> pd.DataFrame:
@@ -95,12 +148,91 @@ def study_of(
         paths = {one.blocks["recording"][0]: pd.DataFrame(one.paths) for one in in_order}
     tables = {name: _joined([getattr(one, name) for one in in_order]) for name in ("blocks", "trials", "movements")}
     blocks = tables["blocks"]
-    blocks["condition"] = _conditions(blocks)
+    blocks["partner"] = [partner_of(movers) for movers in zip(blocks["left_by"], blocks["right_by"], strict=True)]
+    roles = readings.exclusions.roles
+    levels = study_levels(blocks, _analysed(blocks, roles))
+    blocks = blocks.drop(columns=[*_RAW])
+    blocks["condition"] = _block_conditions(blocks, levels)
     blocks["block"] = _numbers(blocks)
     left_out = excluded(blocks, tables["trials"], readings.exclusions)
-    trials = _placed(tables["trials"], blocks, left_out, readings)
-    movements = tables["movements"].merge(trials[[*_KEYS, *_SHARED]], on=_KEYS, how="left", validate="many_to_one")
-    return Study(readings, blocks, trials, movements, paths, left_out)
+    trials = _placed(tables["trials"], blocks, left_out, readings, levels)
+    blocks = blocks.assign(**_block_columns(levels))
+    return Study(readings, blocks, trials, _moved(tables["movements"], trials, levels), paths, left_out, levels)
+
+
+def pooled(study: Study, over: Collection[str]) -> Study:
+    """Pool the trials of a study over factors: their levels are no part of conditions any more.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+    over : collection of str
+        Names of the factors.
+
+    Returns
+    -------
+    Study
+        The same trials under fewer conditions.
+    """
+    factors = tuple(replace(one, told=one.told and one.name not in over) for one in study.factors)
+    levels = replace(study.levels, factors=factors)
+    blocks = study.blocks.assign(condition=_block_conditions(study.blocks, levels))
+    added = [*_SHARED, *_columns_of(levels)]
+    plain = study.trials.drop(columns=added)
+    trials = _placed(plain, blocks, study.exclusions, study.readings, levels)
+    return replace(
+        study,
+        blocks=blocks,
+        trials=trials,
+        movements=_moved(study.movements.drop(columns=[*added, "role"]), trials, levels),
+        levels=levels,
+    )
+
+
+def _analysed(blocks: pd.DataFrame, left_out: Collection[str]) -> pd.Series:
+    """Which blocks are analysed by their role; all if none were."""
+    kept = ~blocks["role"].isin(left_out)
+    return kept if kept.any() else ~kept
+
+
+def _columns_of(levels: Levels) -> list[str]:
+    """Columns of the factors that a table of trials has beside those of `PLACE_IN_STUDY`."""
+    return [field.name for factor in levels.factors for field in factor.fields if field.name not in _SHARED]
+
+
+def _factor_columns(levels: Levels, places: Iterable[int], trials: Iterable[int]) -> dict[str, np.ndarray]:
+    """Columns of the factors for trials of blocks."""
+    at, numbers = list(places), list(trials)
+    columns: dict[str, np.ndarray] = {}
+    for factor in levels.factors:
+        columns |= value_columns(factor, levels.at(factor, at, numbers))
+    return columns
+
+
+def _block_columns(levels: Levels) -> dict[str, np.ndarray]:
+    """Columns of the factors for blocks: of one that varies within them all levels, with commas between."""
+    columns: dict[str, np.ndarray] = {}
+    for factor in levels.factors:
+        own = [", ".join(dict.fromkeys(sequence)) for sequence in levels.sequences[factor.name]]
+        columns |= value_columns(factor, own)
+    return columns
+
+
+def _block_conditions(blocks: pd.DataFrame, levels: Levels) -> list[str]:
+    """Name the condition of each block, without what varies within it."""
+    told = {
+        one.name: [sequence[0] if sequence else "" for sequence in levels.sequences[one.name]]
+        for one in levels.factors
+        if one.told and one.scope != "trial"
+    }
+    return names_of(blocks, told, [role or "test" for role in blocks["role"]])
+
+
+def _moved(movements: pd.DataFrame, trials: pd.DataFrame, levels: Levels) -> pd.DataFrame:
+    """Say of each movement what is said of its trial."""
+    shared = [*_KEYS, *_SHARED, "role", *_columns_of(levels)]
+    return movements.merge(trials[shared], on=_KEYS, how="left", validate="many_to_one")
 
 
 def _in_order(measured: Iterable[Measured]) -> list[Measured]:
@@ -136,19 +268,16 @@ def _joined(parts: Sequence[Columns]) -> pd.DataFrame:
     return pd.DataFrame({name: np.concatenate([part[name] for part in parts]) for name in parts[0]}, copy=False)
 
 
-def _conditions(blocks: pd.DataFrame) -> pd.Series:
-    """Name the condition of each block."""
-    partner = [
-        "".join(f", {kind} partner" for kind in ("robot", "still") if kind in movers)
-        for movers in zip(blocks["left_by"], blocks["right_by"], strict=True)
-    ]
-    return blocks["configuration"] + ", " + blocks["force"] + pd.Series(partner, blocks.index, dtype=object)
-
-
-def _placed(trials: pd.DataFrame, blocks: pd.DataFrame, left_out: pd.DataFrame, readings: Readings) -> pd.DataFrame:
-    """Say of each attempt whose it is, whether it counts, and the how manyth it is."""
-    known = [name for name in _SHARED if name not in ("counts", "order")]
+def _placed(
+    trials: pd.DataFrame, blocks: pd.DataFrame, left_out: pd.DataFrame, readings: Readings, levels: Levels
+) -> pd.DataFrame:
+    """Say of each attempt whose it is, in which condition, whether it counts, and the how manyth it is."""
+    known = [name for name in _SHARED if name not in ("counts", "order", "condition")]
     joined = trials.merge(blocks[["recording", *known]], on="recording", how="left", validate="many_to_one")
+    places = dict(zip(blocks["recording"], range(len(blocks)), strict=True))
+    at = [places[one] for one in joined["recording"]]
+    told = {one.name: levels.at(one, at, joined["trial"]) for one in levels.factors if one.told}
+    joined["condition"] = names_of(joined, told, [role or "test" for role in joined["role"]])
     out = pd.MultiIndex.from_frame(left_out[_KEYS])
     kept = ~pd.MultiIndex.from_frame(joined[_KEYS]).isin(out)
     joined["counts"] = ((joined["outcome"] == "success") & kept).astype("int64")
@@ -160,10 +289,20 @@ def _placed(trials: pd.DataFrame, blocks: pd.DataFrame, left_out: pd.DataFrame, 
     if counted.any():
         columns = [joined.loc[counted, name].to_numpy() for name in labels]
         joined.loc[counted, "order"] = running_number(*columns)
-    return joined
+    return joined.assign(**_factor_columns(levels, at, joined["trial"]))
 
 
 FIELDS_IN_STUDY = {
-    name: (*own, *PLACE_IN_STUDY) if name in ("trials", "movements") else own for name, own in FIELDS.items()
-} | {"blocks": (*FIELDS["blocks"], words("condition", "configuration and force, and the partner if not a person"))}
-"""Columns of each table of a study."""
+    "blocks": (
+        *(field for field in FIELDS["blocks"] if field.name not in _RAW),
+        *(field for field in PLACE_IN_STUDY if field.name in ("partner", "condition")),
+    ),
+    "trials": (*FIELDS["trials"], *PLACE_IN_STUDY),
+    "movements": (
+        *FIELDS["movements"],
+        *PLACE_IN_STUDY,
+        *(field for field in FIELDS["trials"] if field.name == "role"),
+    ),
+    "paths": FIELDS["paths"],
+}
+"""Columns of each table of a study beside those of its factors."""

@@ -19,6 +19,7 @@ import numpy as np
 from netboard import doors, sockets
 from netboard.clock import now_ns
 from netboard.config import SIDES
+from netboard.design.factors import TrialDetails
 from netboard.errors import NetboardError
 from netboard.experiment.machine import STAGE_FAULT, Cause, Phase
 from netboard.nodes import alarm, seats
@@ -211,6 +212,7 @@ class Session:
         self._page_at = -1
         self._enter()
         config = self.block.config
+        self._details = TrialDetails(config)
         self.ledger.begin(config, self.number)
         stepping = {name: str(value) for name, value in asdict(self.block.stage.choice).items()}
         label = {"number": str(config.block.number), "blocks": str(config.block.blocks), "label": config.block.label}
@@ -426,7 +428,7 @@ class Session:
         row = self.rows[number % RING_ROWS]
         cause, state = Cause(int(row["event"])), self.state[0]
         self._started = self._started or cause == Cause.START
-        details = change_of(cause, row, state)
+        details = change_of(cause, row, state) | self._details.of(int(row["trial"]))
         if cause == Cause.FAULT:
             if row["command"] != row["event"]:
                 self.watch.faulted(STAGE_FAULT)

@@ -50,6 +50,7 @@ FELT = np.dtype(
         ("right_free", GAINS),
         ("scale", "<f8"),  # what is felt is multiplied by this [1]
         ("catch", "u1", (NEVER,)),  # 1: in the trial of this number nothing is felt
+        ("scales", "<f8", (NEVER,)),  # what is felt in the trial of this number is multiplied by this [1]
     ]
 )
 """The numbers of what is felt: one record."""
@@ -71,6 +72,8 @@ class Felt(NamedTuple):
         A hand moves at this side: a person's or a robot's.
     catches : bool
         In some trials nothing is felt.
+    varies : bool
+        The scale differs from trial to trial.
     """
 
     force: int
@@ -78,6 +81,7 @@ class Felt(NamedTuple):
     left: bool
     right: bool
     catches: bool
+    varies: bool = False
 
 
 NOTHING = Felt(_NONE, scaled=False, left=False, right=False, catches=False)
@@ -139,6 +143,24 @@ def is_catch(trial: int, numbers: Any, felt: Felt) -> bool:
     return felt.catches and 0 < trial < NEVER and numbers["catch"][trial] != 0
 
 
+@inlined
+def scale_in(trial: int, numbers: Any, felt: Felt) -> float:
+    """Return what the felt force is multiplied by in a trial [1].
+
+    Parameters
+    ----------
+    trial : int
+        Its number in the block [1].
+    numbers : FELT record
+        The numbers of what is felt.
+    felt : Felt
+        What there is to render; a constant at the call.
+    """
+    if felt.varies and 0 < trial < NEVER:
+        return float(numbers["scales"][trial])
+    return float(numbers["scale"])
+
+
 def felt_of(block: Block) -> Felt:
     """Return what there is to render in a block.
 
@@ -148,9 +170,11 @@ def felt_of(block: Block) -> Felt:
         The configuration's table.
     """
     left, right = block.left != "still", block.right != "still"
-    if block.force == "none" or block.force_scale == 0.0 or not (left or right):
+    varies = bool(block.trial_scales)
+    if block.force == "none" or (block.force_scale == 0.0 and not varies) or not (left or right):
         return NOTHING
-    return Felt(FORCES.index(block.force), block.force_scale != 1.0, left, right, bool(block.catch))
+    scaled = varies or block.force_scale != 1.0
+    return Felt(FORCES.index(block.force), scaled, left, right, bool(block.catch), varies)
 
 
 def pack_felt(config: Config) -> NDArray[Any]:
@@ -174,6 +198,8 @@ def pack_felt(config: Config) -> NDArray[Any]:
     numbers = np.zeros(1, FELT)
     numbers["scale"] = config.block.force_scale
     numbers["catch"][0, list(config.block.catch)] = 1
+    if scales := config.block.trial_scales:
+        numbers["scales"][0, 1:] = np.resize(scales, NEVER - 1)
     if config.block.force in PARTIAL:
         scene = pack_scene(config.physics)[0]
         for name, free in (("fixed", False), ("free", True)):

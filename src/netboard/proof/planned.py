@@ -23,6 +23,7 @@ from netboard.proof.trial_check import check_plan
 from netboard.proof.walk import Walk
 from netboard.recording.journal import journal_path
 from netboard.recording.reader import Recording
+from netboard.tables.experiment import Design
 
 
 def journal_of(path: Path, config: Config) -> Lines | None:
@@ -73,6 +74,8 @@ def plan_findings(path: Path, config: Config) -> Iterator[Finding]:
     shortened = replace(planned.block, blocks=config.block.blocks, catch=config.block.catch, trials=config.block.trials)
     if config.session.pilot and config.block.trials <= planned.block.trials:
         planned = replace(planned, block=shortened)
+    if config.design == Design():
+        planned = replace(planned, design=Design())  # recorded before a block said what its factors are
     yield from check_plan(config, planned)
 
 

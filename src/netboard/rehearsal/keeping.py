@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from netboard.config import Config, resolve
 from netboard.curtain import PHASE_NAMES
+from netboard.design.factors import TrialDetails
 from netboard.experiment.machine import HAS_EDGE, TABLE, Cause, Phase
 from netboard.recording.provenance import provenance
 from netboard.recording.writer import RecordingWriter
@@ -71,6 +72,7 @@ class Keeper:
         self.path = folder / name_of(config, session)
         welcome = Welcome(session, PROTOCOL_VERSION, start_ns, text)
         metadata = provenance(welcome, config, 1, utc_ns, start_ns) | dict(said)
+        self._details = TrialDetails(config)
         self._log_time_minus_server = utc_ns - start_ns
         self._writer = RecordingWriter(self.path, metadata, text, config.recording, utc_ns)
         self._events = self._records = 0
@@ -90,7 +92,11 @@ class Keeper:
             self._time_ns = int(row["time_ns"])
             self._write(TickRecord(row.tobytes()))
             if place in happened:
-                self._note(int(row["tick"]), self._time_ns, *event_of(row))
+                self._note(int(row["tick"]), self._time_ns, *self._event_of(row))
+
+    def _event_of(self, row: Any) -> tuple[str, dict[str, str]]:
+        name, details = event_of(row)
+        return name, details | self._details.of(int(row["trial"]))
 
     def finish(self) -> None:
         """Give the recording its name."""

@@ -56,7 +56,7 @@ class Mind:
         self._view_ticks = ceil(1.0 / (TICK_SECONDS * config.network.view_rate_hz))
         self._turn = self._view_ticks // 2 if station == "right" else 0
         self._glimpse: Glimpse | None = None
-        self._scale = block.force_scale if block.force == "full" and len(sides) == 1 else 0.0
+        self._scales = (block.trial_scales or (block.force_scale,)) if block.force == "full" and len(sides) == 1 else ()
         self._catch = frozenset(block.catch)
 
     def shown(self, tick: int) -> int:
@@ -102,14 +102,16 @@ class Mind:
         tuple of Submovement
             What to do, empty most of the time.
         """
-        felt = force / self._scale if self._is_telling(row) else None
+        scale = self._scale_in(row)
+        felt = force / scale if scale else None
         return self._brain.think(int(row["time_ns"]) * 1e-9, self._glimpse, felt)
 
-    def _is_telling(self, row: NDArray[Any] | np.void) -> bool:
-        """Whether the force on the hand tells anything."""
-        if self._scale == 0.0 or not _FIRST_ACTIVE <= row["phase"] <= _LAST_ACTIVE:
-            return False
-        return not (self._catch and int(row["trial"]) in self._catch)
+    def _scale_in(self, row: NDArray[Any] | np.void) -> float:
+        """What the force on the hand is multiplied by; 0 where it tells nothing [1]."""
+        trial = int(row["trial"])
+        if not self._scales or not _FIRST_ACTIVE <= row["phase"] <= _LAST_ACTIVE or trial in self._catch:
+            return 0.0
+        return self._scales[(trial - 1) % len(self._scales)]
 
 
 def seats_of(config: Config) -> tuple[tuple[Side, tuple[Side, ...]], ...]:

@@ -1,12 +1,15 @@
 """Who did what in which order: the blocks of each dyad, how conditions are balanced, and the people."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import pandas as pd
 
 from netboard.config import SIDES
+from netboard.design.factors import level_text
+from netboard.findings.groups import FORCES
+from netboard.measuring.conditions import StudyFactor
 from netboard.measuring.study import Study
 from netboard.report.grids import Cell, Column, Grid, grid, name, number
 from netboard.report.wording import amount, counted
@@ -26,12 +29,15 @@ class Step:
         What was done, and what the hands felt.
     haptics : bool
         Whether they felt something.
+    levels : tuple of str
+        Levels of other factors, and the role if it is not test.
     """
 
     who: str
     configuration: str
     force: str
     haptics: bool
+    levels: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,13 +52,14 @@ class Design:
         Numbers of the blocks [1].
     sentences : tuple of str
         What the order is, in words.
-    conditions, beginnings : Grid
-        How much of each condition there is, and how often each force came first.
+    factors, conditions, beginnings : Grid
+        What varied by plan, how much of each condition there is, and how often each force came first.
     """
 
     steps: tuple[tuple[str, tuple[Step | None, ...]], ...]
     numbers: tuple[int, ...]
     sentences: tuple[str, ...]
+    factors: Grid
     conditions: Grid
     beginnings: Grid
 
@@ -67,15 +74,37 @@ def design(study: Study) -> Design:
     """
     blocks = study.blocks.drop_duplicates(["dyad", "block"])
     numbers = tuple(sorted({int(block) for block in blocks["block"]}))
-    found = {(row["dyad"], row["block"]): _step(row) for row in blocks.to_dict("records")}
+    found = {(row["dyad"], row["block"]): _step(row, study.factors) for row in blocks.to_dict("records")}
     steps = tuple((dyad, tuple(found.get((dyad, block)) for block in numbers)) for dyad in study.dyads)
     sentences = (*_sentences(blocks), *_studies(study.blocks))
-    return Design(steps, numbers, sentences, _conditions(study, blocks), _beginnings(blocks))
+    return Design(steps, numbers, sentences, _factors(study), _conditions(study, blocks), _beginnings(blocks))
 
 
-def _step(row: Mapping[Any, Any]) -> Step:
+def _step(row: Mapping[Any, Any], factors: Sequence[StudyFactor]) -> Step:
     who = "both" if row["configuration"] == "dyadic" else str(row["performer"]).removeprefix(str(row["dyad"]))
-    return Step(who, row["configuration"], row["force"], bool(row["haptics"]))
+    levels = [f"{one.name} {row[one.column]}" for one in factors if one.told and row[one.column]]
+    if row["role"] not in ("", "test"):
+        levels.append(row["role"])
+    return Step(who, row["configuration"], row["force"], bool(row["haptics"]), tuple(levels))
+
+
+def _factors(study: Study) -> Grid:
+    """List what varied by plan."""
+    where = {"dyad": "between dyads", "block": "between blocks", "trial": "within blocks"}
+    forces = [force for force in FORCES if force in set(study.analysed["force"])]
+    rows: list[tuple[str, ...]] = [
+        ("configuration", "between blocks", "categorical", ", ".join(sorted(study.analysed["configuration"].unique()))),
+        ("force", "between blocks", "categorical", ", ".join(FORCES.get(force, force) for force in forces)),
+    ]
+    for one in study.factors:
+        if one.of.levels:
+            levels = ", ".join(level_text(one.of, level) for level in one.of.levels)
+            told = "" if one.told else "; told by the others"
+            rows.append((one.label, where[one.scope], f"{one.of.type}{told}", levels))
+    columns = [name("Factor"), Column("It varies"), Column("Type"), Column("Levels")]
+    return grid(
+        "What varied by plan. Where a factor follows from the others, conditions do not name it.", columns, rows
+    )
 
 
 def _sentences(blocks: pd.DataFrame) -> list[str]:
@@ -115,8 +144,8 @@ def _conditions(study: Study, blocks: pd.DataFrame) -> Grid:
     """Count blocks and trials of each condition, and say when they came on average."""
     trials = study.trials
     rows = []
-    for condition, mine in blocks.groupby("condition", sort=True):
-        of_it = trials[trials["condition"] == condition]
+    for condition, of_it in trials.groupby("condition", sort=True):
+        mine = blocks[blocks["recording"].isin(of_it["recording"]) | (blocks["condition"] == condition)]
         rows.append(
             (
                 str(condition),

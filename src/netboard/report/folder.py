@@ -8,7 +8,7 @@ import json
 import platform
 import shlex
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -161,20 +161,38 @@ def write_tables(
         "left_out": pd.DataFrame([asdict(one) for one in left_out], columns=[field.name for field in LEFT_OUT]),
         "comparison": comparison,
     }
-    kinds = TABLES if comparison is None else (*TABLES, BESIDE_THE_PAPER)
+    every = TABLES if comparison is None else (*TABLES, BESIDE_THE_PAPER)
+    kinds = [_with_factors(kind, study) for kind in every]
     for kind in kinds:
         if kind.name == "paths":
             _write_paths(folder, kind, study)
         else:
-            _write_table(folder, kind, others[kind.name] if kind.name in others else getattr(study, kind.name))
+            _write_table(folder, kind, others[kind.name] if kind.name in others else _of_study(study, kind.name))
     write_dictionary(folder, kinds, PLACES)
+
+
+OF_TRIALS = ("blocks", "trials", "movements", "paths", "people", "exclusions")
+"""Tables whose rows have levels of factors."""
+
+
+def _with_factors(kind: Kind, study: Study) -> Kind:
+    """Give a table the columns of the study's factors."""
+    there = {field.name for field in kind.fields}
+    more = [field for field in study.factor_fields if kind.name in OF_TRIALS and field.name not in there]
+    return replace(kind, fields=(*kind.fields, *more))
+
+
+def _of_study(study: Study, name: str) -> pd.DataFrame:
+    """Return a table of the study, with the columns of its factors."""
+    frame: pd.DataFrame = getattr(study, name)
+    return study.with_factors(frame) if name == "exclusions" else frame
 
 
 def _write_paths(folder: Path, kind: Kind, study: Study) -> None:
     """Write the paths as Parquet alone, one recording after the other."""
     with parquet.open_sheet(folder / f"{kind.name}.parquet", kind) as put:
         for recording in study.blocks["recording"]:
-            put(_columns(study.paths[recording], kind))
+            put(_columns(study.with_factors(study.paths[recording]), kind))
 
 
 def _write_table(folder: Path, kind: Kind, frame: pd.DataFrame) -> None:

@@ -5,7 +5,7 @@ Each function finds those of some tables; `netboard.config.contradictions` asks 
 
 from collections.abc import Iterator
 
-from netboard.tables.experiment import MOST_TRIALS, Block, Task
+from netboard.tables.experiment import MOST_TRIALS, Block, Design, Task
 from netboard.tables.rig import Safety
 from netboard.tables.scene import Geometry, Physics
 
@@ -70,6 +70,36 @@ def of_block(block: Block) -> Iterator[str]:
     for trial in block.catch:
         if not 1 <= trial <= MOST_TRIALS:
             yield f"[block] catch: found {trial}, expected numbers of trials, from 1 to {MOST_TRIALS}"
+    for scale in block.trial_scales:
+        if not 0 <= scale <= 2:
+            yield f"[block] trial_scales: found {scale:g}, expected numbers from 0 to 2"
+    if block.trial_scales and block.force == "none":
+        yield '[block] trial_scales: found some with force = "none", expected none'
+
+
+def of_design(design: Design) -> Iterator[str]:
+    """Find levels of factors that are not declared.
+
+    Parameters
+    ----------
+    design : Design
+        What the block is in its study.
+
+    Yields
+    ------
+    str
+        One sentence for each, with table, key, value and what is expected.
+    """
+    for name in design.trials:
+        if name in design.factors or not design.trials[name]:
+            yield f"[design] trials.{name}: expected a level for each trial, and no level of the block in factors"
+    for name, levels in design.levels.items():
+        given = {design.factors[name]} if name in design.factors else {*design.trials.get(name, ())}
+        if given - {*levels}:
+            yield f"[design] {name}: found {', '.join(sorted(given))}, expected levels from {', '.join(levels)}"
+        if name in design.values and len(design.values[name]) != len(levels):
+            found = len(design.values[name])
+            yield f"[design] values.{name}: found {found}, expected one for each of {len(levels)} levels"
 
 
 def of_force(block: Block, physics: Physics) -> Iterator[str]:
@@ -94,13 +124,14 @@ def of_force(block: Block, physics: Physics) -> Iterator[str]:
         "force_scale": (block.force_scale == 1.0, "1"),
         "force_delay_ms": (block.force_delay_ms == 0, "0"),
         "catch": (not block.catch, "none"),
+        "trial_scales": (not block.trial_scales, "none"),
         "left": (block.left == "person", '"person"'),
         "right": (block.right == "person", '"person"'),
     }
     for key, (fine, expected) in needs.items():
         if not fine:
             found = getattr(block, key)
-            said = f'"{found}"' if isinstance(found, str) else str(list(found) if key == "catch" else found)
+            said = f'"{found}"' if isinstance(found, str) else str(list(found) if isinstance(found, tuple) else found)
             yield f'[block] {key}: found {said}, expected {expected} with [physics] coupling_at = "both"'
 
 

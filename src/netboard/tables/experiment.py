@@ -3,7 +3,7 @@
 Every default is the paper's. `netboard.config` reads them, and says what holds for all.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
 from pydantic import StrictBool, StrictInt
@@ -61,6 +61,10 @@ class Block:
         tuple[StrictInt, ...],
         about("catch trials: the numbers of those in which nothing is felt", max_length=1000, strict=False),
     ] = ()
+    trial_scales: Annotated[
+        tuple[float, ...],
+        about("factor of the felt force in each trial, in place of force_scale; repeated from the first", strict=False),
+    ] = ()
     unrelated: Annotated[str, about('recording whose forces are felt with force = "unrelated"')] = ""
     left: Annotated[
         Literal["person", "still", "robot"],
@@ -81,6 +85,43 @@ class Block:
     def haptics(self) -> bool:
         """Whether the hands feel anything."""
         return self.force != "none"
+
+
+Role = Literal["practice", "familiarisation", "baseline", "test"]
+"""What the trials of a block are for."""
+
+FactorType = Literal["numeric", "categorical", "boolean"]
+"""What the levels of a factor are."""
+
+
+@dataclass(frozen=True, slots=True)
+class Design:
+    """What a block is in the design of its study: its role, and the level of each factor."""
+
+    __pydantic_config__ = NO_EXTRAS
+    kind: Annotated[str, about("kind of block, as in the study; empty: none")] = ""
+    role: Annotated[
+        Literal["auto", "practice", "familiarisation", "baseline", "test"],
+        about("what its trials are for; auto: by the name of its kind or its label, else test"),
+    ] = "auto"
+    between: Annotated[
+        tuple[str, ...], about("factors of which a dyad has one level in all of its blocks", strict=False)
+    ] = ()
+    factors: Annotated[dict[str, str], about("level of each factor in the block")] = field(default_factory=dict)
+    trials: Annotated[
+        dict[str, tuple[str, ...]],
+        about("level in each trial, of factors that vary within the block; repeated from the first", strict=False),
+    ] = field(default_factory=dict)
+    levels: Annotated[dict[str, tuple[str, ...]], about("all levels of each factor, in their order", strict=False)] = (
+        field(default_factory=dict)
+    )
+    types: Annotated[dict[str, FactorType], about("type of each factor: numeric, categorical or boolean")] = field(
+        default_factory=dict
+    )
+    values: Annotated[dict[str, tuple[float, ...]], about("value of each level of numeric factors", strict=False)] = (
+        field(default_factory=dict)
+    )
+    units: Annotated[dict[str, str], about("unit of these values")] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
