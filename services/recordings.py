@@ -186,7 +186,13 @@ def export(
 
 
 def import_(
-    tables: Annotated[list[Path], typer.Argument(metavar="TABLE", help=".csv or .parquet files.")],
+    tables: Annotated[list[Path] | None, typer.Argument(metavar="[TABLE]...", help=".csv or .parquet files.")] = None,
+    manifest: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="A TOML file that lists the tables of a study instead.")
+    ] = None,
+    workers: Annotated[
+        int | None, typer.Option(min=1, metavar="N", help="Processes that import for --manifest; else one a core.")
+    ] = None,
     config: ConfigFile = None,
     settings: Overrides = None,
     names: Annotated[
@@ -212,7 +218,11 @@ def import_(
     from netboard.services import importing as service
 
     wishes = Wishes(tuple(names or ()), tuple(units or ()), simulate, interpolation, gap)
-    raise typer.Exit(service.main(tables, output, load(config, settings or ()), wishes))
+    said = {"--config": config, "--set": settings, "--map": names, "--unit": units, "--simulate": simulate}
+    service.one_way(tables, manifest, [option for option, value in said.items() if value])
+    if manifest is not None:
+        raise typer.Exit(service.study(manifest, output, workers))
+    raise typer.Exit(service.main(tables or (), output, load(config, settings or ()), wishes))
 
 
 def add_to(app: typer.Typer) -> None:
@@ -263,6 +273,7 @@ def add_to(app: typer.Typer) -> None:
         epilog=examples(
             "netboard import study/ticks/S01.parquet",
             "netboard import hands.csv --simulate -c rig.toml",
+            "netboard import --manifest study.toml -o recordings/",
             "netboard import theirs.csv --map time=t --unit time=ms --map left_z=Height1 --unit left_z=mm",
         ),
     )(import_)

@@ -18,6 +18,8 @@ from netboard.export.formats import export
 from netboard.foreign import reading
 from netboard.foreign.importing import Wishes, import_table
 from netboard.proof.account import account_of, parts_of
+from netboard.proof.checking import check
+from netboard.proof.grade import Grade
 from netboard.proof.verification import verify_recording
 from netboard.recording.reader import Recording
 from netboard.rehearsal.block import Rehearsal
@@ -131,6 +133,16 @@ def test_what_was_measured_is_taken_as_it_is(tmp_path: Path) -> None:
     ]
     assert attempts[0].completion == 1.0
     assert rows["successes"][[0, 1999, 2000]].tolist() == [0, 0, 1]
+
+
+def test_what_was_imported_whole_is_not_called_damaged(tmp_path: Path) -> None:
+    columns = task_table()
+    assert columns["target"][3500] == -1
+    columns["target"] = [-target for target in columns["target"]]  # their targets followed no rule of ours
+    with imported(write_csv(tmp_path / "task.csv", columns), tmp_path) as found:
+        report = check(found.path)
+    assert report.grade is Grade.SOUND, report
+    assert any("2 attempts, 1 successes, as imported" in finding.text for finding in report.findings)
 
 
 def test_phases_and_completion_times_count_where_they_are_there(tmp_path: Path) -> None:

@@ -107,7 +107,7 @@ def _pairs(option: str, words: Sequence[str], example: str) -> dict[str, str]:
     return pairs
 
 
-def mapped(source: str, names: Sequence[str], words: Sequence[str]) -> dict[str, str]:
+def mapped(source: str, names: Sequence[str], words: Sequence[str], known: Sequence[str] = ()) -> dict[str, str]:
     """Find the columns of a table.
 
     Parameters
@@ -118,6 +118,8 @@ def mapped(source: str, names: Sequence[str], words: Sequence[str]) -> dict[str,
         Its columns.
     words : sequence of str
         What some are called there, as ``column=theirs``; the others have netboard's names.
+    known : sequence of str
+        Columns that need not be there.
 
     Returns
     -------
@@ -138,7 +140,7 @@ def mapped(source: str, names: Sequence[str], words: Sequence[str]) -> dict[str,
     twice = sorted({name for name in found.values() if names.count(name) > 1})
     if twice:
         raise ConfigError(f"{source}: {', '.join(twice)} is there twice")
-    missing = [column for column in COLUMNS.values() if column.needed and column.name not in found]
+    missing = [column for column in COLUMNS.values() if column.needed and column.name not in (*found, *known)]
     if missing:
         those = ", ".join(f"{column.name} [{column.unit}]" for column in missing)
         raise ConfigError(

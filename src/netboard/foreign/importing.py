@@ -36,6 +36,8 @@ class Wishes:
         How positions are interpolated between samples.
     gap : float
         Samples further apart have a gap between them [s].
+    rate : float or None
+        Samples a second, by which times are checked; and made, for a table without them [Hz].
     """
 
     names: tuple[str, ...] = ()
@@ -43,6 +45,7 @@ class Wishes:
     simulate: bool = False
     interpolation: Interpolation = "cubic"
     gap: float = 0.1
+    rate: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,7 +131,7 @@ def import_table(
             config = parse(beside.read_text(encoding="utf-8"), str(beside))
         warned = () if beside else (f"no configurations/{path.stem}.toml beside its folder: it is given --config's",)
         return _keep(read_ticks(path), folder, config, {"imported": "ticks", **said}, utc_ns, progress, warned)
-    samples = read_samples(path, wishes.names, wishes.units)
+    samples = read_samples(path, wishes.names, wishes.units, wishes.rate)
     if not wishes.simulate and not set(TASK) & samples.columns.keys():
         raise ConfigError(
             f"{path}: has hands only, and nothing of a task ({', '.join(TASK)}): --simulate computes the board, the "
@@ -147,6 +150,7 @@ def import_table(
         "imported_samples": str(samples.time.size),
         "imported_interpolation": wishes.interpolation,
         "imported_gap_s": repr(wishes.gap),
+        "imported_rate": repr(wishes.rate),
     }
     pieces = (rows[first : first + PIECE] for first in range(0, rows.size, PIECE))
     return _keep(pieces, folder, config, said, utc_ns, progress, tuple(notes), rows.size)

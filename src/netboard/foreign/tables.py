@@ -17,6 +17,12 @@ from netboard.tick import TICK
 FARTHEST = {"m": (1.0, "mm"), "rad": (1.6, "deg"), "N": (1000.0, "mN")}
 """Largest magnitudes that hands, boards and forces can have, and the unit that is meant where they are larger [SI]."""
 
+_GIVEN = ("time",)
+"""What a table need not have if the rate of its samples is known."""
+
+_RATE_ERROR = 0.05
+"""The usual time between samples may be off by so much of what the rate says [1]."""
+
 
 @dataclass(frozen=True, slots=True)
 class Samples:
@@ -37,7 +43,9 @@ class Samples:
     left_out: tuple[str, ...]
 
 
-def read_samples(path: Path, names: Sequence[str] = (), units: Sequence[str] = ()) -> Samples:
+def read_samples(
+    path: Path, names: Sequence[str] = (), units: Sequence[str] = (), rate: float | None = None
+) -> Samples:
     """Read a table.
 
     Parameters
@@ -48,6 +56,8 @@ def read_samples(path: Path, names: Sequence[str] = (), units: Sequence[str] = (
         What columns are called there, as ``column=theirs``.
     units : sequence of str
         Their units there, as ``column=unit``.
+    rate : float or None
+        Samples a second, of which their times are to be; a table without times gets them from it [Hz].
 
     Returns
     -------
@@ -60,20 +70,61 @@ def read_samples(path: Path, names: Sequence[str] = (), units: Sequence[str] = (
         If the file cannot be read, or what is in it cannot be hands.
     """
     table = TableFile(path)
-    found, factors = mapped(str(path), table.names, names), scales(units)
+    parts: dict[str, list[NDArray[Any]]] = {}
+    for portion in _portions(table, names, units, rate):
+        for name, values in portion.items():
+            parts.setdefault(name, []).append(values)
+    columns = {name: np.concatenate(values) for name, values in parts.items()}
+    time = columns.pop("time", np.empty(0))
+    _require_rate(path, time, rate)
+    taken = mapped(str(path), table.names, names, _GIVEN if rate else ()).values()
+    return Samples(time, columns, tuple(name for name in table.names if name not in taken))
+
+
+def probe(path: Path, names: Sequence[str], units: Sequence[str], rate: float | None) -> None:
+    """Look at the first rows of a table: raise what reading all of it would, if it shows there.
+
+    Parameters
+    ----------
+    path, names, units, rate
+        As of `read_samples`.
+
+    Raises
+    ------
+    ConfigError
+        If the file cannot be read, or what is in its first rows cannot be hands.
+    """
+    first = next(_portions(TableFile(path), names, units, rate), {})
+    _require_rate(path, first.get("time", np.empty(0)), rate)
+
+
+def _portions(
+    table: TableFile, names: Sequence[str], units: Sequence[str], rate: float | None
+) -> Iterator[dict[str, NDArray[Any]]]:
+    """Read a table, a portion of rows at a time, in SI units, checked."""
+    found, factors = mapped(str(table.path), table.names, names, _GIVEN if rate else ()), scales(units)
     if strangers := [word for word in units if word.partition("=")[0] not in found]:
-        raise ConfigError(f"--unit {strangers[0]}: {path} has no such column")
-    parts: dict[str, list[NDArray[Any]]] = {name: [] for name in found}
-    newest = -np.inf
+        raise ConfigError(f"--unit {strangers[0]}: {table.path} has no such column")
+    newest, done = -np.inf, 0
     for portion in table.portions(list(found.values())):
-        for name, theirs in found.items():
-            parts[name].append(_column(portion, name, theirs, factors[name]))
-        newest = _check(portion, {name: parts[name][-1] for name in found}, newest)
-    columns = {name: np.concatenate(values) if values else np.empty(0) for name, values in parts.items()}
-    time = columns.pop("time")
+        columns = {name: _column(portion, name, theirs, factors[name]) for name, theirs in found.items()}
+        if rate and "time" not in found:
+            columns["time"] = np.arange(done, done + len(portion.places)) / rate
+        newest = _check(portion, columns, newest)
+        done += len(portion.places)
+        yield columns
+
+
+def _require_rate(path: Path, time: NDArray[np.float64], rate: float | None) -> None:
+    """Refuse times that are too few, or not of the rate that was said."""
     if time.size < 2:
         raise ConfigError(f"{path}: rows: found {time.size}, expected at least 2")
-    return Samples(time, columns, tuple(name for name in table.names if name not in found.values()))
+    usual = 1 / float(np.median(np.diff(time)))
+    if rate and not abs(usual / rate - 1) <= _RATE_ERROR:
+        raise ConfigError(
+            f"{path}: column time: found {usual:.6g} samples a second, expected rate = {rate:.6g}; is time in another "
+            "unit?"
+        )
 
 
 def _column(portion: Portion, name: str, theirs: str, factor: tuple[float, float]) -> NDArray[Any]:

@@ -23,7 +23,7 @@ from netboard.proof.account import OF_THE_SERVER, Stretch, cause_of_loss, parts_
 from netboard.proof.clock_check import check_clocks
 from netboard.proof.grade import Finding, Grade, Report, numbers_in_words
 from netboard.proof.planned import journal_findings, plan_findings
-from netboard.proof.trial_check import check_trials
+from netboard.proof.trial_check import check_measured, check_trials
 from netboard.proof.walk import Walk, walk
 from netboard.recording.channels import CHANNELS, FORMAT_VERSION
 from netboard.recording.reader import Recording
@@ -118,7 +118,9 @@ def _check(recording: Recording, replay: bool, tell: Tell) -> Report:
     if config is not None:
         findings += check_clocks(probes, config.network.clock_bound_ms, seen.active_ns)
         findings += check_configuration(recording, config, events)
-        if "what_if" not in recording.metadata:
+        if recording.metadata.get("imported") == "measured":
+            findings += check_measured(seen, recording.attempts())
+        elif "what_if" not in recording.metadata:
             findings += check_trials(config, seen, recording.attempts(), _continues(recording))
             findings += plan_findings(recording.path, config)
             findings += journal_findings(recording, config, seen)

@@ -52,6 +52,25 @@ def check_trials(config: Config, seen: Walk, listed: Sequence[Attempt], goes_on:
         yield done
 
 
+def check_measured(seen: Walk, listed: Sequence[Attempt]) -> Iterator[Finding]:
+    """Check the trials of an imported table: they followed other rules than the configuration's, and may lack columns.
+
+    Parameters
+    ----------
+    seen : Walk
+        What was seen of its ticks.
+    listed : sequence of Attempt
+        The attempts that the file lists.
+    """
+    attempts = seen.attempts() if seen.count else ()
+    problems = list(_wrong_list(attempts, listed))
+    yield from (Finding("trials", Grade.DAMAGE, problem) for problem in problems)
+    if not problems:
+        done = sum(attempt.outcome == "success" for attempt in attempts)
+        text = f"{len(attempts)} attempts, {done} successes, as imported; not compared with netboard's rules or a plan"
+        yield Finding("trials", Grade.SOUND, text)
+
+
 def _wrong_list(attempts: Sequence[Attempt], listed: Sequence[Attempt]) -> Iterator[str]:
     """What the file lists is what its ticks say."""
     if repr(attempts) != repr(listed):  # as text: a completion time that is not a number equals itself there

@@ -49,7 +49,7 @@ def _disk(path: Path) -> Iterator[None]:
         raise RecordingError(f"{path}: cannot be written: {error.strerror or error}") from error
 
 
-def _publish(part: Path, path: Path) -> None:
+def publish(part: Path, path: Path) -> None:
     """Give a finished file its name, never over an existing one."""
     try:
         os.link(part, path)
@@ -227,7 +227,7 @@ class PartFile:
         if astray == _MOVED:
             raise RecordingError(f"{self.part}: {astray} while it was being written; it is whole, wherever it is now")
         with _disk(self.part):
-            _publish(self.part, self.path)
+            publish(self.part, self.path)
 
     def abandon(self) -> None:
         """Close the part as it is; it can be recovered up to the last whole chunk."""
