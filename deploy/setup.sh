@@ -74,11 +74,12 @@ qt_libraries() {
     say "windows will not open until these are installed: apt-get install" $(missing_qt_packages)
 }
 
-# What some tests need beside Python, and are skipped without: JavaScript, and network namespaces.
+# What some tests need beside Python, and are skipped without: JavaScript, network namespaces, and systemd-analyze.
 test_tools() {
     wanted=""
     command -v node >/dev/null && command -v npm >/dev/null || wanted="nodejs npm"
     command -v ip >/dev/null || [ -x /usr/sbin/ip ] || wanted="$wanted iproute2"
+    command -v systemd-analyze >/dev/null || wanted="$wanted systemd"
     [ -n "$wanted" ] || return 0
     if can_install && apt_install $wanted; then
         return 0

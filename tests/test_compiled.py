@@ -50,3 +50,13 @@ def test_a_changed_kernel_in_another_file_is_not_served_from_the_cache(tmp_path:
     assert height() == before
     assert not old.exists()
     assert len(list((package / "__pycache__").glob("kernels-*"))) == 2
+
+
+def test_a_service_of_systemd_keeps_its_kernels_in_its_cache(tmp_path: Path) -> None:
+    script = "from netboard import compiled; print(compiled.folder())"
+    environment = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}
+    environment["CACHE_DIRECTORY"] = f"{tmp_path}:/elsewhere"
+    run = subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, check=True, text=True)
+    folder = Path(run.stdout.strip())
+    assert folder.parent == tmp_path
+    assert folder.name.startswith("kernels-")

@@ -26,7 +26,8 @@ INSTALLED = "/opt/netboard/.venv/bin/netboard"
 
 
 def unit(path: Path) -> configparser.ConfigParser:
-    parsed = configparser.ConfigParser(interpolation=None, strict=True)
+    # What is given several times is a list: the last one counts here, `directives` has them all.
+    parsed = configparser.ConfigParser(interpolation=None, strict=False)
     parsed.optionxform = str  # type: ignore[assignment,method-assign]
     parsed.read_string(path.read_text(encoding="utf-8"))
     return parsed
@@ -92,11 +93,133 @@ def test_loops_may_have_what_they_ask_for(name: str) -> None:
     assert "PrivateDevices" not in service
 
 
-@pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="systemd-analyze is not installed")
+# --- what units may do -------------------------------------------------------------------------------------------
+
+SANDBOX = DEPLOY / "systemd/user/netboard-display@.service.d/sandbox.conf"
+
+EVERYWHERE = {
+    "NoNewPrivileges=yes",
+    "CacheDirectory=netboard",
+    "RestrictAddressFamilies=AF_UNIX AF_INET AF_INET6 AF_NETLINK",
+    "RestrictNamespaces=yes",
+    "RestrictSUIDSGID=yes",
+    "LockPersonality=yes",
+    "SystemCallArchitectures=native",
+    "SystemCallFilter=@system-service",
+    "SystemCallFilter=~@privileged",
+    "SystemCallErrorNumber=EPERM",
+    "MemoryDenyWriteExecute=no",
+}
+"""ZeroMQ aborts a server that may not ask for interfaces by netlink; numba maps what it has compiled as executable."""
+
+KERNEL = {
+    "CapabilityBoundingSet=",
+    "ProtectSystem=strict",
+    "ProtectProc=invisible",
+    "ProtectKernelTunables=yes",
+    "ProtectKernelModules=yes",
+    "ProtectKernelLogs=yes",
+    "ProtectControlGroups=yes",
+    "ProtectClock=yes",
+    "ProtectHostname=yes",
+}
+
+OF_THE_SYSTEM = KERNEL | {
+    "User=netboard",
+    "AmbientCapabilities=",
+    "UMask=0027",
+    "StateDirectory=netboard",
+    "ProtectHome=yes",
+    "PrivateTmp=yes",
+    "DevicePolicy=closed",
+    "RemoveIPC=yes",
+    "KeyringMode=private",
+}
+
+OWN = {
+    "netboard-server.service": {"RestrictRealtime=no", "DeviceAllow=/dev/cpu_dma_latency rw"},
+    "netboard-logger.service": {"RestrictRealtime=yes", "PrivateDevices=yes", "PrivateUsers=yes"},
+    "netboard-agent@.service": {
+        "RestrictRealtime=no",
+        *(
+            f"DeviceAllow={device} rw"
+            for device in ("/dev/cpu_dma_latency", "char-usb_device", "char-hidraw", "char-ttyACM", "char-ttyUSB")
+        ),
+    },
+    "netboard-display@.service": {"RestrictRealtime=yes", "UMask=0077"},
+}
+
+EXPOSURE = {"system": 25, "user": 70, "sandbox": 30}
+"""Tenths of what `systemd-analyze security` says at most; a user's service cannot drop capabilities: it has none."""
+
+analysed = pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="systemd-analyze is not installed")
+
+
+def directives(path: Path) -> set[str]:
+    lines = path.read_text(encoding="utf-8").splitlines()
+    return {line for line in lines if "=" in line and not line.startswith("#")}
+
+
+@pytest.mark.parametrize("path", UNITS, ids=lambda path: path.name)
+def test_units_may_do_what_they_need_and_no_more(path: Path) -> None:
+    found = directives(path)
+    wanted = EVERYWHERE | OWN[path.name] | (OF_THE_SYSTEM if path.parent.name == "system" else set())
+    assert wanted - found == set()
+    allowed = {line for line in found if line.startswith("DeviceAllow=")}
+    assert allowed <= OWN[path.name]
+    if "PrivateUsers=yes" in found:
+        assert "LimitRTPRIO=80" not in found  # what a namespace of users leaves of it has not been tried
+
+
+def test_units_on_one_machine_share_their_sockets() -> None:
+    joins = {path.name: unit(path)["Unit"].get("JoinsNamespaceOf", "").split() for path in UNITS}
+    assert joins["netboard-server.service"] == ["netboard-logger.service"]
+    assert joins["netboard-logger.service"] == ["netboard-server.service"]
+    assert joins["netboard-agent@.service"] == ["netboard-server.service", "netboard-logger.service"]
+    for name in ("netboard-server.service", "netboard-agent@.service"):  # who comes second joins the first
+        assert "netboard-logger.service" in unit(DEPLOY / "systemd/system" / name)["Unit"]["After"].split()
+
+
+def test_the_drop_in_confines_a_display_further() -> None:
+    in_a_namespace = {"ProtectProc=invisible", "ProtectKernelLogs=yes"}  # which a user's manager could not set up
+    assert directives(SANDBOX) >= KERNEL - in_a_namespace | {"PrivateUsers=yes", "ProtectHome=read-only"}
+
+
+def exposure(path: Path, most: int) -> subprocess.CompletedProcess[str]:
+    """Let systemd judge a unit; it fails above so many tenths."""
+    command = ["systemd-analyze", "security", "--offline=true", f"--threshold={most}", "--no-pager", path]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+@analysed
+@pytest.mark.parametrize("path", UNITS, ids=lambda path: path.name)
+def test_systemd_finds_little_exposed(path: Path, tmp_path: Path) -> None:
+    alone = tmp_path / path.name  # without its drop-in
+    shutil.copy(path, alone)
+    judged = exposure(alone, EXPOSURE[path.parent.name])
+    if "--offline" in judged.stderr:
+        pytest.skip("this systemd-analyze judges no files")
+    assert judged.returncode == 0, judged.stdout + judged.stderr
+    assert exposure(alone, 5).returncode != 0
+
+
+@analysed
+def test_systemd_finds_little_exposed_of_a_display_with_the_drop_in(tmp_path: Path) -> None:
+    display = tmp_path / "netboard-display@.service"
+    text = (SANDBOX.parent.parent / display.name).read_text(encoding="utf-8")
+    added = "\n".join(sorted(directives(SANDBOX)))
+    display.write_text(text.replace("[Install]", f"{added}\n[Install]"), encoding="utf-8")
+    judged = exposure(display, EXPOSURE["sandbox"])
+    if "--offline" in judged.stderr:
+        pytest.skip("this systemd-analyze judges no files")
+    assert judged.returncode == 0, judged.stdout + judged.stderr
+
+
+@analysed
 @pytest.mark.parametrize("kind", ["system", "user"])
 def test_systemd_finds_nothing_wrong(kind: str, tmp_path: Path) -> None:
     units = []
-    for path in (DEPLOY / "systemd" / kind).iterdir():
+    for path in (DEPLOY / "systemd" / kind).glob("*.service"):
         units.append(tmp_path / path.name.replace("@", "@left"))
         # What it runs must be there: anything that is will do.
         units[-1].write_text(path.read_text(encoding="utf-8").replace(INSTALLED, sys.executable), encoding="utf-8")

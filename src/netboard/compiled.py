@@ -38,7 +38,9 @@ def _choose_folder() -> None:
     state = hashlib.sha256()
     for source in sorted(package.rglob("*.py")):
         state.update(source.read_bytes())
-    folder = package / "__pycache__" / f"{PREFIX}{state.hexdigest()[:16]}"
+    # A service of systemd has a cache of its own (CacheDirectory=), and may write nothing into the package.
+    given = os.environ.get("CACHE_DIRECTORY", "").partition(":")[0]
+    folder = Path(given or package / "__pycache__") / f"{PREFIX}{state.hexdigest()[:16]}"
     chosen = os.environ.setdefault("NUMBA_CACHE_DIR", str(folder))
     if chosen == str(folder) and not folder.exists():
         for other in folder.parent.glob(f"{PREFIX}*"):
