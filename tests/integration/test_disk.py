@@ -11,6 +11,7 @@ import pytest
 from netboard.faults.rigs import Rig
 from netboard.proof.account import Account, account_of
 from netboard.recording.spilled import recover_any
+from netboard.wire.control import Status
 
 pytestmark = [pytest.mark.integration, pytest.mark.slow, pytest.mark.timeout(300)]
 
@@ -61,9 +62,14 @@ def check_whole(account: Account) -> None:
     assert "session_ended" in [event.name for event in account.events]
 
 
+def recorded(status: Status) -> bool:
+    """Whether a trial is on and the logger has told of a file on its disk: before, it has not made its folder."""
+    return status.phase == "running" and any(size > 0 for _, _, size, _ in status.recordings)
+
+
 def test_a_disk_that_fills_up_ends_the_recording_pauses_the_trial_and_loses_nothing(rig: Rig, disk: Path) -> None:
     rig.start_all()
-    rig.until(lambda s: s.phase == "running")
+    rig.until(recorded)
     with (disk / "somebody").open("wb") as file:
         file.write(bytes(SOMEBODY_BYTES))
     assert rig.wait("logger") == 1
@@ -84,7 +90,7 @@ def test_a_disk_that_fills_up_ends_the_recording_pauses_the_trial_and_loses_noth
 
 def test_a_folder_that_is_deleted_ends_the_recording_and_loses_nothing(rig: Rig) -> None:
     rig.start_all()
-    rig.until(lambda s: s.phase == "running")
+    rig.until(recorded)
     shutil.rmtree(rig.folder / "recordings")
     assert rig.wait("logger") == 1
     assert "was deleted while it was being written" in rig.said("logger")

@@ -2,6 +2,7 @@
 
 import errno
 import os
+import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -442,6 +443,41 @@ def test_a_folder_that_is_deleted_ends_it_and_nothing_is_lost(tmp_path: Path, ca
     assert account.complete
 
 
+@pytest.mark.skipif(os.name == "nt", reason="an open file cannot be deleted there")
+def test_a_folder_that_is_deleted_is_noticed_although_nothing_comes(tmp_path: Path) -> None:
+    rig = Rig(tmp_path / "disk", 1000)
+    logger = rig.logger()
+    stop = rig.stop_after(0.5)
+    while not stop():
+        logger.step()
+    rig.link.live = lambda: None  # a server that stands still
+    stop = rig.stop_after(0.5)
+    while not stop():
+        logger.step()
+    shutil.rmtree(tmp_path / "disk")
+    assert logger.run(rig.stop_after(3.0)) == 1
+    (saved,) = logger.finished
+    with Recording(saved) as recording:
+        assert recording.counts["/ticks"] > 0
+        assert "was deleted while it was being written" in recording.end["ended"]
+
+
+@pytest.mark.skipif(os.name == "nt", reason="an open file cannot be deleted there")
+def test_a_folder_that_is_deleted_before_the_first_record_is_made_anew(tmp_path: Path) -> None:
+    rig = Rig(tmp_path / "disk", 1000)
+    live, rig.link.live = rig.link.live, lambda: None
+    logger = rig.logger()
+    stop = rig.stop_after(0.5)
+    while not stop():
+        logger.step()
+    (tmp_path / "disk").rmdir()
+    rig.link.live = live
+    assert logger.run(never) == 0
+    (whole,) = logger.finished
+    with Recording(whole) as recording:
+        assert recording.counts["/ticks"] == 1000
+
+
 @pytest.mark.skipif(os.name == "nt", reason="an open file cannot be moved there")
 def test_a_folder_that_is_moved_ends_it_and_nothing_is_lost(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     rig = Rig(tmp_path / "disk", 1000)
@@ -470,7 +506,6 @@ def test_a_folder_that_cannot_be_made_ends_it(tmp_path: Path, caplog: pytest.Log
 @pytest.fixture
 def plenty(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """Free space that the test decides."""
-    import shutil
     from collections import namedtuple
 
     usage = namedtuple("usage", "total used free")

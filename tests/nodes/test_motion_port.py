@@ -157,6 +157,27 @@ def test_stamps_are_turned_into_server_time_by_the_probes_in_the_samples(rig: Ri
     assert rig.row(11 * MS)["left_stamp_ns"] == answered - record.offset_ns
 
 
+def test_each_probe_of_an_agent_is_recorded_once_and_under_the_name_of_its_connection(rig: Rig) -> None:
+    peers = []
+    for start in (10 * MS, 20 * MS, 30 * MS):
+        rig.seated()
+        rig.seated()  # it says hello until it is answered
+        stamps = {"force_sent_ns": start, "force_received_ns": start + 10, "sent_ns": start + 20}
+        rig.router.say(A, replace(STYLUS, stamp_ns=start, force_tick=1, **stamps))  # type: ignore[arg-type]
+        rig.drain(lambda start=start: start + 30)  # type: ignore[misc]
+        peers += [record.peer for record in rig.port.clock_records(0)]
+        assert rig.port.clock_records(1) == []
+    assert peers == ["agent.left", "agent.left#2", "agent.left#3"]
+
+
+def test_an_agent_whose_answer_is_impossible_has_no_probe(rig: Rig) -> None:
+    rig.seated()
+    stamps = {"force_sent_ns": 10 * MS, "force_received_ns": 30, "sent_ns": 20}
+    rig.router.say(A, replace(STYLUS, stamp_ns=20, force_tick=1, **stamps))  # type: ignore[arg-type]
+    rig.drain(lambda: 11 * MS)
+    assert rig.port.clock_records(0) == []
+
+
 def test_what_the_safety_chain_did_between_two_ticks_is_not_lost_nor_told_twice(rig: Rig) -> None:
     rig.seated()
     for seq, bits in enumerate((Safeguard.ARMED | Safeguard.CLAMPED, Safeguard.ARMED)):

@@ -9,7 +9,7 @@ from typing import NamedTuple, Protocol
 
 from netboard import ends
 from netboard.errors import WireError
-from netboard.nodes.peer import Connections, Link, Peer, clock_records, what
+from netboard.nodes.peer import Link, Peer, Probes, what
 from netboard.nodes.refusals import Refusals
 from netboard.wire.codec import decode, encode
 from netboard.wire.control import Command, Outcomes, OutcomesRequest, Reply, Status, StatusRequest, Trace, TraceRequest
@@ -84,7 +84,7 @@ class ControlPort:
         self._peers: dict[bytes, Peer] = {}
         self._silent: set[bytes] = set()
         self._refusals = Refusals(router, self.news)
-        self._connections = Connections()
+        self._probes = Probes()
         self._reporting: dict[str, bytes] = {}
         self._shown = {"left": 0, "right": 0}
 
@@ -120,7 +120,7 @@ class ControlPort:
 
     def clock_records(self, seq: int) -> list[ClockRecord]:
         """The newest raw probe of each peer with the estimate so far, numbered from `seq`."""
-        return clock_records(self._peers.values(), seq)
+        return self._probes.records(self._peers.values(), seq)
 
     def renew(self, welcome: Welcome) -> None:
         """Another block: tell everybody what counts now."""
@@ -202,7 +202,7 @@ class ControlPort:
             return Refusal(reason)
         if name not in self._peers:
             self._tell("joined", hello)
-            self._peers[name] = Peer(hello, now_ns, self._connections.name(hello))
+            self._peers[name] = Peer(hello, now_ns)
         self._reporting[hello.side] = name
         if len(self._peers) > MOST_PEERS:
             self._forget(next(iter(self._peers)))

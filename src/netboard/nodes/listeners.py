@@ -7,7 +7,7 @@ trial may go on or a session may end is decided without knowing of it.
 
 from netboard import ends
 from netboard.errors import WireError
-from netboard.nodes.peer import Connections, Link, Peer
+from netboard.nodes.peer import Link, Peer
 from netboard.wire.codec import encode
 from netboard.wire.meeting import Goodbye, Hello, Pong, Welcome
 from netboard.wire.messages import Message
@@ -52,7 +52,6 @@ class Listeners:
         self._ring = ring
         self._news = news
         self._listeners: dict[bytes, _Listener] = {}
-        self._connections = Connections()
 
     def __contains__(self, name: object) -> bool:
         return name in self._listeners
@@ -81,7 +80,7 @@ class Listeners:
         if known is None and len(self._listeners) >= MOST_LISTENERS:
             raise WireError("too many listeners")
         if self._router.send(name, encode(welcome)) and (known is None or known.peer.hello != hello):
-            self._listeners[name] = _Listener(Peer(hello, now_ns, self._connections.name(hello)))
+            self._listeners[name] = _Listener(Peer(hello, now_ns))
             self._news.append(("listener_joined", {"name": hello.name, **hello.details}))
 
     def hear(self, name: bytes, message: Message, now_ns: int) -> None:

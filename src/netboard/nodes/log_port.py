@@ -13,7 +13,7 @@ from netboard import ends
 from netboard.clock import now_ns
 from netboard.errors import WireError
 from netboard.nodes.listeners import Listeners
-from netboard.nodes.peer import Connections, Link, Peer, clock_records
+from netboard.nodes.peer import Link, Peer, Probes
 from netboard.nodes.refusals import Refusals
 from netboard.recording.disk import LOW_BYTES
 from netboard.recording.spill import Spill
@@ -116,7 +116,7 @@ class LogPort:
         self._space_is_low = False
         self._ended = False
         self._refusals = Refusals(router, self.news)
-        self._connections = Connections()
+        self._probes = Probes()
         self.listeners = Listeners(router, self.ring, self.news)
 
     @property
@@ -174,7 +174,7 @@ class LogPort:
     def clock_records(self, seq: int) -> list[ClockRecord]:
         """The newest raw probe of each peer with the estimate so far, numbered from `seq`."""
         peers = [*(logger.peer for logger in self._loggers.values()), *self.listeners.peers]
-        return clock_records(peers, seq)
+        return self._probes.records(peers, seq)
 
     def listen(self, now_ns: int) -> None:
         """Take the answer to a ping as soon as it comes; called at every tick, it costs nothing else."""
@@ -294,7 +294,7 @@ class LogPort:
         if not self._router.send(name, encode(self._welcome)):
             return
         if logger is None or logger.peer.hello != hello:
-            self._loggers[name] = logger = _Logger(Peer(hello, now_ns, self._connections.name(hello)))
+            self._loggers[name] = logger = _Logger(Peer(hello, now_ns))
             self.news.append(("logger_joined", {"name": hello.name, **hello.details}))
         logger.cursor = None
 

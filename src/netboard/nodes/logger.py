@@ -35,6 +35,9 @@ log = logging.getLogger(__name__)
 ASK_NS = 200_000_000
 """Missing records are asked for again after so long [ns]."""
 
+LOOK_NS = 1_000_000_000
+"""That the file was deleted or moved is noticed after so long although nothing comes [ns]."""
+
 
 def place(batch: LogBatch, expected: int | None) -> tuple[int, int] | None:
     """Decide what a batch means to a logger that expects a certain record next.
@@ -105,6 +108,7 @@ class Logger:
         self._welcomed = False
         self._log_time_minus_clock = 0
         self._heard_ns = self._greeted_ns = self._asked_ns = -SILENT_NS
+        self._looked_ns = 0
         self._end_doubted = False
         self._refused = ""
         self._nonsense = Seldom(log)
@@ -150,9 +154,16 @@ class Logger:
             self._heard_ns = self._clock()
             self._hear(frame)
         self._greet()
-        if self._writer is not None and self._writer.is_due(self._log_time()):
-            self._writer.flush(self._log_time())
-            self._acknowledge(self._writer)
+        if self._writer is not None:
+            self._keep(self._writer)
+
+    def _keep(self, writer: RecordingWriter) -> None:
+        """Bring to disk what is due; where nothing comes, see now and then that the file is still there."""
+        due = writer.is_due(self._log_time())
+        if due:
+            writer.flush(self._log_time())
+        if due or self._clock() - self._looked_ns >= LOOK_NS:
+            self._acknowledge(writer)
 
     def _say(self, message: Message) -> None:
         self._link.send(encode(message))
@@ -333,6 +344,7 @@ class Logger:
         self._say(Goodbye(reason[:1000]))
 
     def _acknowledge(self, writer: RecordingWriter) -> None:
+        self._looked_ns = self._clock()
         space = writer.space(self._log_time())
         if writer.durable is not None and self._welcomed:
             self._say(LogAck(writer.durable, space.free, writer.path.name, writer.size))

@@ -15,7 +15,7 @@ from netboard import ends, fastpath, sockets
 from netboard.config import SIDES, Side
 from netboard.errors import WireError
 from netboard.nodes import seats
-from netboard.nodes.peer import Connections, Link, Rate, clock_records, link_of
+from netboard.nodes.peer import Link, Probes, Rate, link_of
 from netboard.nodes.refusals import Refusals
 from netboard.wire import fixed
 from netboard.wire.codec import decode, encode
@@ -57,7 +57,6 @@ class Seat:
         self.clock = ClockEstimator()
         self.probe: tuple[int, int, int, int] | None = None
         self._words = words
-        self._connections = Connections()
         self._sample = np.zeros(seats.SAMPLE_WORDS, np.int64)
         self._probed_tick = -PROBE_TICKS
         self._rate = Rate()
@@ -66,12 +65,12 @@ class Seat:
     def sit(self, agent: bytes, hello: Hello, now_ns: int) -> None:
         """Take the seat: nothing of an agent before is kept."""
         self.leave()
-        self.hello, self.agent, self.connection = hello, agent, self._connections.name(hello)
+        self.hello, self.agent = hello, agent
         self._words[seats.ARRIVED] = now_ns
 
     def leave(self) -> None:
         """Nobody sits here any more."""
-        self.hello, self.agent, self.probe = None, b"", None
+        self.hello, self.agent, self.connection, self.probe = None, b"", "", None
         self.clock, self._probed_tick = ClockEstimator(), -PROBE_TICKS
         self._rate = Rate()
         seats.empty(self._words)
@@ -147,6 +146,7 @@ class MotionPort:
         self._bound_ns = bound_ns
         self._by_agent: dict[bytes, Seat] = {}
         self._refusals = Refusals(router, self.news)
+        self._probes = Probes()
         self._force = np.zeros(fixed.FORCE.size, np.uint8)
         self._force_words = np.zeros(len(fixed.FORCE.markers), np.int64)
         self._ends = ends
@@ -263,7 +263,7 @@ class MotionPort:
 
     def clock_records(self, seq: int) -> list[ClockRecord]:
         """The newest raw probe of each agent with the estimate so far, numbered from `seq`."""
-        return clock_records(self.seats.values(), seq)
+        return self._probes.records(self.seats.values(), seq)
 
     def links(self, now_ns: int) -> list[Link]:
         """Tell how the agents are connected."""

@@ -67,41 +67,43 @@ def link_of(hello: Hello, clock: ClockEstimator, age_ns: int, rate: float, lost:
     )
 
 
-class Connections:
-    """Names the connections of each kind of peer: ``display.left``, then ``display.left#2`` and so on.
-
-    Each connection has a clock estimate of its own, so its probes must be told from those of another.
-    """
-
-    def __init__(self) -> None:
-        self._counts: Counter[str] = Counter()
-
-    def name(self, hello: Hello) -> str:
-        """Name the next connection of a peer's kind."""
-        kind = what(hello)
-        self._counts[kind] += 1
-        return connection_name(kind, self._counts[kind])
-
-
 class Probed(Protocol):
-    """A peer whose clock is probed."""
+    """A connection of a peer whose clock is probed; its name is empty until a probe of it is recorded."""
+
+    @property
+    def hello(self) -> Hello | None:
+        """How the peer introduced itself."""
 
     connection: str
     probe: tuple[int, int, int, int] | None
     clock: ClockEstimator
 
 
-def clock_records(peers: Iterable[Probed], seq: int) -> list[ClockRecord]:
-    """Write the newest raw probe of each peer, numbered from `seq`; each probe is written once."""
-    records: list[ClockRecord] = []
-    for peer in peers:
-        if peer.probe is not None:
-            number, probe, clock = seq + len(records), peer.probe, peer.clock
-            records.append(
-                ClockRecord(number, peer.connection, *probe, clock.offset_ns, clock.bound_ns, clock.drift_ppm)
-            )
-            peer.probe = None
-    return records
+class Probes:
+    """Writes the clock probes of a port's peers as records.
+
+    Each connection has a clock estimate of its own, so its probes are told from those of another by name:
+    ``display.left``, then ``display.left#2`` and so on.
+    """
+
+    def __init__(self) -> None:
+        self._connections: Counter[str] = Counter()
+
+    def records(self, peers: Iterable[Probed], seq: int) -> list[ClockRecord]:
+        """Write the newest raw probe of each peer, numbered from `seq`; each probe is written once."""
+        records: list[ClockRecord] = []
+        for peer in peers:
+            if peer.probe is not None and peer.hello is not None:
+                peer.connection = peer.connection or self._next(what(peer.hello))
+                clock = peer.clock
+                estimate = clock.offset_ns, clock.bound_ns, clock.drift_ppm
+                records.append(ClockRecord(seq + len(records), peer.connection, *peer.probe, *estimate))
+                peer.probe = None
+        return records
+
+    def _next(self, kind: str) -> str:
+        self._connections[kind] += 1
+        return connection_name(kind, self._connections[kind])
 
 
 class Peer:
@@ -113,18 +115,18 @@ class Peer:
         How it introduced itself.
     now_ns : int
         When [ns].
-    connection : str
-        Name of its connection, as `Connections` gives it.
 
     Attributes
     ----------
+    connection : str
+        Name of its connection, as `Probes` gives it.
     probe : (int, int, int, int) or None
         The stamps of the newest answer, until they are recorded.
     """
 
-    def __init__(self, hello: Hello, now_ns: int, connection: str) -> None:
+    def __init__(self, hello: Hello, now_ns: int) -> None:
         self.hello = hello
-        self.connection = connection
+        self.connection = ""
         self.clock = ClockEstimator(CLOCK_WINDOW_NS)
         self.probe: tuple[int, int, int, int] | None = None
         self._heard_ns = now_ns

@@ -133,6 +133,8 @@ class PartFile:
 
     def free_bytes(self) -> int:
         """Free space where the file is, in bytes."""
+        if self.is_open:
+            self._require_name()
         with _disk(self.path.parent):
             return shutil.disk_usage(self.path.parent).free
 
@@ -201,8 +203,7 @@ class PartFile:
         self.close_chunk()
         with self._writing():
             os.fsync(self._file.fileno())
-        if astray := self._astray():
-            raise RecordingError(f"{self.part}: {astray} while it was being written")
+        self._require_name()
         with _disk(self.part):
             self._reserve()
 
@@ -243,6 +244,17 @@ class PartFile:
         self.abandon()
         with _disk(self.part):
             self.part.unlink(missing_ok=True)
+
+    def _require_name(self) -> None:
+        """Find out whether the file still has its name.
+
+        Raises
+        ------
+        RecordingError
+            If it was deleted or moved.
+        """
+        if astray := self._astray():
+            raise RecordingError(f"{self.part}: {astray} while it was being written")
 
     def _astray(self) -> str:
         """What has become of the file's name, or nothing."""
