@@ -18,6 +18,9 @@ TICK_SECONDS = 1e-3
 LATE_NS = TICK_NS // 2
 """A tick that began later than this after its deadline is late: half a tick [ns]."""
 
+KNOWN_NS = 3 * TICK_NS
+"""What an agent has rendered is known at a tick from a sample that came no further away from it than this [ns]."""
+
 _BOTH = ("left", "right")
 
 STATE = np.dtype(
@@ -103,7 +106,7 @@ SERVICE = np.dtype(
             for field in (
                 (f"{side}_x", "<f8"),  # the lateral position as sent [m]
                 (f"{side}_y", "<f8"),
-                (f"{side}_rendered", "<f8"),  # vertical force the agent last handed to the device [N]
+                (f"{side}_rendered", "<f8"),  # vertical force the agent last handed to the device; NaN: not known [N]
                 (f"{side}_safeguards", "<i8"),  # what its safety chain did (netboard.wire.motion.Safeguard)
                 (f"{side}_buttons", "<i8"),  # bit mask of pressed buttons
                 (f"{side}_loop_ns", "<i8"),  # stylus read to rendering of the force computed from it [ns]
@@ -119,6 +122,16 @@ def _concatenated(*parts: np.dtype[Any]) -> np.dtype[Any]:
     """One packed record type with the fields of all parts, in order."""
     return np.dtype([(name, part[name]) for part in parts for name in part.names or ()])
 
+
+RENDERED = np.dtype(
+    [
+        ("seq", "<i8"),  # number of the sample
+        ("stamp_ns", "<i8"),  # when it was read, on the agent's clock [ns]
+        ("rendered", "<f8"),  # vertical force handed to the device since the sample before [N]
+        ("safeguards", "<i8"),  # what the safety chain did since then (netboard.wire.motion.Safeguard)
+    ]
+)
+"""What an agent remembers of each of its samples, for the ticks that had none (`netboard.wire.motion.Backfill`)."""
 
 TICK = _concatenated(INPUT, STATE, OUTPUT, SERVICE)
 """One row of the tick stream, in memory, on the log channel and (by name) in a recording."""

@@ -20,6 +20,7 @@ from netboard.faults.checks import (
     nothing_lost,
     paused,
     powerless,
+    rendered_known,
     rests,
     safeguarded,
     shown,
@@ -224,6 +225,24 @@ def test_frames_must_be_shown_at_the_end() -> None:
     at_end = {"left": np.array([WINDOW.stop_ns - MS]), "right": np.empty(0, np.int64)}
     assert shown("left")(evidence(rig=taken(painted_ns=at_end))).holds
     assert not shown("right")(evidence(rig=taken(painted_ns=at_end))).holds
+
+
+def test_the_recorded_force_must_be_that_of_the_device_or_few_are_unknown() -> None:
+    handed = lost_at(300)
+    ticks = taken().ticks
+    ticks["left_rendered"] = np.roll(handed, 1)
+    ticks["left_rendered"][0] = handed[0]
+    assert rendered_known("left")(evidence(handed, taken(ticks=ticks))).holds
+    unknown = ticks.copy()
+    unknown["left_rendered"][310:330] = np.nan
+    assert rendered_known("left")(evidence(handed, taken(ticks=unknown))).holds
+    unknown["left_rendered"][330] = np.nan
+    assert not rendered_known("left")(evidence(handed, taken(ticks=unknown))).holds
+    stale = ticks.copy()
+    stale["left_rendered"][310:] = handed[300]
+    verdict = rendered_known("left")(evidence(handed, taken(ticks=stale)))
+    assert not verdict.holds
+    assert "ticks hold another force" in verdict.found
 
 
 def test_the_other_dyad_must_notice_nothing() -> None:

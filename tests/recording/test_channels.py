@@ -6,26 +6,34 @@ from dataclasses import fields
 
 import jsonschema
 import msgpack
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from netboard.errors import RecordingError
 from netboard.recording.channels import CHANNELS, IDS, remark, stamped, unpack
-from netboard.tick import TICK
-from netboard.wire.records import ClockRecord, EventRecord, FrameRecord, TickRecord
+from netboard.tick import RENDERED, TICK
+from netboard.wire.records import BackfillRecord, ClockRecord, EventRecord, FrameRecord, TickRecord
 from samples import random_rows, records
 
-CLASSES = {"/event": EventRecord, "/clock": ClockRecord, "/frame": FrameRecord, "/logger": EventRecord}
+CLASSES = {
+    "/event": EventRecord,
+    "/clock": ClockRecord,
+    "/frame": FrameRecord,
+    "/logger": EventRecord,
+    "/backfill": BackfillRecord,
+}
 
 
 def test_the_table_has_every_field_in_order() -> None:
-    ticks, *others, plot = CHANNELS
+    by_topic = {channel.topic: channel for channel in CHANNELS}
+    ticks, plot = by_topic.pop("/ticks"), by_topic.pop("/plot")
     assert [(field.name, field.kind) for field in ticks.columns] == [
         (name, "integer" if TICK[name].kind == "i" else "number") for name in TICK.names
     ]
     assert set(plot.fields) < set(ticks.columns)
-    for channel in others:
+    for channel in by_topic.values():
         assert [field.name for field in channel.fields] == [field.name for field in fields(CLASSES[channel.topic])]
 
 
@@ -46,6 +54,7 @@ def test_messages_follow_their_schemas(seed: int) -> None:
     stream = records(random_rows(20, seed))
     messages = [stamped(record) for record in stream if not isinstance(record, TickRecord)]
     messages.append(remark(0, "log_lost", {"first": "3", "count": "2"}, 5))
+    messages.append(stamped(BackfillRecord(0, "left", 3, np.ones(2, RENDERED).tobytes())))
     assert {message.topic for message in messages} == set(IDS) - {"/ticks", "/plot"}
     for message in messages:
         validators[message.topic].validate(msgpack.unpackb(message.data))
@@ -60,5 +69,7 @@ def test_nonsense_is_a_map_or_a_recording_error(data: bytes) -> None:
 def test_stamps_come_from_the_source() -> None:
     rows = random_rows(9)
     event, clock, frame = (records(rows)[k] for k in (4, 7, 10))
+    backfill = BackfillRecord(4, "right", 3, np.ones(2, RENDERED).tobytes())
+    assert (stamped(backfill).sequence, stamped(backfill).publish_time_ns) == (4, 1 - 3)
     for record, stamp in ((event, event.time_ns), (clock, clock.t3_ns), (frame, frame.painted_ns)):
         assert (stamped(record).sequence, stamped(record).publish_time_ns) == (record.seq, stamp)

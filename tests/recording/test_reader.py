@@ -62,7 +62,15 @@ def test_gaps_are_listed_by_stream(tmp_path: Path) -> None:
         assert (remark.name, remark.details) == ("log_lost", {"first": "26", "count": "4", "after_tick": "19"})
         assert recording.end["lost"] == "4"
         assert recording.first_record == 0
-        assert recording.counts == {"/ticks": 40, "/event": 4, "/clock": 4, "/frame": 4, "/logger": 1, "/plot": 2}
+        assert recording.counts == {
+            "/ticks": 40,
+            "/event": 4,
+            "/clock": 4,
+            "/frame": 4,
+            "/logger": 1,
+            "/plot": 2,
+            "/backfill": 0,
+        }
 
 
 def test_a_part_is_refused_with_what_to_do(tmp_path: Path) -> None:

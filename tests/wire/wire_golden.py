@@ -5,6 +5,7 @@ Run as a script, this writes the files that are missing and touches no other: a 
 
 import json
 import math
+import struct
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -174,6 +175,19 @@ EXAMPLES: dict[str, Message] = {
         outcomes=14,
         recordings=(("S01_D03_20260102T030405Z_7f3a9c52_block03.mcap", 0.18, 1_048_576, 512_000_000_000),),
         stations=(("left", 0.0004, 1, -0.735, 0, 2), ("right", math.nan, 0, 0.0, 0, 0)),
+    ),
+    "backfill-request": motion.BackfillRequest(123_457, 131_072),
+    "backfill": motion.Backfill(
+        123_457,
+        123_459,
+        struct.pack("<qqdq", 123_457, PEER_NS + 123_457_000_000, -0.735, motion.Safeguard.ARMED)
+        + struct.pack(
+            "<qqdq", 123_458, PEER_NS + 123_458_000_000, -0.5, motion.Safeguard.ARMED | motion.Safeguard.STALE
+        ),
+    ),
+    "backfill-none": motion.Backfill(123_457, 131_072, b""),
+    "backfill-record": records.BackfillRecord(
+        3, "left", PEER_NS - SERVER_NS, struct.pack("<qqdq", 123_457, PEER_NS + 123_457_000_000, -0.735, 1)
     ),
     "move": motion.Move("right", -0.0125, 0.313, 0.021),
     "pointer": motion.Pointer("left", -0.0215),

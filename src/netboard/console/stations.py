@@ -158,7 +158,8 @@ def _drops(seat: _Seat, limits: Limits) -> Lamp:
 
 
 def _force(seat: _Seat, limits: Limits) -> Lamp:
-    words = f"{seat.rendered:+.2f} N"
+    known = not isnan(seat.rendered)
+    words = f"{seat.rendered:+.2f} N" if known else "unknown"
     tip = f"Vertical force on the hand. Ticks of this attempt with a force at its limit: {seat.clipped_ticks}."
     if Safeguard.CLAMPED in seat.bits:
         return Lamp("Force", Level.WATCH, f"CLAMP {words}", f"{tip} The force wanted is above the device's limit now.")
@@ -166,7 +167,7 @@ def _force(seat: _Seat, limits: Limits) -> Lamp:
         return Lamp("Force", Level.WATCH, f"SLEW {words}", f"{tip} The force wanted changes faster than allowed.")
     if seat.clipped_ticks > limits.clipped_ticks:
         return Lamp("Force", Level.WATCH, f"CLIP {words}", f"{tip} The trial will be doubtful.")
-    return Lamp("Force", Level.GOOD, words, tip)
+    return Lamp("Force", Level.GOOD if known else Level.WATCH, words, tip)
 
 
 _TRIPS = (

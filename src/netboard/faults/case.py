@@ -101,6 +101,7 @@ PARTS = {
 # What many rows have in common.
 
 PAUSED = "paused, marked, repeated"
+REMEMBERED = "the recording has the force that the device was handed meanwhile"
 GOES_ON = "the trial goes on, nothing is lost"
 FALLS = "both forces fall in time and are zero in time; "
 LEFT_FALLS = "the left force falls in time and is zero in time; "

@@ -42,6 +42,12 @@ WAY_DOWN = 3
 STOPPED_WITHIN = 0.003
 """An emergency stop is on its way to the devices for at most so long [s]."""
 
+UNKNOWN_TICKS = 20
+"""What was rendered may stay unknown for so many ticks after an interruption [1]."""
+
+JUST_BEFORE = 6
+"""A recorded force was handed to the device at most so many milliseconds before the tick: a sample is three old [1]."""
+
 LATELY_NS = 1_000_000_000
 _WORDS = {Grade.SOUND: "complete", Grade.LOSS: "losses", Grade.DAMAGE: "damaged"}
 TICK = TICK_NS * 1e-9
@@ -260,6 +266,37 @@ def safeguarded(side: Side, guard: Safeguard) -> Check:
         return Verdict(f"the {side} agent reports: {name}", ticks > 0, f"in {ticks} ticks")
 
     return check
+
+
+def rendered_known(side: Side) -> Check:
+    """Check that the recorded force is what the device was handed, and unknown at a few ticks only."""
+
+    def check(evidence: Evidence) -> Verdict:
+        claim = (
+            f"the {side} force is recorded as the device was handed it, and unknown in {UNKNOWN_TICKS} ticks at most"
+        )
+        recorded = evidence.ticks[f"{side}_rendered"]
+        known = ~np.isnan(recorded)
+        handed = np.sort(np.concatenate(evidence.traces[side]), order="time_ns")
+        times = evidence.ticks["time_ns"][known]
+        wrong = ~_was_handed(handed, times, recorded[known])
+        count = int(np.count_nonzero(~known))
+        found = f"{int(np.count_nonzero(wrong))} of {times.size} ticks hold another force, {count} are unknown"
+        return Verdict(claim, times.size > 0 and not wrong.any() and count <= UNKNOWN_TICKS, found)
+
+    return check
+
+
+def _was_handed(handed: NDArray[Any], times: NDArray[np.int64], forces: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Which forces were handed to a device just before these times, or were the last ones then."""
+    newest = np.searchsorted(handed["time_ns"], times + TICK_NS, side="right") - 1
+    found = np.zeros(times.size, bool)
+    for back in range(JUST_BEFORE):
+        place = np.maximum(newest - back, 0)
+        later = handed["time_ns"][np.minimum(place + 1, handed.size - 1)]
+        in_force = (newest >= back) & ((later > times - JUST_BEFORE * TICK_NS) | (place == handed.size - 1))
+        found |= in_force & (handed["fz"][place] == forces)
+    return found
 
 
 def shown(station: Side) -> Check:

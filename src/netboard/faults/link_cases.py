@@ -10,15 +10,16 @@ from netboard.faults.case import (
     OUTAGE,
     PAUSED,
     RELAYED,
+    REMEMBERED,
     RIGHT,
     Case,
 )
-from netboard.faults.checks import Check, either, falls, goes_on, paused, told
+from netboard.faults.checks import Check, either, falls, goes_on, paused, rendered_known, told
 from netboard.faults.harm import Act, blow, cut, distrust, double, hold, pull_cable, swallow, together
 from netboard.faults.relay import FAIR, Weather
 from netboard.faults.sites import Setup
 
-_GONE = (falls("left"), paused(*OUTAGE))
+_GONE = (falls("left"), paused(*OUTAGE), rendered_known("left"))
 _ANY = f"the trial goes on, or is {PAUSED}"
 
 
@@ -48,8 +49,10 @@ LINKS = (
         hold(LEFT, 0.02),
         *(falls("left", to_zero=False), either(*OUTAGE)),
     ),
-    _case("line-held-200ms", "the same for 200 ms", LEFT_FALLS + PAUSED, hold(LEFT, 0.2), *_GONE),
-    _case("line-held-5s", "the same for 5 s", LEFT_FALLS + PAUSED, hold(LEFT, 5.0), *_GONE, quick=False),
+    _case("line-held-200ms", "the same for 200 ms", f"{LEFT_FALLS}{PAUSED}; {REMEMBERED}", hold(LEFT, 0.2), *_GONE),
+    _case(
+        "line-held-5s", "the same for 5 s", f"{LEFT_FALLS}{PAUSED}; {REMEMBERED}", hold(LEFT, 5.0), *_GONE, quick=False
+    ),
     _case(
         "lines-held-200ms",
         "the same on the lines of both agents for 200 ms",
@@ -61,23 +64,32 @@ LINKS = (
     _case(
         "line-cut-20ms",
         "an agent's connections are reset, and new ones for 20 ms",
-        LEFT_FALLS + PAUSED,
+        f"{LEFT_FALLS}{PAUSED}; {REMEMBERED}",
         cut(LEFT, 0.02),
         *_GONE,
     ),
-    _case("line-cut-200ms", "the same for 200 ms", LEFT_FALLS + PAUSED, cut(LEFT, 0.2), *_GONE, quick=False),
-    _case("line-cut-5s", "the same for 5 s", LEFT_FALLS + PAUSED, cut(LEFT, 5.0), *_GONE, quick=False),
+    _case(
+        "line-cut-200ms",
+        "the same for 200 ms",
+        f"{LEFT_FALLS}{PAUSED}; {REMEMBERED}",
+        cut(LEFT, 0.2),
+        *_GONE,
+        quick=False,
+    ),
+    _case(
+        "line-cut-5s", "the same for 5 s", f"{LEFT_FALLS}{PAUSED}; {REMEMBERED}", cut(LEFT, 5.0), *_GONE, quick=False
+    ),
     _case(
         "black-hole",
         "an agent's connections are reset; new ones are accepted and swallow everything for 2 s",
-        LEFT_FALLS + PAUSED,
+        f"{LEFT_FALLS}{PAUSED}; {REMEMBERED}",
         swallow(LEFT, 2.0),
         *_GONE,
     ),
     _case(
         "doubled",
         "an agent's connections are reset, and made twice for 2 s: the server gets every byte twice",
-        f"{LEFT_FALLS}{PAUSED}; one of the two gets the seat",
+        f"{LEFT_FALLS}{PAUSED}; one of the two gets the seat; {REMEMBERED}",
         double(LEFT),
         *_GONE,
     ),
@@ -141,9 +153,22 @@ LINKS = (
         *(falls("left", to_zero=False), either(*OUTAGE)),
         setup=CABLED,
     ),
-    _case("cable-200ms", "the same for 200 ms", LEFT_FALLS + PAUSED, pull_cable(LEFT, 0.2), *_GONE, setup=CABLED),
     _case(
-        "cable-5s", "the same for 5 s", LEFT_FALLS + PAUSED, pull_cable(LEFT, 5.0), *_GONE, setup=CABLED, quick=False
+        "cable-200ms",
+        "the same for 200 ms",
+        f"{LEFT_FALLS}{PAUSED}; {REMEMBERED}",
+        pull_cable(LEFT, 0.2),
+        *_GONE,
+        setup=CABLED,
+    ),
+    _case(
+        "cable-5s",
+        "the same for 5 s",
+        f"{LEFT_FALLS}{PAUSED}; {REMEMBERED}",
+        pull_cable(LEFT, 5.0),
+        *_GONE,
+        setup=CABLED,
+        quick=False,
     ),
 )
 """The table."""

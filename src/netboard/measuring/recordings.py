@@ -144,7 +144,7 @@ def _read(recording: Recording, config: Config, readings: Readings) -> tuple[Col
 
     def portions() -> Iterator[NDArray[Any]]:
         done = 0
-        for rows in recording.batches(names=tuple(dict.fromkeys((*wanted, *SEEN)))):
+        for rows in recording.batches(names=tuple(dict.fromkeys((*wanted, *SEEN))), as_sent=True):
             for name, column in columns.items():
                 column[done : done + rows.size] = rows[name]
             done += rows.size

@@ -28,6 +28,7 @@ from netboard.errors import DeviceError, DeviceNotFound
 from netboard.methods.delay import Mechanism
 from netboard.nodes.delays import DELAY_LIMIT, limit_ns, loops_of
 from netboard.nodes.motion_link import Link
+from netboard.nodes.rendered_ring import RenderedRing
 from netboard.process import NAME, Seldom, steady_loop
 from netboard.tick import TICK_NS
 from netboard.wire import fixed
@@ -107,6 +108,7 @@ class Agent:
         self._seq = 0
         self._safeguards = 0
         self._rendered = 0.0
+        self._ring = RenderedRing()
 
     def run(self, stopping: Callable[[], bool]) -> None:
         """Serve the device until told to stop; its owner closes it.
@@ -137,6 +139,7 @@ class Agent:
     def _lose(self, error: DeviceError) -> None:
         """Release what is left of the device, with zero force, and leave the session without it."""
         self._safety.device_lost()
+        self._rendered = 0.0
         try:
             self._device.close()
         except DeviceError as last:
@@ -192,6 +195,8 @@ class Agent:
             self._live()
         if not rendered:
             self._render(reading)
+        if self._link.asked is not None:
+            self._link.answer(self._ring.answer(self._link.asked))
         return shift_ns
 
     def _live(self) -> None:
@@ -272,6 +277,7 @@ class Agent:
             self._link.loop_ns,
         )
         self._link.send(seq, reading.stamp_ns)
+        self._ring.add(seq, reading.stamp_ns, self._rendered, self._safeguards)
         self._seq += 1
         self._safeguards = 0
 

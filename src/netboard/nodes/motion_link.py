@@ -18,7 +18,7 @@ from netboard.tick import TICK_NS
 from netboard.wire import fixed
 from netboard.wire.codec import decode, encode
 from netboard.wire.meeting import Goodbye, Hello, Refusal, Welcome
-from netboard.wire.motion import Beat, Force, Point
+from netboard.wire.motion import Backfill, BackfillRequest, Beat, Force, Point
 
 log = logging.getLogger(__name__)
 
@@ -106,12 +106,15 @@ class Link:
         When the server last said something fresh [ns].
     block : str
         Configuration of the block that has begun, for whoever wants to know; the reader empties it.
+    asked : BackfillRequest or None
+        What the server wants to know of an interruption; `answer` answers it.
     """
 
     def __init__(self, socket: sockets.Socket, hello: Hello, timeout_ns: int) -> None:
         self.newest: Force | Point | Beat | None = None
         self.received_ns: int | None = None
         self.block = ""
+        self.asked: BackfillRequest | None = None
         self._timeout_ns = timeout_ns
         self.heard_ns = self._sent = 0
         self.loop_ns = 0
@@ -170,6 +173,8 @@ class Link:
         match message:
             case Force() | Point() | Beat():
                 return self._take(message)
+            case BackfillRequest():
+                self.asked = message
             case Welcome(session=session, config=block):
                 self._enter(session)
                 self.block = block
@@ -180,6 +185,11 @@ class Link:
                 self._refused = reason
                 log.warning("the server refuses: %s", reason)
         return False
+
+    def answer(self, backfill: Backfill) -> None:
+        """Answer what the server has asked; if the queue is full it asks again."""
+        self.asked = None
+        sockets.send(self._socket, encode(backfill))
 
     def rendered(self, at_ns: int) -> None:
         """Note that the newest answer is felt at the device: the loop is closed for the sample it was computed from."""

@@ -21,7 +21,7 @@ from netboard.wire import fixed
 from netboard.wire.codec import decode, encode
 from netboard.wire.meeting import Goodbye, Hello, Welcome
 from netboard.wire.messages import Message
-from netboard.wire.motion import Beat, Stylus
+from netboard.wire.motion import Backfill, BackfillRequest, Beat, Stylus
 from netboard.wire.records import ClockRecord
 from netboard.wire.session import ClockEstimator, admit
 
@@ -97,6 +97,7 @@ class Seat:
             self.probe = probe
             words[seats.OFFSET], words[seats.CLOCK_KNOWN] = clock.offset_ns, True
             words[seats.STAMP] = words[seats.STAMPED] - clock.offset_ns
+            words[seats.TRANSIT] = clock.round_trip_ns // 2
 
     def silent_ns(self, now_ns: int) -> int:
         """Time since it was last heard [ns]."""
@@ -136,6 +137,7 @@ class MotionPort:
         self._words = np.zeros((len(SIDES), seats.WORDS), np.int64)
         self.seats: dict[Side, Seat] = {side: Seat(side, self._words[place]) for place, side in enumerate(SIDES)}
         self.news: list[tuple[str, dict[str, str]]] = []
+        self.backfills: list[tuple[Side, Backfill]] = []
         self.may_arm = True
         self.fast = fastpath.FastPath(router.socket, router.keyed)
         self._router = router
@@ -251,6 +253,17 @@ class MotionPort:
                 lacking.append(f"the {side} device to be armed")
         return lacking
 
+    def ask(self, side: Side, request: BackfillRequest) -> None:
+        """Ask the agent of a side, if it is there, what it has rendered while its samples did not arrive."""
+        agent = self.seats[side].agent
+        if agent:
+            self._router.send(agent, encode(request))
+
+    def knows_clock(self, side: Side) -> bool:
+        """Whether an agent is there whose clock is known well enough."""
+        seat = self.seats[side]
+        return seat.hello is not None and seat.clock.bound_ns <= self._bound_ns
+
     def expire(self, now_ns: int) -> None:
         """Clear the seats of agents that have been silent for long: they say hello when they are back.
 
@@ -312,6 +325,8 @@ class MotionPort:
                 self._greet(agent, message, now_ns)
             case Goodbye(reason=reason) if seat is not None:
                 self._leave(seat, reason)
+            case Backfill() if seat is not None:
+                self.backfills = [*self.backfills[-1:], (seat.side, message)]
             case _ if seat is None:
                 self._refusals.refuse(agent, "say hello first", now_ns)
             case _:

@@ -16,7 +16,7 @@ from netboard.compiled import kernel
 from netboard.config import SIDES
 from netboard.physics.trig import sincos
 from netboard.tables.scene import Physics
-from netboard.tick import TICK, TICK_NS
+from netboard.tick import KNOWN_NS, TICK, TICK_NS
 from netboard.wire import fixed
 from netboard.wire.motion import Safeguard, Stylus
 
@@ -36,6 +36,7 @@ OWN = (
     "offset_ns",  # agent's clock minus the server's [ns]
     "clock_known",  # 1: there is such an estimate
     "tripped",  # safeguards of the last tick that are told as events
+    "transit_ns",  # half the shortest round trip of late: what a sample takes [ns]
 )
 """What the server notes beside a sample."""
 
@@ -51,7 +52,7 @@ SEQ, FORCE_TICK, FORCE_SENT, FORCE_RECEIVED, SENT = (
     _AT[name] for name in ("seq", "force_tick", "force_sent_ns", "force_received_ns", "sent_ns")
 )
 ARRIVED, STAMP, LEAD, GATHERED, FRESH, PUNCTUAL = (_AT[name] for name in OWN[:6])
-TAKEN, MISSING, STALE, OFFSET, CLOCK_KNOWN, _TRIPPED = (_AT[name] for name in OWN[6:])
+TAKEN, MISSING, STALE, OFFSET, CLOCK_KNOWN, _TRIPPED, TRANSIT = (_AT[name] for name in OWN[6:])
 STAMPED, _Z, _VZ, SAFEGUARDS = (_AT[name] for name in ("stamp_ns", "z", "vz", "safeguards"))
 LOOP = _AT["loop_ns"]
 ARMED_BIT = int(Safeguard.ARMED)
@@ -88,6 +89,7 @@ _COPIED = {
 _FROM = np.array([_AT[name] for name in _COPIED.values()])
 _TO = np.array([[_ROW[f"{side}_{name}"] for name in _COPIED] for side in SIDES])
 _LIVE = np.array([_ROW[f"{side}_live"] for side in SIDES])
+_RENDERED = np.array([_ROW[f"{side}_rendered"] for side in SIDES])
 _ROW_SEQ = np.array([_ROW[f"{side}_seq"] for side in SIDES])
 _ROW_FORCE = np.array([_ROW[f"{side}_force"] for side in SIDES])
 _TICK, _TIME, _LATE = _ROW["tick"], _ROW["time_ns"], _ROW["late_ns"]
@@ -245,6 +247,8 @@ def drain(
 def fill(row: Any, seats: Any, number: int, due_ns: int, late_ns: int, timeout_ns: int) -> int:
     """Begin the row of a tick with the newest samples; which sides are live, armed, stopped, and tripped just now.
 
+    The force that a device has rendered is NaN where the newest sample is too old, or too new, to say so.
+
     Parameters
     ----------
     row : ndarray of int64
@@ -267,7 +271,7 @@ def fill(row: Any, seats: Any, number: int, due_ns: int, late_ns: int, timeout_n
         row[k] = 0
     row[_TICK], row[_TIME], row[_LATE] = number, due_ns, late_ns
     found = 0
-    values = seats.view(np.float64)
+    values, numbers = seats.view(np.float64), row.view(np.float64)
     for place in range(2):
         seat = seats[place]
         for k in range(len(_FROM)):
@@ -277,6 +281,9 @@ def fill(row: Any, seats: Any, number: int, due_ns: int, late_ns: int, timeout_n
         if seat[TAKEN] > 0 and finite and in_time:
             row[_LIVE[place]] = 1
             found |= LIVE << place
+        old = due_ns - seat[STAMP] - seat[TRANSIT] > KNOWN_NS or abs(due_ns - seat[ARRIVED]) > KNOWN_NS
+        if seat[TAKEN] == 0 or not in_time or old:
+            numbers[_RENDERED[place]] = np.nan
         if seat[SAFEGUARDS] & ARMED_BIT:
             found |= ARMED << place
         if seat[GATHERED] & _STOPPED_BIT:

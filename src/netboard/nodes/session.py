@@ -25,6 +25,7 @@ from netboard.experiment.machine import STAGE_FAULT, Cause, Phase
 from netboard.nodes import alarm, seats
 from netboard.nodes.alarm import Alarm
 from netboard.nodes.answers import SessionAnswers
+from netboard.nodes.backfill import Backfiller
 from netboard.nodes.chronicle import Chronicle, change_of
 from netboard.nodes.control_port import Wish
 from netboard.nodes.desk import Decision, Desk, Situation, form_of, note_of
@@ -123,6 +124,7 @@ class Session:
         self.motion, self.control, self.log = self._ports.motion, self._ports.control, self._ports.log
         self.inlets = self._ports.inlets
         self._chronicle = Chronicle(self.log)
+        self._backfiller = Backfiller()
         self._readiness = Readiness(self._ports, self.desk, self._alarm, self.pace)
         self._sound([])
 
@@ -457,6 +459,8 @@ class Session:
         if now >= self._clocks_ns:
             self._clocks_ns = now + CLOCKS_NS
             self._note_clocks()
+        for record in self._backfiller.attend(self.motion, self.rows, self.number, now) if self.desk.opened else ():
+            self._chronicle.record(record)
         self._keep_records(now)
 
     def _keep_records(self, now: int) -> None:

@@ -21,7 +21,7 @@ from netboard.recording.reader import Recording
 from netboard.recording.summary import find_gaps
 from netboard.wire.records import BLOCK_BEGAN, EventRecord
 
-OF_THE_SERVER = ("/ticks", "/event", "/clock", "/frame")
+OF_THE_SERVER = ("/ticks", "/event", "/clock", "/frame", "/backfill")
 """Topics whose messages are records of the log channel."""
 
 _PAUSES = (Cause.PAUSE, Cause.FAULT)

@@ -17,14 +17,16 @@ import numpy as np
 from mcap.reader import make_reader
 from numpy.typing import NDArray
 
-from netboard.config import Config, parse
+from netboard.config import SIDES, Config, parse
 from netboard.errors import ConfigError, NetboardError, RecordingError
+from netboard.experiment.machine import Phase
 from netboard.proof.account import OF_THE_SERVER, Stretch, cause_of_loss, parts_of
 from netboard.proof.clock_check import check_clocks
 from netboard.proof.grade import Finding, Grade, Report, numbers_in_words
 from netboard.proof.planned import journal_findings, plan_findings
 from netboard.proof.trial_check import check_measured, check_trials
-from netboard.proof.walk import Walk, walk
+from netboard.proof.walk import ACTIVE, Walk, walk
+from netboard.recording.backfill import unknown_ticks
 from netboard.recording.channels import CHANNELS, FORMAT_VERSION
 from netboard.recording.reader import Recording
 from netboard.recording.recovery import Report as Recovered
@@ -109,11 +111,12 @@ def _check(recording: Recording, replay: bool, tell: Tell) -> Report:
             stage.warm()
     except (ConfigError, RecordingError) as error:
         findings.append(Finding("configuration", Grade.DAMAGE, str(error)))
-    seen = walk(_told(recording.batches(), tell), None if config is None else config.block, stage)
+    seen = walk(_told(recording.batches(as_sent=True), tell), None if config is None else config.block, stage)
     events, probes, remarks = recording.events(), recording.clocks(), recording.remarks()
     findings += check_numbers(recording, seen, (events, probes, remarks))
     findings += check_frames(recording.frames())
     findings += check_losses(recording, events, remarks)
+    findings += check_rendered(recording)
     findings += check_time(recording, seen, events, remarks)
     if config is not None:
         findings += check_clocks(probes, config.network.clock_bound_ms, seen.active_ns)
@@ -266,6 +269,25 @@ def check_losses(
     if "what_if" in recording.metadata:
         text = f"no recording of people: computed from {recording.metadata.get('source', '?')} with "
         yield Finding("file", Grade.LOSS, f"{text}{recording.metadata['what_if']}; between attempts nothing is there")
+
+
+def check_rendered(recording: Recording) -> Iterator[Finding]:
+    """Say how many ticks there are of which nobody knows what a device rendered: in a trial that is a loss.
+
+    Parameters
+    ----------
+    recording : Recording
+        The file.
+    """
+    columns = recording.columns("phase", *(f"{side}_rendered" for side in SIDES))
+    active = ACTIVE[np.clip(columns["phase"], 0, len(Phase) - 1)]
+    for side in SIDES:
+        rendered = columns[f"{side}_rendered"]
+        count, in_trials = unknown_ticks(rendered), unknown_ticks(rendered, active)
+        if count:
+            grade = Grade.LOSS if in_trials else Grade.SOUND
+            told = f"{in_trials} of them in trials" if in_trials else "none of them in a trial"
+            yield Finding("forces", grade, f"what the {side} device rendered is unknown at {count} ticks, {told}")
 
 
 # --- time --------------------------------------------------------------------------------------------------------

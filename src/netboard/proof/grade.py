@@ -33,8 +33,8 @@ class Finding:
     Attributes
     ----------
     part : str
-        What was looked at: ``file``, ``numbers``, ``time``, ``clocks``, ``configuration``, ``trials``, ``plan``,
-        ``journal`` or ``replay``.
+        What was looked at: ``file``, ``numbers``, ``forces``, ``time``, ``clocks``, ``configuration``, ``trials``,
+        ``plan``, ``journal`` or ``replay``.
     grade : Grade
         What it means.
     text : str

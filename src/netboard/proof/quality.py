@@ -39,7 +39,7 @@ def judged(recording: Recording) -> tuple[Verdict, ...]:
         If that is not one of this version.
     """
     config = parse(recording.config_text, f"{recording.path} (its configuration)")
-    return judged_along(recording, config, recording.batches(names=SEEN))
+    return judged_along(recording, config, recording.batches(names=SEEN, as_sent=True))
 
 
 def judged_along(recording: Recording, config: Config, portions: Iterable[NDArray[Any]]) -> tuple[Verdict, ...]:

@@ -242,7 +242,7 @@ def verify_recording(recording: Recording) -> Verdict:
         If its configuration is not one of this version.
     """
     stage = make_stage(parse(recording.config_text, f"{recording.path} (its configuration)"))
-    verdict = verify_portions(stage, recording.batches())
+    verdict = verify_portions(stage, recording.batches(as_sent=True))
     if not verdict.checked:
         raise RecordingError(f"{recording.path}: has no tick to verify")
     return verdict

@@ -22,7 +22,8 @@ from netboard.tick import TICK, TICK_NS
 MOST_KEPT = 1000
 """Of gaps, jumps and wrong numbers so many are kept; the others are counted [1]."""
 
-_ACTIVE = np.array([bool(is_active(int(phase))) for phase in Phase])
+ACTIVE = np.array([bool(is_active(int(phase))) for phase in Phase])
+"""Of each phase, whether a trial is on."""
 
 
 @dataclass
@@ -146,7 +147,7 @@ def _slim(rows: NDArray[Any]) -> NDArray[Any]:
 
 def _feel(seen: Walk, rows: NDArray[Any], block: Block | None) -> None:
     """Look at the forces, and at when a trial goes on."""
-    active = _ACTIVE[np.clip(rows["phase"], 0, len(Phase) - 1)]
+    active = ACTIVE[np.clip(rows["phase"], 0, len(Phase) - 1)]
     where = np.flatnonzero(active)
     if len(where):
         begin = int(rows["time_ns"][where[0]]) if seen.active_ns is None else seen.active_ns[0]

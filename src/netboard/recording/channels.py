@@ -13,18 +13,19 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 import msgpack
+import numpy as np
 
 from netboard.errors import RecordingError, WireError
 from netboard.experiment.machine import Cause, Phase
-from netboard.tick import TICK
+from netboard.tick import RENDERED, TICK
 from netboard.wire.codec import decode
 from netboard.wire.motion import Safeguard
-from netboard.wire.records import BLOCK_BEGAN, ClockRecord, EventRecord, FrameRecord, TickRecord
+from netboard.wire.records import BLOCK_BEGAN, BackfillRecord, ClockRecord, EventRecord, FrameRecord, TickRecord
 
 FORMAT_VERSION = "3"
 """Grows when a reader of the version before would misread a file."""
 
-Record = TickRecord | EventRecord | ClockRecord | FrameRecord
+Record = TickRecord | EventRecord | ClockRecord | FrameRecord | BackfillRecord
 """What the log channel carries."""
 
 
@@ -169,7 +170,7 @@ _SIDE_TEXTS: dict[str, tuple[str, str]] = {
     "force": ("force to be felt by the {} hand, + = up; told [block] force_delay_ms later; 0 where nothing is", "N"),
     "x": ("{} stylus, out of the screen, as sent", "m"),
     "y": ("{} stylus, to the right, as sent", "m"),
-    "rendered": ("vertical force the {} agent last handed to its device, + = up", "N"),
+    "rendered": ("vertical force the {} agent last handed to its device, + = up; NaN where that is not known", "N"),
     "safeguards": (f"what the {{}} agent's safety chain did: {_SAFEGUARDS}", "1"),
     "buttons": ("bit mask of the pressed buttons of the {} stylus", "1"),
     "loop_ns": ("{} stylus read to rendering of the answer to it, 0 for none yet", "ns"),
@@ -306,6 +307,25 @@ CHANNELS = (
         "nominal server time of the tick",
         PLOTTED,
     ),
+    Channel(
+        "/backfill",
+        "netboard.Backfill",
+        "what an agent rendered while its samples did not arrive, as it told after the interruption",
+        "number of the record",
+        "stamp of its first row, server time",
+        (
+            Field("seq", "integer", "number of the record, from 0", "1"),
+            Field("side", "string", "left or right", ""),
+            Field("offset_ns", "integer", "estimated agent clock minus server clock", "ns"),
+            Field(
+                "rows",
+                "bytes",
+                "rows of four little-endian words: seq of the sample, stamp_ns on the agent's clock, rendered "
+                "(float64, N), safeguards",
+                "",
+            ),
+        ),
+    ),
 )
 """The channels of a recording, in the order of their ids."""
 
@@ -352,16 +372,20 @@ class Stamped:
     data: bytes
 
 
-def _map(record: EventRecord | ClockRecord | FrameRecord) -> bytes:
+Other = EventRecord | ClockRecord | FrameRecord | BackfillRecord
+"""Records that are no ticks."""
+
+
+def _map(record: Other) -> bytes:
     return bytes(msgpack.packb({field.name: getattr(record, field.name) for field in fields(record)}))
 
 
-def stamped(record: EventRecord | ClockRecord | FrameRecord) -> Stamped:
+def stamped(record: Other) -> Stamped:
     """Turn a record of the log channel that is no tick into what is written.
 
     Parameters
     ----------
-    record : EventRecord, ClockRecord or FrameRecord
+    record : EventRecord, ClockRecord, FrameRecord or BackfillRecord
         The record.
     """
     match record:
@@ -371,6 +395,10 @@ def stamped(record: EventRecord | ClockRecord | FrameRecord) -> Stamped:
             return Stamped("/clock", record.seq, record.t3_ns, _map(record))
         case FrameRecord():
             return Stamped("/frame", record.seq, record.painted_ns, _map(record))
+        case BackfillRecord():
+            stamps = np.frombuffer(record.rows, RENDERED)["stamp_ns"]
+            first_ns = int(stamps[0]) - record.offset_ns if stamps.size else 0
+            return Stamped("/backfill", record.seq, first_ns, _map(record))
 
 
 def record_of(frame: bytes) -> Record:
@@ -397,7 +425,7 @@ def begun(record: Record) -> str:
 
     Parameters
     ----------
-    record : TickRecord, EventRecord, ClockRecord or FrameRecord
+    record : Record
         The record.
     """
     return record.details.get("config", "") if isinstance(record, EventRecord) and record.name == BLOCK_BEGAN else ""

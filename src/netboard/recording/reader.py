@@ -1,5 +1,8 @@
 """Reads a finished recording: its metadata, its configuration, and its streams as arrays and records.
 
+What an agent told later of ticks without a sample (`netboard.recording.backfill`) is filled in, unless the ticks are
+wanted as they were sent.
+
 A file that is not a finished, sound recording of a format this version knows is refused with a `RecordingError` that
 says what is wrong with it and what to do. Every chunk's checksum is verified when the chunk is read.
 """
@@ -15,8 +18,10 @@ from typing import Any, Self, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from netboard.config import SIDES
 from netboard.errors import RecordingError
 from netboard.recording import older
+from netboard.recording.backfill import Backfilled
 from netboard.recording.batches import ATTEMPTS_NAME, PLACES, PLACES_NAME, Layout, heard, words_of
 from netboard.recording.channels import CHANNELS, FORMAT_VERSION, IDS, unpack
 from netboard.recording.chunks import payloads
@@ -32,7 +37,7 @@ from netboard.recording.provenance import (
 )
 from netboard.recording.summary import Attempt, Gap, find_attempts, find_gaps
 from netboard.tick import TICK
-from netboard.wire.records import ClockRecord, EventRecord, FrameRecord
+from netboard.wire.records import BackfillRecord, ClockRecord, EventRecord, FrameRecord
 
 READABLE = ("1", "2", FORMAT_VERSION)
 """Versions of the format that can be read."""
@@ -43,7 +48,10 @@ _LEAST_SHARE = 8
 _PORTION = 60_000
 _ROW_BYTES = np.dtype((np.void, TICK.itemsize))
 
-T = TypeVar("T", EventRecord, ClockRecord, FrameRecord)
+T = TypeVar("T", EventRecord, ClockRecord, FrameRecord, BackfillRecord)
+
+_FILLED = tuple(f"{side}_{name}" for side in SIDES for name in ("rendered", "safeguards"))
+_FILLING = (*_FILLED, "time_ns")
 
 
 class Recording:
@@ -144,7 +152,7 @@ class Recording:
         others = {topic: told.get(topic, 0) for topic in IDS if topic != _TICKS}
         return {_TICKS: int(self._places["count"].sum()), **others}
 
-    def ticks(self, first: int | None = None, stop: int | None = None) -> NDArray[Any]:
+    def ticks(self, first: int | None = None, stop: int | None = None, *, as_sent: bool = False) -> NDArray[Any]:
         """Ticks, all of them or those of some numbers.
 
         Parameters
@@ -153,13 +161,15 @@ class Recording:
             Number of the first tick wanted; else from the beginning [1].
         stop : int, optional
             Number after the last one wanted; else to the end [1].
+        as_sent : bool
+            Fill in nothing that agents have told later.
 
         Returns
         -------
         ndarray of TICK, shape (n,)
-            The rows, bit for bit as the server sent them.
+            The rows, bit for bit as the server sent them but for what is filled in.
         """
-        rows = self._rows(self._between(first, stop))
+        rows = self._rows(self._between(first, stop), as_sent=as_sent)
         wanted = _wanted(rows["tick"], first, stop)
         return rows if wanted.all() else rows.view(_ROW_BYTES)[wanted].view(TICK)
 
@@ -187,11 +197,17 @@ class Recording:
             rows = self.ticks(first, stop)
             return {name: rows[name] for name in TICK.names or ()}
         _refuse_unknown(names)
-        found = self._some((*names, "tick"), self._between(first, stop))
+        fills = bool(self._backfilled and set(names) & set(_FILLED))
+        asked = dict.fromkeys((*names, "tick", *(_FILLING if fills else ())))
+        found = self._some(tuple(asked), self._between(first, stop))
+        if fills and self._backfilled:
+            self._backfilled.fill(found)
         wanted = _wanted(found["tick"], first, stop)
         return {name: found[name] if wanted.all() else found[name][wanted] for name in names}
 
-    def batches(self, most: int = _PORTION, names: Sequence[str] = ()) -> Iterator[NDArray[Any]]:
+    def batches(
+        self, most: int = _PORTION, names: Sequence[str] = (), *, as_sent: bool = False
+    ) -> Iterator[NDArray[Any]]:
         """Yield all ticks in order, a portion at a time: for recordings that do not fit into memory.
 
         Parameters
@@ -200,6 +216,8 @@ class Recording:
             A portion has this many ticks or a few more [1].
         names : sequence of str
             Fields of `netboard.tick.TICK` that are wanted, which takes less time; none means all.
+        as_sent : bool
+            Fill in nothing that agents have told later.
 
         Yields
         ------
@@ -212,7 +230,9 @@ class Recording:
             If there is no such field.
         """
         _refuse_unknown(names)
-        yield from self._portions(self._places, most, names)
+        portions = np.cumsum(self._places["count"]) // most
+        for portion in np.unique(portions):
+            yield self._rows(self._places[portions == portion], names, as_sent=as_sent)
 
     def attempts(self) -> tuple[Attempt, ...]:
         """Every attempt at a trial, in order."""
@@ -245,14 +265,24 @@ class Recording:
             wanted &= self._places["first"] < stop
         return self._places[wanted]
 
-    def _portions(self, places: NDArray[Any], most: int, names: Sequence[str]) -> Iterator[NDArray[Any]]:
-        """Yield the ticks of some places, a portion at a time."""
-        portions = np.cumsum(places["count"]) // most
-        for portion in np.unique(portions):
-            yield self._rows(places[portions == portion], names)
+    @cached_property
+    def _backfilled(self) -> Backfilled | None:
+        """What agents have told of ticks without a sample, if they have told anything."""
+        records = self.backfills()
+        with self._file.sound():
+            return Backfilled(records) if records else None
 
-    def _rows(self, places: NDArray[Any], names: Sequence[str] = ()) -> NDArray[Any]:
+    def _rows(self, places: NDArray[Any], names: Sequence[str] = (), *, as_sent: bool = False) -> NDArray[Any]:
         """Ticks of some places, or the named fields of them."""
+        backfilled = None if as_sent or (names and not set(names) & set(_FILLED)) else self._backfilled
+        if backfilled is None:
+            return self._read_rows(places, names)
+        rows = self._read_rows(places, tuple(dict.fromkeys((*names, *_FILLING))) if names else ())
+        backfilled.fill(rows)
+        return rows if not names else rows[list(names)].astype([(name, TICK[name]) for name in names])
+
+    def _read_rows(self, places: NDArray[Any], names: Sequence[str] = ()) -> NDArray[Any]:
+        """Ticks of some places as they are in the file."""
         kind = np.dtype([(name, TICK[name]) for name in names]) if names else TICK
         rows = np.zeros(int(places["count"].sum()), kind)
         columns = self._layout.places(kind.names or ()) if self._in_batches else np.empty(0, np.int64)
@@ -357,6 +387,10 @@ class Recording:
         """All frames the displays have shown."""
         return self._records("/frame", FrameRecord)
 
+    def backfills(self) -> tuple[BackfillRecord, ...]:
+        """What agents have told of ticks without a sample of theirs."""
+        return self._records("/backfill", BackfillRecord) if "/backfill" in self._file.channels else ()
+
     def remarks(self) -> tuple[EventRecord, ...]:
         """All remarks of the logger itself: above all ``log_lost``, records it never got."""
         return self._records("/logger", EventRecord)
@@ -371,6 +405,7 @@ class Recording:
     def gaps(self) -> dict[str, tuple[Gap, ...]]:
         """Missing numbers of every stream, by topic (and station); a stream without gaps is not listed."""
         numbers = {"/event": [event.seq for event in self.events()], "/clock": [clock.seq for clock in self.clocks()]}
+        numbers["/backfill"] = [backfill.seq for backfill in self.backfills()]
         for frame in self.frames():
             numbers.setdefault(f"/frame {frame.station}", []).append(frame.seq)
         found = {_TICKS: find_gaps(self.columns("tick")["tick"])}

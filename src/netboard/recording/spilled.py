@@ -23,7 +23,7 @@ from netboard.recording.summary import find_gaps
 from netboard.recording.writer import RecordingWriter
 from netboard.tick import TICK
 from netboard.wire.meeting import Welcome
-from netboard.wire.records import ClockRecord, EventRecord, FrameRecord, LogBatch, TickRecord
+from netboard.wire.records import BackfillRecord, ClockRecord, EventRecord, FrameRecord, LogBatch, TickRecord
 
 
 def recover_any(path: Path, output: Path | None = None) -> tuple[Report, ...]:
@@ -133,7 +133,7 @@ class _Blocks:
         except WireError as error:
             writer.note_unreadable(frame, number, str(error), self._now)
             return
-        if not isinstance(record, FrameRecord):  # whose stamp is that of a display
+        if not isinstance(record, FrameRecord | BackfillRecord):  # whose stamps are not of the present
             self._now = max(self._now, _server_ns(record) + self._utc_ns - self._opened.time_ns)
         if writer.next_record is not None and (config := begun(record)):
             self._finish()

@@ -7,12 +7,14 @@ ended the phase found in row k.
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from math import nan
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from netboard.experiment.machine import BALL_FREE, Cause, Phase
+from netboard.recording.backfill import unknown_ticks
 from netboard.tick import LATE_NS, TICK, TICK_SECONDS
 from netboard.wire.motion import Safeguard
 from netboard.wire.records import ClockRecord, EventRecord, FrameRecord, kind_of_peer
@@ -211,7 +213,9 @@ class SideSummary:
     loop : Spread
         Stylus read to rendering of the force computed from it [s].
     largest_force : float
-        Largest magnitude of the vertical force handed to the device [N].
+        Largest magnitude of the vertical force handed to the device, as far as it is known; NaN if it never is [N].
+    unknown_ticks : int
+        Ticks since the first sample at which nobody knows what the device rendered [1].
     safeguards : dict of int
         Ticks at which each action of the safety chain was reported, by its lower-case name; others are left out [1].
     limited_ticks : int
@@ -224,6 +228,7 @@ class SideSummary:
 
     loop: Spread
     largest_force: float
+    unknown_ticks: int
     safeguards: dict[str, int]
     limited_ticks: int
     stale_ticks: int
@@ -241,11 +246,14 @@ def summarise_side(ticks: NDArray[Any], side: str) -> SideSummary:
         ``left`` or ``right``.
     """
     loop, bits, seqs = ticks[f"{side}_loop_ns"], ticks[f"{side}_safeguards"], ticks[f"{side}_seq"]
+    rendered = ticks[f"{side}_rendered"]
+    known = rendered[~np.isnan(rendered)]
     steps = np.diff(seqs[seqs >= 0])
     counts = {str(guard.name).lower(): int(np.count_nonzero(bits & guard.value)) for guard in Safeguard}
     return SideSummary(
         loop=spread(_closed_loops(loop)),
-        largest_force=float(np.max(np.abs(ticks[f"{side}_rendered"]), initial=0.0)),
+        largest_force=float(np.max(np.abs(known))) if known.size else nan,
+        unknown_ticks=unknown_ticks(rendered),
         safeguards={name: count for name, count in counts.items() if count},
         limited_ticks=int(np.count_nonzero(bits & (Safeguard.CLAMPED | Safeguard.SLEWED).value)),
         stale_ticks=int(np.count_nonzero(ticks[f"{side}_live"] == 0)),

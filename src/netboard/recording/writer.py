@@ -119,7 +119,7 @@ class RecordingWriter:
 
         Parameters
         ----------
-        record : TickRecord, EventRecord, ClockRecord or FrameRecord
+        record : Record
             The record.
         number : int
             Its number on the log channel; records come in order and without a hole (`note_lost` fills holes) [1].

@@ -106,6 +106,7 @@ def fill(body: Any, side: int, white: NDArray[np.float64], words: Any, numbers: 
     stamp_ns = words[_TIME] - LEAD_NS
     words[_LIVE[side]], words[_SEQ[side]], words[_STAMP[side]] = 1, words[_TICK], stamp_ns
     words[_GUARDS[side]], words[_LEAD[side]] = _ARMED, LEAD_NS
+    numbers[_RENDERED[side]] = 0.0
     if d["held"] == 0:
         return
     origin = (stamp_ns - TICK_NS) * 1e-9

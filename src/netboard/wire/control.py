@@ -154,8 +154,8 @@ class Status:
         free [1].
     stations : tuple of (str, float, int, float, int, int)
         For each side: its name, age of the newest sample (NaN: none) [s], `Safeguard` bits of the last tenth of a
-        second, vertical force rendered [N], and how many ticks of this attempt had no fresh sample, and a force at its
-        limit [1].
+        second, vertical force rendered (NaN: not known) [N], and how many ticks of this attempt had no fresh sample,
+        and a force at its limit [1].
     """
 
     session: str
@@ -243,7 +243,8 @@ class Trace:
     ----------
     points : tuple of (int, float, float, float, float, float, float, float)
         For each: tick [1]; height of the left and the right stylus and of the board's centre [m]; tilt [rad]; ball
-        position, NaN without one [m]; vertical force on the left and the right hand, as rendered [N].
+        position, NaN without one [m]; vertical force on the left and the right hand, as rendered,
+        NaN where not known [N].
     """
 
     points: tuple[tuple[int, float, float, float, float, float, float, float], ...]

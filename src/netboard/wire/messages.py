@@ -20,8 +20,9 @@ from netboard.wire.control import (
     TraceRequest,
 )
 from netboard.wire.meeting import ROLES, Goodbye, Hello, Ping, Pong, Refusal, Welcome
-from netboard.wire.motion import Beat, Felt, Force, Move, Point, Pointer, Stylus
+from netboard.wire.motion import Backfill, BackfillRequest, Beat, Felt, Force, Move, Point, Pointer, Stylus
 from netboard.wire.records import (
+    BackfillRecord,
     ClockRecord,
     EventRecord,
     FrameRecord,
@@ -33,7 +34,7 @@ from netboard.wire.records import (
 )
 from netboard.wire.views import Frames, View
 
-PROTOCOL_VERSION = 4
+PROTOCOL_VERSION = 5
 
 SIDES = ("left", "right")
 
@@ -48,6 +49,8 @@ Message = (
     | Force
     | Point
     | Beat
+    | BackfillRequest
+    | Backfill
     | View
     | Frames
     | LogRequest
@@ -58,6 +61,7 @@ Message = (
     | EventRecord
     | ClockRecord
     | FrameRecord
+    | BackfillRecord
     | Command
     | Reply
     | StatusRequest
@@ -102,6 +106,8 @@ KINDS: dict[int, Kind] = {
     11: Kind(Force, 64),
     12: Kind(Beat, 64),
     13: Kind(Point, 128),
+    14: Kind(BackfillRequest, 64),
+    15: Kind(Backfill, 2304),
     20: Kind(View, 4096),
     21: Kind(Frames, 65_536, 2048),
     30: Kind(LogRequest, 64),
@@ -112,6 +118,7 @@ KINDS: dict[int, Kind] = {
     35: Kind(EventRecord, 65_536),
     36: Kind(ClockRecord, 256),
     37: Kind(FrameRecord, 256),
+    38: Kind(BackfillRecord, 2304),
     50: Kind(Command, 65_536),
     51: Kind(StatusRequest, 16),
     52: Kind(Status, 262_144, 10_240),
@@ -132,6 +139,7 @@ CHOICES: dict[tuple[type[Message], str], tuple[str, ...]] = {
     (View, "station"): SIDES,
     (Frames, "station"): SIDES,
     (FrameRecord, "station"): SIDES,
+    (BackfillRecord, "side"): SIDES,
     (Command, "name"): COMMANDS,
     (Move, "side"): SIDES,
     (Pointer, "side"): SIDES,

@@ -1,6 +1,7 @@
 """What agents say and hear: the motion of a hand, the force on it, and what moves a hand that nobody holds.
 
-Agents and server exchange the first of these a thousand times a second. The last three go past the server: from the
+Agents and server exchange the first of these a thousand times a second. After an interruption the server asks an agent
+what it has rendered meanwhile (`BackfillRequest`, `Backfill`). The last three go past the server: from the
 brain of a simulated bimanual participant to its other hand, and between a played display and the agent of its side.
 A message is data only; `netboard.wire.messages` holds the rules for all of them.
 """
@@ -186,6 +187,46 @@ class Beat:
     stylus_seq: int
     lead_ns: int
     arm: bool
+
+
+BACKFILL_ROWS = 64
+"""A `Backfill` has at most so many rows [1]."""
+
+
+@dataclass(frozen=True, slots=True)
+class BackfillRequest:
+    """The server asks an agent what it has rendered while its samples did not arrive.
+
+    Attributes
+    ----------
+    first : int
+        Number of the first sample in question [1].
+    stop : int
+        Number after the last one [1].
+    """
+
+    first: int
+    stop: int
+
+
+@dataclass(frozen=True, slots=True)
+class Backfill:
+    """The answer of an agent, or the beginning of it.
+
+    Attributes
+    ----------
+    first : int
+        That of the request [1].
+    next : int
+        The server asks on from this number; the request's `stop` if there is no more [1].
+    rows : bytes
+        Rows of `netboard.tick.RENDERED`, little-endian, packed: those of the samples before `next` that the agent still
+        remembers, `BACKFILL_ROWS` at most.
+    """
+
+    first: int
+    next: int
+    rows: bytes
 
 
 @dataclass(frozen=True, slots=True)

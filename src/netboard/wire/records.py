@@ -174,6 +174,28 @@ def kind_of_peer(name: str) -> str:
 
 
 @dataclass(frozen=True, slots=True)
+class BackfillRecord:
+    """What an agent has rendered while its samples did not arrive, as it told later.
+
+    Attributes
+    ----------
+    seq : int
+        Number of the record, from 0 [1].
+    side : str
+        ``left`` or ``right``.
+    offset_ns : int
+        The agent's clock minus the server's, as estimated when it was told [ns].
+    rows : bytes
+        Rows of `netboard.tick.RENDERED`, little-endian, packed.
+    """
+
+    seq: int
+    side: str
+    offset_ns: int
+    rows: bytes
+
+
+@dataclass(frozen=True, slots=True)
 class FrameRecord:
     """One frame a display has shown.
 

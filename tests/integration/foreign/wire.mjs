@@ -5,7 +5,7 @@
 
 import { decode as unpack, encode as pack } from "@msgpack/msgpack";
 
-export const PROTOCOL_VERSION = 4n;
+export const PROTOCOL_VERSION = 5n;
 
 const TABLES = `
   1 Hello role:str side:str protocol:int name:str version:str details:map
@@ -19,6 +19,8 @@ const TABLES = `
  11 Force tick:int sent_ns:int stylus_seq:int force:float lead_ns:int
  12 Beat tick:int sent_ns:int stylus_seq:int lead_ns:int arm:bool
  13 Point tick:int sent_ns:int stylus_seq:int stamp_ns:int z:float vz:float k:float c:float lead_ns:int
+ 14 BackfillRequest first:int stop:int
+ 15 Backfill first:int next:int rows:bin
  20 View station:str tick:int sent_ns:int phase:str z:float theta:float p:float? target:float left:float? right:float?
          trial:int trials:int failures:int completion:float? best:float? notice:str seq:int share:float block:int
          blocks:int rest:float?
@@ -31,6 +33,7 @@ const TABLES = `
  35 EventRecord seq:int tick:int time_ns:int name:str details:map
  36 ClockRecord seq:int peer:str t0_ns:int t1_ns:int t2_ns:int t3_ns:int offset_ns:int bound_ns:int drift_ppm:float
  37 FrameRecord seq:int station:str tick:int received_ns:int painted_ns:int dropped:int
+ 38 BackfillRecord seq:int side:str offset_ns:int rows:bin
  50 Command name:str argument:str number:int
  51 StatusRequest
  52 Status session:str tick:int phase:str trial:int trials:int successes:int failures:int completions:float*

@@ -1,0 +1,225 @@
+"""What was rendered while a link was cut: the agent remembers it, the server asks for it, and the ticks have it."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+import pytest
+from fake_router import hello
+from motion_rig import MotionRig
+
+from netboard import sockets
+from netboard.nodes.backfill import AGAIN_NS, MOST_GAPS, Backfiller
+from netboard.nodes.motion_port import GONE_NS
+from netboard.nodes.rendered_ring import RenderedRing
+from netboard.recording.backfill import Backfilled
+from netboard.tick import KNOWN_NS, RENDERED, TICK
+from netboard.wire.motion import BACKFILL_ROWS, Backfill, BackfillRequest, Safeguard, Stylus
+from netboard.wire.records import BackfillRecord
+
+MS = 1_000_000
+AGENT = b"agent.left@1"
+CLOCK_NS = 10**15
+"""The agent's clock minus the server's [ns]."""
+HOUSE_TICKS = 10
+
+
+def rendered(seq: int) -> float:
+    return 0.43 - 1e-5 * seq
+
+
+def guards(seq: int) -> int:
+    return int(Safeguard.ARMED | (Safeguard.STALE if seq % 3 == 0 else Safeguard.CLAMPED))
+
+
+@dataclass
+class Link:
+    """A server's motion port and an agent, joined by a line that can be cut; 1 ms each round."""
+
+    rig: MotionRig
+    rows: Any = field(default_factory=lambda: np.zeros(1024, TICK))
+    ring: RenderedRing = field(default_factory=RenderedRing)
+    filler: Backfiller = field(default_factory=Backfiller)
+    records: list[BackfillRecord] = field(default_factory=list)
+    ticks: list[Any] = field(default_factory=list)
+    asked: list[BackfillRequest] = field(default_factory=list)
+    answers_lost: int = 0
+    number: int = 0
+    seq: int = -1
+
+    @property
+    def now_ns(self) -> int:
+        return (1000 + self.number) * MS
+
+    def greet(self) -> None:
+        self.rig.router.say(AGENT, hello("agent", "left"))
+        self.rig.drain(lambda: self.now_ns)
+        self.rig.router.heard(AGENT)
+
+    def go(self, ticks: int, *, cut: bool = False) -> None:
+        for _ in range(ticks):
+            self._tick(cut=cut)
+
+    def _tick(self, *, cut: bool) -> None:
+        now = self.now_ns
+        stamp, self.seq = now + CLOCK_NS - 300_000, self.seq + 1
+        sample = Stylus(
+            self.seq, stamp, *[0.0] * 6, 0, guards(self.seq), rendered(self.seq), self.number,
+            now - 400_000, now + CLOCK_NS - 350_000, now + CLOCK_NS - 250_000, 0,
+        )  # fmt: skip
+        self.ring.add(self.seq, stamp, sample.rendered, sample.safeguards)
+        if not cut:
+            self.rig.router.say(AGENT, sample)
+            self._answer()
+        self.rig.drain(lambda: now - 200_000, now)
+        row = self.rows[self.number % 1024 : self.number % 1024 + 1]
+        self.rig.port.fill(row.view(np.int64), self.number, now, 0)
+        self.ticks.append(row.copy())
+        self.number += 1
+        if self.number % HOUSE_TICKS == 0:
+            self.rig.port.expire(now)
+            self.records += self.filler.attend(self.rig.port, self.rows, self.number, now)
+
+    def _answer(self) -> None:
+        for message in self.rig.router.heard(AGENT):
+            if isinstance(message, BackfillRequest):
+                self.asked.append(message)
+                if self.answers_lost:
+                    self.answers_lost -= 1
+                else:
+                    self.rig.router.say(AGENT, self.ring.answer(message))
+
+    def recorded(self) -> Any:
+        return np.concatenate(self.ticks)
+
+    def filled(self) -> Any:
+        rows = self.recorded()
+        Backfilled(self.records).fill(rows)
+        return rows
+
+
+@pytest.fixture
+def link() -> Iterator[Link]:
+    with sockets.open_context() as context:
+        made = Link(MotionRig(context))
+        made.greet()
+        yield made
+
+
+def assert_true(rows: Any, first: int) -> None:
+    """Every tick says what was rendered at the newest sample before it."""
+    np.testing.assert_array_equal(rows["left_rendered"], [rendered(tick + first) for tick in range(len(rows))])
+    np.testing.assert_array_equal(rows["left_safeguards"], [guards(tick + first) for tick in range(len(rows))])
+
+
+def test_a_tick_without_a_sample_does_not_hold_an_old_force(link: Link) -> None:
+    link.go(20)
+    link.go(1000, cut=True)
+    rows = link.recorded()[20:]
+    held = KNOWN_NS // MS
+    np.testing.assert_array_equal(rows["left_rendered"][: held - 1], rendered(19))
+    assert np.isnan(rows["left_rendered"][held:]).all()
+    assert np.isnan(rows["right_rendered"]).all(), "nobody is there"
+
+
+@pytest.mark.parametrize("away", [30, 700, GONE_NS // MS + 500])
+def test_after_a_cut_every_tick_has_what_the_agent_remembers(link: Link, away: int) -> None:
+    link.go(50)
+    link.go(away, cut=True)
+    if away * MS > GONE_NS:
+        link.greet()
+    link.answers_lost = 2
+    link.go(50 + away // 2 + 3 * AGAIN_NS // MS)
+    known = link.filled()
+    unknown = np.isnan(link.recorded()["left_rendered"])
+    assert away - 5 < np.count_nonzero(unknown) <= away + 5
+    filled = np.flatnonzero(unknown)
+    assert_true(known[filled[0] : filled[-1] + 1], int(filled[0]))
+    assert not np.isnan(known["left_rendered"]).any()
+    assert [record.seq for record in link.records] == list(range(len(link.records)))
+    assert max(len(record.rows) for record in link.records) <= BACKFILL_ROWS * RENDERED.itemsize
+    assert len(link.asked) <= len(link.records) + 2 + 1
+
+
+def test_a_cut_while_the_agent_tells_loses_nothing(link: Link) -> None:
+    link.go(20)
+    link.go(400, cut=True)
+    link.go(30)
+    assert 0 < len(link.records) < 400 // BACKFILL_ROWS
+    link.go(300, cut=True)
+    link.go(800)
+    assert not np.isnan(link.filled()["left_rendered"]).any()
+
+
+def test_an_agent_that_was_started_anew_has_forgotten_it(link: Link) -> None:
+    link.go(100)
+    link.go(500, cut=True)
+    link.ring, link.seq = RenderedRing(), -1
+    link.go(100, cut=True)
+    link.rig.port.seats["left"].leave()
+    link.greet()
+    link.go(400)
+    rows = link.filled()
+    assert np.isnan(rows["left_rendered"][110:600]).all()
+    np.testing.assert_array_equal(rows["left_rendered"][600:], [rendered(k) for k in range(500)])
+
+
+def test_before_an_agent_has_come_nothing_is_asked(link: Link) -> None:
+    link.go(500, cut=True)
+    link.go(100)
+    assert (link.asked, link.records) == ([], [])
+
+
+def test_answers_that_were_not_asked_for_or_break_the_rules_are_ignored(link: Link) -> None:
+    link.go(20)
+    link.go(300, cut=True)
+    link.answers_lost = 10**6
+    link.go(40)
+    (asked, *_) = link.asked
+    row = np.zeros(1, RENDERED).tobytes()
+    for wrong in (
+        Backfill(asked.first + 1, asked.stop, row),
+        Backfill(asked.first, asked.first, row),
+        Backfill(asked.first, asked.stop + 1, row),
+        Backfill(asked.first, asked.stop, row[:-1]),
+        Backfill(asked.first, asked.stop, row * (BACKFILL_ROWS + 1)),
+    ):
+        assert link.filler.take("left", wrong, 0) is None
+    assert link.filler.take("right", Backfill(asked.first, asked.stop, row), 0) is None
+    assert link.filler.take("left", Backfill(asked.first, asked.stop, row), 5) == BackfillRecord(0, "left", 5, row)
+    assert link.filler.take("left", Backfill(asked.first, asked.stop, row), 5) is None
+
+
+def test_the_ring_forgets_what_is_old_and_says_so() -> None:
+    ring = RenderedRing(capacity=100)
+    assert ring.answer(BackfillRequest(3, 9)) == Backfill(3, 9, b"")
+    for seq in range(250):
+        ring.add(seq, 10 * seq, rendered(seq), seq)
+    answer = ring.answer(BackfillRequest(120, 240))
+    rows = np.frombuffer(answer.rows, RENDERED)
+    assert (answer.first, answer.next) == (120, 150 + BACKFILL_ROWS)
+    np.testing.assert_array_equal(rows["seq"], np.arange(150, 150 + BACKFILL_ROWS))
+    np.testing.assert_array_equal(rows["stamp_ns"], 10 * rows["seq"])
+    np.testing.assert_array_equal(rows["rendered"], [rendered(seq) for seq in rows["seq"]])
+    last = ring.answer(replace(BackfillRequest(answer.next, 240)))
+    assert (last.next, len(last.rows)) == (240, (240 - answer.next) * RENDERED.itemsize)
+    assert ring.answer(BackfillRequest(0, 150)) == Backfill(0, 150, b"")
+    assert ring.answer(BackfillRequest(240, 400)).next == 400
+
+
+def test_of_too_many_interruptions_the_oldest_are_forgotten() -> None:
+    filler, rows = Backfiller(), np.zeros(1024, TICK)
+    number = 0
+    for _ in range(MOST_GAPS + 7):
+        for part in range(10):
+            row = rows[number % 1024]
+            row["left_seq"], row["left_rendered"] = number, np.nan if part < 5 and number >= 10 else 0.0
+            number += 1
+        filler.look(rows, number)
+    first = filler.due("left", 0)
+    assert first is not None
+    assert first.first > 20
+    assert filler.due("left", AGAIN_NS - 1) is None
+    assert filler.due("left", AGAIN_NS) == first
+    assert filler.due("right", 0) is None

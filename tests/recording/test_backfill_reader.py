@@ -1,0 +1,135 @@
+"""Ticks without a sample are filled in with what the agents told later, whichever way they are read."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from netboard.errors import RecordingError
+from netboard.proof.checking import check_rendered
+from netboard.proof.grade import Grade
+from netboard.recording.backfill import Backfilled, unknown_ticks
+from netboard.recording.reader import Recording
+from netboard.recording.recovery import recover
+from netboard.recording.summary import summarise_side
+from netboard.tick import RENDERED, TICK
+from netboard.wire.records import BackfillRecord, TickRecord
+from samples import OPENED_NS, new_writer
+
+MS = 1_000_000
+CLOCK_NS = 77 * 10**12
+COUNT, BEGAN, CUT, BACK = 900, 100, 300, 800
+"""Ticks; the agent's first; those between are without a sample of it."""
+TOLD = slice(350, BACK)
+
+
+def ticks() -> Any:
+    rows = np.zeros(COUNT, TICK)
+    rows["tick"], rows["time_ns"] = np.arange(COUNT), 10**12 + MS * np.arange(COUNT)
+    rows["phase"] = 2
+    rows["left_rendered"], rows["left_safeguards"] = 0.43, 1
+    rows["left_rendered"][:BEGAN] = rows["left_rendered"][CUT:BACK] = rows["right_rendered"][:] = np.nan
+    rows["left_safeguards"][:BEGAN] = rows["left_safeguards"][CUT:BACK] = 0
+    return rows
+
+
+def told() -> Any:
+    rows = np.zeros(COUNT, RENDERED)[TOLD]
+    rows["seq"] = np.arange(COUNT)[TOLD]
+    rows["stamp_ns"] = 10**12 + MS * rows["seq"] - 300_000 + CLOCK_NS
+    rows["rendered"], rows["safeguards"] = 1e-3 * rows["seq"], 16
+    return rows
+
+
+def records(rows: Any) -> list[BackfillRecord]:
+    return [
+        BackfillRecord(k, "left", CLOCK_NS, rows[64 * k : 64 * k + 64].tobytes()) for k in range(-(-len(rows) // 64))
+    ]
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("backfill") / "a.mcap"
+    writer = new_writer(path)
+    stream = [*(TickRecord(row.tobytes()) for row in ticks()), *records(told())]
+    for number, record in enumerate(stream):
+        writer.write(record, number, OPENED_NS + MS * number)
+    writer.finish(OPENED_NS + MS * len(stream))
+    return path
+
+
+def expected() -> Any:
+    rows = ticks()
+    rows["left_rendered"][TOLD], rows["left_safeguards"][TOLD] = 1e-3 * np.arange(COUNT)[TOLD], 16
+    return rows
+
+
+def test_every_way_of_reading_fills_them_in(path: Path) -> None:
+    whole = expected()
+    with Recording(path) as recording:
+        assert recording.ticks().tobytes() == whole.tobytes()
+        assert recording.ticks(400, 500).tobytes() == whole[400:500].tobytes()
+        assert b"".join(rows.tobytes() for rows in recording.batches(100)) == whole.tobytes()
+        some = np.concatenate(list(recording.batches(100, ["right_rendered", "left_rendered", "p"])))
+        assert some.dtype.names == ("right_rendered", "left_rendered", "p")
+        np.testing.assert_array_equal(some["left_rendered"], whole["left_rendered"])
+        columns = recording.columns("left_safeguards", first=350)
+        np.testing.assert_array_equal(columns["left_safeguards"], whole["left_safeguards"][350:])
+        np.testing.assert_array_equal(recording.columns("left_rendered")["left_rendered"], whole["left_rendered"])
+        assert recording.gaps() == {}
+
+
+def test_what_the_server_sent_is_there_to_the_bit(path: Path) -> None:
+    with Recording(path) as recording:
+        assert recording.ticks(as_sent=True).tobytes() == ticks().tobytes()
+        assert b"".join(rows.tobytes() for rows in recording.batches(as_sent=True)) == ticks().tobytes()
+
+
+def test_a_recovered_recording_has_it_too(path: Path, tmp_path: Path) -> None:
+    cut = tmp_path / "cut.mcap.part"
+    cut.write_bytes(path.read_bytes()[:-500])
+    with Recording(recover(cut).output) as recording:
+        assert recording.ticks().tobytes() == expected().tobytes()
+
+
+def test_how_many_are_unknown_is_said(path: Path) -> None:
+    with Recording(path) as recording:
+        left, right = (summarise_side(recording.ticks(), side) for side in ("left", "right"))
+        (finding,) = check_rendered(recording)
+    assert left.unknown_ticks == 350 - CUT == unknown_ticks(expected()["left_rendered"])
+    assert left.largest_force == pytest.approx(0.799)
+    assert (right.unknown_ticks, np.isnan(right.largest_force)) == (0, True)
+    assert finding.grade is Grade.LOSS
+    assert finding.text == "what the left device rendered is unknown at 50 ticks, 50 of them in trials"
+
+
+def test_outside_of_a_trial_that_is_no_loss() -> None:
+    unknown = np.array([np.nan, 0.0, np.nan, np.nan, 1.0])
+    assert unknown_ticks(unknown) == 2
+    assert unknown_ticks(unknown, np.array([True, True, True, False, True])) == 1
+    assert unknown_ticks(np.full(3, np.nan)) == 0
+
+
+def test_a_force_that_an_agent_kept_while_it_was_held_up_is_known() -> None:
+    rows, tells = ticks(), told()
+    kept = tells[(tells["seq"] < 400) | (tells["seq"] >= 430)].copy()
+    kept["seq"][kept["seq"] >= 430] -= 30
+    Backfilled(records(kept)).fill(rows)
+    np.testing.assert_array_equal(rows["left_rendered"][399:430], 0.399)
+    rows = ticks()
+    Backfilled(records(tells[(tells["seq"] < 400) | (tells["seq"] >= 430)])).fill(rows)
+    assert np.isnan(rows["left_rendered"][402:430]).all()
+
+
+def test_safeguards_of_all_samples_of_a_tick_are_joined() -> None:
+    rows, tells = ticks(), told()
+    tells["stamp_ns"] = 10**12 + CLOCK_NS + (MS * tells["seq"]) // 2
+    tells["safeguards"] = 1 << (tells["seq"] % 8)
+    Backfilled(records(tells)).fill(rows)
+    assert rows["left_safeguards"][300] == (1 << (600 % 8)) | (1 << (599 % 8))
+
+
+def test_a_record_that_is_not_whole_is_refused() -> None:
+    with pytest.raises(RecordingError, match="backfill record 3"):
+        Backfilled([BackfillRecord(3, "left", 0, b"123")])
