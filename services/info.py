@@ -6,6 +6,7 @@ from pathlib import Path
 from rich.console import Console
 
 from netboard.config import parse
+from netboard.design.factors import BlockFactor, design_of, factors_of, role_of
 from netboard.errors import RecordingError
 from netboard.experiment.quality import WORDS, Verdict
 from netboard.proof.account import Stretch, account_of, parts_of
@@ -50,7 +51,8 @@ def provenance_table(recording: Recording) -> FittedTable:
     FittedTable
         For printing.
     """
-    block = parse(recording.config_text, f"{recording.path} (its configuration)").block
+    config = parse(recording.config_text, f"{recording.path} (its configuration)")
+    block, design = config.block, design_of(config)
     said = recording.metadata
     rows = {
         "file": f"{recording.path} ({recording.path.stat().st_size / 1e6:.1f} MB)",
@@ -58,6 +60,8 @@ def provenance_table(recording: Recording) -> FittedTable:
         "pilot": said.get("pilot", "?"),
         "recorded": said.get("opened_utc", "?"),
         "block": f"{block.configuration}, haptics {'on' if block.haptics else 'off'}, {block.trials} trials",
+        "role": role_of(config) + (f", kind {design.kind}" if design.kind else ""),
+        **{f"factor {one.name}": _level(one, block.trials) for one in factors_of(config)},
         "ended": recording.end.get("ended", "not known: the file was recovered"),
         "written by": f"netboard {said.get('netboard', '?')}, {said.get('python', '?')}, {said.get('platform', '?')}",
         "doctor": said.get("doctor", "?"),
@@ -67,6 +71,13 @@ def provenance_table(recording: Recording) -> FittedTable:
     for name, value in rows.items():
         table.add_row(name, value)
     return table
+
+
+def _level(factor: BlockFactor, trials: int) -> str:
+    """Write the level of a factor in a block; of one that varies within it, also the level of each trial."""
+    if factor.scope != "trial":
+        return f"{factor.summary}, {factor.of.type}"
+    return f"{factor.summary}, {factor.of.type}, by trial: {' '.join(factor.level(k) for k in range(1, trials + 1))}"
 
 
 def quality_table(verdicts: Sequence[Verdict]) -> FittedTable:

@@ -1,7 +1,8 @@
 """Finding a study by name or file, and showing the plans that are made of it."""
 
 import json
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from netboard.config import Config
 from netboard.design import library
 from netboard.design.balance import Balance, balance_of
 from netboard.design.balance import Table as Counts
+from netboard.design.factors import declared, level_text
 from netboard.design.plan import Plan, PlanBlock, config_of, digest, plan_of, seated, to_json
 from netboard.design.study import Study, parse_study, resolve_study
 from netboard.errors import ConfigError
@@ -135,12 +137,28 @@ def check(config: Config, study: Study, word: str, seed: int, dyads: int) -> int
         _print_table(console, balance.tables[0])
     else:
         blocks, sessions = plans[0].blocks, len(plans[0].sessions)
-        trials = sum(block.count for block in blocks)
-        size = f"{sessions} session{'s' * (sessions > 1)}, {len(blocks)} blocks, {trials} trials"
+        size = f"{sessions} session{'s' * (sessions > 1)}, {', '.join(_by_role(blocks))}"
         console.print(f"{word}: in order ({size}; counts meet for dyads 1 to {dyads})")
+        for name, factor in study.factors.items():
+            found = declared(factor)
+            levels = ", ".join(level_text(found, level) for level in found.levels)
+            console.print(f"  factor {name}: {levels}; {found.type}, {WHERE.get(factor.order, 'between blocks')}")
         for uneven in balance.uneven:
             console.print(f"  not even over {dyads} dyads: {uneven}")
     return _verdict(problems)
+
+
+WHERE = {"between": "between dyads", "trial": "within blocks"}
+"""Where a factor varies, by its order, if not between blocks."""
+
+
+def _by_role(blocks: Sequence[PlanBlock]) -> Iterator[str]:
+    """Count blocks and trials of each role, tests first."""
+    for role in sorted({block.role for block in blocks}, key=lambda role: (role != "test", role)):
+        own = [block for block in blocks if block.role == role]
+        trials = sum(block.count for block in own)
+        many = f"{len(own)} {'' if role == 'test' else f'{role} '}block{'s' * (len(own) > 1)}"
+        yield f"{many}, {trials} trials" if role == "test" else f"{many} with {trials} trials"
 
 
 def show_list() -> int:
@@ -188,7 +206,7 @@ def _print_plan(console: Console, study: Study, plan: Plan) -> None:
     console.print(f"dyad {plan.dyad}, seed {plan.seed}, order {plan.order}, A sits {plan.seat_a}, {digest(plan)[:12]}")
     if study.factors:
         _print_table(console, _levels(study))
-    names = ("block", "kind", "by", *study.factors, "trials", "first target", "catch", "rest", "asked")
+    names = ("block", "kind", "role", "by", *study.factors, "trials", "first target", "catch", "rest", "asked")
     for session in plan.sessions:
         rows = [tuple(_cells(study, block)) for block in session.blocks]
         used = [place for place, name in enumerate(names) if name in study.factors or any(row[place] for row in rows)]
@@ -217,13 +235,20 @@ def _cells(study: Study, block: PlanBlock) -> Iterator[str]:
     """Write a block as a row."""
     levels = dict(block.conditions)
     alone = "" if block.other_hand == "own" else f" ({block.other_hand})"
-    yield from (str(block.number), block.kind, block.performer + alone)
-    yield from (levels.get(factor, "") for factor in study.factors)
+    role = "" if block.role in ("test", block.kind) else block.role
+    yield from (str(block.number), block.kind, role, block.performer + alone)
+    yield from (levels.get(factor, "") or _within(block, factor) for factor in study.factors)
     yield f"{block.duration:g} s" if block.duration else str(block.count)
     yield block.first_target
     yield " ".join(map(str, block.catch))
     yield f"{block.rest:g} s" if block.rest else ""
     yield ", ".join(name for name, _ in block.questionnaires)
+
+
+def _within(block: PlanBlock, factor: str) -> str:
+    """Write how many trials have which level of a factor that varies within a block."""
+    found = Counter(block.design.trials.get(factor, ()))
+    return ", ".join(f"{count} {level}" for level, count in sorted(found.items()))
 
 
 def _print_balance(console: Console, balance: Balance) -> None:

@@ -161,6 +161,11 @@ class BlockFactor:
         """
         return self.of.values[self.of.levels.index(self.level(trial))] if self.of.values else nan
 
+    @property
+    def summary(self) -> str:
+        """Its level in the block, or all that it has in the trials, with value and unit."""
+        return ", ".join(level_text(self.of, level) for level in dict.fromkeys(self.sequence))
+
     def text(self, trial: int = 1) -> str:
         """Name and level, with value and unit where there are some, such as ``mass heavy (0.05 kg)``.
 
@@ -272,6 +277,31 @@ def trial_role(config: Config, trial: int) -> TrialRole:
         Number of the trial in the block, from 1 [1].
     """
     return "catch" if trial in config.block.catch else role_of(config)
+
+
+def merge(found: Sequence[BlockFactor]) -> tuple[Scope, Declared]:
+    """Put together what several blocks say of a factor; where they contradict each other, levels are mere names.
+
+    Parameters
+    ----------
+    found : sequence of BlockFactor
+        The same factor in each of the blocks that have it.
+
+    Returns
+    -------
+    scope : {"dyad", "block", "trial"}
+        Where it has one level.
+    declared : Declared
+        All of its levels.
+    """
+    levels = tuple(dict.fromkeys(level for one in found for level in one.of.levels))
+    first, kinds = found[0].of, {(one.of.type, one.of.unit) for one in found}
+    pairs = {pair for one in found for pair in zip(one.of.levels, one.of.values, strict=False)}
+    scope: Scope = "trial" if any(one.scope == "trial" for one in found) else found[0].scope
+    if len(kinds) > 1 or (pairs and len(pairs) != len(levels)):
+        return scope, Declared("categorical", levels)
+    values = dict(pairs)
+    return scope, Declared(first.type, levels, tuple(values[level] for level in levels) if values else (), first.unit)
 
 
 def column_of(name: str) -> str:

@@ -16,8 +16,10 @@ from typing import Any, TextIO
 import numpy as np
 from numpy.typing import NDArray
 
+from netboard.design.factors import column_of, design_of, factors_of, role_of, trial_role
 from netboard.export import bids_texts as texts
 from netboard.export.devices import devices_of
+from netboard.export.factors import Exported, exported_factors
 from netboard.export.formats import Progress
 from netboard.export.runs import Person, Run, runs_of
 from netboard.export.signals import FRAME, Signal, signals_of
@@ -53,18 +55,19 @@ def write(recordings: Sequence[Path], folder: Path, progress: Progress) -> None:
         If the configuration of one is not of this version.
     """
     runs = runs_of(recordings)
+    factors = exported_factors([run.config for run in runs])
     scans: dict[tuple[str, str], list[Row]] = {}
     for run in runs:
-        for label, row in _write_run(run, folder, progress).items():
+        for label, row in _write_run(run, factors, folder, progress).items():
             scans.setdefault((label, run.session), []).append(row)
     for (label, session), rows in scans.items():
         _write_table(folder / f"sub-{label}/ses-{session}/sub-{label}_ses-{session}_scans.tsv", rows)
     began = {session: min(row["acq_time"] for row in rows) for (_, session), rows in scans.items()}
-    _write_people(runs, folder, began)
-    _write_texts(runs, folder)
+    _write_people(runs, factors, folder, began)
+    _write_texts(runs, factors, folder)
 
 
-def _write_run(run: Run, folder: Path, progress: Progress) -> dict[str, Row]:
+def _write_run(run: Run, factors: Sequence[Exported], folder: Path, progress: Progress) -> dict[str, Row]:
     """Write what a recording says of its people; return the line of ``scans.tsv`` of each, by label."""
     source = folder / "sourcedata" / run.path.stem
     source.mkdir(parents=True)
@@ -79,11 +82,11 @@ def _write_run(run: Run, folder: Path, progress: Progress) -> dict[str, Row]:
             place.mkdir(parents=True, exist_ok=True)
             signals = signals_of(person.sides)
             _write_table(place / f"{stem}_channels.tsv", map(_channel, [texts.LATENCY, *signals]))
-            _write_table(place / f"{stem}_events.tsv", _events(survey, run.config.block.catch))
+            _write_table(place / f"{stem}_events.tsv", _events(survey, run, factors))
             _write_json(place / f"{stem}_motion.json", _motion(run, recording, survey, person, signals))
             motion = (place / f"{stem}_motion.tsv").open("x", encoding="ascii", newline="")
             files.append((stack.enter_context(motion), signals))
-            scans[person.label] = _scan(run, recording, survey, person, f"motion/{stem}_motion.tsv")
+            scans[person.label] = _scan(run, recording, survey, person, f"motion/{stem}_motion.tsv", factors)
         for rows in survey.portions(recording, progress):
             for file, signals in files:
                 file.writelines(_lines(rows, signals, survey.origin_ns))
@@ -122,8 +125,9 @@ def _channel(signal: Signal) -> Row:
     }
 
 
-def _events(survey: Survey, catch: Sequence[int]) -> list[Row]:
+def _events(survey: Survey, run: Run, factors: Sequence[Exported]) -> list[Row]:
     """Make the lines of ``events.tsv``: levellings and attempts, and what changed the phase of a trial."""
+    own = factors_of(run.config)
     rows = [
         _event(survey, happened.tick, 0, happened.name, happened.trial, happened.attempt, happened.target)
         for happened in survey.happenings
@@ -137,10 +141,14 @@ def _events(survey: Survey, catch: Sequence[int]) -> list[Row]:
             | {
                 "outcome": one.outcome,
                 "completion_time": one.completion,
-                "catch_trial": one.trial in catch,
+                "catch_trial": one.trial in run.config.block.catch,
                 "flags": " ".join(survey.flags.get(one.tick, ())),
             }
         )
+    for row in rows:
+        row["role"] = trial_role(run.config, row["trial"])
+        for factor in factors:
+            row.update(factor.at(own, row["trial"]))
     return sorted(rows, key=lambda row: row["onset"])
 
 
@@ -155,11 +163,14 @@ def _event(survey: Survey, tick: int, duration: float, kind: str, trial: int, at
         "outcome": texts.MISSING,
         "completion_time": texts.MISSING,
         "catch_trial": texts.MISSING,
+        "role": texts.MISSING,
         "flags": texts.MISSING,
     }
 
 
-def _scan(run: Run, recording: Recording, survey: Survey, person: Person, filename: str) -> Row:
+def _scan(
+    run: Run, recording: Recording, survey: Survey, person: Person, filename: str, factors: Sequence[Exported]
+) -> Row:
     """Make the line of ``scans.tsv``: when it was, and under which condition."""
     block = run.config.block
     return {
@@ -168,6 +179,8 @@ def _scan(run: Run, recording: Recording, survey: Survey, person: Person, filena
         "block": block.number,
         "part": run.metadata["part"],
         "label": block.label,
+        "kind": design_of(run.config).kind,
+        "role": role_of(run.config),
         "configuration": block.configuration,
         "stylus": "+".join(person.sides),
         "force": block.force,
@@ -180,6 +193,7 @@ def _scan(run: Run, recording: Recording, survey: Survey, person: Person, filena
         "pilot": run.config.session.pilot,
         "ended": recording.end.get("ended", "recovered"),
         "recording": run.path.name,
+        **{name: value for one in factors for name, value in one.over(factors_of(run.config)).items()},
     }
 
 
@@ -197,11 +211,15 @@ def _other_hand(run: Run, person: Person) -> str:
 # --- the files of the dataset -------------------------------------------------------------------------------------
 
 
-def _write_people(runs: Sequence[Run], folder: Path, began: dict[str, str]) -> None:
+def _write_people(runs: Sequence[Run], factors: Sequence[Exported], folder: Path, began: dict[str, str]) -> None:
     """Write who took part, in which session, and with whom."""
     people = {person.label: person for run in reversed(runs) for person in run.people}
     real = {person.label for run in runs for person in run.people if not person.simulated}
-    _write_table(folder / "participants.tsv", [_participant(person, label in real) for label, person in people.items()])
+    rows = [
+        _participant(person, label in real) | _levels_of_person(label, runs, factors)
+        for label, person in people.items()
+    ]
+    _write_table(folder / "participants.tsv", rows)
     sessions: dict[str, dict[str, str]] = {}
     for run in runs:
         sessions.setdefault(run.session, {}).update({person.letter: f"sub-{person.label}" for person in run.people})
@@ -240,6 +258,18 @@ def _participant(person: Person, real: bool) -> Row:
     }
 
 
+def _levels_of_person(label: str, runs: Sequence[Run], factors: Sequence[Exported]) -> Row:
+    """Levels of the factors between dyads; of somebody in several dyads all of them."""
+    own = [run for run in runs if any(person.label == label for person in run.people)]
+    row: Row = {}
+    for one in (one for one in factors if one.scope == "dyad"):
+        found = [one.over(factors_of(run.config)) for run in own]
+        for name in found[0]:
+            values = list(dict.fromkeys(levels[name] for levels in found if levels[column_of(one.name)]))
+            row[name] = values[0] if len(values) == 1 else ", ".join(map(str, values))
+    return row
+
+
 def _session(dyad: Row, partner: str, began: str) -> Row:
     return {
         "session_id": dyad["session_id"],
@@ -250,13 +280,14 @@ def _session(dyad: Row, partner: str, began: str) -> Row:
     }
 
 
-def _write_texts(runs: Sequence[Run], folder: Path) -> None:
+def _write_texts(runs: Sequence[Run], factors: Sequence[Exported], folder: Path) -> None:
     """Write what is the same for all runs, and what explains it."""
     studies = sorted({run.config.session.study for run in runs})
     _write_json(folder / "dataset_description.json", texts.description(studies))
     (folder / "README.md").write_text(texts.README, encoding="utf-8")
     for name, sidecar in texts.SIDECARS.items():
-        _write_json(folder / name.format(task=f"task-{TASK}", system=_SYSTEM), sidecar)
+        more = texts.of_factors(factors, name)
+        _write_json(folder / name.format(task=f"task-{TASK}", system=_SYSTEM), sidecar | more)
 
 
 def _motion(run: Run, recording: Recording, survey: Survey, person: Person, signals: Sequence[Signal]) -> Row:

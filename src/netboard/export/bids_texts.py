@@ -4,6 +4,8 @@ from collections.abc import Sequence
 from importlib.metadata import version
 from typing import Any
 
+from netboard.design.factors import level_text
+from netboard.export.factors import Exported
 from netboard.export.signals import FRAME, FRAME_TEXT, Signal
 from netboard.export.task import ATTEMPT_TEXTS, HAPPENED_TEXTS, TASK_TEXT
 
@@ -131,6 +133,8 @@ _SCAN_TEXTS = {
     "block": "number of the block in the plan, from 1",
     "part": "number of the file within its block, from 1: a logger that starts anew begins another",
     "label": "what people called the block",
+    "kind": "kind of block, as in the study",
+    "role": "what its trials are for: practice, familiarisation, baseline or test",
     "configuration": "dyadic: two people with one hand each; bimanual: one person with both hands",
     "stylus": "whose stylus, left or right, or both, the subject moved",
     "force": "what the hands feel: full, partner_only, environment_only, none or unrelated",
@@ -187,3 +191,30 @@ SIDECARS: dict[str, dict[str, Any]] = {
     "docs/dyads.json": _described(_DYAD_TEXTS),
 }
 """Files that describe others, by their names with ``{task}`` and ``{system}`` to be filled in."""
+
+_WITH_FACTORS = {"{system}_events.json": False, "scans.json": False, "participants.json": True}
+"""Sidecars of tables that have columns for factors, and whether only for those between dyads."""
+
+
+def of_factors(factors: Sequence[Exported], sidecar: str) -> dict[str, Any]:
+    """Describe the columns of factors in a table.
+
+    Parameters
+    ----------
+    factors : sequence of Exported
+        The factors.
+    sidecar : str
+        Name of the sidecar, as in `SIDECARS`.
+    """
+    if sidecar not in _WITH_FACTORS:
+        return {}
+    kept = [one for one in factors if one.scope == "dyad" or not _WITH_FACTORS[sidecar]]
+    described: dict[str, Any] = {}
+    for one in kept:
+        level, *value = one.fields
+        levels = {name: level_text(one.of, name) for name in one.of.levels}
+        described[level.name] = {"Description": f"level of the factor {one.name}", "Levels": levels}
+        if sidecar == "scans.json" and one.scope == "trial":  # a run has several: none of them alone is a value
+            described[level.name] = {"Description": f"levels of the factor {one.name}: {', '.join(levels.values())}"}
+        described |= {field.name: {"Description": field.text, "Units": field.unit} for field in value}
+    return described

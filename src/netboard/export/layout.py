@@ -9,7 +9,7 @@ from pathlib import Path
 
 from netboard.export.dictionary import write_dictionary
 from netboard.export.formats import Progress
-from netboard.export.tables import SMALL, TABLES, TICKS, Rows, Subject, Table
+from netboard.export.tables import TICKS, Rows, Subject, Table, small_tables
 from netboard.recording.reader import Recording
 
 Sheet = Callable[[Rows], None]
@@ -95,10 +95,11 @@ def write_sheets(
         If a recording cannot be read.
     """
     places = f"ticks/RECORDING{ending}: the ticks of each recording; NAME{ending}: another table, of all recordings"
-    write_dictionary(folder, TABLES, places)
+    tables = small_tables(recordings)
+    write_dictionary(folder, (TICKS, *tables), places)
     (folder / "ticks").mkdir()
     with ExitStack() as stack:
-        small = {table: stack.enter_context(open_sheet(folder / f"{table.name}{ending}", table)) for table in SMALL}
+        small = {table: stack.enter_context(open_sheet(folder / f"{table.name}{ending}", table)) for table in tables}
         for subject in subjects(recordings, folder):
             with open_sheet(folder / "ticks" / f"{subject.name}{ending}", TICKS) as put:
                 for rows in tick_portions(subject, progress):

@@ -17,7 +17,7 @@ from netboard.errors import RecordingError
 from netboard.export.dictionary import write_dictionary
 from netboard.export.formats import Progress
 from netboard.export.layout import subjects, tick_portions
-from netboard.export.tables import SMALL, TABLES, TICKS, Subject, Table
+from netboard.export.tables import TICKS, Subject, Table, small_tables
 
 MOST_BYTES = 2**31 - 2**20
 """Most bytes of a variable, with some room for its names [1]."""
@@ -40,11 +40,13 @@ def write(recordings: Sequence[Path], folder: Path, progress: Progress) -> None:
     RecordingError
         If a recording cannot be read, or is too long for a MATLAB file.
     """
-    write_dictionary(folder, TABLES, "RECORDING.mat: a struct for each table; that of ticks has no column recording")
+    tables = small_tables(recordings)
+    places = "RECORDING.mat: a struct for each table; that of ticks has no column recording"
+    write_dictionary(folder, (TICKS, *tables), places)
     for subject in subjects(recordings, folder):
         with tempfile.TemporaryFile(dir=folder) as spool:
             structs = {"ticks": _ticks(subject, spool, progress)}
-            structs |= {table.name: _struct(table, subject) for table in SMALL}
+            structs |= {table.name: _struct(table, subject) for table in tables}
             with (folder / f"{subject.name}.mat").open("xb") as file:
                 savemat(file, structs, oned_as="column")
 

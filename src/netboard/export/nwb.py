@@ -16,7 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from netboard.design.factors import factors_of, trial_role
 from netboard.export.devices import HandDevice, devices_of
+from netboard.export.factors import Exported, exported_factors
 from netboard.export.formats import Progress, library
 from netboard.export.nwb_texts import COLUMNS, EVENTS, KEYWORDS, UNITS, UNKNOWN_AGE, description
 from netboard.export.runs import Person, Run, runs_of
@@ -49,7 +51,9 @@ def write(recordings: Sequence[Path], folder: Path, progress: Progress) -> None:
         If pynwb is not installed, or the configuration of a recording is not of this version.
     """
     pynwb = library("pynwb", "nwb")
-    for run in runs_of(recordings):
+    runs = runs_of(recordings)
+    factors = exported_factors([run.config for run in runs])
+    for run in runs:
         with Recording(run.path) as recording, ExitStack() as stack:
             survey = Survey(recording)
             filled: Filled = []
@@ -57,7 +61,7 @@ def write(recordings: Sequence[Path], folder: Path, progress: Progress) -> None:
                 stem = f"sub-{person.label}_ses-{run.session}_run-{run.number:02d}_behavior"
                 path = folder / f"sub-{person.label}" / f"{stem}.nwb"
                 path.parent.mkdir(exist_ok=True)
-                layout = Layout(pynwb, run, recording, survey, person)
+                layout = Layout(pynwb, run, recording, survey, person, factors)
                 stack.enter_context(pynwb.NWBHDF5IO(path, "w")).write(layout.file)
                 filled += layout.filled
             _fill(recording, survey, filled, progress)
@@ -94,6 +98,8 @@ class Layout:
         What is known of that.
     person : Person
         Whose file it is.
+    factors : sequence of Exported
+        Factors of all runs.
 
     Attributes
     ----------
@@ -103,8 +109,16 @@ class Layout:
         Its data sets, and the fields of a tick that fill each.
     """
 
-    def __init__(self, pynwb: Any, run: Run, recording: Recording, survey: Survey, person: Person) -> None:
-        self._pynwb, self._survey = pynwb, survey
+    def __init__(
+        self,
+        pynwb: Any,
+        run: Run,
+        recording: Recording,
+        survey: Survey,
+        person: Person,
+        factors: Sequence[Exported] = (),
+    ) -> None:
+        self._pynwb, self._survey, self._factors = pynwb, survey, factors
         self._timed: Any = None  # the series that has the times of all
         self.filled: Filled = []
         session, block = run.config.session, run.config.block
@@ -204,7 +218,9 @@ class Layout:
         """Fill in the table of attempts."""
         for name, text in COLUMNS.items():
             self.file.add_trial_column(name, text)
-        block = run.config.block
+        for field in (field for one in self._factors for field in one.fields):
+            self.file.add_trial_column(field.name, f"{field.text} [{field.unit}]" if field.unit else field.text)
+        block, own = run.config.block, factors_of(run.config)
         for one in self._survey.attempts:
             self.file.add_trial(
                 start_time=self._survey.seconds(one.tick),
@@ -218,8 +234,10 @@ class Layout:
                 flags=" ".join(self._survey.flags.get(one.tick, ())),
                 condition=f"{block.configuration}, force {block.force}",
                 catch_trial=one.trial in block.catch,
+                role=trial_role(run.config, one.trial),
                 force_scale=block.force_scale,
                 force_delay=block.force_delay_ms / 1000,
+                **{name: value for each in self._factors for name, value in each.at(own, one.trial).items()},
             )
 
     def _add_events(self) -> None:

@@ -9,12 +9,16 @@ import hashlib
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from netboard.config import Config, parse
+from netboard.design.factors import design_of, factors_of, trial_role
+from netboard.export.factors import Exported, configs_of, exported_factors
+from netboard.export.task import ROLE_TEXT
 from netboard.proof.quality import judged
 from netboard.recording.channels import CHANNELS, Field
 from netboard.recording.reader import Recording
@@ -213,6 +217,8 @@ def _trials(subject: Subject) -> Iterator[Rows]:
         **of_attempts,
         "number": np.arange(1, len(attempts) + 1),
         "catch_trial": np.array([attempt.trial in config.block.catch for attempt in attempts]),
+        "role": np.array([trial_role(config, attempt.trial) for attempt in attempts], object),
+        "kind": np.full(len(attempts), design_of(config).kind, object),
         "doubtful": np.array([-1 if words is None else bool(words) for words in judgements]),
         "flags": np.array([" ".join(words or ()) for words in judgements]),
     }
@@ -229,6 +235,8 @@ TRIALS = Table(
         Field("attempt", "integer", "number of the attempt at this trial, from 1", "1"),
         Field("target", "integer", "side of the target: -1 left, +1 right", "1"),
         Field("catch_trial", "integer", "1: a catch trial, in which nothing is felt", "1"),
+        Field("role", "string", ROLE_TEXT, ""),
+        Field("kind", "string", "kind of block, as in the study; empty: none", ""),
         Field(
             "outcome",
             "string",
@@ -246,6 +254,32 @@ TRIALS = Table(
     ),
     _trials,
 )
+
+
+def with_factors(factors: Sequence[Exported]) -> Table:
+    """Return the table of trials with columns for factors.
+
+    Parameters
+    ----------
+    factors : sequence of Exported
+        Those of all recordings that are exported together.
+    """
+
+    def rows(subject: Subject) -> Iterator[Rows]:
+        own = factors_of(subject.config)
+        levels = [[one.at(own, attempt.trial) for one in factors] for attempt in subject.attempts]
+        for portion in _trials(subject):
+            yield {
+                **portion,
+                **{
+                    field.name: np.array([trial[place][field.name] for trial in levels], _DTYPES[field.kind])
+                    for place, one in enumerate(factors)
+                    for field in one.fields
+                },
+            }
+
+    fields = (*TRIALS.fields, *(field for one in factors for field in one.fields))
+    return Table(TRIALS.name, TRIALS.about, fields, rows)
 
 
 # --- the other channels ------------------------------------------------------------------------------------------
@@ -336,4 +370,21 @@ SMALL = (RECORDINGS, TRIALS, EVENTS, CLOCKS, FRAMES, REMARKS)
 """Tables that are short enough for one file over all recordings."""
 
 TABLES = (TICKS, *SMALL)
-"""Every table."""
+"""Every table, without columns for factors."""
+
+
+def small_tables(recordings: Sequence[Path]) -> tuple[Table, ...]:
+    """Return the tables of `SMALL` for recordings, that of trials with columns for their factors.
+
+    Parameters
+    ----------
+    recordings : sequence of Path
+        The recordings.
+
+    Raises
+    ------
+    RecordingError
+        If one cannot be read.
+    """
+    trials = with_factors(exported_factors(list(configs_of(recordings))))
+    return tuple(trials if table is TRIALS else table for table in SMALL)

@@ -35,6 +35,9 @@ HAPPENED = {int(cause): name for cause, name, _ in _HAPPENED}
 HAPPENED_TEXTS = {name: text for _, name, text in _HAPPENED} | {"unknown": "something this netboard does not know"}
 """What each of these means."""
 
+ROLE_TEXT = "what the trial is for: practice, familiarisation, baseline, test, or catch"
+"""What the role of a trial is."""
+
 ATTEMPT_TEXTS = {
     "trial": "number of the trial in the block, from 1",
     "attempt": "number of the attempt at this trial, from 1",
@@ -45,6 +48,7 @@ ATTEMPT_TEXTS = {
     ),
     "completion_time": "from the release to the ball's coming into the target to stay, of a success",
     "catch_trial": "true: a catch trial, in which nothing is felt",
+    "role": ROLE_TEXT,
     "flags": "why the attempt is doubtful, by rules that were fixed before: words with spaces between",
 }
 """What columns about attempts mean."""

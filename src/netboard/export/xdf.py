@@ -19,6 +19,8 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 import numpy as np
 from numpy.typing import NDArray
 
+from netboard.config import parse
+from netboard.export.factors import design_note
 from netboard.recording.reader import Recording
 from netboard.recording.streams import (
     COLUMNS,
@@ -96,8 +98,9 @@ class _Writer:
         header = Element("info")
         _put(header, version="1.0", datetime=recording.metadata.get("opened_utc", ""))
         self._chunk(FILE_HEADER, _xml(header))
+        design = design_note(parse(recording.config_text, f"{recording.path} (its configuration)"))
         for number, stream in enumerate(STREAMS, start=1):
-            self._chunk(STREAM_HEADER, _xml(_information(stream, recording.metadata)), number)
+            self._chunk(STREAM_HEADER, _xml(_information(stream, recording.metadata, design)), number)
 
     def ticks(self, ticks: NDArray[Any]) -> None:
         """Write ticks."""
@@ -192,7 +195,7 @@ def _write_one(recording: Recording, file: BinaryIO, progress: Callable[[int, in
     writer.footers()
 
 
-def _information(stream: Stream, metadata: dict[str, str]) -> Element:
+def _information(stream: Stream, metadata: dict[str, str], design: dict[str, str]) -> Element:
     """What the layer tells of a stream, as far as a recording knows it."""
     session = metadata.get("session", "")
     info = Element("info")
@@ -212,6 +215,7 @@ def _information(stream: Stream, metadata: dict[str, str]) -> Element:
     notes = {
         "clock": {"source": "the server's monotonic clock"},
         "recording": {key: metadata[key] for key in told if key in metadata},
+        "design": design,
     }
     info.append(description(stream, notes))
     return info

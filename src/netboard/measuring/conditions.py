@@ -16,8 +16,9 @@ import numpy as np
 import pandas as pd
 
 from netboard.config import Config
-from netboard.design.factors import BlockFactor, Declared, Scope, column_of, design_of, factors_of, level_text
-from netboard.measuring.tables import number, words
+from netboard.design.factors import BlockFactor, Declared, Scope, column_of, design_of, factors_of, level_text, merge
+from netboard.export.factors import fields_of
+from netboard.measuring.tables import words
 from netboard.recording.channels import Field
 from netboard.settings import tables
 
@@ -61,11 +62,7 @@ class StudyFactor:
         """Its columns: the level, and of a numeric factor the value."""
         if self.name == KIND:
             return (words(KIND, "kind of block, as in the study; empty: none"),)
-        where = {"dyad": "one for all blocks of a dyad", "block": "one for a block", "trial": "one for each trial"}
-        own = words(self.column, f"level of the factor {self.name}, {where[self.scope]}; empty: it has none")
-        if not self.of.values:
-            return (own,)
-        return own, number(f"{self.column}_value", f"value of this level of {self.name}", self.of.unit)
+        return fields_of(self.name, self.scope, self.of)
 
     @property
     def label(self) -> str:
@@ -188,7 +185,8 @@ def study_levels(blocks: pd.DataFrame, analysed: pd.Series) -> Levels:
     """
     declared = [tuple(map(_read, json.loads(text or "[]"))) for text in blocks["factors"]]
     names = list(dict.fromkeys(one.name for own in declared for one in own))
-    factors = [_joined([one for own in declared for one in own if one.name == name]) for name in names]
+    merged = [merge([one for own in declared for one in own if one.name == name]) for name in names]
+    factors = [StudyFactor(name, scope, of) for name, (scope, of) in zip(names, merged, strict=True)]
     sequences: dict[str, list[tuple[str, ...]]] = {
         name: [next((one.sequence for one in own if one.name == name), ()) for own in declared] for name in names
     }
@@ -214,19 +212,6 @@ def _read(values: dict[str, Any]) -> BlockFactor:
     of = values["of"]
     declared = Declared(of["type"], tuple(of["levels"]), tuple(of["values"]), of["unit"])
     return BlockFactor(values["name"], values["scope"], declared, tuple(values["sequence"]))
-
-
-def _joined(found: Sequence[BlockFactor]) -> StudyFactor:
-    """Put together what recordings say of a factor; where they contradict each other, its levels are mere names."""
-    levels = tuple(dict.fromkeys(level for one in found for level in one.of.levels))
-    first, kinds = found[0].of, {(one.of.type, one.of.unit) for one in found}
-    pairs = {pair for one in found for pair in zip(one.of.levels, one.of.values, strict=False)}
-    scope: Scope = "trial" if any(one.scope == "trial" for one in found) else found[0].scope
-    if len(kinds) > 1 or (pairs and len(pairs) != len(levels)):
-        return StudyFactor(found[0].name, scope, Declared("categorical", levels))
-    values = dict(pairs)
-    of = Declared(first.type, levels, tuple(values[level] for level in levels) if values else (), first.unit)
-    return StudyFactor(found[0].name, scope, of)
 
 
 def _is_known(cells: Sequence[Sequence[Any]], own: Sequence[tuple[str, ...]]) -> bool:

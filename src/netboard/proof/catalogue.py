@@ -7,7 +7,7 @@ Nothing here raises because of what is in a file: what is wrong with it is in it
 
 import mmap
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from datetime import date
 from pathlib import Path
 
@@ -15,6 +15,7 @@ from mcap.records import Attachment, Chunk, ChunkIndex, Metadata
 from mcap.stream_reader import StreamReader
 
 from netboard.config import Config, parse
+from netboard.design.factors import factors_of, role_of
 from netboard.errors import NetboardError
 from netboard.experiment.entries import AttemptEnded, BlockEnded, Lines, read_lines
 from netboard.proof.checking import check
@@ -51,6 +52,10 @@ class Entry:
         When it was begun, UTC, in ISO 8601; empty where it is not known.
     block, blocks : int
         Which block of the plan, of how many; 0 for none [1].
+    role : str
+        What its trials are for; empty for what is no recording.
+    factors : dict of str
+        Level of each factor of its study, with value and unit.
     condition : str
         What people call the block.
     done, trials : int
@@ -75,6 +80,8 @@ class Entry:
     opened: str = ""
     block: int = 0
     blocks: int = 0
+    role: str = ""
+    factors: dict[str, str] = field(default_factory=dict)
     condition: str = ""
     done: int = 0
     trials: int = 0
@@ -199,14 +206,22 @@ def _about(entry: Entry, said: dict[str, str], config_text: str) -> Entry:
 
 def _named(entry: Entry, config: Config) -> Entry:
     """Enter what a configuration says."""
-    session, block = config.session, config.block
+    session, block, role = config.session, config.block, role_of(config)
+    declared = factors_of(config)
+    factors = {one.name: one.summary for one in declared}
+    named = block.label or f"{block.configuration}, force {block.force}"
+    if declared and block.label:
+        of_block = (one.text() for one in declared if one.scope != "trial")
+        named = ", ".join((block.label.partition(", ")[0], *of_block))
     return replace(
         entry,
         dyad=session.dyad,
         session=session.name,
         study=session.study,
         pilot=session.pilot,
-        condition=block.label or f"{block.configuration}, force {block.force}",
+        role=role,
+        factors=factors,
+        condition=named if role == "test" or named.startswith(role) else f"{named} ({role})",
         trials=block.trials,
     )
 
