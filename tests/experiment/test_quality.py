@@ -346,6 +346,14 @@ def test_a_display_that_painted_late_was_frozen_too() -> None:
     assert longest_gap(shown, 1000, 4000) == pytest.approx(0.316)
 
 
+def test_another_display_with_another_clock_is_not_frozen() -> None:
+    later = [(tick, painted + 10**15) for tick, painted in frames(2000, 5000)]  # on another machine
+    assert longest_gap(frames(0, 2000) + later, 1000, 4000) <= 0.034
+    both = sorted(frames(0, 5000) + [(tick + 3, painted - 10**15) for tick, painted in frames(0, 5000)])
+    assert longest_gap(both, 1000, 4000) <= 0.017
+    assert longest_gap(both[::-1], 1000, 4000) == longest_gap(both, 1000, 4000)
+
+
 def watched(config: Config, painted: dict[str, list[tuple[int, int]]]) -> tuple[str, ...]:
     """The flags of an attempt of which frames are known half a second after they were painted."""
     rows = attempt()

@@ -20,7 +20,7 @@ from netboard.compiled import inlined, kernel
 from netboard.config import SIDES, Config
 from netboard.experiment.machine import SUCCESSOR, Cause, Phase
 from netboard.tables.experiment import Block, Quality
-from netboard.tick import LATE_NS, TICK, TICK_SECONDS
+from netboard.tick import LATE_NS, TICK, TICK_NS, TICK_SECONDS
 
 REPORT_TICKS = 700
 """A painted frame is known to the server so many ticks later at the most: displays report twice a second [1]. So the
@@ -175,12 +175,13 @@ def longest_gap(frames: Sequence[tuple[int, int]], release: int, end: int) -> fl
     """Longest time for which a display showed nothing new in an attempt, in which the ball is free and never at rest.
 
     The last `REPORT_TICKS` of the attempt are left out. Before the first frame and after the last one, ticks count;
-    between two frames, the ticks that they show or the times at which they were painted, whatever is more.
+    between two frames, the ticks that they show or the times at which they were painted, whatever is more. Times of
+    painting further apart than the attempt is long are those of two displays with different clocks, and do not count.
 
     Parameters
     ----------
     frames : sequence of (int, int)
-        Tick of the view and time of painting, of all frames of one display, in order [1, ns].
+        Tick of the view and time of painting, of all frames of a station's displays, in any order [1, ns].
     release : int
         First tick of the attempt [1].
     end : int
@@ -194,10 +195,12 @@ def longest_gap(frames: Sequence[tuple[int, int]], release: int, end: int) -> fl
     stop = end - REPORT_TICKS
     if stop <= release:
         return 0.0
-    within = [frame for frame in frames if release <= frame[0] <= stop]
+    within = sorted(frame for frame in frames if release <= frame[0] <= stop)
+    longest_ns = (end - release) * TICK_NS
     shown = [release, *(tick for tick, _ in within), stop]
     ticks = max(after - before for before, after in pairwise(shown))
-    painted_ns = max((after[1] - before[1] for before, after in pairwise(within)), default=0)
+    painted = (after[1] - before[1] for before, after in pairwise(within))
+    painted_ns = max((gap for gap in painted if gap <= longest_ns), default=0)
     return max(ticks * TICK_SECONDS, painted_ns * 1e-9)
 
 
