@@ -109,12 +109,14 @@ def up(
     ] = False,
 ) -> None:
     """Start all that belongs on this machine, watch it, and stop it in order on Ctrl-C."""
-    configuration.load(config, overrides or ())
+    settings = configuration.load(config, overrides or ())
     from netboard.services import up as service
 
     wanted = service.processes(
         config, overrides or (), server=server, station=station, autostart=autostart, insecure=insecure
     )
+    if server:
+        service.require_free(settings.network)
     raise typer.Exit(service.main(wanted))
 
 

@@ -10,10 +10,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
+from netboard import channels, sockets
 from netboard.config import SIDES, Side
 from netboard.errors import ConfigError
 from netboard.nodes.launcher import Ended, Launcher
 from netboard.process import Stopping, speak
+from netboard.tables.rig import Network
 
 STOP_ORDER = ("display", "agent", "server", "logger")
 """Nobody sees or feels a server that is gone, and what the server says last is still recorded."""
@@ -67,6 +69,17 @@ def processes(
     for side in sides:
         wanted[f"{side} display"] = ["display", "--station", side, *common]
     return wanted
+
+
+def require_free(network: Network) -> None:
+    """Make sure that no other server is there: logger, agents and displays would join its session.
+
+    Raises
+    ------
+    NetboardError
+        If one is.
+    """
+    sockets.require_free(channels.addresses(network).listen(channels.MOTION))
 
 
 def main(wanted: dict[str, list[str]]) -> int:

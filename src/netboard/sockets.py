@@ -9,6 +9,7 @@ process that was stopped for some seconds with full queues and heartbeats on. So
 them.
 """
 
+import errno
 import logging
 import os
 import secrets
@@ -139,6 +140,30 @@ def _bind(context: Context, socket: Socket, endpoint: Endpoint) -> Socket:
             f"cannot listen on {endpoint.address}: {error.strerror}; is another server running?"
         ) from error
     return socket
+
+
+def require_free(endpoint: Endpoint) -> None:
+    """Find out whether another server listens on a channel, before anything is started that would join its session.
+
+    Raises
+    ------
+    NetboardError
+        If one does.
+    """
+    try:
+        _refuse_taken(endpoint.address)
+        if endpoint.address.startswith("tcp://"):
+            host, _, port = endpoint.address.removeprefix("tcp://").rpartition(":")
+            with net.socket() as probe:
+                probe.setsockopt(net.SOL_SOCKET, net.SO_REUSEADDR, 1)
+                probe.bind((host, int(port)))
+    except (OSError, ZMQError) as error:
+        if error.errno == errno.EADDRINUSE:
+            raise NetboardError(
+                f"another server listens on {endpoint.address}, perhaps another user's; "
+                "end it, or choose another [network] port"
+            ) from error
+        # Whatever else is wrong with the address, the server itself will say.
 
 
 def _refuse_taken(address: str) -> None:

@@ -5,8 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from netboard.errors import ConfigError
-from netboard.nodes.launcher import Ended, Launcher
+from netboard import channels, sockets
+from netboard.config import parse
+from netboard.errors import ConfigError, NetboardError
+from netboard.nodes.launcher import Ended, Launcher, free_port
 from netboard.services import up
 
 RIG = Path("rig.toml")
@@ -36,6 +38,22 @@ def test_one_machine_for_all() -> None:
 def test_nothing_at_all_is_a_mistake() -> None:
     with pytest.raises(ConfigError, match="--server, --station"):
         up.processes(None, (), server=False, station=None)
+
+
+@pytest.mark.parametrize("transport", ["tcp", "ipc"])
+def test_nothing_is_started_that_would_join_the_session_of_another_server(transport: str) -> None:
+    network = parse("", "test", (f"network.port={free_port()}", f"network.transport={transport}")).network
+    up.require_free(network)
+    with sockets.open_context() as context:
+        endpoint = channels.addresses(network).listen(channels.MOTION)
+        server = sockets.motion_server(context, endpoint)
+        with pytest.raises(NetboardError, match="another server listens on"):
+            up.require_free(network)
+        server.socket.close()
+
+
+def test_a_place_that_is_no_place_is_left_to_the_server() -> None:
+    up.require_free(parse("", "test", ("network.bind=192.0.2.7",)).network)
 
 
 @pytest.mark.slow

@@ -1,0 +1,123 @@
+"""Real sessions in which everybody comes twice, leaves and comes back: `netboard check` calls no recording damaged."""
+
+import signal
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+
+import pytest
+from test_closed import rig_with_keys
+
+from netboard.faults.rigs import Rig
+from netboard.proof.checking import check
+from netboard.proof.grade import Grade
+from netboard.recording.reader import Recording
+from netboard.recording.spilled import recover_any
+from netboard.wire.records import kind_of_peer
+
+pytestmark = [pytest.mark.integration, pytest.mark.slow, pytest.mark.timeout(300)]
+
+AT_ONCE = (
+    "task.level_time=0.05",
+    "task.level_angle_deg=5.0",
+    "task.level_rate_deg_s=30.0",
+    "block.trials=50",
+    "network.sample_timeout_ms=1000",
+)
+"""A ball that is released at once, and no pause because this machine is slow."""
+
+
+@pytest.fixture
+def open_rig(tmp_path: Path) -> Iterator[Callable[..., Rig]]:
+    with ExitStack() as stack:
+        yield lambda *settings: stack.enter_context(Rig(tmp_path, (*AT_ONCE, *settings)))
+
+
+def damage_in(rig: Rig) -> dict[str, list[str]]:
+    """What is called damaged in each recording of a rig, those that were cut short being recovered first."""
+    folder = Path(rig.config.recording.directory)
+    for part in folder.glob("*.part"):
+        recover_any(part)
+    found = {path.name: check(path, replay=True).findings for path in folder.glob("*.mcap")}
+    assert found
+    return {name: [f.text for f in findings if f.grade == Grade.DAMAGE] for name, findings in found.items()}
+
+
+def peers_of(paths: Sequence[Path]) -> set[str]:
+    """Names of the connections of which probes were recorded."""
+    peers: set[str] = set()
+    for path in paths:
+        with Recording(path) as recording:
+            peers |= {probe.peer for probe in recording.clocks()}
+    return peers
+
+
+def run_on(rig: Rig, ticks: int) -> None:
+    """Let so many ticks go by, and a trial be on after them."""
+    now = rig.until(lambda status: status.phase == "running").tick
+    rig.until(lambda status: status.tick > now + ticks and status.phase == "running")
+
+
+def insist(rig: Rig, command: str) -> None:
+    """Give a command until it is accepted: just then a trial may have been paused, or over."""
+    rig.until(lambda status: rig.operator.do(command).accepted)
+
+
+def test_everybody_twice_and_again(open_rig: Callable[..., Rig]) -> None:
+    rig = open_rig()
+    rig.start_all(displays=True)
+    rig.start("second left display", "display", "--station", "left")
+    rig.start("second console", "console", "--offscreen")
+    both = ["console", "console", "display.left", "display.left", "display.right"]
+    rig.until(lambda status: sorted(link[0] for link in status.links if link[0][:3] in {"con", "dis"}) == both)
+    run_on(rig, 4000)
+    rig.stop("right display", signal.SIGTERM)
+    rig.start("right display", "display", "--station", "right")
+    insist(rig, "pause")
+    insist(rig, "resume")
+    run_on(rig, 2000)
+    insist(rig, "abort")
+    rig.kill("left agent")
+    rig.until(lambda status: status.phase == "paused")
+    rig.start_agent("left")
+    run_on(rig, 2000)
+    rig.kill("logger")
+    rig.start("logger", "logger", "--once")
+    rig.until(lambda status: any("part2" in file and size > 0 for file, _, size, _ in status.recordings))
+    run_on(rig, 2000)
+    rig.finish()
+    damage = damage_in(rig)
+    assert len(damage) == 2
+    assert all(not found for found in damage.values()), damage
+    peers = peers_of(rig.recordings())
+    assert {"display.left", "display.left#2", "display.right#2", "console#2", "agent.left#2", "logger#2"} <= peers
+    assert {kind_of_peer(peer) for peer in peers} >= {"agent.right", "console"}
+
+
+OTHERS = {
+    "forces computed at both ends": ("physics.coupling_at=both",),
+    "a simulated partner": ("block.right=robot",),
+    "one hand": ("block.right=still", "block.force=none"),
+}
+
+
+@pytest.mark.parametrize("settings", OTHERS.values(), ids=OTHERS)
+def test_other_rigs_stopped_in_mid_trial(open_rig: Callable[..., Rig], settings: tuple[str, ...]) -> None:
+    rig = open_rig(*settings)
+    rig.start_all()
+    rig.until(lambda status: status.phase == "running")
+    run_on(rig, 1000)
+    rig.finish()
+    damage = damage_in(rig)
+    assert all(not found for found in damage.values()), damage
+
+
+def test_with_keys(tmp_path: Path) -> None:
+    with rig_with_keys(tmp_path) as rig:
+        rig.start_all(displays=True)
+        rig.until(lambda status: status.phase == "running")
+        run_on(rig, 2000)
+        rig.finish()
+        damage = damage_in(rig)
+        assert all(not found for found in damage.values()), damage
+        assert {"display.left", "display.right", "console"} <= peers_of(rig.recordings())
