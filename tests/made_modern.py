@@ -61,7 +61,7 @@ def modern_blocks(
                 rows = [modern_trial(chance) for _ in range(trials)]
                 for row in rows:
                     if configuration == "dyadic" and force != "none":
-                        row |= {f"inert_{k}": share for k, share in ((50, 0.3), (150, 0.2), (300, 0.1))}
+                        row |= {f"passive_{k}": share for k, share in ((50, 0.3), (150, 0.2), (300, 0.1))}
                     change(row, configuration, force, number)
                 moves = [random_movement(chance, trial) for trial in range(1, trials + 1) for _ in range(3)]
                 partner = f"{dyad}B" if configuration == "dyadic" else ""

@@ -18,7 +18,7 @@ from netboard.analysis.interaction import effort, exchanged, force_share, point_
 from netboard.analysis.lags import lag_of, peak_delay, windowed_lags
 from netboard.analysis.motion import ball_speed, find_completion, motion
 from netboard.analysis.movements import mean_shares, shares
-from netboard.analysis.passive import InertHand, driven
+from netboard.analysis.passive import PassiveHand, driven
 from netboard.analysis.performance import (
     first_and_last,
     learning_curve,
@@ -271,7 +271,7 @@ def test_shares_of_force_are_those_of_norms(left: np.ndarray, right: np.ndarray)
             assert force_share(left, right, kind=kind) == pytest.approx(b / (a + b))
 
 
-# --- influence, inert hands --------------------------------------------------------------------------------------
+# --- influence, passive hands --------------------------------------------------------------------------------------
 
 
 @pytest.mark.evidence("independent", transfer_entropy, by="scikit-learn")
@@ -289,7 +289,7 @@ def test_binned_transfer_entropy_is_a_difference_of_informations(seed: int) -> N
 @pytest.mark.evidence("independent", driven, by="scipy")
 @given(arrays(np.float64, st.integers(2, 80), elements=st.floats(-2, 2, width=16)), st.floats(20, 400))
 def test_a_driven_hand_is_a_simulated_system(force: np.ndarray, stiffness: float) -> None:
-    hand = InertHand(0.5, 8.0, stiffness)
+    hand = PassiveHand(0.5, 8.0, stiffness)
     times = np.arange(force.size) / RATE
     system = ([1.0], [hand.mass, hand.damping, hand.stiffness])
     expected = signal.lsim(system, force - force[0], times, interp=True)[1]
@@ -297,7 +297,7 @@ def test_a_driven_hand_is_a_simulated_system(force: np.ndarray, stiffness: float
 
 
 def test_a_driven_hand_is_integrated() -> None:
-    hand, times = InertHand(), np.arange(1000) / RATE
+    hand, times = PassiveHand(), np.arange(1000) / RATE
     force = 0.3 * np.sin(5 * times) * times
 
     def slopes(now: float, y: np.ndarray) -> list[float]:

@@ -33,11 +33,11 @@ from netboard.analysis.movements import classify, mean_shares, movement_times
 from netboard.analysis.passive import (
     Gains,
     Heights,
-    InertHand,
+    PassiveHand,
     driven,
-    inert_partner,
     linear_partner,
     passive_control,
+    passive_partner,
 )
 from netboard.analysis.peaks import velocity_peaks
 from netboard.analysis.performance import first_and_last, relative_performance
@@ -412,26 +412,26 @@ def test_a_pairing_without_a_value_is_no_proof() -> None:
     assert np.isnan([holed.value, holed.excess, holed.p]).all()
 
 
-@pytest.mark.evidence("disturbance", driven, inert_partner, linear_partner, of="holes")
+@pytest.mark.evidence("disturbance", driven, passive_partner, linear_partner, of="holes")
 @given(speeds, holes)
 def test_a_hand_after_a_hole_is_anywhere(force: np.ndarray, missing: list[int]) -> None:
-    respond = linear_partner(RATE, InertHand(), GAINS, GAINS)
+    respond = linear_partner(RATE, PassiveHand(), GAINS, GAINS)
     for measure in (
-        lambda x: driven(x, RATE, InertHand()),
-        lambda x: inert_partner(x, 0 * x, RATE, InertHand(), GAINS),
+        lambda x: driven(x, RATE, PassiveHand()),
+        lambda x: passive_partner(x, 0 * x, RATE, PassiveHand(), GAINS),
         lambda x: respond(x, 0 * x, "left"),
     ):
         known_or_nothing(measure, missing, force)
         assert np.isnan(measure(punched(force, missing))[min(missing) :]).all()
 
 
-@pytest.mark.evidence("disturbance", inert_partner, driven, of="noise")
-def test_an_inert_hand_smooths_noise() -> None:
+@pytest.mark.evidence("disturbance", passive_partner, driven, of="noise")
+def test_a_passive_hand_smooths_noise() -> None:
     noise = np.random.default_rng(3).normal(size=50_000)
     # The deviation of m z'' + b z' + k z = white force of density S is sqrt(S / (2 b k)), S = 1 / rate.
     expected = np.sqrt(1 / RATE / (2 * 8.0 * 150.0))
-    assert driven(noise, RATE, InertHand())[1000:].std() == pytest.approx(expected, rel=0.15)
-    moved = inert_partner(1e-3 * noise, 0 * noise, RATE, InertHand(), GAINS)
+    assert driven(noise, RATE, PassiveHand())[1000:].std() == pytest.approx(expected, rel=0.15)
+    moved = passive_partner(1e-3 * noise, 0 * noise, RATE, PassiveHand(), GAINS)
     assert moved[1000:].std() < 1e-3 * GAINS.partner * expected
 
 
@@ -446,7 +446,7 @@ def test_a_trial_with_a_hole_leaves_its_dyad_without_an_effect() -> None:
     def product(left: np.ndarray, right: np.ndarray) -> float:
         return float(left @ right)
 
-    respond = linear_partner(RATE, InertHand(), GAINS, GAINS)
+    respond = linear_partner(RATE, PassiveHand(), GAINS, GAINS)
     on, off = [[trial(0.02)], [trial(0.03)]], [[trial(0.01)], [trial(0.01)]]
     on[1] = [on[1][0]._replace(left=punched(on[1][0].left, [150]))]
     found = passive_control(on, off, respond, product)

@@ -22,11 +22,11 @@ from netboard.analysis.movements import classify, mean_shares, shares
 from netboard.analysis.passive import (
     Gains,
     Heights,
-    InertHand,
+    PassiveHand,
     driven,
-    inert_partner,
     linear_partner,
     passive_control,
+    passive_partner,
     passive_ratio,
 )
 from netboard.analysis.peaks import velocity_peaks
@@ -428,7 +428,7 @@ def test_energies_hardly_know_the_rate(frequency: float, phase: float) -> None:
     close(measured(250.0), measured(1000.0), within=1e-3)
 
 
-# --- influence, inert hands --------------------------------------------------------------------------------------
+# --- influence, passive hands --------------------------------------------------------------------------------------
 
 
 @pytest.mark.evidence("properties", granger, of=("unit", "constant", "mirror", "order"))
@@ -463,9 +463,9 @@ def test_chance_knows_no_order_of_dyads_and_no_unit(seed: int, unit: float) -> N
 @pytest.mark.evidence("properties", passive_ratio, of=("unit", "balance"))
 @given(st.floats(20, 400), units)
 def test_a_ratio_of_stiffnesses(stiffness: float, unit: float) -> None:
-    found = passive_ratio(InertHand(stiffness=stiffness), LEFT)
+    found = passive_ratio(PassiveHand(stiffness=stiffness), LEFT)
     scaled = Gains(*(unit * gain for gain in LEFT))
-    assert passive_ratio(InertHand(stiffness=unit * stiffness), scaled) == pytest.approx(found)
+    assert passive_ratio(PassiveHand(stiffness=unit * stiffness), scaled) == pytest.approx(found)
     assert found * (stiffness + LEFT.own) + LEFT.partner == pytest.approx(0.0, abs=1e-9), "at rest no force is left"
 
 
@@ -474,7 +474,7 @@ def test_a_ratio_of_stiffnesses(stiffness: float, unit: float) -> None:
 def test_a_driven_hand_is_linear_and_late(
     frequency: float, stiffness: float, unit: float, at: float, late: int
 ) -> None:
-    hand, times = InertHand(stiffness=stiffness), np.arange(1000) / RATE
+    hand, times = PassiveHand(stiffness=stiffness), np.arange(1000) / RATE
     force = np.sin(2 * np.pi * frequency * times)
     found = driven(force, RATE, hand)
     close(driven(-unit * force + at, RATE, hand), -unit * found, within=1e-9 * (1 + unit))
@@ -490,10 +490,10 @@ def cooperative(left: np.ndarray, right: np.ndarray) -> float:
 @pytest.mark.evidence("properties", passive_control, of=("mirror", "order"))
 @given(st.integers(0, 99), st.floats(0.1, 10))
 @settings(max_examples=15)
-def test_an_inert_partner_at_the_other_side(seed: int, unit: float) -> None:
+def test_a_passive_partner_at_the_other_side(seed: int, unit: float) -> None:
     source = np.random.default_rng(seed)
     times = np.arange(400) / RATE
-    respond = linear_partner(RATE, InertHand(), LEFT, RIGHT)
+    respond = linear_partner(RATE, PassiveHand(), LEFT, RIGHT)
 
     def trial(scale: float) -> Heights:
         ends = scale * source.uniform(-0.02, 0.02, 2)
@@ -503,7 +503,7 @@ def test_an_inert_partner_at_the_other_side(seed: int, unit: float) -> None:
     one = trial(1.0)
     close(respond(unit * one.left, unit * one.p, "right"), unit * respond(one.left, one.p, "right"))
     close(respond(one.left, one.p, "right"), respond(one.left, -one.p, "left"))
-    close(respond(one.left, one.p, "right"), inert_partner(one.left, one.p, RATE, InertHand(), RIGHT))
+    close(respond(one.left, one.p, "right"), passive_partner(one.left, one.p, RATE, PassiveHand(), RIGHT))
     on, off = ([[trial(scale) for _ in range(2)] for _ in range(3)] for scale in (1.0, 0.5))
     found = passive_control(on, off, respond, cooperative)
     mirrored = [[[Heights(t.right, t.left, -t.p) for t in dyad[::-1]] for dyad in kind] for kind in (on, off)]

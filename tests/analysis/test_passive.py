@@ -1,4 +1,4 @@
-"""The inert partner, against closed forms and the whole scene integrated by another library."""
+"""The passive partner, against closed forms and the whole scene integrated by another library."""
 
 from itertools import pairwise
 
@@ -11,11 +11,11 @@ from scipy.integrate import solve_ivp
 from netboard.analysis.passive import (
     Gains,
     Heights,
-    InertHand,
+    PassiveHand,
     driven,
-    inert_partner,
     linear_partner,
     passive_control,
+    passive_partner,
     passive_ratio,
 )
 from netboard.analysis.statistics import bootstrap, ratio_of_sums
@@ -43,14 +43,14 @@ def cooperative(left: np.ndarray, right: np.ndarray) -> float:
     return float(np.mean((np.abs(a) >= 0.003) & (np.abs(b) >= 0.003) & (a * b < 0.0)))
 
 
-@pytest.mark.evidence("truth", passive_ratio, inert_partner)
+@pytest.mark.evidence("truth", passive_ratio, passive_partner)
 @pytest.mark.parametrize(("stiffness", "millimetres"), [(50.0, -3.4), (150.0, -1.5), (300.0, -0.8)])
 def test_ten_millimetres_of_the_partner(stiffness: float, millimetres: float) -> None:
-    hand = InertHand(stiffness=stiffness)
+    hand = PassiveHand(stiffness=stiffness)
     for gains in (LEFT, RIGHT):
         assert gains.partner == pytest.approx(25.93, abs=0.01)
         assert 10.0 * passive_ratio(hand, gains) == pytest.approx(millimetres, abs=0.05)
-    moved = inert_partner(steps([0.0, 0.01, 0.01, 0.01, 0.01]), np.zeros(2400), RATE, hand, LEFT)
+    moved = passive_partner(steps([0.0, 0.01, 0.01, 0.01, 0.01]), np.zeros(2400), RATE, hand, LEFT)
     assert moved[-1] == pytest.approx(0.01 * passive_ratio(hand, LEFT), rel=1e-3)
     assert moved[0] == 0.0
 
@@ -58,20 +58,20 @@ def test_ten_millimetres_of_the_partner(stiffness: float, millimetres: float) ->
 @pytest.mark.evidence("truth", driven)
 def test_a_driven_hand_in_closed_form() -> None:
     # A sine force, long after its beginning: amplitude and phase of 1 / (k - m w^2 + i b w).
-    hand, w = InertHand(0.5, 8.0, 150.0), 2 * np.pi * 2.0
+    hand, w = PassiveHand(0.5, 8.0, 150.0), 2 * np.pi * 2.0
     t = np.arange(0.0, 5.0, 1 / RATE)
     z = driven(0.3 * np.sin(w * t), RATE, hand)
     response = 0.3 / (150.0 - 0.5 * w**2 + 8j * w)
     assert z[3000:] == pytest.approx(np.imag(response * np.exp(1j * w * t[3000:])), abs=1e-7)
     # A ramp, linear between samples, is exact at any rate: (t - (1 - e^-at) / a) / b without stiffness, a = b / m.
-    free = driven(np.arange(50) / 50.0, 50.0, InertHand(0.5, 8.0, 0.0))
+    free = driven(np.arange(50) / 50.0, 50.0, PassiveHand(0.5, 8.0, 0.0))
     s = np.arange(50) / 50.0
     assert free == pytest.approx((s**2 / 2 - s / 16.0 + (1 - np.exp(-16.0 * s)) / 256.0) / 8.0, abs=1e-9)
     assert driven([], RATE, hand).shape == (0,)
 
 
-def whole_scene(active: np.ndarray, hand: InertHand, side: int) -> tuple[np.ndarray, np.ndarray]:
-    """The paper's board and ball between a hand that moves as told and one that is inert: heights of it, and ball."""
+def whole_scene(active: np.ndarray, hand: PassiveHand, side: int) -> tuple[np.ndarray, np.ndarray]:
+    """The paper's board and ball between a hand that moves as told and one that is passive: heights of it, and ball."""
     t = np.arange(len(active)) / RATE
     rate = np.gradient(active, 1 / RATE)
     y0 = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
@@ -101,13 +101,13 @@ def whole_scene(active: np.ndarray, hand: InertHand, side: int) -> tuple[np.ndar
     return solved.y[6], solved.y[4]
 
 
-@pytest.mark.evidence("independent", inert_partner, by="scipy")
+@pytest.mark.evidence("independent", passive_partner, by="scipy")
 @pytest.mark.slow
 @pytest.mark.parametrize("side", [0, 1])
 def test_the_linear_partner_is_that_of_the_whole_scene(side: int) -> None:
-    active, hand = steps([0.0, 0.008, -0.004, 0.003, 0.0]), InertHand()
+    active, hand = steps([0.0, 0.008, -0.004, 0.003, 0.0]), PassiveHand()
     there, p = whole_scene(active, hand, side)
-    here = inert_partner(active, p, RATE, hand, (LEFT, RIGHT)[side])
+    here = passive_partner(active, p, RATE, hand, (LEFT, RIGHT)[side])
     assert here == pytest.approx(there, abs=0.02 * np.abs(there).max())
     # And by the paper's rule both of them cooperate.
     assert cooperative(active, here) == pytest.approx(cooperative(active, there), abs=0.005)
@@ -122,7 +122,7 @@ def trials(seed: int, follow: float) -> list[Heights]:
 
 @pytest.mark.evidence("truth", passive_control, linear_partner)
 def test_a_partner_who_never_acts_is_all_mechanics() -> None:
-    hand = InertHand()
+    hand = PassiveHand()
     respond = linear_partner(RATE, hand, LEFT, RIGHT)
     off = [trials(seed, 0.0) for seed in range(4)]
     on = [[Heights(one.left, respond(one.left, one.p, "right"), one.p) for one in dyad] for dyad in off]
@@ -139,7 +139,7 @@ def test_a_partner_who_never_acts_is_all_mechanics() -> None:
 
 
 def test_still_hands_and_partners_who_act() -> None:
-    respond = linear_partner(RATE, InertHand(), LEFT, RIGHT)
+    respond = linear_partner(RATE, PassiveHand(), LEFT, RIGHT)
     off, on = [trials(seed, 0.0) for seed in range(5)], [trials(seed, 0.8) for seed in range(5)]
 
     def opposed(left: np.ndarray, right: np.ndarray) -> float:
@@ -157,20 +157,20 @@ def test_still_hands_and_partners_who_act() -> None:
 
 def test_misuse_is_refused() -> None:
     with pytest.raises(ValueError, match="a mass"):
-        InertHand(mass=0.0)
+        PassiveHand(mass=0.0)
     with pytest.raises(ValueError, match="each dyad"):
-        passive_control([trials(0, 0.0)], [], linear_partner(RATE, InertHand(), LEFT, RIGHT), cooperative)
+        passive_control([trials(0, 0.0)], [], linear_partner(RATE, PassiveHand(), LEFT, RIGHT), cooperative)
 
 
-@pytest.mark.evidence("properties", inert_partner, of=("unit", "constant", "mirror", "rate"))
+@pytest.mark.evidence("properties", passive_partner, of=("unit", "constant", "mirror", "rate"))
 @given(st.floats(-5.0, 5.0), st.floats(-0.05, 0.05), st.floats(20.0, 400.0))
-def test_an_inert_partner_is_linear_and_mirrored(scale: float, offset: float, stiffness: float) -> None:
-    active, hand = steps([0.0, 0.01, -0.005, 0.0]), InertHand(stiffness=stiffness)
+def test_a_passive_partner_is_linear_and_mirrored(scale: float, offset: float, stiffness: float) -> None:
+    active, hand = steps([0.0, 0.01, -0.005, 0.0]), PassiveHand(stiffness=stiffness)
     ball = 0.1 * np.sin(np.arange(len(active)) / 300.0)
-    once = inert_partner(active, ball, RATE, hand, LEFT)
-    assert inert_partner(scale * active + offset, scale * ball, RATE, hand, LEFT) == pytest.approx(
+    once = passive_partner(active, ball, RATE, hand, LEFT)
+    assert passive_partner(scale * active + offset, scale * ball, RATE, hand, LEFT) == pytest.approx(
         scale * once, abs=1e-9
     )
-    assert inert_partner(active, -ball, RATE, hand, RIGHT) == pytest.approx(once, abs=1e-9)
-    twice = inert_partner(active[::2], ball[::2], RATE / 2, hand, LEFT)
+    assert passive_partner(active, -ball, RATE, hand, RIGHT) == pytest.approx(once, abs=1e-9)
+    twice = passive_partner(active[::2], ball[::2], RATE / 2, hand, LEFT)
     assert twice == pytest.approx(once[::2], abs=2e-6)

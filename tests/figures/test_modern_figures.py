@@ -11,16 +11,16 @@ from matplotlib.figure import Figure
 
 from made_modern import Path, modern_blocks, modern_study, with_paths
 from made_study import Block, made_study, random_block, times
-from netboard.figures import inert, influence, models
+from netboard.figures import influence, models, passive_partner
 from netboard.figures.everything import MODERN
 from netboard.figures.picture import Picture, as_bytes
 from netboard.findings.contrasts import comparisons
 from netboard.findings.everything import MODERN as FOUND
-from netboard.findings.inert import controls
 from netboard.findings.influence import influences
 from netboard.findings.leadership import leaders
 from netboard.findings.measures import overview
 from netboard.findings.models import fits
+from netboard.findings.passive_partner import controls
 from netboard.findings.paths import courses
 from netboard.findings.quality import quality as find_quality
 from netboard.findings.results import table_of
@@ -97,7 +97,7 @@ def test_names_are_those_of_the_modules(drawn: dict[str, Picture]) -> None:
     assert list(drawn) == NAMES
 
 
-@pytest.mark.parametrize("draw", [influence.picture, inert.picture])
+@pytest.mark.parametrize("draw", [influence.picture, passive_partner.picture])
 def test_the_same_study_gives_the_same_file(
     draw: Callable[[Study], Picture], drawn: dict[str, Picture], study: Study
 ) -> None:
@@ -219,7 +219,7 @@ def test_influence_lies_beside_surrogates(study: Study, drawn: dict[str, Picture
 
 
 def test_the_inert_partner_stands_beside_the_effect(study: Study, drawn: dict[str, Picture]) -> None:
-    picture = drawn["inert"]
+    picture = drawn["passive-partner"]
     axes = figure_of(picture).axes[0]
     found = controls(study).controls
     for k, dyad in enumerate(found[0].dyads):

@@ -135,12 +135,12 @@ def test_movements_lie_in_their_trials_and_paths_begin_at_the_release(folder: Pa
         np.testing.assert_allclose(np.abs(one.paths["p"][starts]), 0.15, atol=0.002)
 
 
-def test_an_inert_partner_is_there_with_forces_between_two_people_only(folder: Path) -> None:
+def test_a_passive_partner_is_there_with_forces_between_two_people_only(folder: Path) -> None:
     for one in tables(folder):
         felt = one.blocks["haptics"][0] and one.blocks["configuration"][0] == "dyadic"
-        assert np.isfinite(one.trials["inert_150"]).all() == bool(felt)
+        assert np.isfinite(one.trials["passive_150"]).all() == bool(felt)
         if felt:
-            assert (one.trials["inert_50"] >= one.trials["inert_300"]).all()
+            assert (one.trials["passive_50"] >= one.trials["passive_300"]).all()
 
 
 def test_a_hole_is_no_movement(tmp_path: Path) -> None:

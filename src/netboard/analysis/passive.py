@@ -3,7 +3,7 @@
 A force that is felt also pushes. When one side goes up, the board's spring and the couplings push the other hand down:
 by 1.5 mm for every 10 mm, for a hand of 150 N/m in the paper's scene. That is movement in opposite directions, and by
 the paper's rule it is cooperation. Before such movement is taken for communication, it is to be compared with that of
-an inert partner: a mass, a damper and a spring.
+a passive partner: a mass, a damper and a spring.
 
 Rule 1: what the scene does to a hand is known here only by gains or by a callable that is handed in.
 Rule 2: a passive part is not all that touch does to a movement; it is what needs nobody who feels.
@@ -20,13 +20,13 @@ from scipy.signal import cont2discrete, lfilter
 
 Side = Literal["left", "right"]
 Respond = Callable[[NDArray[np.float64], NDArray[np.float64], Side], NDArray[np.float64]]
-"""Takes the height of the active stylus, the ball, and the inert side; returns the height of the inert stylus."""
+"""Takes the height of the active stylus, the ball, and the passive side; returns the height of the passive stylus."""
 Measure = Callable[[NDArray[np.float64], NDArray[np.float64]], float]
 """Takes the heights of the left and of the right stylus in a trial; returns what is compared."""
 
 
 @dataclass(frozen=True, slots=True)
-class InertHand:
+class PassiveHand:
     """A hand that holds a stylus and never acts.
 
     Attributes
@@ -82,14 +82,14 @@ class Heights(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class PassiveControl:
-    """An effect of forces beside the one that an inert partner would show.
+    """An effect of forces beside the one that a passive partner would show.
 
     Attributes
     ----------
     effect : ndarray of float64, shape (n,)
         For each dyad, the measure with forces less that without [its own].
     passive : ndarray of float64, shape (n,)
-        For each dyad, the measure of active and inert hand less that of an active hand and a still one [its own].
+        For each dyad, the measure of active and passive hand less that of an active hand and a still one [its own].
     share : float
         Sum of the passive effects over that of the effects: 1 = all is mechanics; NaN without an effect [1].
     n : int
@@ -105,15 +105,15 @@ class PassiveControl:
     unit: str
 
 
-def passive_ratio(hand: InertHand, gains: Gains) -> float:
-    """Return how far an inert hand comes to rest from where it was, for each metre that the partner goes.
+def passive_ratio(hand: PassiveHand, gains: Gains) -> float:
+    """Return how far a passive hand comes to rest from where it was, for each metre that the partner goes.
 
     It is ``-partner / (stiffness + own)``: with the paper's 25.93 N/m, -0.341, -0.147 and -0.080 for hands of 50, 150
     and 300 N/m.
 
     Parameters
     ----------
-    hand : InertHand
+    hand : PassiveHand
         The hand.
     gains : Gains
         Of its side.
@@ -126,12 +126,12 @@ def passive_ratio(hand: InertHand, gains: Gains) -> float:
     return -gains.partner / (hand.stiffness + gains.own)
 
 
-def driven(force: ArrayLike, rate: float, hand: InertHand) -> NDArray[np.float64]:
-    """Return how a force alone moves an inert hand: ``m z'' + b z' + k z = F - F(0)``.
+def driven(force: ArrayLike, rate: float, hand: PassiveHand) -> NDArray[np.float64]:
+    """Return how a force alone moves a passive hand: ``m z'' + b z' + k z = F - F(0)``.
 
     Applied to the force that was rendered, it is the passive part of the recorded movement, and what is left
     of that the person's own doing, as far as the arm is linear and its stiffness known. Part of the rendered force
-    answers the own movement; `inert_partner` has only what comes from elsewhere.
+    answers the own movement; `passive_partner` has only what comes from elsewhere.
 
     Parameters
     ----------
@@ -139,7 +139,7 @@ def driven(force: ArrayLike, rate: float, hand: InertHand) -> NDArray[np.float64
         On the hand, + = up; linear between samples [N].
     rate : float
         Samples per second [Hz].
-    hand : InertHand
+    hand : PassiveHand
         The hand, at rest at the first sample.
 
     Returns
@@ -155,7 +155,7 @@ def driven(force: ArrayLike, rate: float, hand: InertHand) -> NDArray[np.float64
 
 
 @lru_cache(maxsize=256)
-def _discretised(hand: InertHand, rate: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _discretised(hand: PassiveHand, rate: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the filter from force to height: it takes longer to find than a trial to filter, and hands recur."""
     above, below, _ = cont2discrete(([1.0], [hand.mass, hand.damping, hand.stiffness]), 1.0 / rate, method="foh")
     above, below = np.ravel(above), np.asarray(below)
@@ -163,8 +163,10 @@ def _discretised(hand: InertHand, rate: float) -> tuple[NDArray[np.float64], NDA
     return above, below
 
 
-def inert_partner(active: ArrayLike, p: ArrayLike, rate: float, hand: InertHand, gains: Gains) -> NDArray[np.float64]:
-    """Return how an inert hand moves when the partner and the ball do what they did, and forces are felt.
+def passive_partner(
+    active: ArrayLike, p: ArrayLike, rate: float, hand: PassiveHand, gains: Gains
+) -> NDArray[np.float64]:
+    """Return how a passive hand moves when the partner and the ball do what they did, and forces are felt.
 
     The board is at rest between the hands at all times, which it is within some 10 ms; friction of the device is not
     in it and would hold a part of the movement. For a fuller model hand a simulator to `passive_control`.
@@ -177,7 +179,7 @@ def inert_partner(active: ArrayLike, p: ArrayLike, rate: float, hand: InertHand,
         The ball along the board [m].
     rate : float
         Samples per second [Hz].
-    hand : InertHand
+    hand : PassiveHand
         The hand, at rest at the first sample.
     gains : Gains
         Of its side.
@@ -188,17 +190,17 @@ def inert_partner(active: ArrayLike, p: ArrayLike, rate: float, hand: InertHand,
         Its height, from where it was [m].
     """
     push = -gains.partner * np.asarray(active, dtype=float) - gains.ball * np.asarray(p, dtype=float)
-    return driven(push, rate, InertHand(hand.mass, hand.damping, hand.stiffness + gains.own))
+    return driven(push, rate, PassiveHand(hand.mass, hand.damping, hand.stiffness + gains.own))
 
 
-def linear_partner(rate: float, hand: InertHand, left: Gains, right: Gains) -> Respond:
-    """Make an inert partner for `passive_control`, out of `inert_partner`.
+def linear_partner(rate: float, hand: PassiveHand, left: Gains, right: Gains) -> Respond:
+    """Make a passive partner for `passive_control`, out of `passive_partner`.
 
     Parameters
     ----------
     rate : float
         Samples per second [Hz].
-    hand : InertHand
+    hand : PassiveHand
         The hand.
     left, right : Gains
         Of both sides.
@@ -210,7 +212,7 @@ def linear_partner(rate: float, hand: InertHand, left: Gains, right: Gains) -> R
     """
 
     def respond(active: NDArray[np.float64], p: NDArray[np.float64], side: Side) -> NDArray[np.float64]:
-        return inert_partner(active, p, rate, hand, left if side == "left" else right)
+        return passive_partner(active, p, rate, hand, left if side == "left" else right)
 
     return respond
 
@@ -225,8 +227,8 @@ def passive_control(
 ) -> PassiveControl:
     """Compare the effect of forces with that on a partner who never acts.
 
-    In each trial with forces either side in turn keeps its recorded movement and the other is replaced: by the inert
-    partner, and by one who does not move, as an inert one does without forces. The difference of the measure between
+    In each trial with forces either side in turn keeps its recorded movement and the other is replaced: by the passive
+    partner, and by one who does not move, as a passive one does without forces. The difference of the measure between
     the two is the passive effect. An interval of the share is that of `netboard.analysis.statistics.bootstrap` with
     `ratio_of_sums` of `passive` and `effect`.
 
@@ -235,7 +237,7 @@ def passive_control(
     with_forces, without : sequence of sequence of Heights
         For each dyad, its trials with and without forces.
     respond : callable
-        The inert partner: takes the height of the active stylus, the ball, and the inert side; returns a height.
+        The passive partner: takes the height of the active stylus, the ball, and the passive side; returns a height.
     measure : callable
         Takes the heights of the left and of the right stylus; returns, say, the share of cooperative movement.
     unit : str
@@ -266,7 +268,7 @@ def _mean_of(trials: Sequence[Heights], measure: Measure) -> float:
 
 
 def _passive(trial: Heights, respond: Respond, measure: Measure) -> float:
-    """Measure what forces do to an inert partner, at either side."""
+    """Measure what forces do to a passive partner, at either side."""
     still = np.zeros_like(trial.p)
     of_right = measure(trial.left, respond(trial.left, trial.p, "right")) - measure(trial.left, still)
     of_left = measure(respond(trial.right, trial.p, "left"), trial.right) - measure(still, trial.right)

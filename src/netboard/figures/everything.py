@@ -8,12 +8,12 @@ from netboard.figures import (
     delay,
     differences,
     dyads,
-    inert,
     influence,
     leadership,
     learning,
     measures,
     models,
+    passive_partner,
     paths,
     quality,
     strategy,
@@ -38,7 +38,7 @@ MODERN: tuple[Callable[[Study], Picture], ...] = (
     models.picture,
     leadership.picture,
     influence.picture,
-    inert.picture,
+    passive_partner.picture,
     paths.picture,
 )
 """What a reader of today asks besides."""

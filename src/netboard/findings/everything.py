@@ -9,12 +9,12 @@ from netboard.findings.classes import classes
 from netboard.findings.contrasts import comparisons
 from netboard.findings.delay import delay
 from netboard.findings.dyads import dyads
-from netboard.findings.inert import controls
 from netboard.findings.influence import influences
 from netboard.findings.leadership import leaders
 from netboard.findings.learning import learning
 from netboard.findings.measures import overview
 from netboard.findings.models import fits
+from netboard.findings.passive_partner import controls
 from netboard.findings.paths import courses
 from netboard.findings.quality import quality
 from netboard.findings.results import Result, table_of

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from netboard.analysis.interaction import effort, exchanged, force_share, interaction, supports, work
 from netboard.analysis.lags import lag_of
 from netboard.analysis.movements import classify, movement_times
-from netboard.analysis.passive import Gains, InertHand, inert_partner
+from netboard.analysis.passive import Gains, PassiveHand, passive_partner
 from netboard.analysis.signals import derivative
 from netboard.analysis.smoothness import log_dimensionless_jerk, spectral_arc_length
 from netboard.analysis.task import overshoots, reaction, time_in_target
@@ -24,7 +24,7 @@ LONGEST_LAG = 0.5
 """No longer delay is looked for by cross-correlation [s]."""
 
 STIFFNESSES = (50, 150, 300)
-"""Of an inert partner's arm, which is not known of people [N/m]."""
+"""Of a passive partner's arm, which is not known of people [N/m]."""
 
 _LEAST = 3
 """Samples that a smoothness takes [1]."""
@@ -89,9 +89,9 @@ def _forces(take: Take) -> dict[str, float]:
     }
 
 
-def _inert(take: Take) -> dict[str, float]:
-    """How much more cooperative an inert partner is than a still one, for either side in turn."""
-    names = [f"inert_{stiffness}" for stiffness in STIFFNESSES]
+def _passive_partner(take: Take) -> dict[str, float]:
+    """How much more cooperative a passive partner is than a still one, for either side in turn."""
+    names = [f"passive_{stiffness}" for stiffness in STIFFNESSES]
     config = take.block.config
     if config.block.configuration != "dyadic" or not config.block.haptics or config.physics.board != "free":
         return dict.fromkeys(names, np.nan)
@@ -104,9 +104,11 @@ def _inert(take: Take) -> dict[str, float]:
     rates = {side: getattr(take.found, f"{side}_vz")[window] for side in SIDES}
     found = {}
     for name, stiffness in zip(names, STIFFNESSES, strict=True):
-        hand = InertHand(mass=0.5, damping=8.0, stiffness=float(stiffness))
+        hand = PassiveHand(mass=0.5, damping=8.0, stiffness=float(stiffness))
         shares = [
-            _cooperative(rates[active], derivative(inert_partner(moved[active], p, RATE, hand, Gains(*own[1:])), RATE))
+            _cooperative(
+                rates[active], derivative(passive_partner(moved[active], p, RATE, hand, Gains(*own[1:])), RATE)
+            )
             for active, own in zip(SIDES, reversed(gains), strict=True)
         ]
         found[name] = float(np.mean(shares))
@@ -174,10 +176,10 @@ MODERN = (
     ),
     Group(
         tuple(
-            number(f"inert_{k}", f"share of cooperative movement with an inert partner of {k} N/m for one side", "1")
+            number(f"passive_{k}", f"share of cooperative movement with a passive partner of {k} N/m for one side", "1")
             for k in STIFFNESSES
         ),
-        _inert,
+        _passive_partner,
     ),
 )
 """All of them."""

@@ -1,11 +1,11 @@
-"""The inert partner by hand: an effect, a passive effect, and the share of the one in the other."""
+"""The passive partner by hand: an effect, a passive effect, and the share of the one in the other."""
 
 import numpy as np
 import pytest
 
 from made_modern import modern_blocks, modern_study
 from made_study import Block, made_study
-from netboard.findings.inert import Control, controls
+from netboard.findings.passive_partner import Control, controls
 from netboard.findings.results import table_of
 
 OFF = (0.40, 0.42, 0.38, 0.44)
@@ -17,7 +17,7 @@ def shares(row: dict[str, float], configuration: str, force: str, dyad: int) -> 
     share = OFF[dyad % 4] + (effect if force == "full" else 0.0)
     row |= {"cooperative": 2.0 * share, "single": 2.0 * (1.0 - share), "competitive": 0.0, "still": 0.0}
     if configuration == "dyadic" and force == "full":
-        row |= {"inert_50": effect, "inert_150": effect / 2.0, "inert_300": 0.0}
+        row |= {"passive_50": effect, "passive_150": effect / 2.0, "passive_300": 0.0}
 
 
 def control(stiffness: int, dyads: int = 4) -> Control:
@@ -64,7 +64,7 @@ def test_one_dyad_has_no_share_to_tell() -> None:
 
 
 def test_alone_without_a_pair_or_with_a_robot_there_is_no_control() -> None:
-    row = {"completion": 3.0, "cooperative": 1.0, "single": 1.0, "competitive": 0.0, "still": 0.0, "inert_50": 0.1}
+    row = {"completion": 3.0, "cooperative": 1.0, "single": 1.0, "competitive": 0.0, "still": 0.0, "passive_50": 0.1}
     alone = [Block("D01", "D01A", "bimanual", force, [row]) for force in ("full", "none")]
     robot = [Block("D01", "D01", "dyadic", force, [row], right_by="robot") for force in ("full", "none")]
     one_force = [Block("D01", "D01", "dyadic", "full", [row])]

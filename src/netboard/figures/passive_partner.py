@@ -4,14 +4,14 @@ import numpy as np
 
 from netboard.figures.marks import beside, draw_dyads, draw_mean, look_of, many, new_mosaic, styled
 from netboard.figures.picture import Picture
-from netboard.findings.inert import Control, controls
+from netboard.findings.passive_partner import Control, controls
 from netboard.findings.units import PERCENT, POINTS
 from netboard.measuring.modern import STIFFNESSES
 from netboard.measuring.study import Study
 
 _NONE = "What part of the effect is mechanics cannot be told: the effect may be 0."
 
-TITLE = "How much of it an inert partner would show"
+TITLE = "How much of it a passive partner would show"
 
 
 @styled
@@ -26,7 +26,7 @@ def picture(study: Study) -> Picture:
     found = controls(study).controls
     if not found:
         why = "No dyad has trials of two people both with and without forces, in a scene with a free board."
-        return Picture("inert", TITLE, why, None)
+        return Picture("passive-partner", TITLE, why, None)
     figure, panels = new_mosaic(3.0, [["all"]])
     axes = panels["all"]
     axes.axhline(0.0, color="#888888", linewidth=0.8, zorder=1)
@@ -51,14 +51,14 @@ def picture(study: Study) -> Picture:
         axes.plot([], [], linestyle="none", marker=look.marker, color=look.colour, label=condition.felt)
     names = [
         "with forces less without,\nas recorded",
-        *(f"inert partner less still one,\n{k} N/m" for k in STIFFNESSES),
+        *(f"passive partner less still one,\n{k} N/m" for k in STIFFNESSES),
     ]
     axes.set_xticks(columns, names, fontsize=7)
     axes.set_xlim(-0.5, columns[-1] + 0.5)
     axes.set_ylabel(f"change of the cooperative share {POINTS.in_brackets}")
     if len(felt) > 1:
         axes.legend()
-    return Picture("inert", TITLE, _caption(found), figure)
+    return Picture("passive-partner", TITLE, _caption(found), figure)
 
 
 def _caption(found: tuple[Control, ...]) -> str:
@@ -66,7 +66,7 @@ def _caption(found: tuple[Control, ...]) -> str:
     told = f"Part of the effect that is mechanics, with 95 % bootstrap intervals: {shares}." if shares else _NONE
     return (
         "Share of cooperative movement in dyadic trials. Left: with forces less without. Right: what either side's "
-        "recorded movement gives with an inert hand, which is pushed and never acts, instead of the partner. Large "
+        "recorded movement gives with a passive hand, which is pushed and never acts, instead of the partner. Large "
         "points: means over dyads with 95 % t intervals; small points: dyads, joined; "
         f"n = {many(len(found[0].dyads), 'dyad')}. {told}"
     )

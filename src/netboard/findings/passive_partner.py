@@ -1,8 +1,8 @@
 """How much of the effect of forces is mechanics: cooperative movement with a partner who never acts.
 
 The effect is the dyad's share of cooperative movement with forces less that without. The passive effect is the share
-that either side's recorded movement would have with an inert partner instead of the other person; with a partner who is
-still there is none (`netboard.analysis.passive`).
+that either side's recorded movement would have with a passive partner instead of the other person; with a partner who
+is still there is none (`netboard.analysis.passive`).
 """
 
 from collections.abc import Callable
@@ -32,7 +32,7 @@ class Control:
     condition : Condition
         What was felt, by two people.
     stiffness : int
-        Of the inert partner's arm [N/m].
+        Of the passive partner's arm [N/m].
     dyads : tuple of str
         Dyads with trials with and without forces.
     effect, passive : ndarray of float64, shape (n,)
@@ -80,7 +80,7 @@ class Controls:
             if one.stiffness == STIFFNESSES[0]:
                 rows.append(_row("haptic effect on cooperative share", group, one.mean_effect, ""))
             rows.append(
-                _row(f"passive effect on cooperative share, {arm}", group, one.mean_passive, "by an inert partner")
+                _row(f"passive effect on cooperative share, {arm}", group, one.mean_passive, "by a passive partner")
             )
             share, note = one.share, "1 = all is mechanics; intervals of few dyads are too short"
             if not one.has_effect:
@@ -91,11 +91,11 @@ class Controls:
 
 
 def _row(quantity: str, group: str, found: Estimate, note: str) -> Result:
-    return estimated("inert", quantity, group, found, "1", note)
+    return estimated("passive-partner", quantity, group, found, "1", note)
 
 
 def controls(study: Study) -> Controls:
-    """Put the effect of forces beside what an inert partner would show.
+    """Put the effect of forces beside what a passive partner would show.
 
     Parameters
     ----------
@@ -111,9 +111,9 @@ def controls(study: Study) -> Controls:
     live = levels(study, cooperative)
     found = []
     for stiffness in STIFFNESSES:
-        inert = levels(study, replace(cooperative, values=_column_of(stiffness)))
+        passive = levels(study, replace(cooperative, values=_column_of(stiffness)))
         for felt, off in with_base(conditions(study)):
-            columns = [_of(live, felt), _of(live, off), _of(inert, felt)]
+            columns = [_of(live, felt), _of(live, off), _of(passive, felt)]
             table = pd.concat(columns, axis=1, join="inner").sort_index()
             if felt.configuration == "dyadic" and not felt.partner and len(table):
                 found.append(_control(felt, stiffness, table))
@@ -121,7 +121,7 @@ def controls(study: Study) -> Controls:
 
 
 def _column_of(stiffness: int) -> Callable[[pd.DataFrame], ArrayLike]:
-    return lambda rows: rows[f"inert_{stiffness}"]
+    return lambda rows: rows[f"passive_{stiffness}"]
 
 
 def _of(table: pd.DataFrame, condition: Condition) -> pd.Series:
