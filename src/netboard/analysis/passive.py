@@ -10,10 +10,12 @@ Rule 2: a passive part is not all that touch does to a movement; it is what need
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
+from math import ceil
 from typing import Literal, NamedTuple
 
+import numba
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.signal import cont2discrete, lfilter
@@ -23,6 +25,10 @@ Respond = Callable[[NDArray[np.float64], NDArray[np.float64], Side], NDArray[np.
 """Takes the height of the active stylus, the ball, and the passive side; returns the height of the passive stylus."""
 Measure = Callable[[NDArray[np.float64], NDArray[np.float64]], float]
 """Takes the heights of the left and of the right stylus in a trial; returns what is compared."""
+
+
+LONGEST_STEP = 0.25e-3
+"""A hand with friction is integrated in steps no longer than this, those of a simulated participant's [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,15 +43,32 @@ class PassiveHand:
         Of both [N s/m].
     stiffness : float
         Towards where it is held [N/m].
+    friction : float
+        Coulomb friction of the device [N].
     """
 
     mass: float = 0.5
     damping: float = 8.0
     stiffness: float = 150.0
+    friction: float = 0.0
 
     def __post_init__(self) -> None:
-        if not (self.mass > 0.0 and self.damping >= 0.0 and self.stiffness >= 0.0):
-            raise ValueError(f"a hand has a mass, and no negative damping or stiffness; found {self}")
+        if not (self.mass > 0.0 and min(self.damping, self.stiffness, self.friction) >= 0.0):
+            raise ValueError(f"a hand has a mass, and no negative damping, stiffness or friction; found {self}")
+
+    def holding(self, mass: float, damping: float, friction: float) -> "PassiveHand":
+        """Return the same arm with a device in its hand.
+
+        Parameters
+        ----------
+        mass : float
+            Apparent mass of the device [kg].
+        damping : float
+            Its viscous damping [N s/m].
+        friction : float
+            Its Coulomb friction [N].
+        """
+        return PassiveHand(self.mass + mass, self.damping + damping, self.stiffness, self.friction + friction)
 
 
 class Gains(NamedTuple):
@@ -127,7 +150,7 @@ def passive_ratio(hand: PassiveHand, gains: Gains) -> float:
 
 
 def driven(force: ArrayLike, rate: float, hand: PassiveHand) -> NDArray[np.float64]:
-    """Return how a force alone moves a passive hand: ``m z'' + b z' + k z = F - F(0)``.
+    """Return how a force alone moves a passive hand: ``m z'' + b z' + k z + friction = F - F(0)``.
 
     Applied to the force that was rendered, it is the passive part of the recorded movement, and what is left
     of that the person's own doing, as far as the arm is linear and its stiffness known. Part of the rendered force
@@ -150,8 +173,43 @@ def driven(force: ArrayLike, rate: float, hand: PassiveHand) -> NDArray[np.float
     f = np.asarray(force, dtype=float)
     if not len(f):
         return f
+    if hand.friction > 0.0:
+        parts = max(1, ceil(1.0 / (rate * LONGEST_STEP)))
+        step = 1.0 / (rate * parts)
+        return np.asarray(_rubbed(f - f[0], parts, step, hand.mass, hand.damping, hand.stiffness, hand.friction))
     above, below = _discretised(hand, rate)
     return np.asarray(lfilter(above, below, f - f[0]))
+
+
+@numba.njit(cache=True)
+def _rubbed(
+    force: NDArray[np.float64],
+    parts: int,
+    step: float,
+    mass: float,
+    damping: float,
+    stiffness: float,
+    friction: float,
+) -> NDArray[np.float64]:
+    """Integrate a hand with Coulomb friction; damping and friction are implicit (Moreau), so a held hand is at rest.
+
+    `netboard.participants.hand` has the same rule. After a missing sample nothing is known any more.
+    """
+    heights = np.zeros(len(force))
+    z, v = 0.0, 0.0
+    grip = step * friction / mass
+    for i in range(1, len(force)):
+        if not np.isfinite(force[i]) or not np.isfinite(force[i - 1]):
+            heights[i:] = np.nan
+            return heights
+        for part in range(1, parts + 1):
+            push = force[i - 1] + (force[i] - force[i - 1]) * part / parts - stiffness * z
+            v += step * push / mass
+            v = max(v - grip, 0.0) if v > 0.0 else min(v + grip, 0.0)
+            v /= 1.0 + step * damping / mass
+            z += step * v
+        heights[i] = z
+    return heights
 
 
 @lru_cache(maxsize=256)
@@ -168,8 +226,8 @@ def passive_partner(
 ) -> NDArray[np.float64]:
     """Return how a passive hand moves when the partner and the ball do what they did, and forces are felt.
 
-    The board is at rest between the hands at all times, which it is within some 10 ms; friction of the device is not
-    in it and would hold a part of the movement. For a fuller model hand a simulator to `passive_control`.
+    The board is at rest between the hands at all times, which it is within some 10 ms. A hand without friction is an
+    upper bound: friction of the device (0.26 N of a Touch) holds most of this movement.
 
     Parameters
     ----------
@@ -190,7 +248,7 @@ def passive_partner(
         Its height, from where it was [m].
     """
     push = -gains.partner * np.asarray(active, dtype=float) - gains.ball * np.asarray(p, dtype=float)
-    return driven(push, rate, PassiveHand(hand.mass, hand.damping, hand.stiffness + gains.own))
+    return driven(push, rate, replace(hand, stiffness=hand.stiffness + gains.own))
 
 
 def linear_partner(rate: float, hand: PassiveHand, left: Gains, right: Gains) -> Respond:

@@ -4,6 +4,8 @@ Forces are those of the hands on the board, filtered like all data; what each ha
 the hands are compared. The window is that of the completion time throughout.
 """
 
+from dataclasses import astuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,7 +16,7 @@ from netboard.analysis.passive import Gains, PassiveHand, passive_partner
 from netboard.analysis.signals import derivative
 from netboard.analysis.smoothness import log_dimensionless_jerk, spectral_arc_length
 from netboard.analysis.task import overshoots, reaction, time_in_target
-from netboard.config import SIDES
+from netboard.config import SIDES, Side
 from netboard.measuring.tables import Group, count, number
 from netboard.measuring.take import RATE, Take
 from netboard.physics.rendering import gains_of
@@ -25,6 +27,11 @@ LONGEST_LAG = 0.5
 
 STIFFNESSES = (50, 150, 300)
 """Of a passive partner's arm, which is not known of people [N/m]."""
+
+PAIRS: tuple[tuple[Side, Side], ...] = (("left", "right"), ("right", "left"))
+"""Active and passive side."""
+
+_PASSIVE = (*(f"passive_{k}{kind}" for k in STIFFNESSES for kind in ("", "_device")), "passive_friction")
 
 _LEAST = 3
 """Samples that a smoothness takes [1]."""
@@ -90,8 +97,11 @@ def _forces(take: Take) -> dict[str, float]:
 
 
 def _passive_partner(take: Take) -> dict[str, float]:
-    """How much more cooperative a passive partner is than a still one, for either side in turn."""
-    names = [f"passive_{stiffness}" for stiffness in STIFFNESSES]
+    """How much more cooperative a passive partner is than a still one, for either side in turn.
+
+    Without friction, and with the mechanics of the device that the passive side held.
+    """
+    names = _PASSIVE
     config = take.block.config
     if config.block.configuration != "dyadic" or not config.block.haptics or config.physics.board != "free":
         return dict.fromkeys(names, np.nan)
@@ -99,20 +109,26 @@ def _passive_partner(take: Take) -> dict[str, float]:
     p = take.found.p[window]
     if p.size < _LEAST:
         return dict.fromkeys(names, np.nan)
-    gains = gains_of(parts_of(config.physics), pack_scene(config.physics)[0])
+    held = take.block.mechanics
+    gains = dict(zip(SIDES, gains_of(parts_of(config.physics), pack_scene(config.physics)[0]), strict=True))
     moved = {side: getattr(take.found, f"{side}_z")[window] for side in SIDES}
     rates = {side: getattr(take.found, f"{side}_vz")[window] for side in SIDES}
-    found = {}
-    for name, stiffness in zip(names, STIFFNESSES, strict=True):
-        hand = PassiveHand(mass=0.5, damping=8.0, stiffness=float(stiffness))
-        shares = [
-            _cooperative(
-                rates[active], derivative(passive_partner(moved[active], p, RATE, hand, Gains(*own[1:])), RATE)
-            )
-            for active, own in zip(SIDES, reversed(gains), strict=True)
-        ]
-        found[name] = float(np.mean(shares))
-    return found
+
+    def share(active: Side, passive: Side, hand: PassiveHand) -> float:
+        height = passive_partner(moved[active], p, RATE, hand, Gains(*gains[passive][1:]))
+        return _cooperative(rates[active], derivative(height, RATE))
+
+    found = {"passive_friction": np.mean([np.nan if one is None else one.friction for one in held.values()])}
+    for stiffness in STIFFNESSES:
+        arm = PassiveHand(stiffness=float(stiffness))
+        found[f"passive_{stiffness}"] = np.mean([share(one, other, arm) for one, other in PAIRS])
+        found[f"passive_{stiffness}_device"] = np.mean(
+            [
+                np.nan if (device := held[other]) is None else share(one, other, arm.holding(*astuple(device)))
+                for one, other in PAIRS
+            ]
+        )
+    return {name: float(value) for name, value in found.items()}
 
 
 def _cooperative(one: NDArray[np.float64], other: NDArray[np.float64]) -> float:
@@ -175,9 +191,16 @@ MODERN = (
         _forces,
     ),
     Group(
-        tuple(
-            number(f"passive_{k}", f"share of cooperative movement with a passive partner of {k} N/m for one side", "1")
-            for k in STIFFNESSES
+        (
+            *(
+                field
+                for k in STIFFNESSES
+                for field in (
+                    number(f"passive_{k}", f"cooperative share with a passive partner of {k} N/m, no friction", "1"),
+                    number(f"passive_{k}_device", f"the same with the device's mass and friction, {k} N/m", "1"),
+                )
+            ),
+            number("passive_friction", "Coulomb friction of the passive partner's device", "N"),
         ),
         _passive_partner,
     ),

@@ -19,6 +19,7 @@ from netboard.analysis.segments import Segments, board_segments
 from netboard.analysis.signals import LowPass, bridge, by_number, ticks_of
 from netboard.config import SIDES, Config
 from netboard.errors import RecordingError
+from netboard.measuring.devices import mechanics_of
 from netboard.measuring.readings import Readings
 from netboard.recording.reader import Recording
 from netboard.recording.summary import Attempt
@@ -75,6 +76,8 @@ class Block:
         Number of the first tick [1].
     missing : int
         Ticks that are not there, bridged or not [1].
+    mechanics : dict of Mechanics or None
+        What the devices of both sides are like to move.
 
     Raises
     ------
@@ -106,6 +109,7 @@ class Block:
             if name != "tick"
         }
         self.attempts: tuple[Attempt, ...] = recording.attempts()
+        self.mechanics = mechanics_of(config, recording)
 
     def again(self, readings: Readings, **columns: NDArray[np.float64]) -> "Block":
         """See the same recording by other readings, or with other columns; what stays the same is not filtered again.
