@@ -62,6 +62,8 @@ def modern_blocks(
                 for row in rows:
                     if configuration == "dyadic" and force != "none":
                         row |= {f"passive_{k}": share for k, share in ((50, 0.3), (150, 0.2), (300, 0.1))}
+                        row |= {f"passive_{k}_device": share for k, share in ((50, 0.03), (150, 0.02), (300, 0.01))}
+                        row["passive_friction"] = 0.26
                     change(row, configuration, force, number)
                 moves = [random_movement(chance, trial) for trial in range(1, trials + 1) for _ in range(3)]
                 partner = f"{dyad}B" if configuration == "dyadic" else ""

@@ -174,3 +174,29 @@ def test_a_passive_partner_is_linear_and_mirrored(scale: float, offset: float, s
     assert passive_partner(active, -ball, RATE, hand, RIGHT) == pytest.approx(once, abs=1e-9)
     twice = passive_partner(active[::2], ball[::2], RATE / 2, hand, LEFT)
     assert twice == pytest.approx(once[::2], abs=2e-6)
+
+
+@pytest.mark.parametrize("stiffness", [50.0, 150.0])
+def test_friction_holds_a_push_that_is_weaker_and_takes_its_part_of_one_that_is_stronger(stiffness: float) -> None:
+    hand = PassiveHand(stiffness=stiffness, friction=0.26)
+    ramp = np.minimum(np.arange(4000) / 2000.0, 1.0)
+    assert not driven(0.25 * ramp, RATE, hand).any()
+    # Pushed slowly and held there, it comes to rest where the push less friction balances the spring.
+    assert driven(1.0 * ramp, RATE, hand)[-1] == pytest.approx((1.0 - 0.26) / stiffness, rel=0.02)
+
+
+@pytest.mark.evidence("disturbance", driven, of="holes")
+def test_friction_that_vanishes_is_no_friction_and_after_a_hole_nothing_is_known() -> None:
+    force = np.sin(np.arange(3000) / 200.0)
+    without, hardly = driven(force, RATE, PassiveHand()), driven(force, RATE, PassiveHand(friction=1e-9))
+    assert hardly == pytest.approx(without, abs=0.01 * np.ptp(without))
+    force[1000] = np.nan
+    holed = driven(force, RATE, PassiveHand(friction=0.26))
+    assert np.isfinite(holed[:1000]).all()
+    assert np.isnan(holed[1000:]).all()
+
+
+def test_a_device_adds_to_the_arm_that_holds_it() -> None:
+    assert PassiveHand(0.5, 8.0, 50.0).holding(0.045, 0.1, 0.26) == PassiveHand(0.545, 8.1, 50.0, 0.26)
+    with pytest.raises(ValueError, match="friction"):
+        PassiveHand(friction=-0.1)

@@ -139,7 +139,10 @@ def test_a_passive_partner_is_there_with_forces_between_two_people_only(folder: 
     for one in tables(folder):
         felt = one.blocks["haptics"][0] and one.blocks["configuration"][0] == "dyadic"
         assert np.isfinite(one.trials["passive_150"]).all() == bool(felt)
+        assert np.isfinite(one.trials["passive_150_device"]).all() == bool(felt)
         if felt:
+            assert one.trials["passive_friction"] == pytest.approx(0.26)
+            assert (one.trials["passive_150_device"] <= one.trials["passive_150"] + 0.02).all()
             assert (one.trials["passive_50"] >= one.trials["passive_300"]).all()
 
 

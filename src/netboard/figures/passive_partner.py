@@ -6,7 +6,6 @@ from netboard.figures.marks import beside, draw_dyads, draw_mean, look_of, many,
 from netboard.figures.picture import Picture
 from netboard.findings.passive_partner import Control, controls
 from netboard.findings.units import PERCENT, POINTS
-from netboard.measuring.modern import STIFFNESSES
 from netboard.measuring.study import Study
 
 _NONE = "What part of the effect is mechanics cannot be told: the effect may be 0."
@@ -31,7 +30,7 @@ def picture(study: Study) -> Picture:
     axes = panels["all"]
     axes.axhline(0.0, color="#888888", linewidth=0.8, zorder=1)
     felt = list(dict.fromkeys(one.condition for one in found))
-    columns = list(range(1 + len(STIFFNESSES)))
+    columns = list(range(1 + len({one.arm for one in found})))
     for condition, offset in zip(felt, beside(len(felt), 0.5), strict=True):
         own = [one for one in found if one.condition == condition]
         look = look_of(condition)
@@ -51,7 +50,7 @@ def picture(study: Study) -> Picture:
         axes.plot([], [], linestyle="none", marker=look.marker, color=look.colour, label=condition.felt)
     names = [
         "with forces less without,\nas recorded",
-        *(f"passive partner less still one,\n{k} N/m" for k in STIFFNESSES),
+        *(f"passive,\n{one.arm.replace(', ', ',' + chr(10))}" for one in found if one.condition == felt[0]),
     ]
     axes.set_xticks(columns, names, fontsize=7)
     axes.set_xlim(-0.5, columns[-1] + 0.5)
@@ -66,10 +65,18 @@ def _caption(found: tuple[Control, ...]) -> str:
     told = f"Part of the effect that is mechanics, with 95 % bootstrap intervals: {shares}." if shares else _NONE
     return (
         "Share of cooperative movement in dyadic trials. Left: with forces less without. Right: what either side's "
-        "recorded movement gives with a passive hand, which is pushed and never acts, instead of the partner. Large "
+        "recorded movement gives with a passive hand, which is pushed and never acts, instead of the partner: without "
+        f"friction, an upper bound, and {_device(found)}. Large "
         "points: means over dyads with 95 % t intervals; small points: dyads, joined; "
         f"n = {many(len(found[0].dyads), 'dyad')}. {told}"
     )
+
+
+def _device(found: tuple[Control, ...]) -> str:
+    frictions = [one.friction for one in found if one.friction]
+    if not frictions:
+        return "not with the device, whose friction is not known"
+    return f"with the device that it held, friction {np.mean(frictions):.2f} N"
 
 
 def _share(one: Control) -> str:

@@ -2,19 +2,19 @@
 
 The effect is the dyad's share of cooperative movement with forces less that without. The passive effect is the share
 that either side's recorded movement would have with a passive partner instead of the other person; with a partner who
-is still there is none (`netboard.analysis.passive`).
+is still there is none (`netboard.analysis.passive`). Friction of a device holds most of this movement, so each passive
+effect is given twice: of a hand without friction, an upper bound, and of one that holds the recorded device.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from netboard.analysis.statistics import Estimate, bootstrap, ratio_of_sums, t_interval
 from netboard.findings.groups import Condition, conditions, estimated, with_base
-from netboard.findings.measures import as_read, levels
+from netboard.findings.measures import as_read, column, levels, rows_of
 from netboard.findings.results import Result
 from netboard.measuring.modern import STIFFNESSES
 from netboard.measuring.study import Study
@@ -33,6 +33,8 @@ class Control:
         What was felt, by two people.
     stiffness : int
         Of the passive partner's arm [N/m].
+    friction : float
+        Coulomb friction of the device in the passive hand; 0 for a hand alone [N].
     dyads : tuple of str
         Dyads with trials with and without forces.
     effect, passive : ndarray of float64, shape (n,)
@@ -45,12 +47,18 @@ class Control:
 
     condition: Condition
     stiffness: int
+    friction: float
     dyads: tuple[str, ...]
     effect: NDArray[np.float64]
     passive: NDArray[np.float64]
     mean_effect: Estimate
     mean_passive: Estimate
     share: Estimate
+
+    @property
+    def arm(self) -> str:
+        """The passive hand in words."""
+        return f"{self.stiffness} N/m, {'with the device' if self.friction else 'no friction'}"
 
     @property
     def has_effect(self) -> bool:
@@ -65,7 +73,7 @@ class Controls:
     Attributes
     ----------
     controls : tuple of Control
-        By force, then by stiffness.
+        By force, then by stiffness, without friction and then with the device, if that is known.
     """
 
     controls: tuple[Control, ...]
@@ -74,20 +82,26 @@ class Controls:
     def results(self) -> tuple[Result, ...]:
         """The effect of each force, and for each stiffness the passive effect and its share."""
         rows = []
+        felt = []
         for one in self.controls:
             group = f"{one.condition.label} less off"
-            arm = f"{one.stiffness} N/m"
-            if one.stiffness == STIFFNESSES[0]:
+            if group not in felt:
+                felt.append(group)
                 rows.append(_row("haptic effect on cooperative share", group, one.mean_effect, ""))
-            rows.append(
-                _row(f"passive effect on cooperative share, {arm}", group, one.mean_passive, "by a passive partner")
-            )
-            share, note = one.share, "1 = all is mechanics; intervals of few dyads are too short"
+            rows.append(_row(f"passive effect on cooperative share, {one.arm}", group, one.mean_passive, _held(one)))
+            share, note = one.share, f"1 = all is mechanics; intervals of few dyads are too short; {_held(one)}"
             if not one.has_effect:
                 share = replace(share, value=np.nan, low=np.nan, high=np.nan)
                 note = "no share of an effect that may be 0: its interval has 0 in it, or there is none"
-            rows.append(_row(f"passive share of the effect, {arm}", group, share, note))
+            rows.append(_row(f"passive share of the effect, {one.arm}", group, share, note))
         return tuple(rows)
+
+
+def _held(one: Control) -> str:
+    """Say what the passive partner is."""
+    if one.friction:
+        return f"a passive partner who holds the recorded device, friction {one.friction:.2f} N"
+    return "a passive partner without the device's friction: an upper bound"
 
 
 def _row(quantity: str, group: str, found: Estimate, note: str) -> Result:
@@ -111,17 +125,21 @@ def controls(study: Study) -> Controls:
     live = levels(study, cooperative)
     found = []
     for stiffness in STIFFNESSES:
-        passive = levels(study, replace(cooperative, values=_column_of(stiffness)))
-        for felt, off in with_base(conditions(study)):
-            columns = [_of(live, felt), _of(live, off), _of(passive, felt)]
-            table = pd.concat(columns, axis=1, join="inner").sort_index()
-            if felt.configuration == "dyadic" and not felt.partner and len(table):
-                found.append(_control(felt, stiffness, table))
+        for name, held in ((f"passive_{stiffness}", False), (f"passive_{stiffness}_device", True)):
+            passive = levels(study, replace(cooperative, values=column(name)))
+            for felt, off in with_base(conditions(study)):
+                columns = [_of(live, felt), _of(live, off), _of(passive, felt)]
+                table = pd.concat(columns, axis=1, join="inner").sort_index()
+                friction = _friction(study, felt) if held else 0.0
+                if felt.configuration == "dyadic" and not felt.partner and len(table):
+                    found.append(_control(felt, stiffness, friction, table))
     return Controls(tuple(sorted(found, key=lambda one: one.condition.name)))
 
 
-def _column_of(stiffness: int) -> Callable[[pd.DataFrame], ArrayLike]:
-    return lambda rows: rows[f"passive_{stiffness}"]
+def _friction(study: Study, condition: Condition) -> float:
+    """Return the mean friction of the devices of a condition."""
+    rows = rows_of(study, "trial")
+    return float(rows.loc[rows["condition"] == condition.name, "passive_friction"].mean())
 
 
 def _of(table: pd.DataFrame, condition: Condition) -> pd.Series:
@@ -129,11 +147,19 @@ def _of(table: pd.DataFrame, condition: Condition) -> pd.Series:
     return table[table["condition"] == condition.name].set_index("dyad")["level"]
 
 
-def _control(condition: Condition, stiffness: int, table: pd.DataFrame) -> Control:
+def _control(condition: Condition, stiffness: int, friction: float, table: pd.DataFrame) -> Control:
     """Compare the columns on, off and passive of a table of dyads."""
     on, off, passive = table.to_numpy().T
     effect = on - off
     share = bootstrap((passive, effect), ratio_of_sums, np.random.default_rng(SEED))
     return Control(
-        condition, stiffness, tuple(table.index), effect, passive, t_interval(effect), t_interval(passive), share
+        condition,
+        stiffness,
+        friction,
+        tuple(table.index),
+        effect,
+        passive,
+        t_interval(effect),
+        t_interval(passive),
+        share,
     )

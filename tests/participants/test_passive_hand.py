@@ -1,0 +1,54 @@
+"""The passive partner of the analysis, beside a dyad simulated end to end in which one hand never acts.
+
+The whole model has the board's motion, the device with its friction, encoder and cables, the safety chain and the
+coupling; the right hand is an arm that holds its stylus, and no more.
+"""
+
+from dataclasses import astuple, replace
+
+import closed_loop
+import numpy as np
+import pytest
+from closed_loop import make_brains, play, with_block
+from numpy.typing import NDArray
+from scipy.signal import butter, filtfilt
+
+from netboard.analysis.movements import classify, movement_times
+from netboard.analysis.passive import Gains, PassiveHand, passive_partner
+from netboard.config import Config
+from netboard.measuring.devices import Mechanics
+from netboard.participants.device_models import resolved
+from netboard.physics.rendering import gains_of
+from netboard.physics.scene import pack_scene, parts_of
+
+RATE = 1000.0
+
+
+def smooth(x: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.asarray(filtfilt(*butter(2, 10.0, fs=RATE), x))
+
+
+def cooperative(left: NDArray[np.float64], right: NDArray[np.float64]) -> float:
+    return float(movement_times(classify(np.gradient(left, 1 / RATE), np.gradient(right, 1 / RATE)), RATE).shares[0])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("stiffness", [50.0, 150.0])
+def test_a_passive_hand_with_the_device_moves_as_in_the_whole_model(
+    stiffness: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(closed_loop, "make_brains", lambda config: make_brains(config)[:1])
+    config = with_block(Config(), "dyadic", True, 4, 3)
+    config = replace(config, participant=replace(config.participant, arm_stiffness=stiffness, force_noise=0.0))
+    rows = play(config, 15.0).rows[200:]
+    left, right, p = (smooth(rows[name].astype(float)) for name in ("left_sent_z", "right_sent_z", "p"))
+    gains = Gains(*gains_of(parts_of(config.physics), pack_scene(config.physics)[0])[1][1:])
+    person, device = config.participant, resolved(config.virtual)
+    arm = PassiveHand(person.arm_mass, person.arm_damping, stiffness)
+    holding = arm.holding(*astuple(Mechanics(device.mass, device.damping, device.friction)))
+    without, held = (passive_partner(left, p, RATE, hand, gains) for hand in (arm, holding))
+    whole = cooperative(left, right)
+    assert np.ptp(held) == pytest.approx(np.ptp(right), rel=0.35)
+    assert np.ptp(without) > 1.5 * np.ptp(right)
+    assert cooperative(left, held) == pytest.approx(whole, abs=0.02)
+    assert cooperative(left, without) > whole + 0.1
