@@ -245,6 +245,9 @@ def analysis_evidence() -> str:
 SENSITIVITY = ("about", "readings", "pairs", "concerned", "paths", "statements", "disturbances", "forms")
 """Those of `netboard bench analysis --sensitivity`; its headlines are in the page on the analysis."""
 
+CALIBRATION = ("about", "false-positives", "power", "interaction", "differences")
+"""Those of `netboard bench analysis --calibration`."""
+
 GENERATED: dict[str, tuple[str, Callable[[], str]]] = {
     "state diagram": ("trial-machine.md", state_diagram),
     "edge table": ("trial-machine.md", edge_table),
@@ -267,6 +270,8 @@ GENERATED: dict[str, tuple[str, Callable[[], str]]] = {
     **{f"coupling-{name}": ("coupling.md", study_part("coupling", name)) for name in COUPLING},
     "sensitivity machine": ("analysis-sensitivity.md", study_machine("sensitivity")),
     **{f"sensitivity-{name}": ("analysis-sensitivity.md", study_part("sensitivity", name)) for name in SENSITIVITY},
+    "calibration machine": ("analysis-calibration.md", study_machine("calibration")),
+    **{f"calibration-{name}": ("analysis-calibration.md", study_part("calibration", name)) for name in CALIBRATION},
     "sensitivity-headlines": ("analysis.md", study_part("sensitivity", "headlines")),
     "forces conditions": ("forces.md", study_part("forces", "conditions")),
     "faults machine": ("faults.md", study_machine("faults")),
