@@ -43,6 +43,7 @@ STATUS = Status(
     outcomes=0,
     recordings=(),
     stations=(),
+    refused=(),
 )
 """How a session is that has just begun."""
 

@@ -16,17 +16,16 @@ import zmq
 from zmq.utils import z85
 from zmq.utils.monitor import parse_monitor_message
 
+from netboard.refusals import RefusalCount
+
 Socket: TypeAlias = "zmq.Socket[bytes]"
 
-MOST_HANDSHAKES = 8
+MOST_HANDSHAKES = 3
 """Handshakes answered, and failed ones heard of on a channel, in one go: strangers must not hold a tick up [1]."""
-TOLD_AGAIN_NS = 10_000_000_000
-"""The same refused handshake, which its peer repeats every second, is told of again after so long [ns]."""
+MOST_FULL = 20
+"""If there are always more of them for so many times in a row, the channel is not listened to for a while [1]."""
 DEAF_NS = 10_000_000_000
 """A channel on which more handshakes fail than can be heard of is not listened to for so long [ns]."""
-MOST_REFUSALS = 256
-"""Kinds of refused handshakes told apart [1]."""
-
 ZAP_ADDRESS = "inproc://zeromq.zap.01"
 """Where libzmq asks whether a key may come in (ZeroMQ's RFC 27)."""
 
@@ -106,43 +105,46 @@ class Door:
     def __init__(self, ring: Ring, port: int) -> None:
         self.ring = ring
         self._port = port
-        self._gate: _Gate | None = None
+        self._gates: list[_Gate] = []
         self._watched: list[_Watched] = []
-        self._told: dict[tuple[str, str, str], tuple[int, int]] = {}
-        self._news: list[dict[str, str]] = []
+        self._refused = RefusalCount()
 
-    def attend(self) -> list[dict[str, str]]:
-        """Let in who knocks and may; what is to be told of the others since the last time.
+    @property
+    def totals(self) -> dict[str, int]:
+        """Handshakes and frames refused so far, by reason [1]."""
+        return self._refused.totals
 
-        Nobody gets in unless this is called, some fifty times a second.
+    def attend(self) -> None:
+        """Let in who knocks and may: a few at a time, on each channel's own context.
+
+        Nobody gets in unless this is called; the session does so a thousand times a second.
         """
-        if self._gate is not None:
-            self._gate.answer()
+        for gate in self._gates:
+            gate.answer()
+
+    def news(self, now_ns: int) -> list[dict[str, str]]:
+        """Hear of handshakes that failed; take what is to be told of those who were refused."""
         for watched in self._watched:
             for reason in watched.listen():
                 self.refuse(watched.channel, "", "", reason)
-        news, self._news = self._news, []
-        return news
+        return self._refused.reports(now_ns)
+
+    def rest(self) -> list[dict[str, str]]:
+        """Take the final counts of those who were refused."""
+        return self._refused.rest()
 
     def refuse(self, channel: str, address: str, key: str, reason: str) -> None:
-        """Note a refusal: the first of a kind at once, then now and then how many they were."""
-        kind = (channel, key or address, reason)
-        if kind not in self._told and len(self._told) >= MOST_REFUSALS:
-            kind = ("", "", "")
-        now_ns = time.monotonic_ns()
-        times, told_ns = self._told.get(kind, (0, now_ns - TOLD_AGAIN_NS))
-        times += 1
-        if now_ns - told_ns >= TOLD_AGAIN_NS:
-            told_ns = now_ns
-            known = {"address": address, "key": self.ring.fingerprint(key) if key else ""}
-            told = {name: value for name, value in known.items() if value}
-            self._news.append({"channel": channel, **told, "reason": reason, "times": str(times)})
-        self._told[kind] = (times, told_ns)
+        """Count a refusal."""
+        known = {"address": address, "key": self.ring.fingerprint(key) if key else ""}
+        details = {name: value for name, value in known.items() if value}
+        self._refused.count((channel, key or address, reason), {"channel": channel, **details, "reason": reason})
 
     def guard(self, context: "Context", socket: Socket, name: str) -> None:
         """Put a lock on the socket of a channel of that name, before it is bound."""
-        self._gate = context.gate = context.gate or _Gate(context)
-        self._gate.doors[f"{self._port}.{name}"] = (self, name)
+        gate = context.gate = context.gate or _Gate(context)
+        gate.doors[f"{self._port}.{name}"] = (self, name)
+        if gate not in self._gates:
+            self._gates.append(gate)
         socket.setsockopt(zmq.CURVE_SERVER, 1)
         socket.setsockopt(zmq.CURVE_SECRETKEY, self.ring.secret.encode())
         socket.setsockopt(zmq.ZAP_DOMAIN, f"{self._port}.{name}".encode())
@@ -183,7 +185,7 @@ class _Watched:
         self.channel = channel
         self._context = context
         self._socket = socket
-        self._deaf_until_ns = 0
+        self._deaf_until_ns = self._full = 0
         self._monitor = self._open()
 
     def listen(self) -> Iterator[str]:
@@ -196,12 +198,17 @@ class _Watched:
             self._deaf_until_ns, self._monitor = 0, self._open()
         for _ in range(MOST_HANDSHAKES):
             if self._monitor.closed or not readable(self._monitor):
+                self._full = 0
                 return
             event = parse_monitor_message(self._monitor.recv_multipart(NOBLOCK))
             if event["event"] == zmq.Event.HANDSHAKE_FAILED_NO_DETAIL:
                 yield NO_KEY
             elif event["event"] == zmq.Event.HANDSHAKE_FAILED_PROTOCOL:
                 yield FAILURES.get(event["value"], NO_HANDSHAKE)
+        self._full += 1
+        if self._full < MOST_FULL:
+            return
+        self._full = 0
         self._socket.monitor(None, 0)
         self._monitor.close()
         self._deaf_until_ns = time.monotonic_ns() + DEAF_NS
@@ -228,6 +235,7 @@ NO_HANDSHAKE = "it broke the rules of the handshake"
 
 
 class Context(zmq.Context["zmq.Socket[bytes]"]):
-    """Where sockets are made, and the gate of the doors among them."""
+    """Where sockets are made, the gate of the doors among them, and another context for channels that may wait."""
 
     gate: _Gate | None = None
+    patient: "Context | None" = None

@@ -4,6 +4,8 @@ They are made in `netboard.sockets`, with the options that each channel needs; h
 here waits.
 """
 
+import re
+
 import zmq
 from zmq import Again, ZMQError
 
@@ -17,10 +19,26 @@ SUBSCRIBED, UNSUBSCRIBED = b"\1", b"\0"
 """What an XPUB hears when the first one subscribes to everything, and when the last one leaves."""
 MOST_SUBSCRIPTIONS = 16
 """Subscriptions heard in one go [1]."""
+MOST_PARTS = 64
+"""Parts of a message skipped in one go: it may have any number of them, and no message of netboard has two [1]."""
 MOST_NAMES = 1000
 """Peers whose name has been found to go with their key, remembered [1]."""
 NOBLOCK_MORE = int(zmq.NOBLOCK | zmq.SNDMORE)
 """A plain number, as `NOBLOCK`."""
+
+
+NOBODY = b"", b""
+"""In place of a peer and its frame: what came under a name that is not its sender's, which is refused already."""
+
+_SECRET = re.compile(r"\.([0-9a-f]{4})[0-9a-f]{12}$")
+MOST_LETTERS = 64
+"""A name is shown up to this length [1]."""
+
+
+def shown(peer: bytes) -> str:
+    """How people tell a peer: its name, without most of what nobody may guess at the end of it."""
+    name = _SECRET.sub(r".\1...", peer.decode(errors="replace"))
+    return name if len(name) <= MOST_LETTERS else f"{name[:MOST_LETTERS]}..."
 
 
 class Router:
@@ -30,42 +48,52 @@ class Router:
 
     Attributes
     ----------
+    channel : str
+        Name of its channel.
     key : str
         Key with which the sender of the last frame came in (Z85); empty without keys.
     """
 
     def __init__(self, socket: Socket, endpoint: Endpoint) -> None:
         self.key = ""
+        self.channel = CHANNELS[endpoint.channel]
         self.socket = socket
         self._door = endpoint.lock if isinstance(endpoint.lock, Door) else None
-        self._channel = CHANNELS[endpoint.channel]
+        self._more = False
         self._names: dict[bytes, str] = {}
         self._owed: dict[bytes, bytes] = {}
 
     def receive(self) -> tuple[bytes, bytes] | None:
         """Next (peer, frame), or None if there is none now.
 
-        What is not one frame, or comes under a name that is not the sender's, is taken for an empty frame, which no
-        message is.
+        What is not one frame is taken for an empty one, which no message is. What comes under a name that is not the
+        sender's is `NOBODY`'s: whoever has that name has no part in it.
         """
         socket = self.socket
-        if not readable(socket):  # quicker than an exception
+        if not readable(socket) or not self._skip_parts():  # quicker than an exception
             return None
         try:
             peer = socket.recv(NOBLOCK)
         except Again:
             return None
         frame = socket.recv(NOBLOCK, copy=False)
-        if frame.more:
-            while socket.getsockopt(zmq.RCVMORE):
-                socket.recv(NOBLOCK)
-            return peer, b""
+        self._more = frame.more
+        said = b"" if frame.more else frame.bytes
         if self._door is None:
-            return peer, frame.bytes
-        return self.checked(peer, _property(frame, "User-Id"), _property(frame, "Peer-Address"), frame.bytes)
+            return peer, said
+        return self.checked(peer, _property(frame, "User-Id"), _property(frame, "Peer-Address"), said)
+
+    def _skip_parts(self) -> bool:
+        """Skip what is left of a message in several parts, a bounded number of them; whether nothing is left of it."""
+        for _ in range(MOST_PARTS):
+            if not self._more:
+                break
+            self.socket.recv(NOBLOCK)
+            self._more = bool(self.socket.getsockopt(zmq.RCVMORE))
+        return not self._more and readable(self.socket)
 
     def checked(self, peer: bytes, key: str, address: str, frame: bytes) -> tuple[bytes, bytes]:
-        """(peer, frame) of what has just come in; under a name that is not the sender's an empty frame.
+        """(peer, frame) of what has just come in, as `receive` has it.
 
         Parameters
         ----------
@@ -77,7 +105,7 @@ class Router:
             What came.
         """
         self.key = key
-        return peer, frame if self._door is None or self._rightly_named(self._door, peer, key, address) else b""
+        return (peer, frame) if self._door is None or self._rightly_named(self._door, peer, key, address) else NOBODY
 
     def send(self, peer: bytes, frame: bytes) -> bool:
         """Send without waiting; False if the peer is gone or its queue is full."""
@@ -121,8 +149,7 @@ class Router:
         if self._names.get(peer) == key:
             return True
         if peer.partition(b"@")[0] != door.ring.owner(key).encode():
-            name = peer[:64].decode(errors="replace")
-            door.refuse(self._channel, address, key, f"it calls itself {name}")
+            door.refuse(self.channel, address, key, f"it calls itself {shown(peer)}")
             return False
         if len(self._names) >= MOST_NAMES:
             self._names.clear()

@@ -35,6 +35,9 @@ KEY_SIZE = 40
 
 ADDRESS_ROOM = 64
 
+MOST_PARTS = 256
+"""Parts of a message skipped in one go: it may have any number of them, and no message of netboard has two [1]."""
+
 NOTHING, OTHER, FAILED = -1, -2, -3
 """What `receive` found in place of a frame of a peer that the fast path knows."""
 
@@ -49,6 +52,7 @@ FAST_PATH = np.dtype(
         ("socket", "<i8"),  # libzmq's address of it, 0 once that is closed
         ("keyed", "<i8"),  # 1: peers are known by their keys, too
         ("size", "<i8"),  # of the newest frame
+        ("more", "<i8"),  # 1: parts of a message are left to be skipped
         ("name_size", "<i8"),
         ("known", "<i8", (PLACES,)),  # lengths of the names, 0 for nobody
         ("names", "u1", (PLACES, NAME_ROOM)),
@@ -170,10 +174,25 @@ def _note_sender(fast: Any) -> None:
 
 
 @kernel
+def _skip_parts(fast: Any) -> bool:
+    """Skip what is left of a message in several parts, a bounded number of them; whether nothing is left."""
+    us = fast[0]
+    message = us["message"].ctypes.data
+    for _ in range(MOST_PARTS):
+        if us["more"] == 0:
+            return True
+        _msg_init(message)
+        us["more"] = _msg_recv(message, us["socket"], _DONTWAIT) >= 0 and _msg_more(message) != 0
+        _msg_close(message)
+    return bool(us["more"] == 0)
+
+
+@kernel
 def receive(fast: Any, frame: Any) -> int:
     """Receive one frame of a router, without waiting.
 
-    What is not one frame, or is longer than there is room, is taken for an empty one, which no message is.
+    What is not one frame, or is longer than there is room, is taken for an empty one, which no message is. The parts of
+    a message that has many are skipped a bounded number at a time; until then there is nothing.
 
     Parameters
     ----------
@@ -187,6 +206,8 @@ def receive(fast: Any, frame: Any) -> int:
     int
         Place of the peer that sent it, or `NOTHING`, `OTHER`, `FAILED`.
     """
+    if not _skip_parts(fast):
+        return NOTHING
     us = fast[0]
     socket = us["socket"]
     size = _zmq_recv(socket, us["name"].ctypes.data, NAME_ROOM, _DONTWAIT)
@@ -204,8 +225,7 @@ def receive(fast: Any, frame: Any) -> int:
     whole = size <= len(frame) and _msg_more(message) == 0
     if whole:
         _memcpy(frame.ctypes.data, _msg_data(message), size)
-    while _msg_more(message) != 0 and _msg_recv(message, socket, _DONTWAIT) >= 0:
-        pass
+    us["more"] = _msg_more(message) != 0
     _msg_close(message)
     us["size"] = size if whole else 0
     return _known(fast)
@@ -293,6 +313,12 @@ class Sender(NamedTuple):
     address: str
 
 
+def sender_of(row: Any) -> Sender:
+    """Read who sent a frame from whatever has ``name``, ``name_size``, ``key`` and ``address``, as `FAST_PATH` has."""
+    key, address = (row[name].tobytes().rstrip(b"\0").decode(errors="replace") for name in ("key", "address"))
+    return Sender(row["name"][: row["name_size"]].tobytes(), key, address)
+
+
 class FastPath:
     """A socket whose frames kernels exchange.
 
@@ -341,9 +367,7 @@ class FastPath:
     @property
     def sender(self) -> Sender:
         """Who sent the newest frame."""
-        us = self.record[0]
-        key, address = (us[name].tobytes().rstrip(b"\0").decode(errors="replace") for name in ("key", "address"))
-        return Sender(us["name"][: us["name_size"]].tobytes(), key, address)
+        return sender_of(self.record[0])
 
     @property
     def size(self) -> int:

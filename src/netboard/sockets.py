@@ -14,6 +14,7 @@ import logging
 import os
 import secrets
 import socket as net
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
@@ -25,7 +26,7 @@ import zmq
 from zmq import Again, ZMQError
 
 from netboard import doors
-from netboard.channels import CHANNELS, Endpoint
+from netboard.channels import CHANNELS, CONTROL, LOG, VIEW_LEFT, VIEW_RIGHT, Endpoint
 from netboard.doors import Credentials, Door
 from netboard.ends import GOODBYE_LINGER_MS, Publisher, Router
 from netboard.errors import NetboardError
@@ -38,21 +39,30 @@ Context: TypeAlias = doors.Context
 MOTION_HWM = 4
 LOG_HWM = 64
 CONTROL_HWM = 1000
+SERVED_HWM, HEARD_HWM = 64, 16
+"""Messages for a peer, and of a peer, that wait at the server's ends: what waits takes memory, and making room for much
+of it at once would hold up the tick [1]."""
 VIEW_HWM = 2
 LOG_LINGER_MS = 2000
 LARGEST_FRAME = 2**20
 """Whoever sends a larger frame is cut off, before it is received [bytes]."""
-LARGEST_REQUEST, LARGEST_REPORT = 2**13, 2**17
-"""The same for what a server takes on the motion and log channels, and on the control channel [bytes]."""
+LARGEST_SAMPLE, LARGEST_REQUEST = 2**12 + 2**8, 2**13 + 2**8
+"""The same for what a server takes on the motion channel, and on the log and control channels: the largest message of a
+peer, and what encryption adds [bytes]."""
 LARGEST_SUBSCRIPTION = 2**10
 """The same for views, to which a peer only subscribes: each byte of that becomes a node of a tree [bytes]."""
+_THREADS = {CONTROL: 0, LOG: 1, VIEW_LEFT: 2, VIEW_RIGHT: 2}
+"""Which thread of a context of their own serves channels that may wait."""
+PROMPT = -15
+"""Niceness of the threads that serve channels that may wait."""
 KEEPALIVE_S = 1
 KEEPALIVE_PROBES = 3
 RECONNECT_IVL_MS = 100
 RECONNECT_IVL_MAX_MS = 1000
-RENEW_S = 2.0
-"""Whoever finds nobody at the other end connects anew this often [s]."""
-_renewed: WeakKeyDictionary[Socket, float] = WeakKeyDictionary()
+RENEW_S, MOST_RENEW_S = 2.0, 16.0
+"""A peer that finds nobody at the other end connects anew after this time, and after twice as long each time, up to
+the longest: a server that is slow to answer must not be asked again and again before it has [s]."""
+_renewed: WeakKeyDictionary[Socket, tuple[float, float]] = WeakKeyDictionary()
 
 
 # --- contexts ----------------------------------------------------------------------------------------------------
@@ -64,7 +74,9 @@ def library() -> str:
 
 
 @contextmanager
-def open_context(io_priority: int | None = None, io_cpus: Iterable[int] = ()) -> Iterator[Context]:
+def open_context(
+    io_priority: int | None = None, io_cpus: Iterable[int] = (), *, apart: bool = False
+) -> Iterator[Context]:
     """Make a context; on leaving, its sockets are closed and what lingers is sent.
 
     Parameters
@@ -73,8 +85,13 @@ def open_context(io_priority: int | None = None, io_cpus: Iterable[int] = ()) ->
         SCHED_FIFO priority of libzmq's own thread; None: that of the thread that makes the first socket.
     io_cpus : iterable of int
         CPUs it runs on; empty: any. What the system refuses is said, and not asked of libzmq, which would abort.
+    apart : bool
+        Server ends of all channels but motion are made in a context of their own, with a thread for each, that run on
+        any CPU at no priority: whoever knocks there takes no time from the motion channel.
     """
     context = Context()
+    if apart:
+        context.patient = _patient_context()
     cpus = set(io_cpus)
     if io_priority is not None and _granted(
         f"SCHED_FIFO {io_priority}", lambda: os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(io_priority))
@@ -87,7 +104,51 @@ def open_context(io_priority: int | None = None, io_cpus: Iterable[int] = ()) ->
     try:
         yield context
     finally:
-        context.destroy()
+        for one in filter(None, (context.patient, context)):
+            one.destroy()
+
+
+def _patient_context() -> Context:
+    """A context whose threads may run anywhere, whatever CPU the thread that makes them keeps to."""
+    context = Context(io_threads=len(_THREADS))
+    cpus = range(os.cpu_count() or 1)
+    if hasattr(os, "sched_setaffinity") and _granted("any CPU", lambda: os.sched_setaffinity(0, cpus)):
+        for cpu in cpus:
+            context.set(zmq.THREAD_AFFINITY_CPU_ADD, cpu)
+    with _promptly():
+        context.socket(zmq.PAIR).close()  # with the first socket its threads begin, as nice as the one that makes it
+    return context
+
+
+@contextmanager
+def _promptly() -> Iterator[None]:
+    """While entered, threads begin ahead of all others that have no real-time priority, where the system allows it.
+
+    A loop with such a priority may wait for them for a moment (they allocate memory as it does), and one that had to
+    wait for its turn would keep the loop waiting, too.
+    """
+    if sys.platform != "linux" or not _granted(f"niceness {PROMPT}", lambda: _be_nice(PROMPT)):
+        yield
+        return
+    before = os.getpriority(os.PRIO_PROCESS, 0)
+    _be_nice(PROMPT)
+    try:
+        yield
+    finally:
+        _be_nice(before)
+
+
+def _be_nice(niceness: int) -> None:
+    """Set the niceness of this thread alone, as Linux has it."""
+    os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), niceness)
+
+
+def _place_of(context: Context, endpoint: Endpoint) -> tuple[Context, int]:
+    """The context of a server end, and the set of its threads that serve the channel, as libzmq wants it."""
+    thread = _THREADS.get(endpoint.channel)
+    if context.patient is None or thread is None:
+        return context, 0
+    return context.patient, 1 << thread
 
 
 def _granted(what: str, ask: Callable[[], None]) -> bool:
@@ -200,7 +261,10 @@ def _connect(socket: Socket, endpoint: Endpoint) -> Socket:
 
 def _router(context: Context, endpoint: Endpoint, hwm: int, largest: int, linger_ms: int = 0) -> Router:
     """A ROUTER that reports unroutable messages and lets a restarted peer take over its name."""
+    context, threads = _place_of(context, endpoint)
     socket = _make(context, zmq.ROUTER, hwm, linger_ms, largest)
+    socket.setsockopt(zmq.RCVHWM, min(hwm, HEARD_HWM))
+    socket.setsockopt(zmq.AFFINITY, threads)
     socket.setsockopt(zmq.ROUTER_MANDATORY, 1)
     socket.setsockopt(zmq.ROUTER_HANDOVER, 1)
     return Router(_bind(context, socket, endpoint), endpoint)
@@ -221,7 +285,7 @@ def _dealer(context: Context, endpoint: Endpoint, identity: str, hwm: int, linge
 
 def motion_server(context: Context, endpoint: Endpoint) -> Router:
     """Server end of the motion channel."""
-    return _router(context, endpoint, MOTION_HWM, LARGEST_REQUEST)
+    return _router(context, endpoint, MOTION_HWM, LARGEST_SAMPLE)
 
 
 def motion_agent(context: Context, endpoint: Endpoint, identity: str) -> Socket:
@@ -241,7 +305,7 @@ def log_client(context: Context, endpoint: Endpoint, identity: str) -> Socket:
 
 def control_server(context: Context, endpoint: Endpoint) -> Router:
     """Server end of the control channel."""
-    return _router(context, endpoint, CONTROL_HWM, LARGEST_REPORT)
+    return _router(context, endpoint, SERVED_HWM, LARGEST_REQUEST)
 
 
 def control_client(context: Context, endpoint: Endpoint, identity: str) -> Socket:
@@ -251,7 +315,9 @@ def control_client(context: Context, endpoint: Endpoint, identity: str) -> Socke
 
 def view_publisher(context: Context, endpoint: Endpoint) -> Publisher:
     """Server end of one station's view channel."""
+    context, threads = _place_of(context, endpoint)
     socket = _make(context, zmq.XPUB, VIEW_HWM, largest=LARGEST_SUBSCRIPTION)
+    socket.setsockopt(zmq.AFFINITY, threads)
     return Publisher(_bind(context, socket, endpoint))
 
 
@@ -313,6 +379,7 @@ def send(socket: Socket, frame: bytes) -> bool:
 def send_or_renew(socket: Socket, frame: bytes) -> bool:
     """Send as `send` does; where nobody is there, connect anew, for the next time."""
     if send(socket, frame):
+        _renewed.pop(socket, None)
         return True
     renew(socket)
     return False
@@ -321,9 +388,13 @@ def send_or_renew(socket: Socket, frame: bytes) -> bool:
 def renew(socket: Socket) -> None:
     """Connect anew, unless it was done lately: after a handshake that failed libzmq itself never tries again."""
     now = time.monotonic()
-    if now - _renewed.setdefault(socket, now) < RENEW_S:
+    since, wait = _renewed.get(socket, (now, RENEW_S))
+    if now - since > 2 * MOST_RENEW_S:  # all has been well since
+        since, wait = now, RENEW_S
+    _renewed[socket] = since, wait
+    if now - since < wait:
         return
-    _renewed[socket] = now
+    _renewed[socket] = now, min(2 * wait, MOST_RENEW_S)
     endpoint = socket.getsockopt_string(zmq.LAST_ENDPOINT)
     socket.disconnect(endpoint)
     socket.connect(endpoint)

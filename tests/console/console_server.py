@@ -66,6 +66,7 @@ RUNNING = Status(
     outcomes=0,
     recordings=(("S03-block03.mcap", 0.12, 184_200_000, 38_400_000_000),),
     stations=(("left", 0.0009, ARMED, 0.31, 0, 0), ("right", 0.0011, ARMED, -0.12, 0, 0)),
+    refused=(),
 )
 """All is well."""
 

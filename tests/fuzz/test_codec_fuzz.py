@@ -98,7 +98,7 @@ def test_the_largest_frame_is_exactly_as_large_as_is_said(kind: int) -> None:
 
 AFTER_COMPLETIONS = [
     *(0, [], [], "", [], []),
-    *("S01", "D01", "", False, False, True, True, "", 1, 1, "", "", 0.0, "", 0, [], []),
+    *("S01", "D01", "", False, False, True, True, "", 1, 1, "", "", 0.0, "", 0, [], [], []),
 ]
 """What a `Status` says after the completion times."""
 

@@ -12,6 +12,8 @@ WELCOME = Welcome("session", PROTOCOL_VERSION, 0, "")
 class FakeRouter:
     """What peers have sent waits in `arrived`; what they are sent piles up in `sent`, up to `room` frames for each."""
 
+    channel = "fake"
+
     def __init__(self, room: int = 1000) -> None:
         self.arrived: deque[tuple[bytes, bytes]] = deque()
         self.sent: dict[bytes, list[bytes]] = {}

@@ -40,7 +40,7 @@ def stalling(folder: Path, capacity: int = 1000) -> tuple[Rig, Stalling]:
     """A rig on which peers can be stalled."""
     rig = Rig(folder, capacity)
     router = Stalling()
-    rig.router = rig.port._router = rig.port.listeners._router = rig.port._refusals._router = router  # type: ignore[assignment]
+    rig.router = rig.port._router = rig.port.listeners._router = rig.port.refusals._router = router  # type: ignore[assignment]
     return rig, router
 
 
@@ -228,7 +228,7 @@ def history(folder: Path, deeds: list, *, listened: bool) -> list[object]:
     """All that a logger hears and an operator is told, step by step, with listeners or without."""
     rig = Rig(folder, capacity=200, spill_bytes=0)  # the spill has a thread with a time of its own
     router = Keyed()
-    rig.router = rig.port._router = rig.port.listeners._router = rig.port._refusals._router = router  # type: ignore[assignment]
+    rig.router = rig.port._router = rig.port.listeners._router = rig.port.refusals._router = router  # type: ignore[assignment]
     told: list[object] = []
     for made, said, stalled, logger, seconds in deeds:
         for _ in range(made):

@@ -15,9 +15,8 @@ from netboard import sockets
 from netboard.config import SIDES
 from netboard.nodes import seats
 from netboard.nodes.motion_port import BEAT_TICKS, GONE_NS
-from netboard.nodes.refusals import AGAIN_NS, REMEMBERED
-from netboard.nodes.seats import ARMED, LIVE, MOST_FRAMES, SANE_NS
-from netboard.sockets import LARGEST_REQUEST
+from netboard.nodes.seats import ARMED, DEAF_NS, LIVE, SANE_NS
+from netboard.sockets import LARGEST_SAMPLE
 from netboard.tables.scene import Physics
 from netboard.tick import TICK, TICK_NS
 from netboard.wire import fixed
@@ -102,10 +101,10 @@ def test_a_second_agent_for_a_side_waits_until_the_first_is_gone(rig: Rig) -> No
     assert isinstance(answer, Refusal)
     assert "already has an agent: host:1" in answer.reason
     rig.router.say(b"other", hello("agent", "left", "host:9"))
-    rig.drain(lambda: MS + TIMEOUT_NS)
+    rig.drain(lambda: MS + TIMEOUT_NS + DEAF_NS)
     assert isinstance(rig.router.heard(b"other")[0], Welcome)
     rig.router.say(A, STYLUS)
-    rig.drain(lambda: MS + TIMEOUT_NS)
+    rig.drain(lambda: MS + TIMEOUT_NS + DEAF_NS)
     assert rig.router.heard(A) == [Refusal("say hello first")]
 
 
@@ -134,9 +133,9 @@ def test_what_is_not_one_frame_is_refused_and_holds_up_nothing(rig: Rig) -> None
     rig.seated()
     rig.router.say(A, STYLUS, STYLUS)
     rig.router.say(A, b"", STYLUS, b"")
-    rig.router.say(A, bytes(LARGEST_REQUEST + 1))
+    rig.router.say(A, bytes(LARGEST_SAMPLE + 1))
     rig.router.say(A, replace(STYLUS, seq=7))
-    assert not rig.drain(lambda: MS)
+    rig.drain(lambda: MS)
     assert rig.row(MS)["left_seq"] == 7
     assert [details["reason"] for _, details in rig.port.news] == ["0 bytes are no message"]
 
@@ -387,39 +386,3 @@ def test_a_sample_from_the_future_does_not_stay_live_when_its_agent_falls_silent
     rig.router.say(A, replace(STYLUS, seq=1, stamp_ns=10_000 * 10**9, **probe))  # type: ignore[arg-type]
     rig.drain(lambda: 3 * MS)
     assert rig.row(3 * MS)["left_live"] == 0
-
-
-def test_a_flood_is_taken_bit_by_bit_answered_once_a_second_and_noted_with_its_number(rig: Rig) -> None:
-    rig.seated()
-    for _ in range(10 * MOST_FRAMES):
-        rig.router.say(b"flood", b"\x00")
-    rig.router.say(A, STYLUS)
-    for tick in range(11):
-        rig.drain(lambda now=tick * MS: now)
-    assert rig.row(11 * MS)["left_live"] == 1
-    assert len(rig.router.heard(b"flood")) == 1
-    assert [name for name, _ in rig.port.news] == ["refused"]
-    rig.router.say(b"flood", b"\x00")
-    rig.drain(lambda: AGAIN_NS)
-    assert rig.port.news[-1][1]["times"] == str(10 * MOST_FRAMES + 1)
-
-
-def test_however_many_strangers_there_are_only_so_many_are_told_apart(rig: Rig) -> None:
-    for number in range(2000):
-        rig.router.say(b"stranger %d" % number, b"\x00")
-        rig.drain(lambda: 0)
-        rig.router.go(b"stranger %d" % number)
-    assert len(rig.port.news) == REMEMBERED + 1
-
-
-def test_no_more_than_so_many_frames_are_taken_in_one_go_whatever_they_are(rig: Rig) -> None:
-    rig.seated()
-    for seq in range(2 * MOST_FRAMES):
-        rig.router.say(A, replace(STYLUS, seq=seq))
-        rig.router.say(A, b"\x00")
-    taken = []
-    for _ in range(4):
-        assert rig.drain(lambda: MS)
-        taken.append(int(rig.row(MS)["left_seq"]) + 1)
-    assert taken == [(tick + 1) * MOST_FRAMES // 2 for tick in range(4)]
-    assert not rig.drain(lambda: MS)

@@ -93,6 +93,7 @@ def test_the_motion_port(seed: int) -> None:
         for tick, (peer, word) in enumerate(islice(said(chance, clock), WORDS)):
             router.say(peer, word)
             rig.drain(clock, clock.now_ns)
+            port.refusals.look(clock.now_ns)
             port.fill(row.view(np.int64), tick, clock.now_ns, 0)
             assert np.isfinite(row["left_sent_z"] + row["right_sent_z"]) or not (row["left_live"] and row["right_live"])
             port.beat(tick, clock.now_ns)
@@ -119,9 +120,9 @@ def test_the_control_port(seed: int) -> None:
         if tick % 5 == 0:
             encode(replace(STATUS, links=tuple(port.links(clock.now_ns))))
             recordable(port.news, port.clock_records(tick))
-            for frame in port.frames:
+            port.answer()
+            for frame in port.take_frames(3):
                 encode(frame)
-            port.frames.clear()
             router.sent.clear()
         assert {wish.command.name for wish in port.wishes} <= set(COMMANDS)
 

@@ -61,6 +61,8 @@ def section(number: int, kind: Kind) -> str:
     limits = f"at most {kind.most_bytes} bytes"
     if kind.most_items:
         limits += f", arrays of at most {kind.most_items} items"
+    if kind.most_pairs:
+        limits += f", maps of at most {kind.most_pairs} pairs"
     lines = [
         f"### {kind.message.__name__}: kind {number}",
         "",

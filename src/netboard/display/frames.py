@@ -8,12 +8,13 @@ newer one within a period is no drop: the screen could not have shown both.
 """
 
 from collections import deque
+from itertools import islice
 
 from netboard.config import Side
-from netboard.wire.views import Frames
+from netboard.wire.views import MOST_SHOWN, Frames
 
-MOST_KEPT = 2000
-"""Frames kept while nobody takes the report, no more than one may hold; the oldest are forgotten first [1]."""
+MOST_KEPT = 2048
+"""Frames kept while nobody takes the reports; the oldest are forgotten first [1]."""
 
 MOST_NS = 3600 * 1_000_000_000
 """Views further apart are not of one session [ns]."""
@@ -97,12 +98,16 @@ class FrameTally:
         return True
 
     def report(self) -> Frames | None:
-        """Make the report, None if there is nothing to say. It stays the same until `clear` says that it was sent."""
+        """Make the next report, of the oldest frames and as many as one may hold; None if there is nothing to say.
+
+        It stays the same until `clear` says that it was sent.
+        """
         if not self._shown and self.dropped == self._reported:
             return None
-        return Frames(self.station, tuple(self._shown), self.dropped)
+        return Frames(self.station, tuple(islice(self._shown, MOST_SHOWN)), self.dropped)
 
     def clear(self) -> None:
-        """Forget what was reported."""
-        self._shown.clear()
+        """Forget what was reported; what did not fit is for the next report."""
+        for _ in range(min(len(self._shown), MOST_SHOWN)):
+            self._shown.popleft()
         self._reported = self.dropped

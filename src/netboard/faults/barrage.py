@@ -259,27 +259,19 @@ def fire(assaults: Sequence[Assault], vandal: Vandal | None, look: Callable[[], 
 
 
 def refused(events: Sequence[EventRecord]) -> dict[str, int]:
-    """Count what the server says it has refused, by channel.
-
-    It tells of the first refusal of each kind, and then at times how many there were of it; kinds beyond the first few
-    hundred are counted together, which shows as a new kind of which there were several.
+    """Count what the server says it has refused, by channel: of each kind the last report has the whole number.
 
     Parameters
     ----------
     events : sequence of EventRecord
         All events of a session.
     """
-    kinds: dict[str, dict[tuple[str, str], int]] = {}
-    together: dict[str, int] = {}
+    kinds: dict[tuple[str, str, str], int] = {}
     for event in events:
-        peer = event.details.get("peer", "")
-        if event.name != "refused" or not peer.startswith(PREFIX):
-            continue
-        channel = peer.removeprefix(f"{PREFIX}.").rpartition(".")[0]
-        known = kinds.setdefault(channel, {})
-        kind, times = (peer, event.details["reason"]), int(event.details["times"])
-        if kind in known or times == 1:
-            known[kind] = times
-        else:
-            together[channel] = times
-    return {channel: sum(known.values()) + together.get(channel, 0) for channel, known in kinds.items()}
+        if event.name == "refused":
+            channel, peer, reason = (event.details.get(name, "") for name in ("channel", "peer", "reason"))
+            kinds[channel, peer, reason] = int(event.details["times"])
+    found: dict[str, int] = {}
+    for (channel, _, _), times in kinds.items():
+        found[channel] = found.get(channel, 0) + times
+    return found

@@ -17,6 +17,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from netboard.clock import now_ns
 from netboard.config import SIDES
 from netboard.errors import NetboardError
+from netboard.faults import attack_cases
 from netboard.faults.case import PARTS, Case
 from netboard.faults.cases import CASES, choose
 from netboard.faults.checks import Falls, fades_of, verdict_of
@@ -259,7 +260,8 @@ def judge(case: Case, evidence: Evidence) -> Outcome:
         What there is to judge it by.
     """
     verdicts = tuple(check(evidence) for check in case.all_checks)
-    return Outcome(case, verdicts, figures(case, evidence), tuple(evidence.window.facts.items()))
+    found = attack_cases.figures(evidence) if case.part == attack_cases.PART else figures(case, evidence)
+    return Outcome(case, verdicts, found, tuple(evidence.window.facts.items()))
 
 
 def figures(case: Case, evidence: Evidence) -> tuple[Value, ...]:
@@ -297,9 +299,15 @@ def parts_of(outcomes: Sequence[Outcome]) -> list[Part]:
     for part, title in PARTS.items():
         mine = sorted((o for o in outcomes if o.case.part == part), key=lambda o: order.index(o.case.name))
         if mine:
-            rows: list[tuple[Value, ...]] = [(o.case.name, *o.figures, _word(o)) for o in mine]
-            found.append(Part(part, title, COLUMNS, rows, [_verdict(o) for o in mine]))
+            columns = attack_cases.COLUMNS if part == attack_cases.PART else COLUMNS
+            rows: list[tuple[Value, ...]] = [(o.case.name, *_padded(o, len(columns) - 2), _word(o)) for o in mine]
+            found.append(Part(part, title, columns, rows, [_verdict(o) for o in mine]))
     return found
+
+
+def _padded(outcome: Outcome, count: int) -> tuple[Value, ...]:
+    """Figures of an outcome; as many empty ones of a case that was not played."""
+    return outcome.figures if len(outcome.figures) == count else ("",) * count
 
 
 def _word(outcome: Outcome) -> str:

@@ -95,6 +95,7 @@ PARTS = {
     "peers": "Peers that do not belong",
     "devices": "Devices that fail",
     "machines": "Clocks and disks",
+    "attacks": "Peers that send too much",
 }
 """Titles of the tables."""
 

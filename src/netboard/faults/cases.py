@@ -3,12 +3,13 @@
 from collections.abc import Sequence
 
 from netboard.errors import ConfigError
+from netboard.faults.attack_cases import ATTACKS
 from netboard.faults.case import Case
 from netboard.faults.link_cases import LINKS
 from netboard.faults.other_cases import DEVICES, MACHINES, PEERS
 from netboard.faults.process_cases import PROCESSES
 
-CASES: tuple[Case, ...] = (*PROCESSES, *LINKS, *PEERS, *DEVICES, *MACHINES)
+CASES: tuple[Case, ...] = (*PROCESSES, *LINKS, *PEERS, *DEVICES, *MACHINES, *ATTACKS)
 """All of them."""
 
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import cast
 
+from netboard import keys
 from netboard.config import SIDES, Side
 from netboard.errors import NetboardError
 from netboard.faults import links, wall_clock
@@ -30,6 +31,9 @@ the safety chain is changed."""
 
 START_S = 300.0
 """A site is at work within this time, kernels compiled, on whatever machine [s]."""
+
+GUESTS = "guests"
+"""Folder of a dyad with keys for others than its own processes."""
 
 DISK_BYTES = 300_000_000
 """Size of a small disk: little more than what a logger asks for to begin [bytes]."""
@@ -59,6 +63,8 @@ class Setup:
         The recordings are on a small disk.
     follow : bool
         The logger goes on with the next session of the server.
+    keyed : bool
+        All peers come in by keys.
     """
 
     name: str
@@ -70,6 +76,7 @@ class Setup:
     wall_clock: bool = False
     small_disk: bool = False
     follow: bool = False
+    keyed: bool = False
 
     def refusal(self) -> str:
         """Why there can be no such site on this machine, or nothing."""
@@ -187,6 +194,8 @@ def open_site(setup: Setup, folder: Path, *, quick: bool) -> Iterator[Site]:
         clock = wall_clock.WallClock(folder) if setup.wall_clock else None
         if setup.small_disk:
             stack.enter_context(_mounted(folder / "a" / "recordings"))
+        if setup.keyed:
+            settings += (f"network.keys={_keys(folder / 'a')}",)
         port = free_port()
         settings += (*PACE, f"network.port={port}", *_address(spaces), *setup.settings)
         relays = {name: stack.enter_context(between(("127.0.0.1", port))) for name in setup.relayed}
@@ -198,6 +207,19 @@ def open_site(setup: Setup, folder: Path, *, quick: bool) -> Iterator[Site]:
         if setup.neighbour and not quick:
             site.neighbour = stack.enter_context(_neighbour(folder / "b"))
         yield site
+
+
+def _keys(folder: Path) -> Path:
+    """Make keys for everybody in a dyad's folder, and others as good for guests of it."""
+    made = (folder / "keys").resolve()
+    keys.init(made)
+    for place in (made, folder / GUESTS):
+        for side in SIDES:
+            keys.add(made, "agent", side, place)
+            keys.add(made, "display", side, place)
+        keys.add(made, "logger", "", place)
+        keys.add(made, "console", "", place)
+    return made
 
 
 def _neighbour(folder: Path) -> Rig:

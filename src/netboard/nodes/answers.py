@@ -82,6 +82,7 @@ class SessionAnswers:
             outcomes=len(session.ledger.attempts),
             recordings=session.log.recordings(now),
             stations=tuple(self._station(side, now) for side in SIDES),
+            refused=session.refused,
         )
 
     def _loops(self) -> tuple[tuple[str, float, float], ...]:

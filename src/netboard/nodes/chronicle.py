@@ -11,10 +11,11 @@ from typing import Any
 from netboard.clock import now_ns
 from netboard.curtain import PHASE_NAMES
 from netboard.experiment.machine import Cause
+from netboard.nodes.ledger import Ledger
 from netboard.nodes.log_port import LogPort
 from netboard.wire.codec import encode
 from netboard.wire.messages import Message
-from netboard.wire.records import ClockRecord, EventRecord
+from netboard.wire.records import ClockRecord, EventRecord, FrameRecord
 
 log = logging.getLogger(__name__)
 
@@ -93,6 +94,12 @@ class Chronicle:
         """Record anything else, if the session is open."""
         if self.opened:
             self._port.append(encode(message))
+
+    def keep_frames(self, frames: Iterable[FrameRecord], ledger: Ledger) -> None:
+        """Record what displays have painted, and let the ledger know."""
+        for frame in frames:
+            self.record(frame)
+            ledger.painted(frame)
 
     def record_probes(self, probes: Iterable[ClockRecord]) -> None:
         """Record clock probes, which are numbered from `probes` on."""

@@ -246,7 +246,7 @@ def note_of(text: str, tick: int) -> tuple[str, int]:
 def _object(text: str, what: str) -> dict[str, object]:
     try:
         found = json.loads(text or "{}")
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:  # brackets in brackets in brackets
         raise ConfigError(f"{what} is not JSON: {error}") from None
     if not isinstance(found, dict):
         raise ConfigError(f"{what}: expected a JSON object")

@@ -7,6 +7,7 @@ trial may go on or a session may end is decided without knowing of it.
 
 from netboard import ends
 from netboard.errors import WireError
+from netboard.nodes.comings import Comings
 from netboard.nodes.peer import Link, Peer
 from netboard.wire.codec import encode
 from netboard.wire.meeting import Goodbye, Hello, Pong, Welcome
@@ -43,14 +44,14 @@ class Listeners:
         Server end of the log channel.
     ring : LogRing
         The records.
-    news : list
-        Where it is noted who comes and goes: name and details of an event.
+    comings : Comings
+        Where it is noted who comes and goes.
     """
 
-    def __init__(self, router: ends.Router, ring: LogRing, news: list[tuple[str, dict[str, str]]]) -> None:
+    def __init__(self, router: ends.Router, ring: LogRing, comings: Comings) -> None:
         self._router = router
         self._ring = ring
-        self._news = news
+        self._comings = comings
         self._listeners: dict[bytes, _Listener] = {}
 
     def __contains__(self, name: object) -> bool:
@@ -79,18 +80,13 @@ class Listeners:
         known = self._listeners.get(name)
         if known is None and len(self._listeners) >= MOST_LISTENERS:
             raise WireError("too many listeners")
-        if self._router.send(name, encode(welcome)) and (known is None or known.peer.hello != hello):
+        self._router.owe(name, encode(welcome))
+        if known is None or known.peer.hello != hello:
             self._listeners[name] = _Listener(Peer(hello, now_ns))
-            self._news.append(("listener_joined", {"name": hello.name, **hello.details}))
+            self._comings.tell("listener_joined", {"name": hello.name, **hello.details}, now_ns)
 
     def hear(self, name: bytes, message: Message, now_ns: int) -> None:
-        """Take what one says.
-
-        Raises
-        ------
-        WireError
-            If it is not for a listener to say.
-        """
+        """Take what one says."""
         listener = self._listeners[name]
         listener.peer.hear(now_ns)
         match message:
@@ -99,16 +95,17 @@ class Listeners:
             case Pong():
                 listener.peer.answered(message, now_ns)
             case Goodbye(reason=reason):
-                self._forget(name, reason)
-            case _:
-                raise WireError(f"a listener does not send {type(message).__name__}")
+                self._forget(name, reason, now_ns)
 
-    def pump(self, now_ns: int, *, ended: bool) -> bool:
-        """Send each what its queue takes; whether one has been asked for its time."""
+    def pump(self, now_ns: int, *, ended: bool, unheard: bool = False) -> bool:
+        """Send each what its queue takes; whether one has been asked for its time.
+
+        While there is something `unheard`, nobody counts as silent.
+        """
         pinged = False
         for name, listener in list(self._listeners.items()):
-            if listener.peer.age_ns(now_ns) > GONE_NS:
-                self._forget(name, "fell silent")
+            if listener.peer.age_ns(now_ns) > GONE_NS and not unheard:
+                self._forget(name, "fell silent", now_ns)
                 continue
             ping = listener.peer.ping(now_ns)
             pinged |= ping is not None and self._router.send(name, encode(ping))
@@ -132,6 +129,6 @@ class Listeners:
             listener.told_end = self._router.send(name, encode(LogEnd(self._ring.next - 1)))
         return cursor
 
-    def _forget(self, name: bytes, reason: str) -> None:
+    def _forget(self, name: bytes, reason: str, now_ns: int) -> None:
         listener = self._listeners.pop(name)
-        self._news.append(("listener_left", {"name": listener.peer.hello.name, "reason": reason}))
+        self._comings.tell("listener_left", {"name": listener.peer.hello.name, "reason": reason}, now_ns)

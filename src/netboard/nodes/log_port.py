@@ -4,6 +4,8 @@ Rules: a record gets its number when it is made and keeps it; a logger that was 
 it, from the ring or from the spill, a file that takes what the ring must let go while no logger takes it. What neither
 holds is counted and said with its cause, never passed over. Nothing here waits: what a logger's queue does not take
 now, or a disk has not read yet, is sent later. Listeners come by the same channel, and nothing here asks after them.
+No peer can hold up a tick: a few messages are taken and a few batches sent at a time, each peer may send so many
+messages a second (`netboard.nodes.allowance`), and what a peer may not say is not unpacked.
 """
 
 from collections.abc import Callable, Iterator
@@ -12,20 +14,22 @@ from math import nan
 from netboard import ends
 from netboard.clock import now_ns
 from netboard.errors import WireError
+from netboard.nodes.allowance import Allowance
+from netboard.nodes.comings import Comings, News
 from netboard.nodes.listeners import Listeners
 from netboard.nodes.peer import Link, Peer, Probes
-from netboard.nodes.refusals import Refusals
+from netboard.nodes.refusals import CROWDED, Refusals
 from netboard.recording.disk import LOW_BYTES
 from netboard.recording.spill import Spill
-from netboard.wire.codec import decode, encode
+from netboard.wire.codec import decode, encode, kind_of
 from netboard.wire.meeting import Goodbye, Hello, Pong, Welcome
 from netboard.wire.messages import Message
 from netboard.wire.records import ClockRecord, LogAck, LogBatch, LogEnd, LogRequest
 from netboard.wire.ring import LogRing
 from netboard.wire.session import admit
 
-BATCHES = 2
-"""Batches a logger is sent in one go: a long backlog must not hold up a tick [1]."""
+BATCHES, MOST_BATCHES = 2, 3
+"""Batches that one logger is sent in one go, and all together: a long backlog must not hold up a tick [1]."""
 
 BATCH_RECORDS = 256
 BATCH_BYTES = 65_536
@@ -43,8 +47,15 @@ LISTEN_NS = 20_000_000
 """The answer to a ping is listened for so long at every tick [ns]."""
 
 MOST_LOGGERS = 8
-MOST_FRAMES = 16
+MOST_FRAMES = 8
 """Frames taken in one go [1]."""
+
+MAY_SAY: dict[str, frozenset[type[Message]]] = {
+    "": frozenset((Hello,)),
+    "logger": frozenset((Hello, Goodbye, Pong, LogRequest, LogAck)),
+    "listener": frozenset((Hello, Goodbye, Pong, LogRequest)),
+}
+"""What a peer of each role may say, and a stranger (of no role); what else it says is not unpacked."""
 
 
 class _Logger:
@@ -53,6 +64,7 @@ class _Logger:
     def __init__(self, peer: Peer) -> None:
         self.peer = peer
         self.cursor: int | None = None
+        self.takes = False  # it has asked for records since it came
         self.told_end = False
         self.lost = self.lost_before = 0
         self.writes = ("", 0, 0, 0)  # file; when it last told of it [ns]; bytes written and free
@@ -100,13 +112,18 @@ class LogPort:
         self.append = self.ring.append
         self.trouble = ""
         self.free_bytes = 0
-        self.news: list[tuple[str, dict[str, str]]] = []
+        self.news: News = []
+        self.refusals = Refusals(router, self.news)
         self._router = router
+        self._allowance = Allowance()
+        self._comings = Comings(self.news)
         self._welcomes = [(0, welcome)]
         self._spill = spill
         self._clock = clock
         self._loggers: dict[bytes, _Logger] = {}
         self._listen_until_ns = 0
+        self._unheard = False
+        self._first_fed = 0
         self._margin = min(MARGIN, capacity // 4)
         self._recorded = False
         self._farewell = ""
@@ -115,14 +132,13 @@ class LogPort:
         self._spill_trouble = ""
         self._space_is_low = False
         self._ended = False
-        self._refusals = Refusals(router, self.news)
         self._probes = Probes()
-        self.listeners = Listeners(router, self.ring, self.news)
+        self.listeners = Listeners(router, self.ring, self._comings)
 
     @property
     def loggers(self) -> int:
         """Loggers that are there and have asked for records."""
-        return sum(logger.cursor is not None for logger in self._loggers.values())
+        return sum(logger.takes for logger in self._loggers.values())
 
     @property
     def backlog(self) -> int:
@@ -177,22 +193,24 @@ class LogPort:
         return self._probes.records(peers, seq)
 
     def listen(self, now_ns: int) -> None:
-        """Take the answer to a ping as soon as it comes; called at every tick, it costs nothing else."""
-        if now_ns < self._listen_until_ns:
+        """Take the answer to a ping as soon as it comes, and what was left; at other ticks it costs nothing."""
+        if now_ns < self._listen_until_ns or self._unheard:
             self._drain()
 
     def pump(self, now_ns: int) -> None:
         """Answer the loggers, send them what their queues take, and look after what no logger takes."""
         self._drain()
+        self._router.pay()
+        self.refusals.look(now_ns)
         for name, logger in list(self._loggers.items()):
-            if logger.peer.age_ns(now_ns) > GONE_NS and not logger.told_end:
-                self._forget(name, "fell silent")
-                continue
-            self._ping(name, logger)
-            if logger.cursor is not None:
-                self._feed(name, logger, logger.cursor)
+            silent = logger.peer.age_ns(now_ns) > GONE_NS and not self._unheard  # what waits may be its word
+            if silent and not logger.told_end:
+                self._forget(name, "fell silent", now_ns)
+            else:
+                self._ping(name, logger)
+        self._feed_all()
         self._let_go()
-        if self.listeners.pump(self._clock(), ended=self._ended):
+        if self.listeners.pump(self._clock(), ended=self._ended, unheard=self._unheard):
             self._listen_until_ns = self._clock() + LISTEN_NS
         self.trouble = self._find_trouble()
 
@@ -243,39 +261,52 @@ class LogPort:
         for _ in range(MOST_FRAMES):
             received = self._router.receive()
             if received is None:
+                self._unheard = False
                 return
-            name, frame = received
-            now_ns = self._clock()
-            logger = self._loggers.get(name)
-            if logger is not None:
-                logger.peer.hear(now_ns)
-            try:
-                self._take(name, logger, decode(frame), now_ns)
-            except WireError as error:
-                self._refusals.refuse(name, str(error), now_ns)
+            if received != ends.NOBODY:
+                self._take(*received, self._clock())
+        self._unheard = True
 
-    def _take(self, name: bytes, logger: _Logger | None, message: Message, now_ns: int) -> None:
-        match message:
-            case Hello():
-                self._greet(name, message, now_ns)
-            case _ if name in self.listeners:
-                self.listeners.hear(name, message, now_ns)
-            case _ if logger is None:
-                raise WireError("say hello first")
+    def _take(self, name: bytes, frame: bytes, now_ns: int) -> None:
+        if not self._allowance.takes(name, len(frame), now_ns):
+            self.refusals.refuse(name, CROWDED, now_ns)
+            return
+        try:
+            self._hear(name, frame, now_ns)
+        except WireError as error:
+            self.refusals.refuse(name, str(error), now_ns)
+
+    def _hear(self, name: bytes, frame: bytes, now_ns: int) -> None:
+        """Take what a peer says.
+
+        Raises
+        ------
+        WireError
+            If it may not say that.
+        """
+        logger = self._loggers.get(name)
+        if logger is not None:
+            logger.peer.hear(now_ns)
+        role, kind = "listener" if name in self.listeners else "logger" if logger else "", kind_of(frame)
+        if kind not in MAY_SAY[role]:
+            raise WireError(f"a {role} does not send {kind.__name__}" if role else "say hello first")
+        match decode(frame):
+            case Hello() as hello:
+                self._greet(name, hello, now_ns)
+            case said if logger is None:
+                self.listeners.hear(name, said, now_ns)
             case LogRequest(first=first):
                 logger.cursor = self.ring.start(first)
-                logger.told_end = False
+                logger.takes, logger.told_end = True, False
                 self._farewell = ""
             case LogAck(durable=durable, free_bytes=free_bytes, file=file, file_bytes=file_bytes):
                 logger.writes = file, now_ns, file_bytes, free_bytes
                 self._acknowledge(durable, free_bytes)
-            case Pong():
-                logger.peer.answered(message, now_ns)
+            case Pong() as pong:
+                logger.peer.answered(pong, now_ns)
             case Goodbye(reason=reason):
                 self._farewell = reason
-                self._forget(name, reason)
-            case _:
-                raise WireError(f"a logger does not send {type(message).__name__}")
+                self._forget(name, reason, now_ns)
 
     def _greet(self, name: bytes, hello: Hello, now_ns: int) -> None:
         admit(hello)
@@ -291,16 +322,15 @@ class LogPort:
         logger = self._loggers.get(name)
         if logger is None and len(self._loggers) >= MOST_LOGGERS:
             raise WireError("too many loggers")
-        if not self._router.send(name, encode(self._welcome)):
-            return
+        self._router.owe(name, encode(self._welcome))
         if logger is None or logger.peer.hello != hello:
             self._loggers[name] = logger = _Logger(Peer(hello, now_ns))
-            self.news.append(("logger_joined", {"name": hello.name, **hello.details}))
-        logger.cursor = None
+            self._comings.tell("logger_joined", {"name": hello.name, **hello.details}, now_ns)
+        logger.cursor = None  # it asks again, now that it is welcome again
 
-    def _forget(self, name: bytes, reason: str) -> None:
+    def _forget(self, name: bytes, reason: str, now_ns: int) -> None:
         logger = self._loggers.pop(name)
-        self.news.append(("logger_left", {"name": logger.peer.hello.name, "reason": reason}))
+        self._comings.tell("logger_left", {"name": logger.peer.hello.name, "reason": reason}, now_ns)
 
     def _acknowledge(self, durable: int, free_bytes: int) -> None:
         self._recorded = True
@@ -319,19 +349,30 @@ class LogPort:
         if ping is not None and self._router.send(name, encode(ping)):
             self._listen_until_ns = ping.sent_ns + LISTEN_NS
 
-    def _feed(self, name: bytes, logger: _Logger, cursor: int) -> None:
-        for _ in range(BATCHES):
-            if cursor >= self.ring.next:
-                break
+    def _feed_all(self) -> None:
+        """Send the loggers what their queues take, another one first each time; no more than so much together."""
+        loggers = list(self._loggers.items())
+        self._first_fed = first = (self._first_fed + 1) % max(len(loggers), 1)
+        left = MOST_BATCHES
+        for name, logger in (*loggers[first:], *loggers[:first]):
+            if logger.cursor is not None:
+                left -= self._feed(name, logger, logger.cursor, min(BATCHES, left))
+
+    def _feed(self, name: bytes, logger: _Logger, cursor: int, most: int) -> int:
+        """Send a logger batches, no more than so many, and after the last one that it was the last; how many [1]."""
+        sent = 0
+        while sent < most and cursor < self.ring.next:
             batch = self.batch(cursor)
             if batch is None or not self._router.send(name, encode(batch)):
-                return
+                return sent
             if batch.lost:
                 self._note_lost(logger, cursor, batch.lost)
             cursor = logger.cursor = batch.first + len(batch.records)
+            sent += 1
         over = self._ended and cursor >= self.ring.next and not logger.told_end
         if over and self._router.send(name, encode(LogEnd(self.ring.next - 1))):
             logger.told_end = True
+        return sent
 
     # --- what no logger takes ------------------------------------------------------------------------------------
 

@@ -173,10 +173,14 @@ class Logger:
         return self._clock() + self._log_time_minus_clock
 
     def _greet(self) -> None:
-        """Say hello to a server that has not answered yet, or not for a while."""
+        """Say hello to a server that has not answered yet, or not for a while.
+
+        A server that has welcomed us is not greeted again while it is heard, however late its first records are: each
+        hello begins the exchange anew, which on a slow way would never come to its end.
+        """
         now = self._clock()
         silent = now - self._heard_ns >= SILENT_NS
-        if (silent or self._writer is None or not self._welcomed) and now - self._greeted_ns >= HELLO_NS:
+        if (silent or not self._welcomed) and now - self._greeted_ns >= HELLO_NS:
             self._greeted_ns = now
             self._welcomed = False
             self._say(self._hello)

@@ -3,6 +3,10 @@
 A seat holds the newest sample of its agent, in server time, and what is known of the link: gaps, age, clock. Whoever
 says hello for a side takes the seat (a restarted agent takes over from itself; a second agent is refused while the
 first one is alive). Nothing here waits.
+
+No peer can hold up a tick: what comes from a peer without a seat is kept by compiled code, each of them being heard a
+few times a second, and looked at after the tick, a few frames at a time; what is no sample of a seated agent in its
+fixed form is taken as often as samples come, and no oftener.
 """
 
 from collections.abc import Callable, Collection
@@ -15,10 +19,11 @@ from netboard import ends, fastpath, sockets
 from netboard.config import SIDES, Side
 from netboard.errors import WireError
 from netboard.nodes import seats
+from netboard.nodes.comings import Comings, News
 from netboard.nodes.peer import Link, Probes, Rate, link_of
-from netboard.nodes.refusals import Refusals
+from netboard.nodes.refusals import CROWDED, Refusals
 from netboard.wire import fixed
-from netboard.wire.codec import decode, encode
+from netboard.wire.codec import decode, encode, kind_of
 from netboard.wire.meeting import Goodbye, Hello, Welcome
 from netboard.wire.messages import Message
 from netboard.wire.motion import Backfill, BackfillRequest, Beat, Stylus
@@ -33,6 +38,18 @@ PROBE_TICKS = 4
 
 GONE_NS = 2_000_000_000
 """An agent that has been silent for so long has left [ns]."""
+
+MAY_SAY: frozenset[type[Message]] = frozenset((Hello, Stylus, Goodbye, Backfill))
+"""What an agent may say; what else comes is not unpacked."""
+
+MOST_ODD = 4
+"""Frames of seated agents that are no samples in their fixed form, taken in one go [1]."""
+
+ODD_NS, ODD_AT_ONCE = 500_000, 64
+"""Each agent may send one of those so often for long [ns], and so many at once, as after a hole in its link [1]."""
+
+MOST_STRANGERS = 3
+"""Frames of peers without a seat that are looked at after a tick [1]."""
 
 _VALUES = attrgetter(*(name for name, _ in fixed.fields_of(Stylus)))
 _PACK = fixed.packer_of(Stylus)
@@ -136,18 +153,22 @@ class MotionPort:
     def __init__(self, router: ends.Router, welcome: Welcome, timeout_ns: int, bound_ns: int, ends: Any = None) -> None:
         self._words = np.zeros((len(SIDES), seats.WORDS), np.int64)
         self.seats: dict[Side, Seat] = {side: Seat(side, self._words[place]) for place, side in enumerate(SIDES)}
-        self.news: list[tuple[str, dict[str, str]]] = []
+        self.news: News = []
         self.backfills: list[tuple[Side, Backfill]] = []
         self.may_arm = True
         self.fast = fastpath.FastPath(router.socket, router.keyed)
         self._router = router
-        self._frame = np.zeros(sockets.LARGEST_REQUEST, np.uint8)
+        self._frame = np.zeros(sockets.LARGEST_SAMPLE, np.uint8)
         self._sample = np.zeros(seats.SAMPLE_WORDS, np.int64)
         self._welcome = encode(welcome)
         self._timeout_ns = timeout_ns
         self._bound_ns = bound_ns
         self._by_agent: dict[bytes, Seat] = {}
-        self._refusals = Refusals(router, self.news)
+        self.refusals = Refusals(router, self.news)
+        self._comings = Comings(self.news)
+        self._crowd = np.zeros(1, seats.CROWD)
+        self._looked_at = 0
+        self._odd_ns = dict.fromkeys(SIDES, 0)
         self._probes = Probes()
         self._force = np.zeros(fixed.FORCE.size, np.uint8)
         self._force_words = np.zeros(len(fixed.FORCE.markers), np.int64)
@@ -162,11 +183,16 @@ class MotionPort:
         return not self._by_agent
 
     @property
+    def unheard(self) -> bool:
+        """Whether frames of peers without a seat wait to be looked at."""
+        return bool(self._crowd[0]["kept"])
+
+    @property
     def complete(self) -> bool:
         """Whether nothing is gained by waiting for the deadline: from whoever was punctual there is a new sample."""
         return not seats.awaited(self._words)
 
-    def drain(self, clock: Callable[[], int], due_ns: int, signalled: bool = False) -> bool:
+    def drain(self, clock: Callable[[], int], due_ns: int, signalled: bool = False) -> None:
         """Take what has arrived.
 
         Parameters
@@ -177,16 +203,12 @@ class MotionPort:
             Deadline of the next tick [ns].
         signalled : bool
             Something has come: take it quickly, and no more than completes the tick.
-
-        Returns
-        -------
-        bool
-            Whether there may be more.
         """
-        left = seats.MOST_FRAMES
-        while left > 0:
+        left, odd = seats.MOST_FRAMES, MOST_ODD
+        while left > 0 and odd > 0:
+            form = fixed.STYLUS[:2]
             found = seats.drain(
-                self._words, self.fast.record, self._frame, *fixed.STYLUS[:2], self._sample, due_ns, signalled, left
+                *(self._words, self.fast.record, self._frame, *form, self._sample, due_ns, signalled, left, self._crowd)
             )
             for place, seat in enumerate(self.seats.values()):
                 if found & (1 << place):
@@ -194,10 +216,25 @@ class MotionPort:
             if found & seats.FAILED:
                 self.fast.fail("motion")
             if not found & seats.OTHER:
-                return bool(found & seats.MORE)
-            self._read_any(clock(), due_ns)
+                return
+            self._read_odd(clock(), due_ns)
             left -= found // seats.FRAMES
-        return True
+            odd -= 1
+
+    def attend(self, now_ns: int, due_ns: int) -> None:
+        """Look at a few of the frames that peers without a seat have sent, and count those that were dropped."""
+        crowd = self._crowd[0]
+        last = min(int(crowd["kept"]), self._looked_at + MOST_STRANGERS)
+        for row in range(self._looked_at, last):
+            stranger = crowd["strangers"][row]
+            frame = stranger["frame"][: stranger["size"]].tobytes()
+            self._hear(*self._router.checked(*fastpath.sender_of(stranger), frame), now_ns, due_ns)
+        self._looked_at = last
+        if last == crowd["kept"]:
+            crowd["kept"] = self._looked_at = 0
+        if crowd["dropped"]:
+            self.refusals.note("strangers", CROWDED, now_ns, int(crowd["dropped"]))
+            crowd["dropped"] = 0
 
     def fill(self, row: Any, number: int, due_ns: int, late_ns: int) -> int:
         """Begin the row of a tick with both seats' samples; see `netboard.nodes.seats.fill`."""
@@ -270,9 +307,10 @@ class MotionPort:
         Whoever could not be told of a new block yet, because it stood still, is told now.
         """
         self._router.pay()
+        self.refusals.look(now_ns)
         for seat in self.seats.values():
             if seat.hello is not None and seat.silent_ns(now_ns) > GONE_NS:
-                self._leave(seat, "fell silent")
+                self._leave(seat, "fell silent", now_ns)
 
     def clock_records(self, seq: int) -> list[ClockRecord]:
         """The newest raw probe of each agent with the estimate so far, numbered from `seq`."""
@@ -305,65 +343,64 @@ class MotionPort:
         self.fast.close()
         self._router.close_after_goodbye()
 
-    def _read_any(self, now_ns: int, due_ns: int) -> None:
-        """Take the newest frame, which is no sample in its fixed form, or comes from a stranger."""
+    def _read_odd(self, now_ns: int, due_ns: int) -> None:
+        """Take the newest frame of a seated agent, which is no sample in its fixed form, unless there are too many."""
         agent, frame = self._router.checked(*self.fast.sender, self._frame[: self.fast.size].tobytes())
         seat = self._by_agent.get(agent)
-        try:
-            message = decode(frame)
-        except WireError as error:
-            self._refusals.refuse(agent, str(error), now_ns)
+        if seat is not None:
+            spent_ns = max(self._odd_ns[seat.side], now_ns) + ODD_NS
+            if spent_ns - now_ns > ODD_AT_ONCE * ODD_NS:
+                self.refusals.refuse(agent, CROWDED, now_ns)
+                return
+            self._odd_ns[seat.side] = spent_ns
+        self._hear(agent, frame, now_ns, due_ns)
+
+    def _hear(self, agent: bytes, frame: bytes, now_ns: int, due_ns: int) -> None:
+        """Take a frame, of anybody."""
+        if (agent, frame) == ends.NOBODY:
             return
-        if isinstance(message, Stylus) and seat is not None:
-            seat.take(message, now_ns, due_ns)
-        else:
-            self._other(agent, seat, message, now_ns)
+        seat = self._by_agent.get(agent)
+        try:
+            kind = kind_of(frame)
+            if kind not in MAY_SAY:
+                raise WireError(f"an agent does not send {kind.__name__}" if seat else "say hello first")
+            if seat is None and kind is not Hello:
+                raise WireError("say hello first")
+            match decode(frame):
+                case Hello() as hello:
+                    self._greet(agent, hello, now_ns)
+                case Stylus() as stylus if seat is not None:
+                    seat.take(stylus, now_ns, due_ns)
+                case Goodbye(reason=reason) if seat is not None:
+                    self._leave(seat, reason, now_ns)
+                case Backfill() as backfill if seat is not None:
+                    self.backfills = [*self.backfills[-1:], (seat.side, backfill)]
+        except WireError as error:
+            self.refusals.refuse(agent, str(error), now_ns)
 
-    def _other(self, agent: bytes, seat: Seat | None, message: Message, now_ns: int) -> None:
-        match message:
-            case Hello():
-                self._greet(agent, message, now_ns)
-            case Goodbye(reason=reason) if seat is not None:
-                self._leave(seat, reason)
-            case Backfill() if seat is not None:
-                self.backfills = [*self.backfills[-1:], (seat.side, message)]
-            case _ if seat is None:
-                self._refusals.refuse(agent, "say hello first", now_ns)
-            case _:
-                self._refusals.refuse(agent, f"an agent does not send {type(message).__name__}", now_ns)
-
-    def _leave(self, seat: Seat, reason: str) -> None:
-        self.news.append(("agent_left", {"side": seat.side, "reason": reason}))
+    def _leave(self, seat: Seat, reason: str, now_ns: int) -> None:
+        self._comings.tell("agent_left", {"side": seat.side, "reason": reason}, now_ns)
         del self._by_agent[seat.agent]
         self.fast.forget(SIDES.index(seat.side))
         seat.leave()
 
     def _greet(self, agent: bytes, hello: Hello, now_ns: int) -> None:
-        try:
-            admit(hello)
-        except WireError as error:
-            self._refusals.refuse(agent, str(error), now_ns)
-            return
+        admit(hello)
         if hello.role != "agent":
-            self._refusals.refuse(agent, f"this is the motion channel, not one for a {hello.role}", now_ns)
-            return
+            raise WireError(f"this is the motion channel, not one for a {hello.role}")
         if reason := self._router.forbids(hello.role, hello.side):
-            self._refusals.refuse(agent, reason, now_ns)
-            return
+            raise WireError(reason)
         seat = next(seat for seat in self.seats.values() if seat.side == hello.side)
         before = self._by_agent.get(agent, seat)
         if before is not seat:
-            self._refusals.refuse(agent, f"it is the {before.side} side's agent already", now_ns)
-            return
+            raise WireError(f"it is the {before.side} side's agent already")
         taken = seat.hello is not None and seat.silent_ns(now_ns) < self._timeout_ns
         if taken and seat.hello is not None and seat.hello != hello:
-            reason = f"the {seat.side} side already has an agent: {seat.hello.name}"
-            self._refusals.refuse(agent, reason, now_ns)
-            return
+            raise WireError(f"the {seat.side} side already has an agent: {seat.hello.name}")
         if not self._router.send(agent, self._welcome):
             return
         if not taken:
-            self.news.append(("agent_joined", {"side": seat.side, "name": hello.name, **hello.details}))
+            self._comings.tell("agent_joined", {"side": seat.side, "name": hello.name, **hello.details}, now_ns)
         self._by_agent.pop(seat.agent, None)
         seat.sit(agent, hello, now_ns)
         self._by_agent[agent] = seat

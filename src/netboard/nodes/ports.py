@@ -10,12 +10,16 @@ from netboard.config import Config
 from netboard.nodes.control_port import Answers, ControlPort
 from netboard.nodes.log_port import LogPort
 from netboard.nodes.motion_port import MotionPort
+from netboard.nodes.refusals import Refusals
 from netboard.nodes.view_port import ViewPort
 from netboard.recording.spill import Spill, spill_path
 from netboard.wire.meeting import Welcome
 
 RING_SHARE = 1.5
 """Records that the log's ring holds for each millisecond: one of a tick, and room for others [1]."""
+
+MOST_REFUSED = 8
+"""Kinds of refusals that operators are told of: those that were most often [1]."""
 
 
 class Ports:
@@ -79,6 +83,18 @@ class Ports:
         self.control.renew(welcome)
         self.log.renew(welcome)
         self.views.renew()
+
+    @property
+    def refusals(self) -> tuple[Refusals, ...]:
+        """What each channel has refused."""
+        return self.motion.refusals, self.control.refusals, self.log.refusals
+
+    def refused(self, door: doors.Door | None) -> tuple[tuple[str, str, int], ...]:
+        """What was refused most often, at the door and on the channels, as `Status.refused` has it."""
+        totals = [("handshake", door.totals)] if door is not None else []
+        totals += [(refusals.channel, refusals.totals) for refusals in self.refusals]
+        found = [(channel, reason, times) for channel, of in totals for reason, times in of.items()]
+        return tuple(sorted(found, key=lambda item: -item[2])[:MOST_REFUSED])
 
     def goodbye(self, reason: str) -> None:
         """Tell agents and operators that they are not needed any more."""

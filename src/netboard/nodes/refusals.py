@@ -1,20 +1,23 @@
-"""Saying no, to any number of frames that do not belong, without being kept from the work by it.
+"""Telling peers, and the recording, what was refused, without letting a flood of it become a flood of words.
 
-A refusal is answered and noted the first time, and then at most once a second for the same peer and reason, with the
-number of times. Whoever sends more kinds of nonsense than are remembered is lumped together.
+A refusal is answered the first time, and then at most once a second for the same peer and reason. How it is counted and
+reported is in `netboard.refusals`.
 """
 
 from netboard import ends
+from netboard.nodes.comings import News
+from netboard.refusals import RefusalCount
 from netboard.wire.codec import encode
 from netboard.wire.meeting import Refusal
 
 AGAIN_NS = 1_000_000_000
-"""The same refusal is repeated after so long [ns]."""
+"""The same refusal is repeated to its peer after this time [ns]."""
 
-REMEMBERED = 256
-"""Kinds of refusals told apart [1]."""
+REMEMBERED = 1024
+"""Answers remembered, of peer and reason: the oldest is forgotten first [1]."""
 
-_OTHERS = (b"others", "")
+CROWDED = "too many messages"
+"""Why a message was dropped unread: its peer, or all strangers together, had sent too many."""
 
 
 class Refusals:
@@ -28,21 +31,42 @@ class Refusals:
         Where they are noted: name and details of an event.
     """
 
-    def __init__(self, router: ends.Router, news: list[tuple[str, dict[str, str]]]) -> None:
+    def __init__(self, router: ends.Router, news: News) -> None:
         self._router = router
         self._news = news
-        self._seen: dict[tuple[bytes, str], tuple[int, int]] = {}
+        self._count = RefusalCount()
+        self._answered: dict[tuple[bytes, str], int] = {}
+
+    @property
+    def channel(self) -> str:
+        """Name of the channel."""
+        return self._router.channel
+
+    @property
+    def totals(self) -> dict[str, int]:
+        """Refusals so far, by reason [1]."""
+        return self._count.totals
 
     def refuse(self, peer: bytes, reason: str, now_ns: int) -> None:
         """Refuse what a peer has sent."""
-        kind = (peer, reason)
-        if kind not in self._seen and len(self._seen) >= REMEMBERED:
-            kind = _OTHERS
-        times, said_ns = self._seen.get(kind, (0, now_ns - AGAIN_NS))
-        times += 1
-        if now_ns - said_ns >= AGAIN_NS:
-            said_ns = now_ns
-            details = {"peer": peer.decode(errors="replace"), "reason": reason, "times": str(times)}
-            self._news.append(("refused", details))
+        self.note(ends.shown(peer), reason, now_ns)
+        if now_ns - self._answered.get((peer, reason), now_ns - AGAIN_NS) >= AGAIN_NS:
+            self._answered.pop((peer, reason), None)
+            self._answered[peer, reason] = now_ns
+            if len(self._answered) > REMEMBERED:
+                del self._answered[next(iter(self._answered))]
             self._router.send(peer, encode(Refusal(reason)))
-        self._seen[kind] = (times, said_ns)
+
+    def note(self, peer: str, reason: str, now_ns: int, times: int = 1) -> None:
+        """Count what was refused, without an answer."""
+        details = {"channel": self._router.channel, "peer": peer, "reason": reason}
+        self._count.count((peer, reason), details, times)
+        self.look(now_ns, again=False)
+
+    def look(self, now_ns: int, *, again: bool = True) -> None:
+        """Report what is due: what is new, and with ``again`` how often there was what is known."""
+        self._news += [("refused", details) for details in self._count.reports(now_ns, again=again)]
+
+    def settle(self) -> None:
+        """Report the final count of every kind."""
+        self._news += [("refused", details) for details in self._count.rest()]

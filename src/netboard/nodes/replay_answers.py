@@ -79,6 +79,7 @@ class ReplayAnswers:
             outcomes=len(outcomes),
             recordings=(),
             stations=tuple(self._station(side, index) for side in SIDES),
+            refused=(),
         )
 
     def _station(self, side: Side, index: int) -> tuple[str, float, int, float, int, int]:

@@ -56,7 +56,7 @@ class ClosedPort:
     def __init__(self, router: ends.Router, reason: str) -> None:
         self.news: list[tuple[str, dict[str, str]]] = []
         self._router, self._reason = router, reason
-        self._refusals = Refusals(router, self.news)
+        self.refusals = Refusals(router, self.news)
 
     def drain(self, now_ns: int) -> None:
         """Refuse whatever has come [ns]."""
@@ -64,7 +64,8 @@ class ClosedPort:
             received = self._router.receive()
             if received is None:
                 return
-            self._refusals.refuse(received[0], self._reason, now_ns)
+            if received != ends.NOBODY:
+                self.refusals.refuse(received[0], self._reason, now_ns)
 
     def close(self) -> None:
         """Close, after the last words."""
@@ -169,6 +170,7 @@ class ReplayServer:
         """
         self._show(milliseconds)
         self.control.drain(now_ns())
+        self.control.answer()
         wishes = list(self.control.wishes)
         self.control.wishes.clear()
         return [self._grant(wish) for wish in wishes]
@@ -204,15 +206,18 @@ class ReplayServer:
         """Look after the peers and the door."""
         now = now_ns()
         self.control.pump(now)
-        self.control.frames.clear()  # what is shown of a replay is not recorded
+        self.control.take_frames()  # what is shown of a replay is not recorded
         for closed in self._closed:
             closed.drain(now)
+            closed.refusals.look(now)
         for port in (self.control, *self._closed):
             for name, details in port.news:
                 log.info("%s %s", name, printable(details))
             port.news.clear()
-        for details in self._door.attend() if self._door is not None else ():
-            log.info("refused %s", printable(details))
+        if self._door is not None:
+            self._door.attend()
+            for details in self._door.news(now):
+                log.info("refused %s", printable(details))
 
     def leave(self) -> None:
         """Say goodbye and close."""

@@ -81,20 +81,17 @@ class Server:
         """Run these sessions until one of them begins to end, or is over."""
         inlets = {socket: session for session in running if not session.ending for socket in session.inlets}
         waiter = waiting.Waiter(inlets)
-        more = set(running)
         while True:
-            sleep_ns = 0 if more else min(min(session.wake_ns for session in running) - now_ns(), LONGEST_SLEEP_NS)
+            sleep_ns = min(min(session.wake_ns for session in running) - now_ns(), LONGEST_SLEEP_NS)
             signalled = waiter.signalled(sleep_ns * 1e-9)
-            called = more | {inlets[socket] for socket in signalled}
+            called = {inlets[socket] for socket in signalled}
             now = now_ns()
-            more = set()
             for session in running:
                 if session not in called and now < session.wake_ns:
                     continue
                 before = session.ending
                 motion, control = (socket in signalled for socket in session.inlets)
-                if session.go_on(motion, control):
-                    more.add(session)
+                session.go_on(motion, control)
                 if session.over or session.ending != before:
                     return
             if stopping():

@@ -47,6 +47,12 @@ RING_ROWS = 1024
 """Rows of ticks that are kept: more than the longest delay of a force, and a second of what operators see [1]."""
 
 HOUSE_TICKS = 10
+FRAMES_A_TICK = 4
+"""Records of painted frames made after a tick: displays show no more than one in several ticks [1]."""
+
+ANSWER_NS = 4_000_000
+"""Operators' questions are answered so often, one at a time: an answer takes a fifth of a tick [ns]."""
+
 CLOCKS_NS = 1_000_000_000
 """Clock probes are recorded so often [ns]."""
 
@@ -117,6 +123,7 @@ class Session:
         self._asked_to_end = False
         self._ended_ns = self._ending_until_ns = 0
         self._log_closing = self._stopping = False
+        self._unheard, self._hear_ns, self._answer_ns = False, 0, 0
         self._started = False
         self.questionnaires = ""
         self._alarm = Alarm()
@@ -161,6 +168,11 @@ class Session:
     @property
     def _records_expected(self) -> bool:
         return self.block.config.network.require_logger and self._started
+
+    @property
+    def refused(self) -> tuple[tuple[str, str, int], ...]:
+        """What was refused most often, as `Status.refused` has it."""
+        return self._ports.refused(self._door)
 
     # --- what the server does ----------------------------------------------------------------------------------
 
@@ -238,10 +250,11 @@ class Session:
         """Ask the session to end."""
         self._asked_to_end = True
 
-    def go_on(self, motion: bool, control: bool) -> bool:
-        """Take what has come, and do the tick that can be done; whether there may be more to take.
+    def go_on(self, motion: bool, control: bool) -> None:
+        """Take what has come, and do the tick that can be done.
 
-        The motion channel is read until nothing is left when all else is done: only then it signals again.
+        The motion channel is read when all else is done, until nothing is left: only then it signals again. If more
+        comes than can be taken in a tick, it is read at the next one, signalled or not.
 
         Parameters
         ----------
@@ -249,7 +262,8 @@ class Session:
             Whether these channels have signalled.
         """
         if self.ending:
-            return self._go_on_ending()
+            self._go_on_ending()
+            return
         pace = self.pace
         idle = self.motion.empty and not self._active
         self.motion.drain(now_ns, pace.due_ns, motion)
@@ -260,13 +274,29 @@ class Session:
             self._idle_ticks(now)
         elif pace.is_time(now, self.motion.complete):
             self.tick(pace.due_ns, now - pace.due_ns)
-        more = self.control.drain(now_ns()) if control else False
-        more |= self.motion.drain(now_ns, pace.due_ns)
+        self.motion.drain(now_ns, pace.due_ns)
+        self._unheard |= control
+        self._do_a_little(now_ns())
         if self._asked_to_end:
             self._end()
-            return False
+            return
         pace.sleep(self.motion.empty and not self._active, self.motion.complete)
-        return more
+        if self._unheard or self.motion.unheard:
+            pace.wake_ns = min(pace.wake_ns, self._hear_ns)
+
+    def _do_a_little(self, now: int) -> None:
+        """Do a bounded part of what may wait, once a millisecond: a peer that sends much is heard later."""
+        if now < self._hear_ns:
+            return
+        self._hear_ns = now + TICK_NS
+        self.motion.attend(now, self.pace.due_ns)
+        self._unheard = self._unheard and self.control.drain(now)
+        if now >= self._answer_ns:
+            self._answer_ns = now + ANSWER_NS
+            self.control.answer()
+        self._chronicle.keep_frames(self.control.take_frames(FRAMES_A_TICK), self.ledger)
+        if self._door is not None:
+            self._door.attend()
 
     @property
     def _active(self) -> bool:
@@ -455,7 +485,7 @@ class Session:
         self.ledger.look(self.rows, self.number)
         self.missing = self._lacks()
         self.control.pump(now)
-        self.control.drain(now)
+        self._unheard = True  # it is looked at now and then, signalled or not
         if now >= self._clocks_ns:
             self._clocks_ns = now + CLOCKS_NS
             self._note_clocks()
@@ -465,17 +495,13 @@ class Session:
 
     def _keep_records(self, now: int) -> None:
         """Bring records to the loggers, and to the records whatever the ports have to tell."""
-        for frame in self.control.frames:
-            self._chronicle.record(frame)
-            self.ledger.painted(frame)
-        self.control.frames.clear()
         for port in (self.motion, self.control, self.log, self.block.delays):
             for name, details in port.news:
                 self._note(name, details)
                 if name == "agent_joined":
                     self.block.delays.know("left" if details["side"] == "left" else "right", details)
             port.news.clear()
-        for details in self._door.attend() if self._door is not None else ():
+        for details in self._door.news(now) if self._door is not None else ():
             self._note("refused", details)
         self.log.pump(now)
 
@@ -495,6 +521,7 @@ class Session:
         if self.phase != Phase.FINISHED:
             self._stopping = True
             self.tick(self.pace.due_ns, max(0, now_ns() - self.pace.due_ns))
+        self._settle()
         self._ports.goodbye("the session is over")
         self._note("session_ended", {"late_ticks": str(self.pace.late_ticks)})
         self._keep_records(now_ns())
@@ -502,7 +529,16 @@ class Session:
         self._ended_ns = now_ns()
         self._ending_until_ns = self._ended_ns + FINISH_NS
 
-    def _go_on_ending(self) -> bool:
+    def _settle(self) -> None:
+        """Record what is still to be told of the peers: frames they have shown, and how often each was refused."""
+        self._chronicle.keep_frames(self.control.take_frames(), self.ledger)
+        for refusals in self._ports.refusals:
+            refusals.settle()
+        for details in self._door.rest() if self._door is not None else ():
+            self._note("refused", details)
+        self._keep_records(now_ns())
+
+    def _go_on_ending(self) -> None:
         """Feed the loggers."""
         now = now_ns()
         if not self._log_closing:
@@ -512,7 +548,6 @@ class Session:
                 self._log_closing = True
                 self.log.close()
         self.pace.wake_ns = now + TICK_NS
-        return False
 
     def close(self) -> None:
         """Close what is still open, and say what is not known to be on disk.

@@ -31,6 +31,7 @@ def _lines(status: Status) -> list[Text]:
         lines.append(Text("waiting for " + ", ".join(status.waiting_for), style="yellow"))
     if status.notice:
         lines.append(Text(status.notice, style="yellow"))
+    lines += [Text(f"refused {times} times: {where}: {why}", style="yellow") for where, why, times in status.refused]
     return lines
 
 

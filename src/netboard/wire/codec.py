@@ -3,7 +3,7 @@
 A frame is one MessagePack array ``[kind, field, field, ...]``, the fields in the order of the message's dataclass.
 
 Rule 1: `decode` gives a message that fits its dataclass or raises `WireError`, whatever the bytes.
-Rule 2: its work is bounded before it begins: each kind has a largest frame and a longest array.
+Rule 2: its work is bounded before it begins: each kind has a largest frame, a longest array and a largest map.
 Rule 3: types are exact. A boolean is no integer and an integer is no float; `encode` converts, `decode` refuses.
 Rule 4: `netboard.wire.messages.KINDS` only grows. A number is never used for another message.
 
@@ -16,6 +16,7 @@ import typing
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from functools import partial
+from itertools import chain
 from operator import attrgetter, index
 from reprlib import repr as short
 from typing import Any
@@ -46,6 +47,22 @@ def encode(message: Message) -> bytes:
     if len(frame) > plan.most_bytes:
         raise ValueError(f"{plan.name}: {len(frame)} bytes, at most {plan.most_bytes} are allowed")
     return frame
+
+
+def kind_of(frame: bytes) -> type[Message]:
+    """Find which message a frame claims to be, before anything is unpacked.
+
+    Parameters
+    ----------
+    frame : bytes
+        What came in, from anyone.
+
+    Raises
+    ------
+    WireError
+        If it is no message of this protocol.
+    """
+    return KINDS[_plan_of(frame).number].message
 
 
 def decode(frame: bytes) -> Message:
@@ -118,14 +135,28 @@ def _optional(check: Check, value: Any) -> Any:
     return None if value is None else check(value)
 
 
-def _mapping(key: Check, item: Check, value: Any) -> Any:
-    return {key(k): item(v) for k, v in _exactly(dict, value).items()}
+def _mapping(key: Check, item: Check, most_pairs: int, value: Any) -> Any:
+    if len(_exactly(dict, value)) > most_pairs:
+        raise ValueError(f"expected at most {most_pairs} pairs, got {len(value)}")
+    return {key(k): item(v) for k, v in value.items()}
 
 
 def _sequence(check: Check, most_items: int, value: Any) -> Any:
     if len(_exactly(tuple, value)) > most_items:
         raise ValueError(f"expected at most {most_items} items, got {len(value)}")
     return tuple(map(check, value))
+
+
+def _rows_of_integers(slowly: Check, width: int, most_items: int, value: Any) -> Any:
+    """Read an array of records of integers: the check of each part is made for all of them at once.
+
+    What does not pass is checked part by part, to be refused in words.
+    """
+    if type(value) is tuple and len(value) <= most_items and {*map(type, value)} <= {tuple}:
+        numbers = tuple(chain.from_iterable(value))
+        if {*map(len, value)} <= {width} and {*map(type, numbers)} <= {int} and max(numbers, default=0) < 2**63:
+            return value
+    return slowly(value)
 
 
 def _record(checks: tuple[Check, ...], value: Any) -> Any:
@@ -139,18 +170,22 @@ _READ: Mapping[type, Check] = {**_PLAIN, int: _read_int, float: partial(_exactly
 _WRITE: Mapping[type, Check] = {**_PLAIN, int: _write_int, float: _write_float}
 
 
-def _compile(hint: Any, scalars: Mapping[type, Check], most_items: int) -> Check:
-    """Make the check of one type hint; `scalars` says how its leaves are checked."""
+def _compile(hint: Any, scalars: Mapping[type, Check], kind: Kind) -> Check:
+    """Make the check of one type hint of a kind of message; `scalars` says how its leaves are checked."""
     origin, arguments = typing.get_origin(hint), typing.get_args(hint)
     if origin is None:
         return scalars[hint]
-    inner = tuple(_compile(part, scalars, most_items) for part in arguments if part not in (type(None), Ellipsis))
+    inner = tuple(_compile(part, scalars, kind) for part in arguments if part not in (type(None), Ellipsis))
     if origin is types.UnionType:
         return partial(_optional, *inner)
     if origin is dict:
-        return partial(_mapping, *inner)
+        return partial(_mapping, inner[0], inner[1], kind.most_pairs)
     if arguments[-1] is Ellipsis:
-        return partial(_sequence, inner[0], most_items)
+        slowly = partial(_sequence, inner[0], kind.most_items)
+        parts = typing.get_args(arguments[0])
+        if scalars is _READ and parts and set(parts) == {int}:
+            return partial(_rows_of_integers, slowly, len(parts), kind.most_items)
+        return slowly
     return partial(_record, inner)
 
 
@@ -189,7 +224,7 @@ def _plan(number: int, kind: Kind) -> _Plan:
         return tuple(
             partial(_one_of, CHOICES[message, name])
             if (message, name) in CHOICES
-            else _compile(hints[name], scalars, kind.most_items)
+            else _compile(hints[name], scalars, kind)
             for name in names
         )
 
@@ -198,8 +233,9 @@ def _plan(number: int, kind: Kind) -> _Plan:
         msgpack.unpackb,
         use_list=False,
         max_array_len=max(length, kind.most_items),  # an array is made at its full claimed length, so not the default
+        max_map_len=kind.most_pairs,
         max_ext_len=0,
-    )  # maps, strings and bytes may claim no more than the frame has, which is msgpack's default
+    )  # strings and bytes may claim no more than the frame has, which is msgpack's default
     if kind.most_items > length:
         unpack = partial(_unpack_whole, unpack)
     return _Plan(

@@ -156,6 +156,9 @@ class Status:
         For each side: its name, age of the newest sample (NaN: none) [s], `Safeguard` bits of the last tenth of a
         second, vertical force rendered (NaN: not known) [N], and how many ticks of this attempt had no fresh sample,
         and a force at its limit [1].
+    refused : tuple of (str, str, int)
+        What was refused most often since the server started: channel (``handshake``: before a peer came in), reason,
+        and how often [1].
     """
 
     session: str
@@ -189,6 +192,7 @@ class Status:
     outcomes: int
     recordings: tuple[tuple[str, float, int, int], ...]
     stations: tuple[tuple[str, float, int, float, int, int], ...]
+    refused: tuple[tuple[str, str, int], ...]
 
 
 @dataclass(frozen=True, slots=True)

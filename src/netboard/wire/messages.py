@@ -32,7 +32,7 @@ from netboard.wire.records import (
     LogRequest,
     TickRecord,
 )
-from netboard.wire.views import Frames, View
+from netboard.wire.views import MOST_SHOWN, Frames, View
 
 PROTOCOL_VERSION = 5
 
@@ -88,15 +88,18 @@ class Kind:
         Size of the largest frame [1].
     most_items : int
         Length of the longest array in a field; 0 for a message without arrays [1].
+    most_pairs : int
+        Pairs of the largest map in a field; 0 for a message without maps [1].
     """
 
     message: type[Message]
     most_bytes: int
     most_items: int = 0
+    most_pairs: int = 0
 
 
 KINDS: dict[int, Kind] = {
-    1: Kind(Hello, 4096),
+    1: Kind(Hello, 4096, most_pairs=32),
     2: Kind(Welcome, 262_144),
     3: Kind(Refusal, 8192),  # may quote anything of a Hello
     4: Kind(Goodbye, 4096),
@@ -109,17 +112,17 @@ KINDS: dict[int, Kind] = {
     14: Kind(BackfillRequest, 64),
     15: Kind(Backfill, 2304),
     20: Kind(View, 4096),
-    21: Kind(Frames, 65_536, 2048),
+    21: Kind(Frames, 8192, MOST_SHOWN),
     30: Kind(LogRequest, 64),
     31: Kind(LogBatch, 1_048_576, 4096),
     32: Kind(LogAck, 1024),
     33: Kind(LogEnd, 64),
     34: Kind(TickRecord, 4096),
-    35: Kind(EventRecord, 65_536),
+    35: Kind(EventRecord, 65_536, most_pairs=4096),
     36: Kind(ClockRecord, 256),
     37: Kind(FrameRecord, 256),
     38: Kind(BackfillRecord, 2304),
-    50: Kind(Command, 65_536),
+    50: Kind(Command, 8192),
     51: Kind(StatusRequest, 16),
     52: Kind(Status, 262_144, 10_240),
     53: Kind(Reply, 4096),

@@ -5,6 +5,9 @@ A message is data only; `netboard.wire.messages` holds the rules for all of them
 
 from dataclasses import dataclass
 
+MOST_SHOWN = 256
+"""Frames in one report: those of a second at 240 Hz, the highest refresh rate that is supported, and some more [1]."""
+
 
 @dataclass(frozen=True, slots=True)
 class View:

@@ -1,0 +1,139 @@
+"""Peers that send too much on the motion channel: they hold up no sample and no greeting, and are counted whole."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from fake_router import hello
+from motion_rig import MotionRig
+
+from netboard import sockets
+from netboard.nodes.motion_port import MOST_ODD, ODD_AT_ONCE
+from netboard.nodes.refusals import AGAIN_NS, CROWDED
+from netboard.nodes.seats import MOST_FRAMES
+from netboard.refusals import MOST_KINDS
+from netboard.tick import TICK
+from netboard.wire.control import StatusRequest
+from netboard.wire.meeting import Refusal, Welcome
+from netboard.wire.motion import Stylus
+
+MS = 1_000_000
+A, B = b"agent.left@1", b"agent.right@2"
+STYLUS = Stylus(0, 0, 0.0, 0.0, 0.01, 0.0, 0.0, 0.1, 0, 0, 0.0, -1, 0, 0, 0, 0)
+
+
+@pytest.fixture
+def rig() -> Iterator[MotionRig]:
+    with sockets.open_context() as context:
+        yield MotionRig(context)
+
+
+def seat(rig: MotionRig) -> None:
+    rig.router.say(A, hello("agent", "left"))
+    rig.drain(lambda: 0)
+    rig.router.heard(A)
+    rig.port.news.clear()
+
+
+def newest(rig: MotionRig, now_ns: int) -> int:
+    """Number of the newest sample of the left agent."""
+    row = np.zeros(1, TICK)
+    rig.port.fill(row.view(np.int64), 0, now_ns, 0)
+    return int(row["left_seq"][0])
+
+
+def test_a_flood_holds_up_no_sample_is_answered_once_and_counted_whole(rig: MotionRig) -> None:
+    seat(rig)
+    flood = 10 * MOST_FRAMES
+    for _ in range(flood):
+        rig.router.say(b"flood", b"\x00")
+    rig.router.say(A, STYLUS)
+    rig.port.drain(lambda: 0, 0)
+    assert newest(rig, MS) == 0
+    for tick in range(1, 11):
+        rig.drain(lambda now=tick * MS: now)
+    assert len(rig.router.heard(b"flood")) == 1
+    rig.port.refusals.settle()
+    assert {name for name, _ in rig.port.news} == {"refused"}
+    whole = {(details["peer"], details["reason"]): int(details["times"]) for _, details in rig.port.news}
+    assert whole == {("flood", "1 bytes are no message"): 1, ("strangers", CROWDED): flood - 1}
+    assert sum(rig.port.refusals.totals.values()) == flood
+
+
+def test_a_stranger_is_heard_again_after_a_while_and_its_greeting_at_any_time(rig: MotionRig) -> None:
+    for message in (StatusRequest(), hello("display", "left"), StatusRequest(), hello("display", "left")):
+        rig.router.say(b"x", message)
+    rig.drain(lambda: 0)
+    said = ["say hello first", "this is the motion channel, not one for a display"]
+    assert rig.router.heard(b"x") == [Refusal(reason) for reason in said]
+    rig.router.say(b"x", StatusRequest())
+    rig.drain(lambda: AGAIN_NS)
+    assert rig.router.heard(b"x") == [Refusal("say hello first")]
+
+
+def test_an_agent_that_says_hello_gets_in_however_many_strangers_talk(rig: MotionRig) -> None:
+    crowd = [b"stranger %d" % number for number in range(300)]
+    for tick in range(1000):
+        at = tick * MS
+        if tick % 100 == 0:
+            for name in crowd:
+                rig.router.say(name, hello("display", "left"))
+                rig.router.say(name, STYLUS)
+        if tick % 500 == 250:
+            rig.router.say(A, hello("agent", "left"))
+        rig.port.fast.record["set_ns"] = at
+        rig.port.drain(lambda at=at: at, at)
+        rig.port.attend(at, at)
+    assert not rig.port.empty
+    assert isinstance(rig.router.heard(A)[0], Welcome)
+
+
+def test_however_many_strangers_there_are_only_so_many_are_told_apart_and_all_are_counted(rig: MotionRig) -> None:
+    for number in range(400):
+        rig.router.say(b"stranger %d" % number, b"\x00")
+        rig.drain(lambda now=number * MS: now)
+        rig.router.go(b"stranger %d" % number)
+    rig.port.refusals.settle()
+    whole = {details["peer"]: int(details["times"]) for _, details in rig.port.news}
+    assert len(whole) == MOST_KINDS + 1
+    assert sum(whole.values()) == 400
+
+
+def test_no_more_than_so_many_frames_are_taken_in_one_go_whatever_they_are(rig: MotionRig) -> None:
+    seat(rig)
+    for seq in range(4 * MOST_ODD):
+        rig.router.say(A, replace(STYLUS, seq=seq))
+        rig.router.say(A, b"\x00")
+    taken = []
+    for _ in range(4):
+        rig.port.drain(lambda: MS, 0)
+        taken.append(newest(rig, MS) + 1)
+    assert taken == [(tick + 1) * MOST_ODD // 2 for tick in range(4)]
+
+
+def test_a_seated_agent_that_says_too_much_is_refused_and_counted(rig: MotionRig) -> None:
+    seat(rig)
+    for _ in range(2 * ODD_AT_ONCE):
+        rig.router.say(A, hello("agent", "left"))
+    for _ in range(2 * ODD_AT_ONCE // MOST_ODD):
+        rig.port.drain(lambda: MS, 0)
+    assert rig.port.refusals.totals == {CROWDED: ODD_AT_ONCE}
+
+
+def test_a_message_of_many_parts_is_skipped_bit_by_bit(rig: MotionRig) -> None:
+    seat(rig)
+    rig.router.say(b"x", *[b""] * 10_000)
+    rig.router.say(A, STYLUS)
+    rounds = 0
+    while newest(rig, MS) < 0:
+        rig.port.drain(lambda: MS, 0)
+        rounds += 1
+    assert rounds > 10
+
+
+def test_what_may_not_be_said_is_not_unpacked(rig: MotionRig) -> None:
+    seat(rig)
+    rig.router.say(A, b"\x97\x1e\xc1")  # a request for records, and then nonsense
+    rig.drain(lambda: 0)
+    assert rig.router.heard(A) == [Refusal("an agent does not send LogRequest")]

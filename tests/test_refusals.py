@@ -1,0 +1,53 @@
+"""Refusals are counted whole, and told of without a flood of words."""
+
+from netboard.refusals import LOOK_NS, MOST_KINDS, MOST_REASONS, MOST_REPORTS, RefusalCount
+
+SECOND = 1_000_000_000
+
+
+def details(reason: str, peer: str = "x") -> dict[str, str]:
+    return {"peer": peer, "reason": reason}
+
+
+def test_a_kind_is_told_at_once_then_ever_more_seldom_and_whole_at_the_end() -> None:
+    count = RefusalCount()
+    told = []
+    for millisecond in range(10_000):
+        count.count(("x", "why"), details("why"))
+        told += [(millisecond, report["times"]) for report in count.reports(millisecond * 1_000_000)]
+    assert told == [(0, "1"), (1000, "1001"), (3000, "3001"), (7000, "7001")]
+    assert count.rest() == [details("why") | {"times": "10000"}]
+    assert count.rest() == []
+    assert count.totals == {"why": 10_000}
+
+
+def test_what_came_at_once_and_never_again_is_told_whole_too() -> None:
+    count = RefusalCount()
+    for _ in range(400):
+        count.count(("x", "why"), details("why"))
+        count.reports(0)
+    assert [report["times"] for report in count.reports(SECOND)] == ["400"]
+
+
+def test_no_more_reports_are_made_than_can_be_recorded_and_none_is_lost() -> None:
+    count = RefusalCount()
+    for number in range(100):
+        count.count((str(number),), details("why", str(number)))
+    told: list[dict[str, str]] = []
+    for look in range(20):
+        reports = count.reports(look * LOOK_NS)
+        assert len(reports) <= MOST_REPORTS
+        assert count.reports(look * LOOK_NS + 1) == [] or len(reports) < MOST_REPORTS
+        told += reports
+    assert sorted(int(report["peer"]) for report in told) == list(range(100))
+
+
+def test_kinds_and_reasons_beyond_those_remembered_are_counted_together() -> None:
+    count = RefusalCount()
+    for number in range(2 * MOST_KINDS):
+        count.count((str(number),), details(f"why {number}", str(number)))
+    rest = count.rest()
+    assert len(rest) == MOST_KINDS + 1
+    assert sum(int(report["times"]) for report in rest) == 2 * MOST_KINDS
+    assert len(count.totals) == MOST_REASONS + 1
+    assert sum(count.totals.values()) == 2 * MOST_KINDS
