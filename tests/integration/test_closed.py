@@ -385,7 +385,7 @@ def test_every_refused_handshake_is_in_the_recording(evidence: Evidence, channel
         "the key of agent.right is not that of agent.left",
         "a display may not send Command",
         "a display may not send StatusRequest",
-        "a display may not send Frames",
+        "the left display may not report for the right station",
     ],
 )
 def test_every_refused_word_is_in_the_recording(evidence: Evidence, reason: str) -> None:

@@ -164,3 +164,8 @@ def test_a_note_has_the_tick_at_which_its_writing_began() -> None:
     assert note_of("sneezed", 9) == ("sneezed", 9)
     with pytest.raises(ConfigError):
         note_of('{"text": 1}', 9)
+
+
+def test_brackets_in_brackets_without_end_are_no_form_and_no_end_of_the_server() -> None:
+    with pytest.raises(ConfigError, match="the note is not JSON"):
+        note_of('{"text":' + "[" * 7000, 5)

@@ -1,0 +1,21 @@
+"""``netboard status`` shows what was refused, and how often."""
+
+from dataclasses import replace
+from io import StringIO
+
+from rich.console import Console
+
+from fakes import STATUS
+from netboard.report.links import status_tables
+
+
+def test_what_was_refused_is_shown_with_its_number() -> None:
+    console = Console(file=StringIO(), width=80)
+    status = replace(
+        STATUS, refused=(("handshake", "its key is not known here", 400), ("control", "say hello first", 3))
+    )
+    console.print(status_tables(status))
+    assert isinstance(console.file, StringIO)
+    said = console.file.getvalue()
+    assert "refused 400 times: handshake: its key is not known here" in said
+    assert "refused 3 times: control: say hello first" in said
