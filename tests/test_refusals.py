@@ -1,6 +1,14 @@
 """Refusals are counted whole, and told of without a flood of words."""
 
-from netboard.refusals import LOOK_NS, MOST_KINDS, MOST_REASONS, MOST_REPORTS, RefusalCount
+from netboard.refusals import (
+    LOOK_NS,
+    MOST_KINDS,
+    MOST_REASONS,
+    MOST_REPORTS,
+    OTHER_REASONS,
+    OTHERS,
+    RefusalCount,
+)
 
 SECOND = 1_000_000_000
 
@@ -31,7 +39,7 @@ def test_what_came_at_once_and_never_again_is_told_whole_too() -> None:
 
 def test_no_more_reports_are_made_than_can_be_recorded_and_none_is_lost() -> None:
     count = RefusalCount()
-    for number in range(100):
+    for number in range(60):
         count.count((str(number),), details("why", str(number)))
     told: list[dict[str, str]] = []
     for look in range(20):
@@ -39,15 +47,25 @@ def test_no_more_reports_are_made_than_can_be_recorded_and_none_is_lost() -> Non
         assert len(reports) <= MOST_REPORTS
         assert count.reports(look * LOOK_NS + 1) == [] or len(reports) < MOST_REPORTS
         told += reports
-    assert sorted(int(report["peer"]) for report in told) == list(range(100))
+    assert sorted(int(report["peer"]) for report in told) == list(range(60))
 
 
 def test_kinds_and_reasons_beyond_those_remembered_are_counted_together() -> None:
     count = RefusalCount()
-    for number in range(2 * MOST_KINDS):
-        count.count((str(number),), details(f"why {number}", str(number)))
+    for number in range(4 * MOST_KINDS):
+        count.count((str(number),), {"channel": "log"} | details(f"why {number}", str(number)))
     rest = count.rest()
-    assert len(rest) == MOST_KINDS + 1
-    assert sum(int(report["times"]) for report in rest) == 2 * MOST_KINDS
+    assert len(rest) == 2 * MOST_KINDS + 1
+    assert rest[-1] == {"channel": "log", "peer": OTHERS, "reason": OTHER_REASONS, "times": str(2 * MOST_KINDS)}
+    assert sum(int(report["times"]) for report in rest) == 4 * MOST_KINDS
     assert len(count.totals) == MOST_REASONS + 1
-    assert sum(count.totals.values()) == 2 * MOST_KINDS
+    assert sum(count.totals.values()) == 4 * MOST_KINDS
+
+
+def test_strangers_beyond_those_told_apart_are_counted_by_channel_and_reason() -> None:
+    count = RefusalCount()
+    for number in range(400):
+        count.count((str(number),), {"channel": "motion"} | details("its key is not known here", str(number)))
+    rest = count.rest()
+    assert rest[-1]["times"] == str(400 - MOST_KINDS)
+    assert rest[-1]["reason"] == "its key is not known here"

@@ -15,14 +15,14 @@ LOOK_NS = 100_000_000
 MOST_REPORTS = 8
 """In each tenth of a second no more reports are made than this [1]."""
 
-MOST_KINDS = 256
-"""Kinds told apart [1]."""
+MOST_KINDS = 64
+"""Kinds told apart [1]; beyond those, as many again by their channel and reason alone."""
 
 MOST_REASONS = 32
 """Reasons told apart in the totals [1]."""
 
-OTHERS = {"peer": "others", "reason": "various reasons"}
-"""What all further kinds are reported as."""
+OTHERS = "others"
+"""The peers of all further kinds."""
 
 OTHER_REASONS = "other reasons"
 
@@ -61,7 +61,11 @@ class RefusalCount:
             reason = OTHER_REASONS
         self.totals[reason] = self.totals.get(reason, 0) + times
         if kind not in self._kinds and len(self._kinds) >= MOST_KINDS:
-            kind, details = (), details | OTHERS
+            channel, reason = details.get("channel", ""), details["reason"]
+            kind = OTHERS, channel, reason
+            if kind not in self._kinds and len(self._kinds) >= 2 * MOST_KINDS:
+                kind, reason = (OTHERS, channel), OTHER_REASONS
+            details = {"channel": channel, "peer": OTHERS, "reason": reason}
         known = self._kinds.setdefault(kind, _Kind(details))
         known.times += times
         self._untold[id(known)] = known

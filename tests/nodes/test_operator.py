@@ -12,7 +12,7 @@ from netboard.nodes.operator import Operator
 from netboard.tables.rig import Network
 from netboard.wire.codec import decode, encode
 from netboard.wire.control import StatusRequest
-from netboard.wire.meeting import Hello, Welcome
+from netboard.wire.meeting import HELLO_FIRST, Hello, Refusal, Welcome
 from netboard.wire.messages import PROTOCOL_VERSION, Message
 
 TRIES = 100
@@ -46,5 +46,27 @@ def test_a_server_that_falls_silent_is_greeted_anew(monkeypatch: pytest.MonkeyPa
                 break
         assert answered == STATUS
         assert greeted >= 2
+        console.leave()
+        router.close_after_goodbye()
+
+
+def test_a_console_that_was_forgotten_says_hello_again() -> None:
+    network = replace(Network(), port=free_port())
+    with sockets.open_context() as context:
+        router = sockets.control_server(context, channels.addresses(network).listen(channels.CONTROL))
+        console = Operator(network, context)
+        greeted, answered = 0, None
+        for _ in range(TRIES):
+            answered = console.ask(0.05) or answered
+            for peer, message in said(router):
+                if isinstance(message, Hello):
+                    greeted += 1
+                    router.send(peer, encode(Welcome("session", PROTOCOL_VERSION, 0, "")))
+                elif isinstance(message, StatusRequest):
+                    router.send(peer, encode(Refusal(HELLO_FIRST) if greeted == 1 else STATUS))
+            if answered is not None:
+                break
+        assert answered == STATUS
+        assert greeted == 2
         console.leave()
         router.close_after_goodbye()

@@ -21,7 +21,7 @@ from netboard.nodes.peer import Link, Peer, Probes, what
 from netboard.nodes.refusals import CROWDED, Refusals
 from netboard.wire.codec import decode, encode, kind_of
 from netboard.wire.control import Command, Outcomes, OutcomesRequest, Reply, Status, StatusRequest, Trace, TraceRequest
-from netboard.wire.meeting import Goodbye, Hello, Pong, Welcome
+from netboard.wire.meeting import HELLO_FIRST, Goodbye, Hello, Pong, Welcome
 from netboard.wire.messages import Message
 from netboard.wire.records import ClockRecord, FrameRecord
 from netboard.wire.session import admit
@@ -220,14 +220,14 @@ class ControlPort:
         """
         role, kind = "" if peer is None else peer.hello.role, kind_of(frame)
         if kind not in MAY_SAY[role]:
-            raise WireError(f"a {role} may not send {kind.__name__}" if role else "say hello first")
+            raise WireError(f"a {role} may not send {kind.__name__}" if role else HELLO_FIRST)
         match decode(frame):
             case Hello() as hello:
                 self._greet(name, hello, now_ns)
             case Goodbye():
                 self._forget(name, now_ns)
             case _ if peer is None:
-                raise WireError("say hello first")
+                raise WireError(HELLO_FIRST)
             case Pong() as pong:
                 peer.answered(pong, now_ns)
             case Frames() as frames:

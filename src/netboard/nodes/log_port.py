@@ -22,7 +22,7 @@ from netboard.nodes.refusals import CROWDED, Refusals
 from netboard.recording.disk import LOW_BYTES
 from netboard.recording.spill import Spill
 from netboard.wire.codec import decode, encode, kind_of
-from netboard.wire.meeting import Goodbye, Hello, Pong, Welcome
+from netboard.wire.meeting import HELLO_FIRST, Goodbye, Hello, Pong, Welcome
 from netboard.wire.messages import Message
 from netboard.wire.records import ClockRecord, LogAck, LogBatch, LogEnd, LogRequest
 from netboard.wire.ring import LogRing
@@ -289,7 +289,7 @@ class LogPort:
             logger.peer.hear(now_ns)
         role, kind = "listener" if name in self.listeners else "logger" if logger else "", kind_of(frame)
         if kind not in MAY_SAY[role]:
-            raise WireError(f"a {role} does not send {kind.__name__}" if role else "say hello first")
+            raise WireError(f"a {role} does not send {kind.__name__}" if role else HELLO_FIRST)
         match decode(frame):
             case Hello() as hello:
                 self._greet(name, hello, now_ns)

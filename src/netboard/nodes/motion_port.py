@@ -24,7 +24,7 @@ from netboard.nodes.peer import Link, Probes, Rate, link_of
 from netboard.nodes.refusals import CROWDED, Refusals
 from netboard.wire import fixed
 from netboard.wire.codec import decode, encode, kind_of
-from netboard.wire.meeting import Goodbye, Hello, Welcome
+from netboard.wire.meeting import HELLO_FIRST, Goodbye, Hello, Welcome
 from netboard.wire.messages import Message
 from netboard.wire.motion import Backfill, BackfillRequest, Beat, Stylus
 from netboard.wire.records import ClockRecord
@@ -363,9 +363,9 @@ class MotionPort:
         try:
             kind = kind_of(frame)
             if kind not in MAY_SAY:
-                raise WireError(f"an agent does not send {kind.__name__}" if seat else "say hello first")
+                raise WireError(f"an agent does not send {kind.__name__}" if seat else HELLO_FIRST)
             if seat is None and kind is not Hello:
-                raise WireError("say hello first")
+                raise WireError(HELLO_FIRST)
             match decode(frame):
                 case Hello() as hello:
                     self._greet(agent, hello, now_ns)

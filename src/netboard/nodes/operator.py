@@ -15,7 +15,7 @@ from netboard.process import NAME
 from netboard.tables.rig import Network
 from netboard.wire.codec import decode, encode
 from netboard.wire.control import Command, Outcomes, OutcomesRequest, Reply, Status, StatusRequest, Trace, TraceRequest
-from netboard.wire.meeting import Goodbye, Hello, Ping, Pong, Refusal, Welcome
+from netboard.wire.meeting import HELLO_FIRST, Goodbye, Hello, Ping, Pong, Refusal, Welcome
 from netboard.wire.messages import PROTOCOL_VERSION, Message
 
 HELLO_NS = 500_000_000
@@ -179,6 +179,8 @@ class Operator:
                 case Trace(points=points):
                     last = self.points[-1][0] if self.points else -1
                     self.points.extend(point for point in points if point[0] > last)
+                case Refusal(reason=reason) if reason == HELLO_FIRST:  # it was silent, and had to make room
+                    self._welcomed = False
                 case Refusal(reason=reason):
                     raise NetboardError(f"the server refuses: {reason}")
         return newest

@@ -5,6 +5,9 @@ A message is data only; `netboard.wire.messages` holds the rules for all of them
 
 from dataclasses import dataclass
 
+HELLO_FIRST = "say hello first"
+"""Refusal of what comes before a `Hello`, or from a peer that has been forgotten: it says hello again."""
+
 ROLES = ("agent", "display", "logger", "console", "listener")
 
 
