@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from netboard.experiment.machine import Phase
 from netboard.faults.checks import (
     back,
+    disturbed,
     either,
     falls,
     gentle,
@@ -225,6 +226,17 @@ def test_frames_must_be_shown_at_the_end() -> None:
     at_end = {"left": np.array([WINDOW.stop_ns - MS]), "right": np.empty(0, np.int64)}
     assert shown("left")(evidence(rig=taken(painted_ns=at_end))).holds
     assert not shown("right")(evidence(rig=taken(painted_ns=at_end))).holds
+
+
+def test_a_trial_that_the_machine_had_paused_before_the_fault_is_prepared_again() -> None:
+    stood = pause(-4, "paused: the server stood still for 28 ms")
+    assert disturbed(evidence(rig=taken((stood,)))) == stood.why
+    for late in (pause(0, stood.why), pause(-301, stood.why)):
+        assert disturbed(evidence(rig=taken((late,)))) == ""
+    lost = pause(-100)
+    assert disturbed(evidence(rig=taken((lost,)))) == "", "the machine is not to blame"
+    stalls = START + MS * np.array([[-250, -150]])
+    assert disturbed(evidence(rig=taken((lost,)), stalls=stalls)) == lost.why
 
 
 def test_the_recorded_force_must_be_that_of_the_device_or_few_are_unknown() -> None:

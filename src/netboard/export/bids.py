@@ -24,6 +24,7 @@ from netboard.export.formats import Progress
 from netboard.export.runs import Person, Run, runs_of
 from netboard.export.signals import FRAME, Signal, signals_of
 from netboard.export.survey import Survey
+from netboard.recording.backfill import unknown_ticks
 from netboard.recording.reader import Recording
 
 TASK = "boardandball"
@@ -308,7 +309,14 @@ def _motion(run: Run, recording: Recording, survey: Survey, person: Person, sign
         "VELChannelCount": kinds.count("VEL"),
         "MISCChannelCount": kinds.count("MISC"),
         "TrackedPointsCount": len(person.sides),
+        "RenderedForceUnknownRows": _unknown(recording, person),
     }
+
+
+def _unknown(recording: Recording, person: Person) -> int:
+    """Count the rows in which nobody knows what a device rendered, since it was first known."""
+    columns = recording.columns(*(f"{side}_rendered" for side in person.sides))
+    return sum(unknown_ticks(rendered) for rendered in columns.values())
 
 
 def _joined(words: Iterable[str]) -> str:

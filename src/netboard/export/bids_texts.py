@@ -69,7 +69,8 @@ end; `*_scans.tsv` says which, and has the condition of each run.
 1000 rows a second, one for each tick of the server. A position is that of the newest sample when the tick began, so
 it may be a millisecond or two older than its row, and repeated if none came (`*_sample` has its number, `*_fresh`
 whether it counted). Forces have no type of their own in BIDS; they are MISC channels in N, as are the virtual board
-and ball.
+and ball. `*_force_rendered` is n/a where nobody knows what the device rendered: before its program had joined, and
+where that could not be heard and did not tell later. `RenderedForceUnknownRows` in the sidecar counts the latter.
 Positions: {FRAME_TEXT}.
 
 Where ticks are missing, rows are missing: `latency` tells. Numbers have as many digits as float64 needs to read back

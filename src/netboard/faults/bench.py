@@ -6,6 +6,7 @@ kept in the folder of the results, until everything in it was judged and holds.
 """
 
 import shutil
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from itertools import groupby
@@ -20,7 +21,7 @@ from netboard.errors import NetboardError
 from netboard.faults import attack_cases
 from netboard.faults.case import PARTS, Case
 from netboard.faults.cases import CASES, choose
-from netboard.faults.checks import Falls, fades_of, verdict_of
+from netboard.faults.checks import UNDISTURBED_NS, Falls, disturbed, fades_of, verdict_of
 from netboard.faults.evidence import largest_step, without_cut
 from netboard.faults.gathering import Evidence, Window, gather
 from netboard.faults.sites import Setup, Site, open_site
@@ -42,6 +43,12 @@ NOTICED_S = 0.2
 CALM_S = 0.5
 """Time after all is well which still belongs to the fault [s]."""
 
+AGAIN = "pauses while a trial was waited for"
+"""Name of the fact that tells how often a trial was paused before the fault could be made."""
+
+MOST_AGAIN = 3
+"""A case is prepared again so often where the machine had paused the trial just before the fault was made [1]."""
+
 Tell = Callable[[str], object]
 
 
@@ -61,6 +68,10 @@ class Outcome:
         What was noted while the fault was made.
     refusal : str
         Why it could not be played, or nothing.
+    disturbed : str
+        Why the machine itself had paused the trial just before the fault was made, or nothing.
+    again : int
+        How often the case was prepared again because of that [1].
     """
 
     case: Case
@@ -68,6 +79,8 @@ class Outcome:
     figures: tuple[Value, ...] = ("", "", "", "", "", "")
     facts: tuple[tuple[str, str], ...] = ()
     refusal: str = ""
+    disturbed: str = ""
+    again: int = 0
 
     @property
     def holds(self) -> bool:
@@ -116,7 +129,16 @@ def main(output: Path | None, *, quick: bool, force: bool, names: Sequence[str])
     held = sum(outcome.holds for outcome in outcomes if not outcome.refusal)
     played = sum(not outcome.refusal for outcome in outcomes)
     console.print(f"{held} of {played} cases hold, {len(outcomes) - played} could not be played; all in {folder.path}")
+    console.print(told_again(outcomes))
     return 0 if held == played else 1
+
+
+def told_again(outcomes: Sequence[Outcome]) -> str:
+    """Say how often the machine itself paused a trial before a fault could be made in it."""
+    names = [f"{outcome.case.name} ({outcome.again})" for outcome in outcomes if outcome.again]
+    total = sum(outcome.again for outcome in outcomes)
+    told = f"Prepared again, because the machine had paused the trial before the fault was made: {total} times"
+    return f"{told}: {', '.join(names)}" if names else told
 
 
 def list_cases() -> int:
@@ -156,14 +178,36 @@ def play_all(cases: Sequence[Case], folder: Path, quick: bool, tell: Tell) -> It
             yield from (Outcome(case, refusal=refusal) for case in group)
             continue
         left = group
+        again: Counter[str] = Counter()
         while left:
-            place = folder / left[0].name
+            place = folder / f"{left[0].name}{'-again' * again[left[0].name]}"
             outcomes = play(setup, [left[0]] if left[0].alone else [c for c in left if not c.alone], place, quick, tell)
+            outcomes = judged(outcomes, again)
             yield from outcomes
             if all(outcome.holds for outcome in outcomes):
                 shutil.rmtree(place)
             done = {outcome.case.name for outcome in outcomes}
             left = [case for case in left if case.name not in done]
+
+
+def judged(outcomes: Sequence[Outcome], again: Counter[str]) -> list[Outcome]:
+    """Leave out the cases that are prepared again, because the machine had paused the trial before the fault was made.
+
+    Parameters
+    ----------
+    outcomes : sequence of Outcome
+        Of cases played.
+    again : Counter of str
+        How often each case was prepared again so far; counted on.
+    """
+    kept = []
+    for outcome in outcomes:
+        name = outcome.case.name
+        if outcome.disturbed and again[name] < MOST_AGAIN:
+            again[name] += 1
+        else:
+            kept.append(replace(outcome, again=outcome.again + again[name]))
+    return kept
 
 
 def _setup_name(case: Case) -> str:
@@ -238,8 +282,10 @@ def make(case: Case, site: Site) -> Window:
     start_ns = now_ns()
     facts: dict[str, str] = {}
     try:
-        site.rig.until_felt(WELL_S)
+        pauses = site.rig.until_undisturbed(UNDISTURBED_NS * 1e-9, WELL_S)
         start_ns = now_ns()
+        if pauses:
+            facts[AGAIN] = str(pauses)
         facts.update(case.act(site))
         site.sleep(NOTICED_S)
         site.rig.until_felt(WELL_S)
@@ -261,7 +307,9 @@ def judge(case: Case, evidence: Evidence) -> Outcome:
     """
     verdicts = tuple(check(evidence) for check in case.all_checks)
     found = attack_cases.figures(evidence) if case.part == attack_cases.PART else figures(case, evidence)
-    return Outcome(case, verdicts, found, tuple(evidence.window.facts.items()))
+    facts = evidence.window.facts
+    again = int(facts.get(AGAIN, "0"))
+    return Outcome(case, verdicts, found, tuple(facts.items()), disturbed=disturbed(evidence), again=again)
 
 
 def figures(case: Case, evidence: Evidence) -> tuple[Value, ...]:
@@ -322,7 +370,8 @@ def _verdict(outcome: Outcome) -> Verdict:
     failed = [verdict for verdict in outcome.verdicts if not verdict.holds]
     if failed:
         return Verdict(claim, False, "; ".join(f"NOT {verdict.claim}: {verdict.found}" for verdict in failed))
-    return Verdict(claim, True, "; ".join(verdict.found for verdict in outcome.verdicts))
+    again = f"; prepared again {outcome.again} times" if outcome.again else ""
+    return Verdict(claim, True, "; ".join(verdict.found for verdict in outcome.verdicts) + again)
 
 
 def about(outcomes: Sequence[Outcome], quick: bool) -> dict[str, object]:
@@ -334,6 +383,7 @@ def about(outcomes: Sequence[Outcome], quick: bool) -> dict[str, object]:
             "expected": outcome.case.expected,
             "site": outcome.case.setup.name,
             "refusal": outcome.refusal,
+            "prepared_again": outcome.again,
             "verdicts": [asdict(verdict) for verdict in outcome.verdicts],
             "facts": dict(outcome.facts),
         }

@@ -33,6 +33,9 @@ DONE_NS = 2_000_000
 GONE = 0.06
 """So long after a force has begun to fall it is zero [s]."""
 
+UNDISTURBED_NS = 300_000_000
+"""A trial must have been on for so long, without a pause, when a fault is made [ns]."""
+
 EXCUSED_NS = 150_000_000
 """A pause this soon after a loop stood still is put down to that [ns]."""
 
@@ -291,7 +294,7 @@ def _was_handed(handed: NDArray[Any], times: NDArray[np.int64], forces: NDArray[
     """Which forces were handed to a device just before these times, or were the last ones then."""
     newest = np.searchsorted(handed["time_ns"], times + TICK_NS, side="right") - 1
     found = np.zeros(times.size, bool)
-    for back in range(JUST_BEFORE):
+    for back in range(3 * JUST_BEFORE):  # an agent that was held up makes up for it in a burst
         place = np.maximum(newest - back, 0)
         later = handed["time_ns"][np.minimum(place + 1, handed.size - 1)]
         in_force = (newest >= back) & ((later > times - JUST_BEFORE * TICK_NS) | (place == handed.size - 1))
@@ -363,6 +366,16 @@ def _late(ticks: NDArray[Any]) -> str:
         return "nothing"
     half, most = np.percentile(ticks["late_ns"], (50, 99)) * 1e-6
     return f"{half:.2f} / {most:.2f} ms (p50 / p99)"
+
+
+def disturbed(evidence: Evidence) -> str:
+    """Why the machine itself had paused the trial just before the fault was made, or nothing: then it was not tried.
+
+    A pause for which the machine is not to blame is no excuse: it is judged with the rest.
+    """
+    start_ns = evidence.window.start_ns
+    just_before = [pause for pause in evidence.rig.pauses if start_ns - UNDISTURBED_NS <= pause.at_ns < start_ns]
+    return next((pause.why for pause in just_before if _excused(pause, evidence.stalls)), "")
 
 
 def _undisturbed(claim: str, found: list[Pause], held_up: NDArray[np.int64]) -> Verdict:

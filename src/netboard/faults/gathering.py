@@ -93,6 +93,8 @@ class Evidence:
         What was recorded of the dyad.
     neighbour : Taken or None
         What was recorded of the other one.
+    stalls : ndarray of int64, shape (k, 2)
+        From when to when an agent did nothing, in the whole run of the site [ns].
     """
 
     window: Window
@@ -100,6 +102,7 @@ class Evidence:
     traces: Mapping[Side, Sequence[NDArray[Any]]]
     rig: Taken
     neighbour: Taken | None
+    stalls: NDArray[np.int64] = field(default_factory=lambda: np.empty((0, 2), np.int64))
 
     @property
     def reports(self) -> tuple[Report, ...]:
@@ -124,8 +127,7 @@ class Evidence:
     @property
     def held_up(self) -> NDArray[np.int64]:
         """When an agent did nothing for long, shape (k, 2) [ns]."""
-        found = [pauses_between(trace["time_ns"]) for traces in self.traces.values() for trace in traces]
-        return np.concatenate([np.empty((0, 2), np.int64), *found])
+        return _stalls(self.traces)
 
     def _within(self, time_ns: int) -> bool:
         return self.window.start_ns <= time_ns < self.window.stop_ns
@@ -149,7 +151,13 @@ def gather(site: Site, windows: Sequence[Window]) -> list[Evidence]:
     rig = take(recordings_in(site.rig.folder))
     neighbour = take(recordings_in(site.neighbour.folder)) if site.neighbour is not None else None
     traces = {side: read_traces(site.rig.folder, side) for side in SIDES}
-    return [Evidence(window, site.rig.config.safety, _traces_in(traces, window), rig, neighbour) for window in windows]
+    stalls, safety = _stalls(traces), site.rig.config.safety
+    return [Evidence(window, safety, _traces_in(traces, window), rig, neighbour, stalls) for window in windows]
+
+
+def _stalls(traces: Mapping[Side, Sequence[NDArray[Any]]]) -> NDArray[np.int64]:
+    found = [pauses_between(trace["time_ns"]) for parts in traces.values() for trace in parts]
+    return np.concatenate([np.empty((0, 2), np.int64), *found])
 
 
 def _traces_in(traces: Mapping[Side, Sequence[NDArray[Any]]], window: Window) -> dict[Side, list[NDArray[Any]]]:

@@ -38,6 +38,11 @@ FELT_ROWS = 50
 """Both devices have been handed so many different forces in a row when a trial counts as felt [1]."""
 
 
+def _paused(status: Status) -> int:
+    """Attempts of the block that ended neither in a success nor in a failure: those that were paused [1]."""
+    return status.outcomes - status.successes - status.failures
+
+
 @dataclass(frozen=True)
 class Way:
     """How a process gets to the server.
@@ -206,6 +211,26 @@ class Rig:
             return status.phase in ACTIVE and all(map(self._feels, SIDES))
 
         return self.until(felt, seconds)
+
+    def until_undisturbed(self, seconds: float, patience: float = PATIENCE) -> int:
+        """Wait until both hands have felt a trial for so long without a pause; how often a pause came between [s].
+
+        Raises
+        ------
+        NetboardError
+            If there is no such trial in time.
+        """
+        pauses = 0
+        end = time.monotonic() + patience
+        while True:
+            before = self.until_felt(patience)
+            time.sleep(seconds)
+            after = self.until(lambda status: True)
+            if after.phase != "paused" and _paused(after) == _paused(before):
+                return pauses
+            pauses += 1
+            if time.monotonic() > end:
+                raise NetboardError(f"waited {patience:g} s: no trial goes on for {seconds:g} s; {after.notice}")
 
     def _look_after(self) -> None:
         """Give up if a process has ended."""

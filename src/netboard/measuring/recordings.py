@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.config import Config, Side
+from netboard.config import SIDES, Config, Side
 from netboard.design.factors import role_of, trial_role
 from netboard.experiment.quality import SEEN, Verdict
 from netboard.export.runs import Run
@@ -23,6 +23,7 @@ from netboard.measuring.readings import Readings
 from netboard.measuring.tables import DTYPES, PLACE, Columns, columns_of, count, number, words
 from netboard.measuring.take import RATE, Block, Take, columns_for, measurable
 from netboard.proof.quality import judged_along
+from netboard.recording.backfill import unknown_ticks
 from netboard.recording.reader import Recording
 from netboard.tick import TICK
 
@@ -47,6 +48,7 @@ BLOCKS = (
     number("duration", "from the first tick to the last", "s"),
     count("ticks", "how many there are"),
     count("missing", "how many are not there"),
+    count("unknown_rendered", "how often, in both hands, it is not known what a device rendered"),
     count("trials", "successful trials planned for the block"),
     count("repaired", "1: a recording that was damaged, and recovered"),
     count("attempts", "attempts that were begun"),
@@ -57,6 +59,8 @@ BLOCKS = (
     words("settings", "settings that may differ without being a factor, as a JSON object"),
 )
 """Columns of the table of blocks: one row a recording."""
+
+_RENDERED = tuple(f"{side}_rendered" for side in SIDES)
 
 _GROUPS = (*PAPER, *MODERN)
 
@@ -121,6 +125,7 @@ def measure(run: Run, readings: Readings) -> Measured:
     with Recording(run.path) as recording:
         columns, verdicts = _read(recording, run.config, readings)
         block = Block(recording, run.config, readings, columns)
+        unknown = _unknown(recording, columns)
         repaired = bool(recording.recovery)
     flags = {verdict.release: verdict.flags for verdict in verdicts}
     takes = list(block.takes())
@@ -130,7 +135,7 @@ def measure(run: Run, readings: Readings) -> Measured:
     trials = [place | _attempt(take, flags) for place, take in zip(places, takes, strict=True)]
     turns = [place | dict(row) for place, take in zip(places, takes, strict=True) for row in movements(take)]
     return Measured(
-        columns_of(BLOCKS, [_block(run, block, repaired)]),
+        columns_of(BLOCKS, [_block(run, block, repaired, unknown)]),
         columns_of(TRIALS, trials),
         columns_of(MOVEMENTS, turns),
         _paths(places, takes),
@@ -139,7 +144,7 @@ def measure(run: Run, readings: Readings) -> Measured:
 
 def _read(recording: Recording, config: Config, readings: Readings) -> tuple[Columns, tuple[Verdict, ...]]:
     """Read the columns that are measured, and have the attempts judged on the way: chunks are decompressed once."""
-    wanted = columns_for(readings)
+    wanted = tuple(dict.fromkeys((*columns_for(readings), *_RENDERED)))
     columns = {name: np.empty(recording.counts["/ticks"], TICK[name]) for name in wanted}
 
     def portions() -> Iterator[NDArray[Any]]:
@@ -151,6 +156,13 @@ def _read(recording: Recording, config: Config, readings: Readings) -> tuple[Col
             yield rows
 
     return columns, judged_along(recording, config, portions())
+
+
+def _unknown(recording: Recording, columns: Columns) -> int:
+    """Count ticks at which nobody knows what a device rendered; only if there may be any, what agents told is read."""
+    if any(unknown_ticks(columns[name]) for name in _RENDERED):
+        columns = recording.columns(*_RENDERED)
+    return sum(unknown_ticks(columns[name]) for name in _RENDERED)
 
 
 def _attempt(take: Take, flags: Mapping[int, tuple[str, ...]]) -> dict[str, Any]:
@@ -186,7 +198,7 @@ def _paths(places: list[dict[str, Any]], takes: list[Take]) -> Columns:
     return whole
 
 
-def _block(run: Run, block: Block, repaired: bool) -> dict[str, Any]:
+def _block(run: Run, block: Block, repaired: bool, unknown: int) -> dict[str, Any]:
     """Say what was done in a recording."""
     said, config = run.metadata, run.config
     return {
@@ -210,6 +222,7 @@ def _block(run: Run, block: Block, repaired: bool) -> dict[str, Any]:
         "duration": block.samples / RATE,
         "ticks": block.samples - block.missing,
         "missing": block.missing,
+        "unknown_rendered": unknown,
         "trials": config.block.trials,
         "repaired": int(repaired),
         "attempts": len(block.attempts),

@@ -77,13 +77,15 @@ def _sentences(study: Study, left_out: int) -> list[str]:
     blocks, trials = study.blocks, study.trials
     planned, done = _blocks(study)
     missing, there = int(blocks["missing"].sum()), int(blocks["ticks"].sum())
+    unknown = int(blocks["unknown_rendered"].sum()) if "unknown_rendered" in blocks else 0
+    told = f"what a device rendered is unknown at {counted(unknown, 'tick')}; " if unknown else ""
     share = f" ({amount(100 * missing / (missing + there))} %)" if missing else ""
     ends = [f"{amount(n)} {str(end).replace('_', ' ')}" for end, n in trials["outcome"].value_counts().items()]
     marked = int((trials["flags"] != "").sum())
     return [
         f"{counted(len(blocks), 'recording')}: {amount(int((done >= planned).sum()))} of "
         f"{counted(len(planned), 'block')} complete; {amount(missing)} of {counted(missing + there, 'tick')} "
-        f"missing{share}; {counted(int(blocks['repaired'].sum()), 'recording')} repaired; "
+        f"missing{share}; {told}{counted(int(blocks['repaired'].sum()), 'recording')} repaired; "
         f"{counted(left_out, 'file')} left out.",
         f"{counted(len(trials), 'attempt')}: {', '.join(ends)}; {amount(marked)} with marks of quality; "
         f"{amount(len(reasons(study)))} excluded.",
