@@ -13,11 +13,12 @@ help: ## list what can be made
 demo: .venv/.ready-to-run ## a whole session with simulated people; options with ARGS="--trials 2"
 	$(BIN)/netboard demo $(ARGS)
 
+# A test process that dies is not replaced: pytest-xdist 3.8 gives finished files to the new one and then waits for ever.
 # Tests marked quiet have the machine to themselves, all others run two at a time: docs/how-to/develop.md says why. Files
 # in their own order: else those with few tests, which are long, come last, and one core has nothing to do.
 test: lint imports types ## all checks and all tests; options for pytest with ARGS="-k physics"
 	$(BIN)/python docs/generate.py --check
-	$(BIN)/python -m pytest -m "not quiet" -n 2 --dist loadfile --no-loadscope-reorder $(ARGS) || [ $$? = 5 ]
+	$(BIN)/python -m pytest -m "not quiet" -n 2 --max-worker-restart 0 --dist loadfile --no-loadscope-reorder $(ARGS) || [ $$? = 5 ]
 	$(BIN)/python -m pytest -m quiet $(ARGS) || [ $$? = 5 ]
 
 lint: .venv/.ready-to-develop ## style

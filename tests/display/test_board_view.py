@@ -9,8 +9,10 @@ from display_parts import VIEW, WORDS
 
 from netboard.config import Config
 from netboard.display import screens
+from netboard.display.grip import grip_of
 from netboard.display.scene import COLOURS, Mood, extent
 from netboard.errors import NetboardError
+from netboard.tables.experiment import Session
 from netboard.tables.rig import Display
 
 CONFIG = Config()
@@ -69,6 +71,30 @@ def test_it_paints_once_a_picture_and_never_for_an_equal_one(app, board):
         assert view.show_picture(compose(replace(VIEW, theta=step * 0.01)))
         app.processEvents()
         assert len(paints) == step
+
+
+def test_what_a_sequence_of_pictures_leaves_is_what_the_last_one_paints(app, board):
+    """Only what changes is painted anew, and that leaves nothing of an older picture and misses nothing of the new."""
+    view, _ = board
+    pilot = replace(CONFIG, session=Session(pilot=True), display=Display(patch=True))
+    tilted = replace(VIEW, theta=0.1, z=0.02, p=0.1, left=0.03)
+    sequence = [
+        compose(VIEW),
+        compose(tilted),
+        compose(replace(tilted, phase="holding", share=0.5)),
+        replace(compose(tilted), grip=grip_of(tilted, CONFIG, WORDS, "left", -0.03, 2.0, keys=False)),
+        replace(compose(tilted), grip=grip_of(tilted, CONFIG, WORDS, "left", 0.04, -0.5, keys=False)),
+        compose(replace(VIEW, phase="levelling", theta=-0.05, share=0.4), pilot),
+        compose(replace(VIEW, phase="levelling", share=0.6), pilot),
+        compose(replace(VIEW, phase="idle")),
+        compose(replace(VIEW, p=None)),
+        screens.blank(CONFIG, WORDS, "", lost=True),
+    ]
+    for picture in sequence:
+        view.show_picture(picture)
+        app.processEvents()
+        left_by_parts = app.primaryScreen().grabWindow(view.window().winId()).toImage()
+        assert left_by_parts == view.window().grab().toImage().convertToFormat(left_by_parts.format())
 
 
 def test_blank_leaves_nothing_of_the_board(app, board):

@@ -63,7 +63,7 @@ class Rig:
         from PySide6.QtCore import QEvent, Qt
         from PySide6.QtGui import QMouseEvent
 
-        surface, place = self.window.board.viewport(), self.window.board.pixel_at((0.1, height))
+        surface, place = self.window.board, self.window.board.pixel_at((0.1, height))
         none = Qt.MouseButton.NoButton
         where = (place, surface.mapToGlobal(place))
         move = QMouseEvent(QEvent.Type.MouseMove, *where, none, none, Qt.KeyboardModifier.NoModifier)
@@ -137,7 +137,7 @@ def test_an_unplayed_picture_is_as_it_was(app, board):
     view, _ = board
     view.show_picture(compose(VIEW, Config(), WORDS))
     assert view.picture.grip is None
-    assert view.overlay is None
+    assert view.grab().toImage().pixelColor(view.pixel_at((-0.25, 0.0)).toPoint()).name() != FORCE_COLOUR
 
 
 def test_it_closes_twice(rig):

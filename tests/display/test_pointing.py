@@ -48,7 +48,7 @@ class Pointed:
         from PySide6.QtCore import QEvent, QPointF, Qt
         from PySide6.QtGui import QMouseEvent
 
-        surface, place = self.window.board.viewport(), QPointF(x, y)
+        surface, place = self.window.board, QPointF(x, y)
         none = Qt.MouseButton.NoButton
         event = QMouseEvent(
             QEvent.Type.MouseMove, place, surface.mapToGlobal(place), none, none, Qt.KeyboardModifier.NoModifier
@@ -101,7 +101,7 @@ def test_a_pointer_that_leaves_the_window_leaves_the_stylus(make):
     rig = make()
     rig.mouse(100, 200)
     before = rig.pointing.height
-    rig.app.sendEvent(rig.window.board.viewport(), QEvent(QEvent.Type.Leave))
+    rig.app.sendEvent(rig.window.board, QEvent(QEvent.Type.Leave))
     rig.settle()
     assert rig.pointing.height == before
 
@@ -111,7 +111,7 @@ def test_a_finger_is_a_pointer(make):
     from PySide6.QtTest import QTest
 
     rig = make()
-    surface, screen = rig.window.board.viewport(), QTest.createTouchDevice()
+    surface, screen = rig.window.board, QTest.createTouchDevice()
     touch = QTest.touchEvent(surface, screen)
     touch.press(0, QPoint(100, 200)).commit()
     assert rig.pointing.height == pytest.approx(rig.metres_at(200), abs=FRAME)

@@ -132,7 +132,7 @@ class Game:
         from PySide6.QtCore import QEvent, Qt
         from PySide6.QtGui import QMouseEvent
 
-        surface, place = self.window.board.viewport(), self.window.board.pixel_at((0.0, height))
+        surface, place = self.window.board, self.window.board.pixel_at((0.0, height))
         none = Qt.MouseButton.NoButton
         where = (place, surface.mapToGlobal(place))
         self.app.sendEvent(

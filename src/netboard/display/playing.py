@@ -11,7 +11,6 @@ from netboard.clock import now_ns
 from netboard.config import SIDES, Config, Side, played_sides
 from netboard.devices.mouse import Options
 from netboard.display.grip import grip_of
-from netboard.display.grip_items import GripItems
 from netboard.display.language import load_words
 from netboard.display.pointing import Pointing
 from netboard.display.scene import Grip
@@ -65,7 +64,6 @@ class Playing(QObject):
         self._alive = QTimer(self, interval=ALIVE_MS)
         self._alive.timeout.connect(self._tell)
         self._alive.start()
-        window.board.overlay = GripItems(window.board)
         if played_sides(config) == SIDES:
             window.take_half(station)
         if self._keys:

@@ -60,7 +60,7 @@ class Pointing(QObject):
         self._window = window
         window.installEventFilter(self)
         if not keys:
-            surface = window.board.viewport()
+            surface = window.board
             surface.setMouseTracking(True)
             surface.setAttribute(Qt.WidgetAttribute.WA_AcceptTouchEvents)
             surface.setCursor(Qt.CursorShape.SizeVerCursor)
@@ -69,7 +69,7 @@ class Pointing(QObject):
     def close(self) -> None:
         """Listen no more."""
         self._hold(set())
-        for watched in (self._window, self._board.viewport()):
+        for watched in (self._window, self._board):
             watched.removeEventFilter(self)
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:  # noqa: N802  (Qt's name)
