@@ -1,4 +1,8 @@
-"""Analyses a study: from recordings to a folder with tables, pictures and a report."""
+"""Analyses a study: from recordings to a folder with tables, figures and a report.
+
+What was analysed before, by the same code and settings, is written again from what is kept. So everything that computes
+or draws is imported only where something is to be computed.
+"""
 
 import sys
 import time
@@ -11,16 +15,18 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 
 from netboard.errors import ConfigError
-from netboard.export.formats import need, new_folder, refuse_existing
-from netboard.measuring.cache import Cache, default_folder
-from netboard.measuring.crews import Crew, cores, dask, processes
-from netboard.measuring.readings import Readings
-from netboard.measuring.running import Harvest, harvest
+from netboard.export.formats import Progress, need, new_folder, refuse_existing
+from netboard.measuring.kept import keep, key_of_analysis, take
+from netboard.measuring.store import Store, default_folder
 from netboard.process import peak_memory
 from netboard.recording.finding import find_recordings
+from netboard.report.command import PLACEHOLDER, name_command
+from netboard.services.configuration import load_readings
 from netboard.services.wording import telling
 
 if TYPE_CHECKING:
+    from netboard.measuring.crews import Crew
+    from netboard.measuring.running import Harvest
     from netboard.measuring.study import Study
 
 LIBRARIES = ("pandas", "pyarrow", "matplotlib", "jinja2", "statsmodels")
@@ -55,7 +61,20 @@ class Wishes:
     beside_the_paper: bool = False
 
 
-def main(named: Sequence[Path], output: Path | None, readings: Readings, wishes: Wishes) -> int:
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """The settings of an analysis, as they were asked for: a file, or None for the defaults, and what overrides it."""
+
+    file: Path | None = None
+    overrides: tuple[str, ...] = ()
+
+    @property
+    def text(self) -> bytes:
+        """The text of the file, if it can be read."""
+        return self.file.read_bytes() if self.file is not None and self.file.is_file() else b""
+
+
+def main(named: Sequence[Path], output: Path | None, asked: Asked, wishes: Wishes) -> int:
     """Analyse recordings, and say in a few lines what came of it.
 
     Parameters
@@ -64,7 +83,7 @@ def main(named: Sequence[Path], output: Path | None, readings: Readings, wishes:
         Recordings, and folders of them.
     output : Path or None
         The new folder; None names it after the first recording or folder.
-    readings : Readings
+    asked : Asked
         How to measure, and what counts.
     wishes : Wishes
         How to run.
@@ -76,43 +95,70 @@ def main(named: Sequence[Path], output: Path | None, readings: Readings, wishes:
     """
     began = time.perf_counter()
     need("analysis", *LIBRARIES)
+    if wishes.dask is not None and wishes.workers is not None:
+        raise ConfigError("--workers: found with --dask, whose workers measure; expected one of them")
     folder = output or Path(f"{named[0].resolve().stem}_analysis")
     refuse_existing(folder)
     recordings = find_recordings(named)
-    cache = Cache(wishes.cache or default_folder()) if wishes.keep else None
-    crew = _crew(wishes)
-
-    from netboard.measuring.exclusions import require_recordings
-    from netboard.measuring.shelf import Shelf
-    from netboard.measuring.study import study_of
-    from netboard.report.folder import write_analysis
-
-    require_recordings(readings.exclusions, {path.stem for path in recordings})
-    with telling() as tell, new_folder(folder) as part, TemporaryDirectory(dir=part) as paths:
-        found = harvest(recordings, readings, crew, cache, Shelf(Path(paths)), tell, skip=wishes.skip)
-        study = study_of(found.measured, readings, found.paths)
-        command = ["netboard", *sys.argv[1:]]
-        write_analysis(part, study, found, command, tell, beside_the_paper=wishes.beside_the_paper)
+    store = Store(wishes.cache or default_folder()) if wishes.keep else None
+    with telling() as tell, new_folder(folder) as part:
+        tell("looking for what is kept", 0, 1)
+        options = (*asked.overrides, f"skip={wishes.skip}", f"paper={wishes.beside_the_paper}")
+        key = key_of_analysis(recordings, asked.text, options) if store else ""
+        words = take(store, key, part) if store else None
+        before, peak = "all of it was analysed before", 0.0
+        if words is None:
+            words, kept, peak = _analysed(recordings, part, asked, wishes, store, tell)
+            before = f"{kept} were measured before" if kept else ""
+            if store:
+                keep(store, key, part, words)
+        name_command(part, ["netboard", *sys.argv[1:]])
     console = Console(highlight=False, soft_wrap=True)
-    for line in (*_in_words(study, found), _in_total(folder, time.perf_counter() - began, found.peak)):
+    first, *others = words
+    for line in (first + f"; {before}" * bool(before), *others, _in_total(folder, time.perf_counter() - began, peak)):
         console.print(line, markup=False)
     return 0
 
 
-def _crew(wishes: Wishes) -> Crew:
+def _analysed(
+    recordings: Sequence[Path], part: Path, asked: Asked, wishes: Wishes, store: Store | None, tell: Progress
+) -> tuple[tuple[str, ...], int, float]:
+    """Analyse recordings into a folder.
+
+    Returns what came of it in words, how many recordings were measured before, and the most memory of a process that
+    measured, in bytes.
+    """
+    from netboard.measuring.cache import Cache
+    from netboard.measuring.exclusions import require_recordings
+    from netboard.measuring.running import harvest
+    from netboard.measuring.shelf import Shelf
+    from netboard.measuring.study import study_of
+    from netboard.report.folder import write_analysis
+
+    readings = load_readings(asked.file, asked.overrides)
+    cache = None if store is None else Cache(store)
+    require_recordings(readings.exclusions, {path.stem for path in recordings})
+    with TemporaryDirectory(dir=part) as paths:
+        found = harvest(recordings, readings, _crew(wishes), cache, Shelf(Path(paths)), tell, skip=wishes.skip)
+        study = study_of(found.measured, readings, found.paths)
+        write_analysis(part, study, found, [PLACEHOLDER], tell, beside_the_paper=wishes.beside_the_paper)
+    return tuple(_in_words(study, found)), sum(source.kept for source in found.sources), found.peak
+
+
+def _crew(wishes: Wishes) -> "Crew":
     """Find out who measures."""
+    from netboard.measuring.crews import cores, dask, processes
+
     if wishes.dask is None:
         return processes(wishes.workers or cores())
-    if wishes.workers is not None:
-        raise ConfigError("--workers: found with --dask, whose workers measure; expected one of them")
     return dask(wishes.dask)
 
 
-def _in_words(study: "Study", found: Harvest) -> Iterator[str]:
+def _in_words(study: "Study", found: "Harvest") -> Iterator[str]:
     """Say what was measured, and what does not count."""
-    hours, kept = study.blocks["duration"].sum() / 3600, sum(source.kept for source in found.sources)
+    hours = study.blocks["duration"].sum() / 3600
     recordings = "1 recording" if len(found.sources) == 1 else f"{len(found.sources)} recordings"
-    yield f"{recordings}, {hours:.2f} h" + (f"; {kept} were measured before" if kept else "")
+    yield f"{recordings}, {hours:.2f} h"
     for one in found.left_out:
         yield f"  left out: {one.file}: {one.why}"
     silent = study.blocks.loc[~study.blocks["recording"].isin(study.trials["recording"]), "recording"]

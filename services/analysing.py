@@ -71,8 +71,7 @@ def analyse(
     if cache is not None and no_cache:
         raise ConfigError("--cache and --no-cache: expected one of them")
     wishes = service.Wishes(workers, dask, cache, not no_cache, skip_unreadable, compare_paper)
-    readings = load_readings(settings, overrides or ())
-    raise typer.Exit(service.main(recordings, output, readings, wishes))
+    raise typer.Exit(service.main(recordings, output, service.Asked(settings, tuple(overrides or ())), wishes))
 
 
 def explain(

@@ -10,9 +10,11 @@ import pytest
 
 from netboard.errors import RecordingError
 from netboard.measuring import fingerprint
-from netboard.measuring.cache import ABANDONED, ENDING, Cache, default_folder, key_of
+from netboard.measuring.cache import Cache, key_of
 from netboard.measuring.readings import Exclusions, Filters, Readings, Summaries
 from netboard.measuring.recordings import FIELDS, Measured
+from netboard.measuring.store import ABANDONED, default_folder
+from netboard.measuring.store import TABLES as ENDING
 from netboard.measuring.tables import DTYPES
 
 pytest.importorskip("pyarrow")

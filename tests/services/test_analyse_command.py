@@ -13,6 +13,7 @@ from typer.testing import CliRunner, Result
 
 from made_recordings import recorded, two_trials
 from netboard.export import formats
+from netboard.measuring.store import TABLES
 from netboard.services.cli import app
 from rehearsed_study import small_study
 
@@ -123,14 +124,15 @@ def test_tables_and_pictures_are_the_same_to_the_byte_made_by_several_processes(
 def test_tables_are_the_same_to_the_byte_whether_they_were_kept_or_not_and_that_is_said(
     study: Path, plain: Path
 ) -> None:
-    ways = {"anew": ("--no-cache",), "first": (), "kept": ()}
+    ways = {"anew": ("--no-cache",), "first": (), "kept": (), "measured": ("--set", "exclusions.warm_up=0")}
     for name, words in ways.items():
         result = analyse(study, "-o", name, "--workers", "1", *words)
         assert result.exit_code == 0
-        assert ("; 4 were measured before" in result.output) == (name == "kept")
+        assert ("; all of it was analysed before" in result.output) == (name == "kept")
+        assert ("; 4 were measured before" in result.output) == (name == "measured")
         assert same(Path(name), plain) > 10
     for kept in (Path("user/netboard/measures"), plain.with_name("other")):
-        assert len(list(kept.iterdir())) == 4
+        assert len(list(kept.glob(f"*{TABLES}"))) == 4
 
 
 @pytest.mark.usefixtures("undrawn")

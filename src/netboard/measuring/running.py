@@ -5,7 +5,6 @@ was done first. So the same recordings give the same tables however many process
 The paths, which are long, go to a shelf on disk as they come.
 """
 
-import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, replace
@@ -17,6 +16,7 @@ from netboard.export.formats import Progress
 from netboard.export.runs import Run, runs_of
 from netboard.measuring.cache import Cache, key_of
 from netboard.measuring.crews import Crew
+from netboard.measuring.kept import digest_of
 from netboard.measuring.readings import Readings
 from netboard.measuring.recordings import Measured, measure
 from netboard.process import peak_memory
@@ -196,15 +196,7 @@ def _left_out(path: Path, error: Exception) -> LeftOut:
 def _digests(paths: Sequence[Path]) -> dict[Path, str]:
     """SHA-256 of the bytes of files, in hexadecimal."""
     with ThreadPoolExecutor() as pool:
-        return dict(zip(paths, pool.map(_digest, paths), strict=True))
-
-
-def _digest(path: Path) -> str:
-    try:
-        with path.open("rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
-    except OSError as error:
-        raise RecordingError(f"{path}: cannot be read: {error.strerror}") from error
+        return dict(zip(paths, pool.map(digest_of, paths), strict=True))
 
 
 def _take_kept(keys: Mapping[Path, str], cache: Cache, taken: _Taken) -> None:
@@ -235,6 +227,6 @@ def _answers(
 
 def _measured(run: Run, readings: Readings, sha256: str) -> tuple[Measured, float]:
     """Measure a recording, and tell how much memory that took [1]; this runs in another process, maybe elsewhere."""
-    if _digest(run.path) != sha256:
+    if digest_of(run.path) != sha256:
         raise RecordingError(f"{run.path}: is not the file that it was, or another one where it is measured")
     return measure(run, readings), peak_memory()

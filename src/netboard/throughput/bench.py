@@ -21,6 +21,7 @@ from netboard.throughput.apart import Took, apart
 from netboard.throughput.making import Measurement, tables
 from netboard.throughput.reading import reading
 from netboard.throughput.remainder import remainder
+from netboard.throughput.repeated import twice
 from netboard.throughput.specimen import make_study
 
 SHARES = (0.25, 0.5, 0.75, 1.0)
@@ -34,6 +35,9 @@ FLAT = 1.1
 
 HELD = 1.25
 """The process that has the tables holds no more than this times as much for a whole study as for a quarter [1]."""
+
+AGAIN = 0.1
+"""An analysis that is kept takes no more of the cores' time than this share of the first [1]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,6 +150,8 @@ def study(recordings: Sequence[Path] | None, size: Size, workers: int, tell: Tel
         yield _memory(rows)
         tell("writing the whole analysis", 0.95)
         yield _whole(rows[-1], *apart(remainder, recordings, place / f"kept-{SHARES[-1]}", place / "analysis"))
+        tell("the command, twice", 0.97)
+        yield _again(*twice(recordings, workers, place / "twice"))
 
 
 def _row(recordings: Sequence[Path], workers: int, kept: Path) -> Row:
@@ -268,5 +274,21 @@ def _whole(row: Row, rest: Took, peak: float) -> Part:
             ("tables, anew", row.cold.took.seconds, row.cold.took.cores, row.cold.peak / 1e6),
             ("tables, kept", row.kept.took.seconds, row.kept.took.cores, row.kept.peak / 1e6),
             ("numbers, pictures, report, files", rest.seconds, rest.cores, peak / 1e6),
+        ],
+    )
+
+
+def _again(first: Took, again: Took) -> Part:
+    """Say what the whole command takes when it has been run before."""
+    share = again.cores / first.cores
+    return Part(
+        "again",
+        "netboard analyse, the whole command",
+        ("run", "by the clock [s]", "of cores [s]"),
+        [("first", first.seconds, first.cores), ("again", again.seconds, again.cores)],
+        [
+            Verdict(
+                f"the second run takes at most {AGAIN:.0%} of the first's time of cores", share <= AGAIN, f"{share:.1%}"
+            )
         ],
     )

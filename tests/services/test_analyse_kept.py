@@ -1,0 +1,166 @@
+"""What was analysed before is written again to the byte, and never in the place of other data, settings or code."""
+
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from netboard.measuring import kept
+from netboard.measuring.store import ANALYSIS, FILE, Store
+from netboard.report.command import PLACEHOLDER, name_command
+from netboard.services.cli import app
+from rehearsed_study import small_study
+
+pytest.importorskip("pyarrow")
+pytest.importorskip("matplotlib")
+pytest.importorskip("jinja2")
+pytest.importorskip("statsmodels")
+
+HEAVY = ("matplotlib", "numba", "numpy", "pandas", "pyarrow", "scipy", "statsmodels")
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return small_study(tmp_path_factory.mktemp("made"))[0].parent
+
+
+@pytest.fixture(autouse=True)
+def _apart(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "200")
+    monkeypatch.setenv("NO_COLOR", "1")
+    monkeypatch.setattr("netboard.report.folder.pictures", lambda study: [])  # which take most of the time
+
+
+def analyse(*words: str | Path) -> str:
+    command = ["analyse", *map(str, words), "--workers", "1", "--cache", "cache"]
+    result = CliRunner().invoke(app, command)
+    assert result.exit_code == 0, result.output
+    return result.output
+
+
+def contents(folder: str) -> dict[str, bytes]:
+    return {str(path.relative_to(folder)): path.read_bytes() for path in Path(folder).rglob("*") if path.is_file()}
+
+
+@pytest.mark.slow
+def test_the_second_time_nothing_is_computed_and_all_is_the_same_to_the_byte(
+    study: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["netboard", "analyse", "it's <here>"])
+    first = analyse(study, "-o", "first")
+    assert "before" not in first
+
+    def never(*parts: object, **options: object) -> None:
+        raise AssertionError("computed again")
+
+    with monkeypatch.context() as undone:
+        undone.setattr("netboard.report.folder.write_analysis", never)
+        again = analyse(study, "-o", "again")
+    assert "; all of it was analysed before" in again
+    assert again.splitlines()[1:-1] == first.splitlines()[1:-1]
+    assert contents("again") == contents("first")
+    result = CliRunner().invoke(app, ["analyse", str(study), "-o", "anew", "--workers", "1", "--no-cache"])
+    assert result.exit_code == 0
+    assert contents("anew") == contents("first")
+    assert json.loads(Path("again/provenance.json").read_text())["command"] == "netboard analyse 'it'\"'\"'s <here>'"
+    report = Path("again/report.html").read_text()
+    assert "&lt;here&gt;" in report
+    assert PLACEHOLDER not in report
+    Path("again/tables/trials.csv").write_text("changed by somebody")  # a copy, not the kept one
+    analyse(study, "-o", "third")
+    assert contents("third") == contents("first")
+
+
+@pytest.mark.slow
+def test_whatever_goes_into_it_is_in_the_key(study: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    recordings = sorted(study.glob("*.mcap"))
+    (other := Path("other")).mkdir()
+    copies = [Path(shutil.copy(path, other)) for path in recordings]
+    keys = [kept.key_of_analysis(recordings, b"", ())]
+    keys.append(kept.key_of_analysis(recordings[:-1], b"", ()))
+    keys.append(kept.key_of_analysis(copies, b"", ()))
+    keys.append(kept.key_of_analysis(recordings, b"[filters]\nfast = 10.0\n", ()))
+    keys.append(kept.key_of_analysis(recordings, b"", ("filters.fast=10",)))
+    keys.append(kept.key_of_analysis(recordings, b"", ("paper=True",)))
+    copies[0].write_bytes(copies[0].read_bytes() + b"\0")
+    keys.append(kept.key_of_analysis(copies, b"", ()))
+    monkeypatch.setattr(kept, "code_digest", lambda: "other code")
+    keys.append(kept.key_of_analysis(recordings, b"", ()))
+    assert len(set(keys)) == len(keys)
+    assert kept.key_of_analysis(recordings, b"", ()) == keys[-1]
+
+
+def test_the_code_is_every_source_and_every_version(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    digest = kept.code_digest.__wrapped__
+    before = digest()
+    assert digest() == before
+    package = tmp_path / "own"
+    (package / "deep").mkdir(parents=True)
+    (package / "__init__.py").write_text("")
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(kept, "PACKAGES", ("own",))
+    seen = [digest()]
+    for name in ("deep/module.py", "page.jinja", "style.css", "words.toml"):
+        (package / name).write_text("one")
+        seen.append(digest())
+        (package / name).write_text("two")
+        seen.append(digest())
+    monkeypatch.setattr(kept, "version", lambda name: "99")
+    seen.append(digest())
+    assert len(set(seen)) == len(seen)
+
+
+def test_what_is_damaged_or_half_gone_is_not_taken(tmp_path: Path) -> None:
+    (folder := tmp_path / "folder" / "deep").mkdir(parents=True)
+    (folder / "a.csv").write_bytes(b"1,2")
+    (folder / "b.csv").write_bytes(b"3,4")
+    store = Store(tmp_path / "store")
+    kept.keep(store, "key", tmp_path / "folder", ["words"])
+    (taken := tmp_path / "taken").mkdir()
+    assert kept.take(store, "other", taken) is None
+    assert kept.take(store, "key", taken) == ("words",)
+    assert contents(str(taken)) == contents(str(tmp_path / "folder"))
+    (empty := tmp_path / "empty").mkdir()
+    for victim in [*(tmp_path / "store").glob(f"*{FILE}"), tmp_path / "store" / f"key{ANALYSIS}"]:
+        whole = victim.read_bytes()
+        victim.write_bytes(whole[:-1] + b"x")
+        assert kept.take(store, "key", empty) is None
+        victim.unlink()
+        assert kept.take(store, "key", empty) is None
+        victim.write_bytes(whole)
+    assert list(empty.iterdir()) == []
+    assert kept.take(store, "key", empty) == ("words",)
+
+
+def test_analyses_do_not_grow_the_store_without_bound(tmp_path: Path) -> None:
+    (folder := tmp_path / "folder").mkdir()
+    for number in range(5):
+        (folder / "table.csv").write_bytes(bytes([number]) * 10_000)
+        kept.keep(Store(tmp_path / "store", limit=25_000), str(number), folder, [])
+    assert sum(path.stat().st_size for path in (tmp_path / "store").iterdir()) <= 25_000
+    store = Store(tmp_path / "store")
+    (taken := tmp_path / "taken").mkdir()
+    assert kept.take(store, "4", taken) == ()
+    assert kept.take(store, "0", taken) is None
+
+
+def test_a_command_is_written_as_text_of_each_file(tmp_path: Path) -> None:
+    (tmp_path / "provenance.json").write_text(f'{{"command": "{PLACEHOLDER}"}}')
+    (tmp_path / "report.html").write_text(f"<code>{PLACEHOLDER}</code>")
+    name_command(tmp_path, ["netboard", "a\u202eb", '"<&'])
+    said = json.loads((tmp_path / "provenance.json").read_text(encoding="utf-8"))["command"]
+    assert said == "netboard 'a\u202eb' '\"<&'"
+    shown = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "a[U+202E]b" in shown
+    assert "&#34;&lt;&amp;" in shown
+
+
+def test_nothing_that_computes_is_loaded_to_find_what_is_kept() -> None:
+    code = "import sys, netboard.services.cli, netboard.services.analyse; print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert not {name.partition(".")[0] for name in done.stdout.split()} & set(HEAVY)
