@@ -40,7 +40,6 @@ def test_every_table_is_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     parts = {part["name"]: part for part in json.loads(Path("analysis.json").read_text())["parts"]}
     assert set(parts) == {"costs", "scaling", "memory", "whole", "again"}
     assert [row[0] for row in parts["again"]["rows"]] == ["first", "again"]
-    assert all(verdict["holds"] for verdict in parts["again"]["verdicts"])
     rows = parts["costs"]["rows"]
     assert [row[0] for row in rows] == [2, 4]
     assert all(after[1] > before[1] and after[2] > before[2] for before, after in pairwise(rows))

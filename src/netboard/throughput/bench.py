@@ -286,9 +286,5 @@ def _again(first: Took, again: Took) -> Part:
         "netboard analyse, the whole command",
         ("run", "by the clock [s]", "of cores [s]"),
         [("first", first.seconds, first.cores), ("again", again.seconds, again.cores)],
-        [
-            Verdict(
-                f"the second run takes at most {AGAIN:.0%} of the first's time of cores", share <= AGAIN, f"{share:.1%}"
-            )
-        ],
+        [Verdict(f"the second run takes at most {AGAIN:.0%} of the first's", share <= AGAIN, f"{share:.1%} of cores")],
     )
