@@ -332,7 +332,7 @@ def test_who_is_not_let_in_gets_no_word_through_and_hears_none(evidence: Evidenc
         ("wrong_side", "the key of display.left is not that of display.right"),
         ("wrong_rank", "the key of display.left is not that of console"),
         ("wrong_hand", "the key of agent.right is not that of agent.left"),
-        ("commands", "a display may not send"),
+        ("commands", "the left display may not report for the right station"),
     ],
 )
 def test_who_is_let_in_and_goes_too_far_is_told_so(evidence: Evidence, name: str, reason: str) -> None:

@@ -258,6 +258,7 @@ def _case(what: str, *, keyed: bool) -> Case:
         setup,
         attack(what),
         checks,
+        quick=not keyed and what in ("display", "stranger"),
     )
 
 
@@ -270,6 +271,7 @@ def _knock(channel: str) -> Case:
         KEYED_DYAD,
         join_during(f"knock-{channel}"),
         (unmoved, unpaused, joined, noted("refused", "its key is not known here"), nothing_lost()),
+        quick=channel == "motion",
     )
 
 
