@@ -276,8 +276,6 @@ GENERATED: dict[str, tuple[str, Callable[[], str]]] = {
     "forces conditions": ("forces.md", study_part("forces", "conditions")),
     "faults machine": ("faults.md", study_machine("faults")),
     **{name: ("faults.md", study_part("faults", name)) for name in FAULTS},
-    "attacks machine": ("faults.md", study_machine("attacks")),
-    "attacks": ("faults.md", study_part("attacks", "attacks")),
     "recovery machine": ("recovery.md", study_machine("recovery")),
     **{f"recovery-{name}": ("recovery.md", study_part("recovery", name)) for name in RECOVERY},
     "recording machine": ("recording.md", study_machine("recording")),

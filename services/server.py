@@ -62,7 +62,9 @@ def serve(sessions: Sequence[tuple[Programme, Ledger]], *, autostart: bool) -> i
     speak("server")
     wanted = configs[0].realtime
     came = prepare(wanted, Priority.SERVER, cpus_for("server", wanted))
-    with Stopping() as stopping, sockets.open_context(io_priority(came, Priority.SERVER), apart=True) as context:
+    above = io_priority(came, Priority.SERVER)
+    network = sockets.open_context(above, apart=True, loop_priority=Priority.SERVER)
+    with Stopping() as stopping, network as context:
         server = Server(sessions, context, doors, autostart=autostart)
         server.run(stopping, came)
     return 0 if server.everything_recorded else 1

@@ -463,3 +463,21 @@ def test_nothing_is_owed_to_a_peer_that_has_gone(made: Made) -> None:
     server.pay()
     server.send(b"agent.left", b"welcome")
     assert until(lambda: sockets.receive(peer)) == b"welcome"
+
+
+def test_the_network_gives_way_to_the_loop_while_it_is_asked_to() -> None:
+    with sockets.open_context() as context:
+        context.give_way(True)  # without a priority there is nothing to give
+        assert context.threads == ()
+    able = hasattr(os, "sched_setscheduler") and sockets._granted(
+        "SCHED_FIFO", lambda: os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(3))
+    )
+    if not able:
+        pytest.skip("real-time priorities are not granted here")
+    with sockets.open_context(3, loop_priority=2) as context:
+        assert len(context.threads) == 1
+        priorities = []
+        for wanted in (True, True, False):
+            context.give_way(wanted)
+            priorities += [os.sched_getparam(thread).sched_priority for thread in context.threads]
+        assert priorities == [1, 1, 3]

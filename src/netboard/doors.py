@@ -7,6 +7,8 @@ key is for is not known here, but to a `Ring`.
 With `netboard.sockets`, `netboard.ends` and `netboard.fastpath` the only module that imports zmq.
 """
 
+import logging
+import os
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -18,6 +20,8 @@ from zmq.utils.monitor import parse_monitor_message
 
 from netboard.refusals import RefusalCount
 
+log = logging.getLogger(__name__)
+
 Socket: TypeAlias = "zmq.Socket[bytes]"
 
 MOST_HANDSHAKES = 3
@@ -26,6 +30,9 @@ MOST_FULL = 20
 """If there are always more of them for so many times in a row, the channel is not listened to for a while [1]."""
 DEAF_NS = 10_000_000_000
 """A channel on which more handshakes fail than can be heard of is not listened to for so long [ns]."""
+PRESSED_NS = 1_000_000_000
+"""After a handshake that is refused, the network's thread gives way to the loop for this time [ns]."""
+
 ZAP_ADDRESS = "inproc://zeromq.zap.01"
 """Where libzmq asks whether a key may come in (ZeroMQ's RFC 27)."""
 
@@ -126,6 +133,7 @@ class Door:
         """Hear of handshakes that failed; take what is to be told of those who were refused."""
         for watched in self._watched:
             for reason in watched.listen():
+                watched.gate.press()
                 self.refuse(watched.channel, "", "", reason)
         return self._refused.reports(now_ns)
 
@@ -149,7 +157,7 @@ class Door:
         socket.setsockopt(zmq.CURVE_SECRETKEY, self.ring.secret.encode())
         socket.setsockopt(zmq.ZAP_DOMAIN, f"{self._port}.{name}".encode())
         socket.setsockopt(zmq.ZAP_ENFORCE_DOMAIN, 1)
-        self._watched.append(_Watched(context, socket, name))
+        self._watched.append(_Watched(context, socket, name, gate))
 
 
 class _Gate:
@@ -157,12 +165,19 @@ class _Gate:
 
     def __init__(self, context: "Context") -> None:
         self.doors: dict[str, tuple[Door, str]] = {}
+        self._context = context
+        self._pressed_until_ns = 0
         self._socket: Socket = context.socket(zmq.REP)
         self._socket.setsockopt(zmq.LINGER, 0)
         self._socket.bind(ZAP_ADDRESS)
 
+    def press(self) -> None:
+        """Note that somebody knocks who may not come in."""
+        self._pressed_until_ns = time.monotonic_ns() + PRESSED_NS
+
     def answer(self) -> None:
         """Answer some of those who wait for it."""
+        self._context.give_way(self._pressed_until_ns > 0 and time.monotonic_ns() < self._pressed_until_ns)
         for _ in range(MOST_HANDSHAKES):
             if not readable(self._socket):
                 return
@@ -173,6 +188,7 @@ class _Gate:
             if reason:
                 door.refuse(channel, address.decode(errors="replace"), key, reason)
                 verdict = (b"400", reason.encode(), b"")
+                self.press()
             else:
                 verdict = (b"200", b"OK", key.encode())
             self._socket.send_multipart((version, request, *verdict, b""), NOBLOCK)
@@ -181,8 +197,8 @@ class _Gate:
 class _Watched:
     """A socket that tells of handshakes that failed before it came to keys; libzmq does not say whose they were."""
 
-    def __init__(self, context: "Context", socket: Socket, channel: str) -> None:
-        self.channel = channel
+    def __init__(self, context: "Context", socket: Socket, channel: str, gate: _Gate) -> None:
+        self.channel, self.gate = channel, gate
         self._context = context
         self._socket = socket
         self._deaf_until_ns = self._full = 0
@@ -235,7 +251,28 @@ NO_HANDSHAKE = "it broke the rules of the handshake"
 
 
 class Context(zmq.Context["zmq.Socket[bytes]"]):
-    """Where sockets are made, the gate of the doors among them, and another context for channels that may wait."""
+    """Where sockets are made, the gate of the doors among them, and another context for channels that may wait.
+
+    Its threads may have a real-time priority above that of the loop they serve, so that what the loop sends is on its
+    way at once. A handshake takes such a thread as long as a third of a tick. While strangers knock the threads run
+    below the loop: then no tick waits for a handshake, and forces leave when the loop has done its tick.
+    """
 
     gate: _Gate | None = None
     patient: "Context | None" = None
+    threads: tuple[int, ...] = ()
+    above = below = 0
+    _gives_way = False
+
+    def give_way(self, wanted: bool) -> None:
+        """Let the threads run below the loop they serve, or above it again."""
+        if wanted == self._gives_way or not self.threads:
+            return
+        self._gives_way = wanted
+        priority = self.below if wanted else self.above
+        try:
+            for thread in self.threads:
+                os.sched_setscheduler(thread, os.SCHED_FIFO, os.sched_param(priority))
+        except OSError as error:
+            log.warning("the network's thread stays at its priority (%s)", error.strerror)
+            self.threads = ()

@@ -19,6 +19,7 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TypeAlias
 from weakref import WeakKeyDictionary
 
@@ -53,6 +54,10 @@ LARGEST_SUBSCRIPTION = 2**10
 """The same for views, to which a peer only subscribes: each byte of that becomes a node of a tree [bytes]."""
 _THREADS = {CONTROL: 0, LOG: 1, VIEW_LEFT: 2, VIEW_RIGHT: 2}
 """Which thread of a context of their own serves channels that may wait."""
+IO_THREAD = "ZMQbg/IO"
+"""How libzmq's threads that exchange frames are called."""
+START_S = 1.0
+"""They have begun within this time [s]."""
 PROMPT = -15
 """Niceness of the threads that serve channels that may wait."""
 KEEPALIVE_S = 1
@@ -75,7 +80,7 @@ def library() -> str:
 
 @contextmanager
 def open_context(
-    io_priority: int | None = None, io_cpus: Iterable[int] = (), *, apart: bool = False
+    io_priority: int | None = None, io_cpus: Iterable[int] = (), *, apart: bool = False, loop_priority: int = 0
 ) -> Iterator[Context]:
     """Make a context; on leaving, its sockets are closed and what lingers is sent.
 
@@ -88,6 +93,8 @@ def open_context(
     apart : bool
         Server ends of all channels but motion are made in a context of their own, with a thread for each, that run on
         any CPU at no priority: whoever knocks there takes no time from the motion channel.
+    loop_priority : int
+        Priority of the loop that uses the context: while strangers knock, libzmq's thread runs below it; 0: never.
     """
     context = Context()
     if apart:
@@ -101,11 +108,30 @@ def open_context(
     if cpus and _granted(f"CPUs {sorted(cpus)}", lambda: os.sched_setaffinity(0, cpus)):
         for cpu in cpus:
             context.set(zmq.THREAD_AFFINITY_CPU_ADD, cpu)
+    if loop_priority and io_priority is not None:
+        context.threads, context.above, context.below = _started(context), io_priority, loop_priority - 1
     try:
         yield context
     finally:
         for one in filter(None, (context.patient, context)):
             one.destroy()
+
+
+def _started(context: Context) -> tuple[int, ...]:
+    """Let the threads of a context start, and find those that exchange frames; none where the system does not tell."""
+    tasks = Path("/proc/self/task")
+    if not tasks.exists():
+        return ()
+    before = {task.name for task in tasks.iterdir()}
+    context.socket(zmq.PAIR).close()
+    end = time.monotonic() + START_S
+    while time.monotonic() < end:  # each gives itself a name when it begins
+        new = [task for task in tasks.iterdir() if task.name not in before]
+        found = tuple(int(task.name) for task in new if (task / "comm").read_text().startswith(IO_THREAD))
+        if found:
+            return found
+        time.sleep(START_S / 100)
+    return ()
 
 
 def _patient_context() -> Context:

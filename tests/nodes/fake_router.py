@@ -22,13 +22,14 @@ class FakeRouter:
         self.forbidden = ""
         self.closed = False
         self.owed: dict[bytes, bytes] = {}
+        self.gone: set[bytes] = set()
 
     def receive(self) -> tuple[bytes, bytes] | None:
         return self.arrived.popleft() if self.arrived else None
 
     def send(self, peer: bytes, frame: bytes) -> bool:
         frames = self.sent.setdefault(peer, [])
-        if len(frames) >= self.room:
+        if len(frames) >= self.room or peer in self.gone:
             return False
         frames.append(frame)
         return True

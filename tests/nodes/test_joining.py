@@ -9,7 +9,7 @@ from log_rig import L, Rig, end
 from fakes import Answers, FakeClock
 from netboard.config import Config, parse, resolve
 from netboard.nodes.control_port import MAY_SAY, MOST_FRAMES, MOST_PEERS, SILENT_NS, ControlPort
-from netboard.nodes.log_port import GONE_NS
+from netboard.nodes.log_port import GONE_NS, MOST_LOGGERS
 from netboard.nodes.logger import Logger
 from netboard.recording.reader import Recording
 from netboard.tables.rig import Recording as Settings
@@ -185,3 +185,25 @@ def test_only_a_greeting_is_unpacked_of_a_stranger() -> None:
     rig.router.say(b"x", b"\x97\x15\xc1")  # a report of frames, and then nonsense
     rig.tick()
     assert rig.router.heard(b"x") == [Refusal("say hello first")]
+
+
+def test_a_peer_whose_connection_has_ended_makes_room_at_once() -> None:
+    rig = Control()
+    for number in range(MOST_PEERS):
+        rig.router.say(b"guest %d" % number, hello("console"))
+        rig.tick()
+    rig.router.gone.add(b"guest 3")
+    rig.router.say(b"console", hello("console"))
+    for _ in range(30):
+        rig.tick()
+    assert isinstance(rig.router.heard(b"console")[0], Welcome)
+
+
+def test_a_logger_whose_connection_has_ended_makes_room_at_once(tmp_path: Path) -> None:
+    rig = Rig(tmp_path)
+    for number in range(MOST_LOGGERS):
+        rig.pump(b"guest %d" % number, hello("logger", name=str(number)))
+    assert rig.pump(L, hello("logger")) == [Refusal("too many loggers")]
+    rig.router.gone.add(b"guest 3")
+    assert isinstance(rig.pump(L, hello("logger"))[0], Welcome)
+    end(rig)

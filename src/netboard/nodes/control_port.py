@@ -21,7 +21,7 @@ from netboard.nodes.peer import Link, Peer, Probes, what
 from netboard.nodes.refusals import CROWDED, Refusals
 from netboard.wire.codec import decode, encode, kind_of
 from netboard.wire.control import Command, Outcomes, OutcomesRequest, Reply, Status, StatusRequest, Trace, TraceRequest
-from netboard.wire.meeting import HELLO_FIRST, Goodbye, Hello, Pong, Welcome
+from netboard.wire.meeting import HELLO_FIRST, Goodbye, Hello, Ping, Pong, Welcome
 from netboard.wire.messages import Message
 from netboard.wire.records import ClockRecord, FrameRecord
 from netboard.wire.session import admit
@@ -41,6 +41,9 @@ MOST_FRAMES, MOST_BYTES = 4, 2048
 
 MOST_PEERS = 16
 """Peers of each role remembered: one that is silent makes room for one more [1]."""
+
+TRY_NS = 20_000_000
+"""Whether all of them are still there is tried so often [ns]."""
 
 MOST_WISHES = 8
 """Commands of one peer that wait to be decided on [1]."""
@@ -111,6 +114,7 @@ class ControlPort:
         self._reports: deque[tuple[str, deque[tuple[int, int, int]], int]] = deque()
         self._probes = Probes()
         self._reporting: dict[str, bytes] = {}
+        self._tried_ns = -TRY_NS
         self._shown = {"left": 0, "right": 0}
 
     @property
@@ -274,17 +278,20 @@ class ControlPort:
         self._router.owe(name, self._welcome)
 
     def _make_room(self, role: str, now_ns: int) -> None:
-        """Forget a silent peer of a role if there are too many: whoever is there keeps its place.
+        """Forget a peer of a role that is silent, or cannot be sent anything, if there are too many.
 
         Raises
         ------
         WireError
-            If none of them is silent.
+            If all of them are there: each keeps its place.
         """
         same = [name for name, peer in self._peers.items() if peer.hello.role == role]
         if len(same) < MOST_PEERS:
             return
         gone = next((name for name in same if name in self._silent), None)
+        if gone is None and now_ns - self._tried_ns >= TRY_NS:
+            self._tried_ns, ping = now_ns, encode(Ping(now_ns))
+            gone = next((name for name in same if not self._router.send(name, ping)), None)
         if gone is None:
             raise WireError(f"there are {MOST_PEERS} peers like it already")
         self._forget(gone, now_ns)

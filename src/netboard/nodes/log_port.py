@@ -22,7 +22,7 @@ from netboard.nodes.refusals import CROWDED, Refusals
 from netboard.recording.disk import LOW_BYTES
 from netboard.recording.spill import Spill
 from netboard.wire.codec import decode, encode, kind_of
-from netboard.wire.meeting import HELLO_FIRST, Goodbye, Hello, Pong, Welcome
+from netboard.wire.meeting import HELLO_FIRST, Goodbye, Hello, Ping, Pong, Welcome
 from netboard.wire.messages import Message
 from netboard.wire.records import ClockRecord, LogAck, LogBatch, LogEnd, LogRequest
 from netboard.wire.ring import LogRing
@@ -321,12 +321,26 @@ class LogPort:
             return
         logger = self._loggers.get(name)
         if logger is None and len(self._loggers) >= MOST_LOGGERS:
-            raise WireError("too many loggers")
+            self._make_room(now_ns)
         self._router.owe(name, encode(self._welcome))
         if logger is None or logger.peer.hello != hello:
             self._loggers[name] = logger = _Logger(Peer(hello, now_ns))
             self._comings.tell("logger_joined", {"name": hello.name, **hello.details}, now_ns)
         logger.cursor = None  # it asks again, now that it is welcome again
+
+    def _make_room(self, now_ns: int) -> None:
+        """Forget a logger that cannot be sent anything: its connection has ended, or it does not read.
+
+        Raises
+        ------
+        WireError
+            If all of them are there.
+        """
+        ping = encode(Ping(now_ns))
+        gone = next((name for name in self._loggers if not self._router.send(name, ping)), None)
+        if gone is None:
+            raise WireError("too many loggers")
+        self._forget(gone, "cannot be reached", now_ns)
 
     def _forget(self, name: bytes, reason: str, now_ns: int) -> None:
         logger = self._loggers.pop(name)
