@@ -94,3 +94,14 @@ def test_without_any_event_or_with_events_only_there_is_an_estimate() -> None:
         found = firth_fit(response, SATURATED, "binomial")
         assert found.converged
         assert found.coefficients[1:] == pytest.approx(0.0, abs=1e-7)
+
+
+def test_a_profile_far_from_the_maximum_needs_no_inverse() -> None:
+    """Few trials, one event, and a slope whose profile hardly falls: held far out, the means are 0 or 1 throughout."""
+    columns = np.column_stack([np.ones(8), [-1.5, 1.5] * 4, [-25.0, -25.0, 25.0, 25.0] * 2])
+    response = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0])
+    far = firth_fit(response, columns, "binomial", (np.array([0.0, 0.0, 1.0]), 1e4))
+    assert np.isfinite(far.coefficients).all()
+    best = firth_fit(response, columns, "binomial")
+    low, high = profile_interval(response, columns, "binomial", best, np.array([0.0, 1.0, 0.0]), 1.92)
+    assert low < best.coefficients[1] < high

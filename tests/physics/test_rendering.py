@@ -1,6 +1,7 @@
 """What of the force is rendered: the printed numbers, the sum of the parts, and the board at rest itself."""
 
 import math
+from dataclasses import replace
 from typing import Any, get_args, get_type_hints
 
 import numpy as np
@@ -22,6 +23,7 @@ from netboard.physics.rendering import (
     gains_of,
     is_catch,
     pack_felt,
+    scale_in,
 )
 from netboard.physics.scene import pack_scene, parts_of
 from netboard.physics.statics import equilibrium
@@ -248,3 +250,16 @@ def test_catch_trials_are_those_named_and_no_others() -> None:
     found = [trial for trial in range(-5, NEVER + 5) if is_catch(trial, numbers, catches)]
     assert found == [2, 7, NEVER - 1]
     assert not is_catch(2, numbers, felt("full"))
+
+
+def test_each_trial_has_its_own_scale_repeated_from_the_first() -> None:
+    block = replace(Config().block, trial_scales=(0.5, 1.5, 0.0))
+    numbers, shape = pack_felt(replace(Config(), block=block))[0], felt_of(block)
+    assert shape.scaled
+    assert [float(scale_in(trial, numbers, shape)) for trial in range(1, 7)] == [0.5, 1.5, 0.0, 0.5, 1.5, 0.0]
+    assert float(scale_in(0, numbers, shape)) == block.force_scale
+
+
+def test_scales_of_trials_are_felt_though_the_scale_of_the_block_is_nothing() -> None:
+    assert felt_of(replace(Config().block, force_scale=0.0, trial_scales=(1.0,))).varies
+    assert felt_of(replace(Config().block, force="none")) == NOTHING

@@ -77,7 +77,8 @@ def firth_fit(response: Array, columns: Array, family: Family, fixed: tuple[Arra
     for _ in range(STEPS):
         if not free.shape[1]:
             return here.ended(converged=True)
-        step = free @ np.linalg.solve(free.T @ here.information @ free, free.T @ here.score)
+        # Far from the maximum all means of some trials are 0 or 1, and the information has no inverse.
+        step = free @ np.linalg.lstsq(free.T @ here.information @ free, free.T @ here.score)[0]
         step *= min(1.0, LONGEST / max(float(np.abs(columns @ step).max()), 1e-300))
         if float(np.abs(step).max()) < ENOUGH:
             return here.ended(converged=True)

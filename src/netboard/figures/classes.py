@@ -40,7 +40,7 @@ def picture(study: Study) -> Picture:
     found = [one for one in classes(study).shares if len(one.dyads)]
     if not found:
         return Picture("classes", TITLE, "No trial that counts has a movement, so there are no shares.", None)
-    many_of = len(found) > _FEW
+    many_of = _crowded(found)
     dots = [[name for name in pair for _ in range(2)] for pair in (ORDER[:2], ORDER[2:])] if many_of else [list(ORDER)]
     below = 0.5 + 0.3 * len(found)
     height = [below, 1.6, 3.2] if many_of else [below, 2.2]
@@ -55,6 +55,11 @@ def picture(study: Study) -> Picture:
         if many_of and name in ORDER[:2]:
             axes[name].tick_params(axis="x", labelbottom=False)
     return Picture("classes", TITLE, _caption(study, found), figure)
+
+
+def _crowded(found: list[Shares]) -> bool:
+    """Whether the names of teams do not fit below each other: there are many conditions, or levels in the names."""
+    return len(found) > _FEW or any(one.condition.among for one in found)
 
 
 def _bars(axes: Axes, found: list[Shares]) -> None:
@@ -101,7 +106,7 @@ def _dots(axes: Axes, found: list[Shares], name: str) -> None:
 
 def _named(axes: Axes, found: list[Shares], at: dict[str, float]) -> None:
     """Write the forces at the axis, and the teams below them."""
-    if len(found) > _FEW:
+    if _crowded(found):
         axes.set_xticks(list(at.values()), [one.condition.label for one in found], fontsize=7, rotation=90)
         return
     short = [one.condition.feeling.removeprefix("haptics ") for one in found]
