@@ -6,15 +6,12 @@ not what was written, was not finished, or contradicts itself. A damaged file is
 away, to tell what can be saved. Nothing is written beside a recording.
 """
 
-from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
-from mcap.reader import make_reader
 from numpy.typing import NDArray
 
 from netboard.config import SIDES, Config, parse
@@ -24,6 +21,7 @@ from netboard.proof.account import OF_THE_SERVER, Stretch, cause_of_loss, parts_
 from netboard.proof.clock_check import check_clocks
 from netboard.proof.grade import Finding, Grade, Report, numbers_in_words
 from netboard.proof.planned import journal_findings, plan_findings
+from netboard.proof.time_check import check_time, lost_after
 from netboard.proof.trial_check import check_measured, check_trials
 from netboard.proof.walk import ACTIVE, Walk, walk
 from netboard.recording.backfill import unknown_ticks
@@ -33,13 +31,10 @@ from netboard.recording.recovery import Report as Recovered
 from netboard.recording.spilled import recover_any
 from netboard.recording.summary import find_gaps
 from netboard.stage import Stage, make_stage
-from netboard.tick import TICK_NS
 from netboard.wire.records import BLOCK_BEGAN, ClockRecord, EventRecord, FrameRecord
 
 Tell = Callable[[int], object]
 """Hears how many more ticks have been read [1]."""
-
-_LONGEST_BATCH_NS = 5_000_000_000
 
 TICKS = CHANNELS[0].topic
 """Topic of the ticks."""
@@ -178,8 +173,8 @@ def check_numbers(recording: Recording, seen: Walk, streams: Streams) -> Iterato
     if seen.disordered:
         where = numbers_in_words(np.array(seen.disordered))
         problems.append(f"{len(seen.disordered)} ticks come after one with the same or a higher number: {where}")
-    lost_after = _lost_after(streams[2])
-    unexplained = [gap for gap in seen.gaps if not excused and lost_after[gap.first - 1] < gap.count]
+    noted_after = lost_after(streams[2])
+    unexplained = [gap for gap in seen.gaps if not excused and noted_after[gap.first - 1] < gap.count]
     if unexplained:
         count = sum(gap.count for gap in unexplained)
         where = numbers_in_words(np.array([gap.first for gap in unexplained]))
@@ -215,15 +210,6 @@ def _wrong_totals(recording: Recording, seen: Walk) -> Iterator[str]:
             f"records {recording.first_record} to {int(end['next_record']) - 1} of the log channel are {span}, and "
             f"{end['records']} were written and {end['lost']} noted as lost"
         )
-
-
-def _lost_after(remarks: Sequence[EventRecord]) -> Counter[int]:
-    """How many records the logger noted as lost directly after each tick that it had."""
-    lost: Counter[int] = Counter()
-    for remark in remarks:
-        if remark.name == "log_lost":
-            lost[int(remark.details.get("after_tick", -1))] += int(remark.details["count"])
-    return lost
 
 
 def check_frames(frames: Sequence[FrameRecord]) -> Iterator[Finding]:
@@ -288,73 +274,6 @@ def check_rendered(recording: Recording) -> Iterator[Finding]:
             grade = Grade.LOSS if in_trials else Grade.SOUND
             told = f"{in_trials} of them in trials" if in_trials else "none of them in a trial"
             yield Finding("forces", grade, f"what the {side} device rendered is unknown at {count} ticks, {told}")
-
-
-# --- time --------------------------------------------------------------------------------------------------------
-
-
-def check_time(
-    recording: Recording, seen: Walk, events: Sequence[EventRecord], remarks: Sequence[EventRecord]
-) -> Iterator[Finding]:
-    """Check that time never goes back, and that ticks are 1 ms apart but where the server said that it stood still.
-
-    Where records were lost, what the server said may be among them. A what-if has the times of its source, without the
-    events of that.
-
-    Parameters
-    ----------
-    recording : Recording
-        The file.
-    seen : Walk
-        What was seen of its ticks.
-    events, remarks : sequence of EventRecord
-        Its events, and the remarks of its logger.
-    """
-    problems = []
-    stood_ms: Counter[int] = Counter()
-    for event in events:
-        if event.name == "stood_still":
-            stood_ms[event.tick] += int(event.details["milliseconds"])
-    untold = "what_if" in recording.metadata or bool(recording.recovery.get("damage"))
-    lost_after = _lost_after(remarks)
-    before = {gap.first + gap.count: gap.first - 1 for gap in seen.gaps}
-    wrong = [
-        tick
-        for tick, more_ns in seen.jumps
-        if more_ns != stood_ms[tick] * TICK_NS
-        and not (_goes_on(more_ns) and (untold or before.get(tick, tick - 1) in lost_after))
-    ]
-    if wrong:
-        problems.append(f"{len(wrong)} ticks are not 1 ms after the one before: {numbers_in_words(np.array(wrong))}")
-    back = [b.seq for a, b in pairwise(events) if b.time_ns < a.time_ns]
-    if back:
-        problems.append(f"{len(back)} events are earlier than the one before: {numbers_in_words(np.array(back))}")
-    if stepped := _log_time_steps(recording.path):
-        problems.append(f"the log time goes back at {stepped} chunks")
-    yield from (Finding("time", Grade.DAMAGE, problem) for problem in problems)
-    if stood_ms:
-        text = f"the server stood still {len(stood_ms)} times, for {stood_ms.total()} ms in all"
-        yield Finding("time", Grade.LOSS, text)
-    if not problems:
-        yield Finding("time", Grade.SOUND, f"ticks are 1 ms apart over {seen.count * 1e-3:.3f} s, no stamp goes back")
-
-
-def _goes_on(more_ns: int) -> bool:
-    """Whether a jump is what a server does that stood still: forward by whole ticks."""
-    return more_ns > 0 and more_ns % TICK_NS == 0
-
-
-def _log_time_steps(path: Path) -> int:
-    """Count the chunks that begin before one before has ended, by the file's own index.
-
-    Ticks are written in batches, later than what happened while a batch grew: that much is no step.
-    """
-    with path.open("rb") as file:
-        summary = make_reader(file).get_summary()
-    chunks = [] if summary is None else sorted(summary.chunk_indexes, key=lambda chunk: chunk.chunk_start_offset)
-    times = np.array([(c.message_start_time, c.message_end_time) for c in chunks], np.int64).reshape(-1, 2)
-    ended = np.maximum.accumulate(times[:, 1])[:-1]
-    return int(np.count_nonzero(times[1:, 0] < ended - _LONGEST_BATCH_NS))
 
 
 # --- configuration and replay ------------------------------------------------------------------------------------
