@@ -16,7 +16,8 @@ from netboard.faults.cases import choose
 pytestmark = [pytest.mark.integration, pytest.mark.quiet, pytest.mark.slow, pytest.mark.timeout(900)]
 
 WITH_RELAYS = (
-    *("line-held-20ms", "line-held-200ms", "line-cut-20ms", "delay-10ms", "agent-killed", "agent-stopped-1s"),
+    *("line-held-20ms", "line-held-200ms", "line-cut-20ms", "line-cut-5s", "delay-10ms", "agent-killed"),
+    "agent-stopped-1s",
     *("other-version", "no-hello", "device-nan", "device-frozen", "device-jumps", "device-gone", "logger-killed"),
     "emergency-stop",
 )

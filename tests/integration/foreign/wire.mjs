@@ -41,7 +41,7 @@ const TABLES = `
            links:(str,str,str,float,float,float,float,float,int)* loops:(str,float,float)*
            name:str dyad:str study:str pilot:bool consent:bool opened:bool armed:bool commander:str block:int blocks:int
            label:str condition:str rest:float pending:str outcomes:int recordings:(str,float,int,int)*
-           stations:(str,float,int,float,int,int)*
+           stations:(str,float,int,float,int,int)* refused:(str,str,int)*
  53 Reply number:int accepted:bool reason:str
  54 OutcomesRequest first:int
  55 Outcomes first:int attempts:(int,int,int,str,float,str,int)*
