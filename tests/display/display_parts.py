@@ -4,8 +4,6 @@ import os
 from collections.abc import Callable
 from dataclasses import replace
 
-import zmq
-
 from netboard import channels, sockets
 from netboard.clock import now_ns
 from netboard.config import Config
@@ -76,7 +74,7 @@ class SmallServer:
     """The server as a display knows it: publishes views, hears and answers on the control channel."""
 
     def __init__(self, port: int) -> None:
-        self.context = context = zmq.Context()
+        self.context = context = sockets.Context()
         where = channels.Addresses("127.0.0.1", "127.0.0.1", port)
         self.views = sockets.view_publisher(context, where.listen(channels.VIEW["left"]))
         self.control = sockets.control_server(context, where.listen(channels.CONTROL))

@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import pytest
-import zmq
 from display_parts import SmallServer, local_config, until
 
 from netboard import sockets
@@ -32,7 +31,7 @@ class Rig:
 
         self.app = app
         self.port = free_port()
-        self.context: sockets.Context = zmq.Context()
+        self.context: sockets.Context = sockets.Context()
         self.server = None
         self.window = BoardWindow("netboard: left station")
         config = local_config(self.port, link_timeout_ms)

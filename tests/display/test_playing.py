@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import pytest
-import zmq
 from display_parts import VIEW, WORDS, SmallServer, local_config, until
 
 from netboard import channels, sockets
@@ -26,7 +25,7 @@ class Rig:
         from netboard.display.window import BoardWindow
 
         self.app = app
-        self.context = zmq.Context()
+        self.context = sockets.Context()
         played = Agents(left=Agent(device="mouse", options=options))
         config = replace(local_config(free_port()), agents=played)
         self.server = SmallServer(config.network.port)
