@@ -14,8 +14,9 @@ from motion_rig import TIMEOUT_NS, MotionRig
 from netboard import sockets
 from netboard.config import SIDES
 from netboard.nodes import seats
+from netboard.nodes.crowd import DEAF_NS
 from netboard.nodes.motion_port import BEAT_TICKS, GONE_NS
-from netboard.nodes.seats import ARMED, DEAF_NS, LIVE, SANE_NS
+from netboard.nodes.seats import ARMED, LIVE, SANE_NS
 from netboard.sockets import LARGEST_SAMPLE
 from netboard.tables.scene import Physics
 from netboard.tick import TICK, TICK_NS

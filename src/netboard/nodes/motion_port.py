@@ -20,6 +20,7 @@ from netboard.config import SIDES, Side
 from netboard.errors import WireError
 from netboard.nodes import seats
 from netboard.nodes.comings import Comings, News
+from netboard.nodes.crowd import CROWD
 from netboard.nodes.peer import Link, Probes, Rate, link_of
 from netboard.nodes.refusals import CROWDED, Refusals
 from netboard.wire import fixed
@@ -166,7 +167,7 @@ class MotionPort:
         self._by_agent: dict[bytes, Seat] = {}
         self.refusals = Refusals(router, self.news)
         self._comings = Comings(self.news)
-        self._crowd = np.zeros(1, seats.CROWD)
+        self._crowd = np.zeros(1, CROWD)
         self._looked_at = 0
         self._odd_ns = dict.fromkeys(SIDES, 0)
         self._probes = Probes()
