@@ -92,7 +92,7 @@ def test_a_study_becomes_recordings_and_what_is_there_is_left(study: Path) -> No
 
 WRONG: list[tuple[str, str, str]] = [
     ('file = "D01/b1.csv"', 'file = "D01/b9.csv"', "line 9, key file: D01/b9.csv: no such file"),
-    ('unit = "ms"', 'unit = "parsec"', "line 3, key columns: time.unit: expected one of s, ms, us, ns, min"),
+    ('unit = "ms"', 'unit = "parsec"', "line 3, key columns.time: unit: expected one of s, ms, us, ns, min"),
     ("number = 2", "number = 1", "dyad D01, session S01, block 1 is listed already, at study.toml, line 8"),
     ('file = "D01/b2.csv"', 'file = "D01/b1.csv"', "line 13 (D01/b1.csv): this file is listed already"),
     ("rate = 100\n", "rate = 1000\n", "found 100 samples a second, expected rate = 1000; is time in another unit?"),
@@ -102,7 +102,7 @@ WRONG: list[tuple[str, str, str]] = [
     ("file = ", "fiel = ", "unknown key, expected one of columns, rate"),
     ('"rig.toml"', '"rag.toml"', "line 1, key config: rag.toml: cannot be read: No such file or directory"),
     ('session.study = "theirs"', "session = 3", "line 6, key session: found 3, expected a table of the configuration"),
-    ("columns.left_z", "columns.left", "key columns: left: unknown column, expected one of time, left_z"),
+    ("columns.left_z", "columns.left", "line 4, key columns.left: unknown column, expected one of time, left_z"),
     ('"-mm"', '"-m"', "is it in another unit? (--unit right_z=mm)"),
     ("[[recording]]", "[[recordings]]", "found no recording, expected [[recording]]"),
     ("rate = 100\n", "rate =\n", "study.toml: not valid TOML"),
@@ -127,10 +127,15 @@ def test_all_problems_are_said_at_once(study: Path) -> None:
     blocks[0] = blocks[0].replace("b1.csv", "b9.csv")
     blocks[1] = blocks[1].replace('"none"', '"nothing"')
     blocks[3] = blocks[3].replace("number = 2", "number = 1")
-    study.write_text(HEAD.replace('"mm"', '"mm"') + "".join(blocks))
+    study.write_text(HEAD + "".join(blocks))
     with pytest.raises(ConfigError) as caught:
         examine(study, Path("out"), quiet)
     first, *problems = str(caught.value).splitlines()
+    study.write_text(HEAD.replace('"-mm"', '"-mile"') + blocks[0])
+    with pytest.raises(
+        ConfigError, match=r"2 to mend:\n.*line 5, key columns\.right_z: unit.*\n.*b9\.csv: no such file"
+    ):
+        examine(study, Path("out"), quiet)
     assert first == "nothing was imported, 3 to mend:"
     assert [problem.partition(":")[2].partition(" ")[0] != problem for problem in problems] == [True] * 3
     assert ("b9.csv" in problems[0], "[block] force" in problems[1], "block 1 is listed" in problems[2]) == (True,) * 3

@@ -120,6 +120,8 @@ class Manifest:
         """Find keys that are not known, or of the wrong type."""
         if place is not None and not isinstance(said.get("file"), str):
             yield f"{self._at(place, 'file')}: found {said.get('file')!r}, expected the name of a .csv or .parquet file"
+        elif place is not None and not (self.path.parent / said["file"]).is_file():
+            yield f"{self._at(place, 'file')}: {self.path.parent / said['file']}: no such file"
         known = (*KEYS, *TABLES, *(HEAD if place is None else ("file",)))
         for key, value in said.items():
             if key not in known:
@@ -129,15 +131,13 @@ class Manifest:
             elif key in KEYS and not _fits(key, value):
                 yield f"{self._at(place, key)}: found {value!r}, expected {KEYS[key]}"
             elif key == "columns":
-                yield from (f"{self._at(place, key)}: {problem}" for problem in _wrong_columns(value))
+                for name, problem in _wrong_columns(value):
+                    yield f"{self._at(place, f'{key}.{name}')}: {problem}"
 
     def _list(self, said: dict[str, Any], place: int) -> None:
         """Add a recording, with its configuration."""
         path = self.path.parent / said["file"]
         where = f"{self._at(place)} ({said['file']})"
-        if not path.is_file():
-            self.problems.append(f"{self._at(place, 'file')}: {path}: no such file")
-            return
         try:
             config = parse(_toml_of(said), where)
         except ConfigError as error:
@@ -172,21 +172,21 @@ def _fits(key: str, value: Any) -> bool:
             return type(value) in (int, float) and LEAST[key] <= value < inf
 
 
-def _wrong_columns(columns: Mapping[str, Any]) -> Iterator[str]:
+def _wrong_columns(columns: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     """Find columns and units that are not known."""
     for name, theirs in columns.items():
         parts = {"name": theirs} if isinstance(theirs, str) else theirs
         if name not in COLUMNS:
-            yield f"{name}: unknown column, expected one of {', '.join(COLUMNS)}"
+            yield name, f"unknown column, expected one of {', '.join(COLUMNS)}"
         elif not isinstance(parts, dict) or not all(isinstance(one, str) for one in parts.values()):
-            yield f'{name}: found {theirs!r}, expected a name, or {{ name = "...", unit = "..." }}'
+            yield name, f'found {theirs!r}, expected a name, or {{ name = "...", unit = "..." }}'
         elif not set(parts) <= {"name", "unit"}:
-            yield f"{name}: found {', '.join(parts)}, expected name and unit"
+            yield name, f"found {', '.join(parts)}, expected name and unit"
         elif "unit" in parts:
             try:
                 scales([f"{name}={parts['unit']}"])
             except ConfigError as error:
-                yield f"{name}.unit: {str(error).partition(': ')[2]}, found {parts['unit']}"
+                yield name, f"unit: {str(error).partition(': ')[2]}, found {parts['unit']}"
 
 
 def _wishes(said: Mapping[str, Any]) -> Wishes:
