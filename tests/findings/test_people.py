@@ -23,7 +23,8 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Study:
 
 def test_all_performers_are_there_with_their_partners(study: Study) -> None:
     people = people_of(study)
-    assert list(people) == [field.name for field in PEOPLE]
+    assert list(people) == [field.name for field in (*PEOPLE, *study.factor_fields)]
+    assert set(people["factor_haptics"]) == {"on", "off"}
     assert len(people) == 8
     alone = people[people["configuration"] == "bimanual"]
     assert dict(zip(alone["performer"], alone["partner"], strict=True)) == {
