@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from made_modern import Path, modern_blocks, modern_study, with_paths
 from made_study import Block, made_study, random_block, times
-from netboard.figures import influence, models, passive_partner
+from netboard.figures import influence, models, passive
 from netboard.figures.everything import MODERN
 from netboard.figures.picture import Picture, as_bytes
 from netboard.findings.contrasts import comparisons
@@ -97,7 +97,7 @@ def test_names_are_those_of_the_modules(drawn: dict[str, Picture]) -> None:
     assert list(drawn) == NAMES
 
 
-@pytest.mark.parametrize("draw", [influence.picture, passive_partner.picture])
+@pytest.mark.parametrize("draw", [influence.picture, passive.picture])
 def test_the_same_study_gives_the_same_file(
     draw: Callable[[Study], Picture], drawn: dict[str, Picture], study: Study
 ) -> None:
@@ -219,7 +219,7 @@ def test_influence_lies_beside_surrogates(study: Study, drawn: dict[str, Picture
 
 
 def test_the_inert_partner_stands_beside_the_effect(study: Study, drawn: dict[str, Picture]) -> None:
-    picture = drawn["passive-partner"]
+    picture = drawn["passive"]
     axes = figure_of(picture).axes[0]
     found = controls(study).controls
     for k, dyad in enumerate(found[0].dyads):

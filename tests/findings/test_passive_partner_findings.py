@@ -5,7 +5,7 @@ import pytest
 
 from made_modern import modern_blocks, modern_study
 from made_study import Block, made_study
-from netboard.figures.passive_partner import picture
+from netboard.figures.passive import picture
 from netboard.findings.passive_partner import Control, controls
 from netboard.findings.results import table_of
 

@@ -13,7 +13,7 @@ from netboard.figures import (
     learning,
     measures,
     models,
-    passive_partner,
+    passive,
     paths,
     quality,
     strategy,
@@ -38,7 +38,7 @@ MODERN: tuple[Callable[[Study], Picture], ...] = (
     models.picture,
     leadership.picture,
     influence.picture,
-    passive_partner.picture,
+    passive.picture,
     paths.picture,
 )
 """What a reader of today asks besides."""

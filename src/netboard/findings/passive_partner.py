@@ -105,7 +105,7 @@ def _held(one: Control) -> str:
 
 
 def _row(quantity: str, group: str, found: Estimate, note: str) -> Result:
-    return estimated("passive-partner", quantity, group, found, "1", note)
+    return estimated("passive", quantity, group, found, "1", note)
 
 
 def controls(study: Study) -> Controls:

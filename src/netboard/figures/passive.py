@@ -25,7 +25,7 @@ def picture(study: Study) -> Picture:
     found = controls(study).controls
     if not found:
         why = "No dyad has trials of two people both with and without forces, in a scene with a free board."
-        return Picture("passive-partner", TITLE, why, None)
+        return Picture("passive", TITLE, why, None)
     figure, panels = new_mosaic(3.0, [["all"]])
     axes = panels["all"]
     axes.axhline(0.0, color="#888888", linewidth=0.8, zorder=1)
@@ -57,7 +57,7 @@ def picture(study: Study) -> Picture:
     axes.set_ylabel(f"change of the cooperative share {POINTS.in_brackets}")
     if len(felt) > 1:
         axes.legend()
-    return Picture("passive-partner", TITLE, _caption(found), figure)
+    return Picture("passive", TITLE, _caption(found), figure)
 
 
 def _caption(found: tuple[Control, ...]) -> str:
