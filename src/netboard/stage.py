@@ -42,6 +42,7 @@ from netboard.physics.models import coupling, stopped
 from netboard.physics.rendering import FELT, Felt, felt_of, force_on_hand, is_catch, pack_felt, scale_in
 from netboard.physics.scene import SCENE, Parts, pack_scene, parts_of
 from netboard.physics.vectors import State, calm
+from netboard.tables.declared import EXTRAPOLATIONS, number_of, require
 from netboard.tick import STATE, TICK, TICK_SECONDS
 
 VELOCITY_REACH = 0.010
@@ -64,6 +65,8 @@ LARGEST_ACCELERATION = 50.0
 
 HOLDS = ("zoh", "cv", "ca")
 """How a stylus moves after its last sample; a hold's number is its place."""
+
+require("the extrapolation in netboard/stage.py", HOLDS, EXTRAPOLATIONS)
 
 # Plain integers: what numba folds into the kernel below.
 _NONE, _FAULT, _REPEAT, _VETO = int(Cause.NONE), int(Cause.FAULT), int(Cause.REPEAT), int(Cause.VETO)
@@ -456,7 +459,9 @@ def make_stage(config: Config) -> Stage:
         book=book,
         choice=choice,
         tables=np.stack([METHODS[method].tables(book["scene"][0], parts, 6, step) for parts in kinds]),
-        ticks=_make_ticks(method, choice.substeps, HOLDS.index(physics.hold), *kinds, felt_of(config.block)),
+        ticks=_make_ticks(
+            method, choice.substeps, number_of(physics.hold, HOLDS, "[physics] hold"), *kinds, felt_of(config.block)
+        ),
         first_target=first_target(config),
         delay=config.block.force_delay_ms,
     )

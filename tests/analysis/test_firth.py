@@ -105,3 +105,17 @@ def test_a_profile_far_from_the_maximum_needs_no_inverse() -> None:
     best = firth_fit(response, columns, "binomial")
     low, high = profile_interval(response, columns, "binomial", best, np.array([0.0, 1.0, 0.0]), 1.92)
     assert low < best.coefficients[1] < high
+
+
+@pytest.mark.parametrize("trials", [2, 4, 8])
+def test_a_profile_with_next_to_no_information_ends_and_raises_nothing(trials: int) -> None:
+    """Few trials, some of them failed in one condition alone, and a wide interval: the profile goes far out."""
+    h, c, order = (index.ravel() for index in np.indices((2, 2, trials)))
+    columns = np.column_stack([np.ones(4 * trials), h - 0.5, c - 0.5, (h - 0.5) * (c - 0.5), np.log(order + 1.0)])
+    failed = ((h == 0) & (c == 0) & (order == 0)).astype(float)
+    for family in ("binomial", "poisson"):
+        best = firth_fit(failed, columns, family)
+        assert best.converged
+        for row in np.eye(5):
+            low, high = profile_interval(failed, columns, family, best, row, 40.0)
+            assert low < row @ best.coefficients < high

@@ -16,7 +16,7 @@ from scipy.special import expit, gammaln, xlog1py, xlogy
 Array = NDArray[np.float64]
 Family = Literal["poisson", "binomial"]
 
-STEPS, LONGEST, ENOUGH = 200, 5.0, 1e-9
+STEPS, LONGEST, ENOUGH = 60, 5.0, 1e-9
 """Steps of a search at most, the longest step, and the step at which it ends [1, 1, 1]."""
 
 FARTHEST = 60.0
@@ -82,7 +82,7 @@ def firth_fit(response: Array, columns: Array, family: Family, fixed: tuple[Arra
         step *= min(1.0, LONGEST / max(float(np.abs(columns @ step).max()), 1e-300))
         if float(np.abs(step).max()) < ENOUGH:
             return here.ended(converged=True)
-        for share in 0.5 ** np.arange(30):
+        for share in 0.5 ** np.arange(12):
             there = _Point.at(response, columns, family, here.coefficients + share * step)
             if there.likelihood >= here.likelihood - 1e-12 * abs(here.likelihood):
                 break
@@ -157,7 +157,8 @@ def profile_interval(
     error = max(float(np.sqrt(row @ best.covariance @ row)), 1e-6)
 
     def above(x: float) -> float:
-        return firth_fit(response, columns, family, (row, x)).likelihood - best.likelihood + drop
+        found = firth_fit(response, columns, family, (row, x)).likelihood - best.likelihood + drop
+        return found if np.isfinite(found) else -drop
 
     ends = []
     for side in (-1.0, 1.0):
@@ -166,5 +167,5 @@ def profile_interval(
             reach *= 2.0
         end = value + side * reach
         lowered = reach < FARTHEST or above(end) <= 0.0
-        ends.append(float(brentq(above, value, end, xtol=1e-6)) if lowered else side * np.inf)
+        ends.append(float(brentq(above, value, end, xtol=1e-4)) if lowered else side * np.inf)
     return ends[0], ends[1]

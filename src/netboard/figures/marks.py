@@ -22,6 +22,7 @@ from netboard.analysis.statistics import Estimate
 from netboard.figures.picture import BLACK, BLUE, COLOURS, GREEN, ORANGE, PINK, SKY, STYLE, VERMILION, WIDTH, Picture
 from netboard.findings.groups import Condition, bounded, simulated, teams
 from netboard.measuring.study import Study
+from netboard.tables.declared import FORCES, require
 
 PARTNERS = {"robot partner": SKY, "still partner": PINK}
 """Colours of dyadic conditions whose partner is no person."""
@@ -40,6 +41,8 @@ _SHAPES = {
     "unrelated": ("D", "white", (0, (5, 1, 1, 1, 1, 1))),
 }
 _OTHER = ("X", "", ":")
+
+require("the marks of force conditions in netboard/figures/marks.py", _SHAPES, FORCES)
 
 _TITLE = 92
 """Characters of a title over the whole width of a picture [1]."""

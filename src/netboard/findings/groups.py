@@ -17,6 +17,8 @@ from netboard.design.factors import level_text
 from netboard.findings.results import Result, kept
 from netboard.measuring.conditions import StudyFactor, names_of
 from netboard.measuring.study import Study, pooled
+from netboard.tables import declared
+from netboard.tables.declared import require
 
 FORCES = {
     "none": "haptics off",
@@ -26,6 +28,8 @@ FORCES = {
     "unrelated": "unrelated force",
 }
 """What each force condition is called, in the order in which they are shown."""
+
+require("the names of force conditions in netboard/findings/groups.py", FORCES, declared.FORCES)
 
 MOST_CONDITIONS = 6
 """A picture shows no more conditions than this, if there are factors that it can pool over [1]."""

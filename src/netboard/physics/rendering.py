@@ -21,10 +21,18 @@ from netboard.compiled import inlined
 from netboard.config import Config
 from netboard.errors import ConfigError
 from netboard.physics.scene import Parts, pack_scene, parts_of
+from netboard.tables.declared import FORCES, number_of, require, words_of
 from netboard.tables.experiment import MOST_TRIALS, Block
 
-FORCES = ("none", "full", "partner_only", "environment_only", "unrelated")
-"""What can be rendered; its number is its place."""
+RENDERED = ("none", "full", "partner_only", "environment_only", "unrelated")
+"""The force conditions that `force_on_hand` renders; another one cannot be compiled."""
+
+require("force_on_hand in netboard/physics/rendering.py", RENDERED, FORCES)
+
+MOVERS = ("person", "still", "robot")
+"""Who can move a hand; what is not still is felt by somebody."""
+
+require("felt_of in netboard/physics/rendering.py", MOVERS, words_of(Block, "left"))
 
 PARTIAL = ("partner_only", "environment_only")
 """Those that are made of the gains."""
@@ -56,7 +64,7 @@ FELT = np.dtype(
 """The numbers of what is felt: one record."""
 
 # Plain integers: what numba folds into the kernels below.
-_NONE, _FULL, _PARTNER_ONLY, _ENVIRONMENT_ONLY, _UNRELATED = range(len(FORCES))
+_NONE, _FULL, _PARTNER_ONLY, _ENVIRONMENT_ONLY, _UNRELATED = map(FORCES.index, RENDERED)
 
 
 class Felt(NamedTuple):
@@ -65,7 +73,7 @@ class Felt(NamedTuple):
     Attributes
     ----------
     force : int
-        Which of `FORCES` [1].
+        Number of the force condition, its place in `FORCES` [1].
     scaled : bool
         It is scaled.
     left, right : bool
@@ -115,8 +123,11 @@ def force_on_hand(
     float
         Force on the hand, + = up [N].
     """
-    force = 0.0
-    if felt.force == _FULL:
+    # No number for what is not known: the safety chain refuses it, where a zero would pass for a condition.
+    force = np.nan
+    if felt.force == _NONE:
+        force = 0.0
+    elif felt.force == _FULL:
         force = -coupling
     elif felt.force == _PARTNER_ONLY:
         force = -(gains["partner"] * partner_z)
@@ -168,13 +179,21 @@ def felt_of(block: Block) -> Felt:
     ----------
     block : Block
         The configuration's table.
+
+    Raises
+    ------
+    ConfigError
+        If its force condition, or who moves a hand, is not known.
     """
     left, right = block.left != "still", block.right != "still"
     varies = bool(block.trial_scales)
+    force = number_of(block.force, FORCES, "[block] force")
+    for side, mover in (("left", block.left), ("right", block.right)):
+        number_of(mover, MOVERS, f"[block] {side}")
     if block.force == "none" or (block.force_scale == 0.0 and not varies) or not (left or right):
         return NOTHING
     scaled = varies or block.force_scale != 1.0
-    return Felt(FORCES.index(block.force), scaled, left, right, bool(block.catch), varies)
+    return Felt(force, scaled, left, right, bool(block.catch), varies)
 
 
 def pack_felt(config: Config) -> NDArray[Any]:

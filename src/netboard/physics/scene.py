@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from netboard.tables.declared import number_of, require, words_of
 from netboard.tables.scene import Physics
 
 SCENE = np.dtype(
@@ -96,6 +97,19 @@ def pack_scene(physics: Physics) -> NDArray[Any]:
     return scene
 
 
+_KNOWN: dict[str, tuple[str, ...]] = {
+    "model": ("paper", "lagrangian"),
+    "board": ("free", "hinged", "level"),
+    "coupling": ("both", "left", "right", "none"),
+    "ball_sign": ("downhill", "printed"),
+    "fixed_ball": ("loads_board", "carried"),
+}
+"""Words that are compared below: whatever is not the one is the other."""
+
+for _key, _words in _KNOWN.items():
+    require(f"[physics] {_key} in netboard/physics/scene.py", _words, words_of(Physics, _key))
+
+
 def parts_of(physics: Physics, free: bool = True) -> Parts:
     """Return what a scene has.
 
@@ -110,7 +124,14 @@ def parts_of(physics: Physics, free: bool = True) -> Parts:
     -------
     Parts
         The constants to compile kernels for.
+
+    Raises
+    ------
+    ConfigError
+        If the scene has a word that is not known here.
     """
+    for key, words in _KNOWN.items():
+        number_of(getattr(physics, key), words, f"[physics] {key}")
     there = physics.balls > 0
     return Parts(
         lagrangian=physics.model == "lagrangian",

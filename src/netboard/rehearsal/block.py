@@ -246,6 +246,10 @@ def person_at(config: Config, side: Side, people: Mapping[str, Participant]) -> 
             return None
         case "robot":
             return config.participant
+        case "person":
+            pass
+        case other:
+            raise ConfigError(f'[block] {side}: found "{other}", expected person, still or robot')
     if block.configuration == "bimanual":
         return people[block.performer]
     return people["A" if config.session.seat_a == side else "B"]

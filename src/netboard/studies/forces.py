@@ -9,7 +9,7 @@ by other hands.
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,10 +19,10 @@ from netboard.experiment.machine import BALL_FREE, Cause, Phase
 from netboard.stage import make_stage
 from netboard.studies.results import Folder, Part, Value, Verdict
 from netboard.studies.running import Tell
+from netboard.tables.declared import FORCES, Force, require
 from netboard.tick import STATE, TICK, TICK_NS, TICK_SECONDS
 
 Rows = NDArray[Any]
-Force = Literal["full", "partner_only", "environment_only", "none", "unrelated"]
 CONDITIONS: tuple[Force, ...] = ("full", "partner_only", "environment_only", "unrelated", "none")
 
 TICKS, QUICK_TICKS = 4300, 2000
@@ -257,6 +257,9 @@ _COLOURS: dict[Force, str] = {
     "unrelated": "tab:green",
     "none": "tab:gray",
 }
+
+require("the conditions of the study in netboard/studies/forces.py", CONDITIONS, FORCES)
+require("their colours in netboard/studies/forces.py", _COLOURS, FORCES)
 
 
 def draw(found: dict[Force, Rows]) -> Any:

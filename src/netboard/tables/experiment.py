@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 from pydantic import StrictBool, StrictInt
 
 from netboard.settings import NO_EXTRAS, about
+from netboard.tables.declared import Force
 
 MOST_TRIALS = 10_000
 """A block has at most so many trials [1]."""
@@ -52,7 +53,7 @@ class Block:
     performer: Annotated[Literal["A", "B"], about("the participant who performs a bimanual block")] = "A"
     station: Annotated[Literal["left", "right"], about("the seat whose display a bimanual block is shown at")] = "left"
     force: Annotated[
-        Literal["full", "partner_only", "environment_only", "none", "unrelated"],
+        Force,
         about("what the hands feel: all of the board, only what the partner does, all but that, nothing, or a record"),
     ] = "full"
     force_scale: Annotated[float, about("what is felt is multiplied by this", "1", ge=0, le=2)] = 1.0

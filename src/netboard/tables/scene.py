@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Annotated, Literal
 
 from netboard.settings import NO_EXTRAS, about
+from netboard.tables.declared import Extrapolation
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +61,7 @@ class Physics:
     b_z: Annotated[float, about("damping of the board's heave", "N s/m", ge=0, le=100)] = 0.0
     b_theta: Annotated[float, about("damping of the board's tilt", "N m s/rad", ge=0, le=100)] = 0.0
     hold: Annotated[
-        Literal["zoh", "cv", "ca"],
+        Extrapolation,
         about("how a stylus moves after its last sample: not at all, with its velocity, or with its acceleration too"),
     ] = "ca"
     method: Annotated[

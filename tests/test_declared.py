@@ -1,0 +1,92 @@
+"""A made-up word of the configuration fails loudly wherever a word is turned into a computation."""
+
+import subprocess
+import sys
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from netboard.config import Config
+from netboard.errors import ConfigError
+from netboard.physics.rendering import GAINS, Felt, felt_of, force_on_hand
+from netboard.physics.scene import parts_of
+from netboard.rehearsal.block import person_at
+from netboard.stage import make_stage
+from netboard.tables.declared import EXTRAPOLATIONS, FORCES, number_of, require, words_of
+from netboard.tables.experiment import Block
+from netboard.tables.scene import Physics
+
+PLACES = (
+    "netboard.physics.rendering",
+    "netboard.studies.forces",
+    "netboard.findings.groups",
+    "netboard.figures.marks",
+)
+"""Modules that know all force conditions."""
+
+
+def block(**words: Any) -> Block:
+    return replace(Config().block, **words)
+
+
+def test_the_configuration_takes_what_is_declared() -> None:
+    assert words_of(Block, "force") == FORCES
+    assert words_of(Physics, "hold") == EXTRAPOLATIONS
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_a_new_force_condition_is_missed_at_import(place: str) -> None:
+    program = f"from netboard.tables import declared\ndeclared.FORCES = (*declared.FORCES, 'made_up')\nimport {place}"
+    ended = subprocess.run([sys.executable, "-c", program], check=False, capture_output=True, text=True)
+    assert ended.returncode != 0
+    # The first module in the way of an import tells it: all stand on the kernel.
+    assert "lacks made_up; expected exactly what is declared: none, full" in ended.stderr
+
+
+def test_what_is_missing_or_one_too_many_is_said() -> None:
+    with pytest.raises(RuntimeError, match=r"a kernel: lacks made_up; expected exactly .* none, made_up"):
+        require("a kernel", ("none",), ("none", "made_up"))
+    with pytest.raises(RuntimeError, match="a table: has old; expected"):
+        require("a table", ("none", "old"), ("none",))
+    with pytest.raises(ConfigError, match=r'\[block\] force: found "made_up", expected one of none, full'):
+        number_of("made_up", FORCES, "[block] force")
+
+
+@pytest.mark.parametrize(
+    ("words", "where"),
+    [({"force": "made_up"}, r"\[block\] force"), ({"left": "made_up"}, r"\[block\] left")],
+)
+def test_no_kernel_is_built_for_an_unknown_condition_or_partner(words: dict[str, Any], where: str) -> None:
+    with pytest.raises(ConfigError, match=f'{where}: found "made_up"'):
+        felt_of(block(**words))
+    with pytest.raises(ConfigError, match=f'{where}: found "made_up"'):
+        make_stage(replace(Config(), block=block(**words)))
+
+
+@pytest.mark.parametrize("key", ["model", "board", "coupling", "ball_sign", "fixed_ball"])
+def test_no_scene_is_built_of_an_unknown_word(key: str) -> None:
+    made_up: dict[str, Any] = {key: "made_up"}
+    with pytest.raises(ConfigError, match=rf'\[physics\] {key}: found "made_up"'):
+        parts_of(replace(Physics(), **made_up))
+
+
+def test_no_stage_is_built_with_an_unknown_extrapolation() -> None:
+    physics = replace(Physics(), hold="made_up")  # type: ignore[arg-type]
+    with pytest.raises(ConfigError, match=r'\[physics\] hold: found "made_up", expected one of zoh, cv, ca'):
+        make_stage(replace(Config(), physics=physics))
+
+
+def test_nobody_rehearses_an_unknown_partner() -> None:
+    config = replace(Config(), block=block(right="made_up"))
+    with pytest.raises(ConfigError, match=r'right: found "made_up", expected person, still or robot'):
+        person_at(config, "right", {})
+
+
+def test_a_number_that_no_condition_has_is_no_force_and_not_zero() -> None:
+    felt = Felt(len(FORCES), scaled=False, left=True, right=True, catches=False)
+    force = force_on_hand(1.0, 0.01, 0.01, 0.0, 0.5, np.ones(1, GAINS)[0], 1.0, felt)
+    assert np.isnan(force)
+    known = felt._replace(force=FORCES.index("full"))
+    assert force_on_hand(1.0, 0.01, 0.01, 0.0, 0.5, np.ones(1, GAINS)[0], 1.0, known) == -1.0
