@@ -18,7 +18,7 @@ from netboard.nodes.launcher import free_port
 from netboard.tables.rig import Network
 from netboard.wire.codec import decode, encode
 from netboard.wire.control import Command, Outcomes, OutcomesRequest, Reply, Status, StatusRequest, Trace, TraceRequest
-from netboard.wire.meeting import Goodbye, Hello, Refusal, Welcome
+from netboard.wire.meeting import HELLO_FIRST, Goodbye, Hello, Refusal, Welcome
 from netboard.wire.messages import PROTOCOL_VERSION, Message
 from netboard.wire.motion import Safeguard
 
@@ -192,7 +192,7 @@ class ConsoleServer:
             case Goodbye():
                 self._peers.pop(peer, None)
             case _ if peer not in self._peers:
-                return [Refusal("say hello first")]
+                return [Refusal(HELLO_FIRST)]
             case StatusRequest():
                 return [self.status]
             case OutcomesRequest(first=first):

@@ -315,10 +315,8 @@ def test_a_silent_server_is_red_within_a_second(table: Table) -> None:
     assert table.window.headline.text() == "RUNNING"
 
 
-def test_a_server_that_does_not_know_it_any_more_is_greeted_anew(table: Table, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("netboard.console.desk.RENEW_S", 0.3)
+def test_a_server_that_does_not_know_it_any_more_is_greeted_anew(table: Table) -> None:
     table.server._peers.clear()
-    table.replied("say hello first")
     table.server.change(tick=RUNNING.tick + 77)
     table.until(lambda: table.window.state.status.tick == RUNNING.tick + 77)
     table.press("F5")

@@ -98,7 +98,7 @@ WRONG: list[tuple[str, str, str]] = [
     ("rate = 100\n", "rate = 1000\n", "found 100 samples a second, expected rate = 1000; is time in another unit?"),
     ("rate = 100\n", "rate = -1\n", "line 2, key rate: found -1, expected samples a second, at least 0.1 [Hz]"),
     ("Height1", "Height9", "has no column Height9; it has t, Height1, Height2, trial"),
-    ('force = "full"', 'force = "all"', '[block] force: found "all", expected "full"'),
+    ('force = "full"', 'force = "all"', '[block] force: found "all", expected "none"'),
     ("file = ", "fiel = ", "unknown key, expected one of columns, rate"),
     ('"rig.toml"', '"rag.toml"', "line 1, key config: rag.toml: cannot be read: No such file or directory"),
     ('session.study = "theirs"', "session = 3", "line 6, key session: found 3, expected a table of the configuration"),

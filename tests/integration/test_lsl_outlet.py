@@ -94,7 +94,7 @@ def check_same(taken: dict[str, np.ndarray], paths: Sequence[Path]) -> None:
     """What was taken is what was recorded: values to the bit, stamps, and events."""
     with ExitStack() as stack:
         recordings = [stack.enter_context(Recording(path)) for path in paths]
-        ticks = np.concatenate([recording.ticks() for recording in recordings])
+        ticks = np.concatenate([recording.ticks(as_sent=True) for recording in recordings])
         events = [event for recording in recordings for event in recording.events()]
         clocks = [clock for recording in recordings for clock in recording.clocks() if clock.peer == "listener"]
     assert np.array_equal(taken["ticks"].view(np.int64), samples(ticks).view(np.int64))
@@ -163,7 +163,7 @@ def test_on_a_machine_with_another_clock_stamps_are_right_within_what_is_told(tm
             path = held(rig, 4000)
             taken = recorder.taken()
     with Recording(path) as recording:
-        ticks = recording.ticks()
+        ticks = recording.ticks(as_sent=True)
     assert np.array_equal(taken["ticks"].view(np.int64), samples(ticks).view(np.int64))
     clocks = [told["details"] for told in own(taken) if told["name"] == "lsl_clock"]
     assert {details["one_clock"] for details in clocks} == {"false"}
