@@ -175,14 +175,15 @@ def study(recordings: Sequence[Path], folder: Folder, tell: Tell, *, quick: bool
     base = study_of([one.base for one in found], wanted.base)
     yield about_part(wanted, base, found)
     tell("summing up", 0.9)
-    default, (alone, both) = numbers(base), _singles_and_pairs(wanted, found)
+    default = numbers(base)
+    alone, both = _singles_and_pairs(wanted, found, default)
     yield tables.numbers_part(default, alone)
     yield tables.readings_part(default, alone)
     yield tables.headlines_part(default, alone)
     yield tables.moved_part(default, alone)
     yield tables.pairs_part(default, alone, both)
     yield tables.concerned_part(base, _single(wanted, found, "B5"))
-    paths = _paths(wanted, found, tell)
+    paths = _paths(wanted, found, default, tell)
     yield tables.paths_part(default, paths, wanted.paths.count)
     yield tables.statements_part(default, alone, paths)
     if find_spec("matplotlib") is not None:
@@ -202,14 +203,14 @@ def _save(folder: Folder, figure: Any) -> None:
 
 
 def _singles_and_pairs(
-    wanted: Asked, found: Sequence[Fulfilled]
+    wanted: Asked, found: Sequence[Fulfilled], default: Numbers
 ) -> tuple[
     list[tuple[Ambiguity, Alternative, Numbers]],
     list[tuple[Ambiguity, Ambiguity, Numbers]],
 ]:
     """Sum up with one alternative each, and with two."""
     each = [
-        numbers(study_of([one.others[number] for one in found], readings))
+        numbers(study_of([one.others[number] for one in found], readings), default)
         for number, readings in enumerate(wanted.others[: wanted.first_path])
     ]
     alone = [(*which, values) for which, values in zip(wanted.singles, each, strict=False)]
@@ -242,13 +243,13 @@ def _measured(wanted: Asked, tell: Tell) -> list[Fulfilled]:
     return [by_number[number] for number in range(total)]
 
 
-def _paths(wanted: Asked, found: Sequence[Fulfilled], tell: Tell) -> list[dict[str, float]]:
+def _paths(wanted: Asked, found: Sequence[Fulfilled], default: Numbers, tell: Tell) -> list[dict[str, float]]:
     """Sum up on all paths."""
     values = []
     for number, ways in enumerate(wanted.paths.summed_up):
         tell("paths", 0.9 + 0.1 * number / len(wanted.paths.summed_up))
         measured = [one.others[wanted.first_path + number] for one in found]
-        values += [tables.values_of(numbers(study_of(measured, readings))) for readings in ways]
+        values += [tables.values_of(numbers(study_of(measured, readings), default)) for readings in ways]
     return values
 
 

@@ -5,7 +5,7 @@ the last group's spread is of the first one's.
 """
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import nan
 
 from netboard.findings.classes import classes
@@ -50,20 +50,22 @@ Numbers = dict[str, Number]
 """By name [SI]."""
 
 
-def numbers(study: Study) -> Numbers:
+def numbers(study: Study, like: Numbers | None = None) -> Numbers:
     """Compute all of them.
 
     Parameters
     ----------
     study : Study
         The study.
+    like : dict of Number, optional
+        Those of the same study by other readings: where these leave a condition without a trial, its numbers are NaN.
 
     Returns
     -------
     dict of Number
         In a fixed order; the names are the same for studies with the same conditions.
     """
-    found: Numbers = {}
+    found: Numbers = {name: replace(one, value=nan) for name, one in (like or {}).items()}
     for part in (_learning, _dyads, _shares, _delays, _strategies, _spreads):
         found |= dict(part(study))
     return found

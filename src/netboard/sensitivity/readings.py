@@ -327,7 +327,7 @@ AMBIGUITIES = (
         "B5",
         "what must be in the target?",
         "the ball's centre",
-        ("time", "peaks", "shares"),
+        ("time", *_MOVING),
         _one("all of the ball", "completion.inside=whole_ball"),
     ),
     Ambiguity(
