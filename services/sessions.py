@@ -103,7 +103,7 @@ def _row(entry: Entry, folder: Path) -> list[Cell]:
         (f"{entry.block} of {entry.blocks}" if entry.blocks else entry.kind) + f"\n{entry.condition}",
         str(entry.path.relative_to(folder)),
         trials if known else "-",
-        (f"{entry.duration / 60:.1f} min" if entry.duration else "-") + f"\n{entry.size / 1e6:.1f} MB",
+        (f"{entry.duration / 60:.1f} min" if entry.duration is not None else "-") + f"\n{entry.size / 1e6:.1f} MB",
         str(entry.lost),
         Text(entry.verdict, COLOURS[entry.verdict]).append(f"\n{entry.why}" if entry.why else "", "default"),
     ]
@@ -121,6 +121,6 @@ def in_total(entries: Sequence[Entry]) -> str:
     counts = ", ".join(
         f"{count} {verdict}" for verdict in VERDICTS if (count := sum(e.verdict == verdict for e in recordings))
     )
-    hours, size = sum(e.duration for e in recordings) / 3600, sum(e.size for e in recordings) / 1e9
+    hours, size = sum(e.duration or 0.0 for e in recordings) / 3600, sum(e.size for e in recordings) / 1e9
     sessions = len({(entry.dyad, entry.session) for entry in entries})
     return f"{sessions} sessions, {len(recordings)} files ({counts}), {hours:.2f} h, {size:.2f} GB"

@@ -221,11 +221,25 @@ def test_an_effect_between_groups_is_that_of_other_sources() -> None:
     assert found.low == pytest.approx(plain.low * hedges_factor(21))
 
 
+def test_what_cannot_be_known_is_not_a_number() -> None:
+    """With two dyads g_z was exactly 0, with an interval from 0 to 0."""
+    assert np.isnan(hedges_factor(1))
+    for found in (
+        paired_effect([1.0, 2.0], correction="hedges"),
+        hedges_g([1.0], [2.0, 3.0]),
+        paired_effect([1.0], correction="none"),
+    ):
+        assert np.isnan([found.value, found.low, found.high]).all()
+    assert np.isfinite(paired_effect([1.0, 2.0], correction="none").value)
+    for test in (sign_test([0.0, 0.0]), sign_test([]), permutation_test([1.0])):
+        assert np.isnan([test.p, test.least_p]).all()
+
+
 @pytest.mark.evidence("truth", hedges_factor)
 def test_hedges_factor() -> None:
     # Table of Hedges (1981): c(2) = 0.5642, c(10) = 0.9228, c(20) = 0.9619.
     assert [hedges_factor(free) for free in (2, 10, 20)] == pytest.approx([0.5642, 0.9228, 0.9619], abs=1e-4)
-    assert hedges_factor(1) == 0.0
+    assert np.isnan(hedges_factor(1))
     assert hedges_factor(100) == pytest.approx(1 - 3 / 399, abs=1e-5)
     # It takes the bias away.
     source = np.random.default_rng(11).normal(0.8, 1.0, (40_000, 5))

@@ -114,6 +114,9 @@ def test_what_is_no_reaction() -> None:
     still = reaction(np.full(500, 0.001), RATE)
     assert np.isnan(still.time)
     assert not still.anticipated
+    holed = np.full(500, 0.001)
+    holed[200] = np.nan
+    assert np.isnan(reaction(holed, RATE).anticipated)
     moving = reaction(movement(-0.1, 0.1), RATE)
     assert np.isnan(moving.time)
     assert moving.anticipated

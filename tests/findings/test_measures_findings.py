@@ -66,7 +66,8 @@ def test_shares_weigh_trials_or_seconds_as_is_read(reading: str, share: float) -
 def test_a_reaction_is_that_of_the_first_hand_and_none_if_a_hand_has_guessed() -> None:
     trials = [
         {"left_reaction": 0.4, "right_reaction": 0.3},
-        {"left_reaction": np.nan, "right_reaction": 0.5},
+        {"left_reaction": np.nan, "right_reaction": 0.5, "left_anticipated": 0},
+        {"left_reaction": np.nan, "right_reaction": 0.9},
         {"left_reaction": 0.05, "right_reaction": 0.3, "left_anticipated": 1},
     ]
     study = made_study([Block("D01", "D01", "dyadic", "full", trials)])

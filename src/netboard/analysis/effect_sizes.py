@@ -34,7 +34,7 @@ def paired_effect(
     Returns
     -------
     Estimate
-        d_z, or g_z; NaN for fewer than two units, or differences that do not vary [1].
+        d_z, or g_z; NaN for fewer than two units (g_z: three), or differences that do not vary [1].
     """
     x = known(differences)
     name = "d_z, noncentral t" if correction == "none" else "g_z, noncentral t"
@@ -68,8 +68,8 @@ def hedges_g(
     Returns
     -------
     Estimate
-        Hedges' g (or d), first less second; NaN for fewer than three units, an empty group, or values that do not vary
-        [1].
+        Hedges' g (or d), first less second; NaN for fewer than four units (d: three), an empty group, or values that do
+        not vary [1].
     """
     x, y = known(first), known(second)
     n, free = len(x) + len(y), len(x) + len(y) - 2
@@ -95,10 +95,10 @@ def hedges_factor(free: int) -> float:
     Returns
     -------
     float
-        The factor, less than 1; 0 for one degree of freedom, for which d has no mean [1].
+        The factor, less than 1; NaN for one degree of freedom, for which d has no mean and its bias no size [1].
     """
     if free < 2:
-        return 0.0
+        return float("nan")
     return exp(lgamma(free / 2.0) - lgamma((free - 1) / 2.0) - log(free / 2.0) / 2.0)
 
 

@@ -74,12 +74,14 @@ def sign_test(differences: ArrayLike, *, alternative: Alternative = "two-sided",
     Returns
     -------
     Test
-        The statistic is the number of positive differences.
+        The statistic is the number of positive differences; nothing is tested without a difference that is not zero.
     """
     x = known(differences)
     x = x[x != 0.0]
+    if not len(x):
+        return Test(np.nan, np.nan, np.nan, 0, unit, True, "sign test")
     n, positive = len(x), int((x > 0.0).sum())
-    p = float(stats.binomtest(positive, n, alternative=alternative).pvalue) if n else np.nan
+    p = float(stats.binomtest(positive, n, alternative=alternative).pvalue)
     return Test(float(positive), p, _least(2**n, alternative), n, unit, True, "sign test")
 
 

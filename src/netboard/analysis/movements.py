@@ -105,7 +105,7 @@ class MovementTimes:
 
 
 def movement_times(classes: NDArray[np.int8], rate: float) -> MovementTimes:
-    """Time of each class of movement in a trial.
+    """Time of each class of movement in a trial; NaN for all of them if no velocity is known.
 
     Parameters
     ----------
@@ -115,6 +115,8 @@ def movement_times(classes: NDArray[np.int8], rate: float) -> MovementTimes:
         Samples per second [Hz].
     """
     counts = np.bincount(classes.astype(np.int64) + 1, minlength=len(Movement)) / rate
+    if counts[0] and not counts[1:].any():
+        counts[1:] = np.nan
     time = {kind: float(counts[kind + 1]) for kind in Movement}
     return MovementTimes(
         cooperative=time[Movement.COOPERATIVE],

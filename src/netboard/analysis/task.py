@@ -95,12 +95,12 @@ class Reaction:
     ----------
     time : float
         From the release; NaN if it never did, was moving already, or may have begun in a hole [s].
-    anticipated : bool
-        It was moving at the release, or began sooner than anybody reacts.
+    anticipated : float
+        1: it was moving at the release, or began sooner than anybody reacts; 0: not; NaN if a hole may hide it [1].
     """
 
     time: float
-    anticipated: bool
+    anticipated: float
 
 
 def time_in_target(p: ArrayLike, rate: float, *, centre: float, half_width: float = HALF_WIDTH) -> InTarget:
@@ -257,15 +257,15 @@ def reaction(
     speed = np.abs(np.asarray(velocity, dtype=float))
     moves = lasting(speed >= threshold, hold, rate)
     if not len(moves):
-        return Reaction(np.nan, anticipated=False)
+        return Reaction(np.nan, anticipated=np.nan if np.isnan(speed).any() else 0.0)
     begin, end = map(int, moves[0])
     if np.isnan(speed[: begin + ticks_of(hold, rate) + 1 if onset == "sustained" else end + 1]).any():
-        return Reaction(np.nan, anticipated=False)
+        return Reaction(np.nan, anticipated=np.nan)
     if begin == 0:
-        return Reaction(np.nan, anticipated=True)
+        return Reaction(np.nan, anticipated=1.0)
     if onset == "before_peak":
         begin = _rise_to_first_peak(speed, begin, end, portion)
-    return Reaction(begin / rate, anticipated=begin / rate < soonest)
+    return Reaction(begin / rate, anticipated=float(begin / rate < soonest))
 
 
 def _rise_to_first_peak(speed: NDArray[np.float64], begin: int, end: int, portion: float) -> int:

@@ -116,7 +116,7 @@ def draw_classes(axes: Axes, take: Take) -> str:
         own = np.isin(classes, [kind for kind, word in _KINDS.items() if word == name])
         spans = [(first / RATE, (stop - first) / RATE) for first, stop in runs(own)]
         axes.broken_barh(spans, (low - _ROOM * (high - low), 0.6 * _ROOM * (high - low)), color=colour, lw=0)
-        said.append(f"{name} {own.mean() if own.size else 0.0:.0%}")
+        said.append(f"{name} {own.mean():.0%}" if own.size else f"{name} unknown")
     axes.set_ylabel("styluses [mm/s]")
     axes.legend(loc="upper right", ncols=2)
     return ", ".join(said) + f" of the time; lines: {limit:g} mm/s"

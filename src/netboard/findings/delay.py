@@ -135,7 +135,8 @@ def delay(study: Study) -> Delay:
 def _of_condition(condition: Condition, rows: pd.DataFrame, kind: str, unit: str) -> ConditionDelay:
     signed = _columns(rows, "delay")
     own = _columns(rows, "own_delay")
-    truncated = rows[[f"truncated_{q}" for q in PERCENT]].to_numpy(np.float64)
+    truncated = rows[[f"truncated_{q}" for q in PERCENT]].astype(np.float64).set_axis(list(PERCENT), axis=1)
+    told = truncated.where(signed.notna() | (truncated == 1.0))
     place = rows[["dyad", "performer"]]
     deviations = signed.groupby([place["dyad"], place["performer"]]).std().rename_axis(["dyad", "performer"])
     spread_of = "dyads" if unit == "movements" else unit
@@ -146,7 +147,7 @@ def _of_condition(condition: Condition, rows: pd.DataFrame, kind: str, unit: str
         _delays(place, signed, condition, unit),
         _of_units(deviations, deviations, condition, spread_of),
         len(rows),
-        tuple(truncated.mean(axis=0)) if len(rows) else (nan,) * len(PERCENT),
+        tuple(told.mean(axis=0)),
     )
 
 

@@ -76,9 +76,12 @@ def _known_time(rows: pd.DataFrame) -> NDArray[np.float64]:
 
 
 def _reaction(rows: pd.DataFrame) -> ArrayLike:
-    """The first hand's; none where a hand was moving already or sooner than anybody reacts."""
-    guessed = (rows["left_anticipated"] == 1) | (rows["right_anticipated"] == 1)
-    return np.where(guessed, np.nan, np.fmin(rows["left_reaction"], rows["right_reaction"]))
+    """The first hand's; none where a hand moved already or sooner than anybody reacts, or a hole may hide it."""
+    none = np.zeros(len(rows), bool)
+    for side in ("left", "right"):
+        time, anticipated = rows[f"{side}_reaction"], rows[f"{side}_anticipated"]
+        none |= ((anticipated == 1.0) | (time.isna() & anticipated.isna())).to_numpy()
+    return np.where(none, np.nan, np.fmin(rows["left_reaction"], rows["right_reaction"]))
 
 
 def _both(name: str) -> Callable[[pd.DataFrame], ArrayLike]:

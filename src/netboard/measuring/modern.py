@@ -17,7 +17,7 @@ from netboard.analysis.signals import derivative
 from netboard.analysis.smoothness import log_dimensionless_jerk, spectral_arc_length
 from netboard.analysis.task import overshoots, reaction, time_in_target
 from netboard.config import SIDES, Side
-from netboard.measuring.tables import Group, count, number
+from netboard.measuring.tables import Group, number
 from netboard.measuring.take import RATE, Take
 from netboard.physics.rendering import gains_of
 from netboard.physics.scene import pack_scene, parts_of
@@ -57,14 +57,14 @@ def _reactions(take: Take) -> dict[str, float]:
     values: dict[str, float] = {}
     for side in SIDES:
         found = reaction(getattr(take.found, f"{side}_vz")[take.trial.window()], RATE)
-        values |= {f"{side}_reaction": found.time, f"{side}_anticipated": int(found.anticipated)}
+        values |= {f"{side}_reaction": found.time, f"{side}_anticipated": found.anticipated}
     return values
 
 
 def _stays(take: Take) -> dict[str, float]:
     p, sizes = take.raw("p")[take.trial.window()], take.block.config.geometry
     if not p.size:
-        return {"in_target": np.nan, "overshoots": 0, "overshoot": np.nan}
+        return {"in_target": np.nan, "overshoots": np.nan, "overshoot": np.nan}
     half = sizes.target_width / 2
     stays = time_in_target(p, RATE, centre=take.trial.target, half_width=half)
     beyond = overshoots(p, RATE, centre=take.trial.target, half_width=half)
@@ -158,7 +158,7 @@ MODERN = (
             for side in SIDES
             for field in (
                 number(f"{side}_reaction", f"when the {side} stylus began to move, from the release on", "s"),
-                count(f"{side}_anticipated", "1: it moved at the release, or sooner than anybody reacts"),
+                number(f"{side}_anticipated", "1: it moved at the release, or sooner than anybody reacts", "1"),
             )
         ),
         _reactions,

@@ -60,8 +60,8 @@ class Entry:
         What people call the block.
     done, trials : int
         Trials done, and planned in the block or, for a journal, done only [1].
-    duration : float
-        From its beginning to its end [s].
+    duration : float or None
+        From its beginning to its end; None where one of them is not known [s].
     lost : int
         Records that the logger never got [1].
     verdict : str
@@ -85,7 +85,7 @@ class Entry:
     condition: str = ""
     done: int = 0
     trials: int = 0
-    duration: float = 0.0
+    duration: float | None = None
     lost: int = 0
     verdict: str = VERDICTS[Grade.SOUND]
     why: str = ""
@@ -186,11 +186,18 @@ def _recording(path: Path, size: int) -> Entry:
         entry = _about(Entry(path, "recording", size), said, recording.config_text)
         return replace(
             entry,
-            duration=max(int(end.get("log_ns", 0)) - int(said.get("opened_log_ns", 0)), 0) * 1e-9,
+            duration=_duration(said, end),
             lost=lost,
             verdict=VERDICTS[Grade.LOSS if why else Grade.SOUND],
             why="; ".join(why),
         )
+
+
+def _duration(said: dict[str, str], end: dict[str, str]) -> float | None:
+    """Return how long a recording took, if it says when it began and ended [s]."""
+    if "opened_log_ns" not in said or "log_ns" not in end:
+        return None
+    return max(int(end["log_ns"]) - int(said["opened_log_ns"]), 0) * 1e-9
 
 
 def _about(entry: Entry, said: dict[str, str], config_text: str) -> Entry:
