@@ -141,8 +141,9 @@ def _analysed(
     with TemporaryDirectory(dir=part) as paths:
         found = harvest(recordings, readings, _crew(wishes), cache, Shelf(Path(paths)), tell, skip=wishes.skip)
         study = study_of(found.measured, readings, found.paths)
-        write_analysis(part, study, found, [PLACEHOLDER], tell, beside_the_paper=wishes.beside_the_paper)
-    return tuple(_in_words(study, found)), sum(source.kept for source in found.sources), found.peak
+        lost = write_analysis(part, study, found, [PLACEHOLDER], tell, beside_the_paper=wishes.beside_the_paper)
+    words = (*_in_words(study, found), *(f"warning: {one}" for one in lost))
+    return words, sum(source.kept for source in found.sources), found.peak
 
 
 def _crew(wishes: Wishes) -> "Crew":

@@ -129,6 +129,25 @@ def trial_times(
     return numbers, times
 
 
+def window_sizes(trials: int) -> tuple[int, int]:
+    """Choose how many trials the first and the last ones are, and how many a group has: the paper's 30, or fewer.
+
+    Parameters
+    ----------
+    trials : int
+        How many there are in a condition [1].
+
+    Returns
+    -------
+    ends : int
+        At most half of them, at least one [1].
+    group : int
+        At least three, and if possible a number that divides them [1].
+    """
+    ends = max(min(ENDS, trials // 2), 1)
+    return ends, next((size for size in range(ends, 2, -1) if trials % size == 0), max(ends, 3))
+
+
 @dataclass(frozen=True, slots=True)
 class FirstAndLast:
     """How it was in the first trials and in the last ones.

@@ -99,16 +99,17 @@ def _gains(axes: Axes, found: list[Comparison]) -> None:
         draw_mean(axes, row, one.gain, look, one.condition.force, across=True)
     names = [f"{one.condition.felt}:\n{one.better} of {one.known} dyads better" for one in found]
     axes.set_yticks(range(len(found)), names)
-    axes.set_ylim(len(found) - 0.5, -0.5)
+    axes.set_ylim(max(len(found), 1) - 0.5, -0.5)
     axes.set_xlabel(f"mean of the two alone less dyad [{found[0].quantity.unit if found else '1'}]")
 
 
 def _caption(found: list[Comparison]) -> str:
     known = [(f"{one.condition.felt}, {one.quantity.name}", one.known, "dyad") for one in found]
-    least = min(one.test.least_p for one in found)
+    least = [one.test.least_p for one in found if np.isfinite(one.test.least_p)]
+    power = f" A sign test of so many dyads can give no p below {min(least):.3g}." if least else ""
     return (
         "A, B: a point for each participant, the two of a dyad joined. To the right: better than the partner, both "
         "alone with the same force; upwards: the dyad needs more than the participant alone. C, D: gains of the dyads "
         "(small points), and their means with 95 % t intervals (large). "
-        f"{how_many(known)} A sign test of so many dyads can give no p below {least:.3g}."
+        f"{how_many(known)}{power}"
     )

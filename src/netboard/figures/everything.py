@@ -18,7 +18,8 @@ from netboard.figures import (
     quality,
     strategy,
 )
-from netboard.figures.picture import Picture
+from netboard.figures.picture import Picture, as_bytes
+from netboard.findings.results import UNCOMPUTABLE
 from netboard.measuring.study import Study
 
 PAPER: tuple[Callable[[Study], Picture], ...] = (
@@ -61,4 +62,25 @@ def pictures(study: Study) -> Iterator[Picture]:
         The next one; without a figure where the study has nothing to show.
     """
     for draw in PICTURES:
-        yield draw(study)
+        yield drawn(study, draw)
+
+
+def drawn(study: Study, draw: Callable[[Study], Picture]) -> Picture:
+    """Draw and write a picture; one that cannot be drawn says so in its place, and all others are there.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+    draw : callable
+        Draws it; the picture is called by its module.
+    """
+    try:
+        picture = draw(study)
+        if picture.figure is not None:
+            as_bytes(picture.figure, "svg")
+    except UNCOMPUTABLE as error:
+        name = draw.__module__.rpartition(".")[2]
+        why = f"This figure could not be drawn ({type(error).__name__}: {error}). The tables do not depend on it."
+        return Picture(name, name.capitalize(), why, None, failed=True)
+    return picture

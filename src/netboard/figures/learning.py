@@ -3,10 +3,23 @@
 import numpy as np
 from matplotlib.axes import Axes
 
-from netboard.figures.marks import apart, beside, draw_dyads, draw_mean, many, new_mosaic, styled, team_look, titled
+from netboard.figures.marks import (
+    apart,
+    beside,
+    draw_dyads,
+    draw_mean,
+    many,
+    new_mosaic,
+    sentence,
+    styled,
+    team_look,
+    titled,
+    trial_ticks,
+)
 from netboard.figures.picture import BLACK, CLASSES, Picture
 from netboard.findings.groups import CLASSES as ORDER
 from netboard.findings.learning import Course, TeamLearning, learning
+from netboard.findings.windows import windows_of
 from netboard.measuring.study import Study
 
 TITLE = "Learning"
@@ -30,7 +43,7 @@ def picture(study: Study) -> Picture:
     teams = found.teams
     rows = [[f"{kind} {one.team}" for one in teams] for kind in ("time", "peaks")]
     figure, axes = new_mosaic(4.6, rows, height_ratios=[1.35, 1])
-    letters, size = iter("ABCDEFGHIJKLMNOP"), study.readings.summaries.group
+    letters, windows = iter("ABCDEFGHIJKLMNOP"), windows_of(study)
     for one in teams:
         _areas(axes[f"time {one.team}"], one)
         titled(axes[f"time {one.team}"], next(letters), one.team)
@@ -39,14 +52,16 @@ def picture(study: Study) -> Picture:
     narrow = len(teams) > 2
     room = 1.34 if narrow else 1.22
     for row, kind in enumerate(("time", "peaks")):
-        top = max(_top(one.courses[row]) for one in teams)
+        top = max(_top(one.courses[row]) for one in teams) or 1.0
         for one in teams:
             own = axes[f"{kind} {one.team}"]
+            if not np.isfinite(one.courses[row].curve.mean).any():
+                own.text(0.5, 0.5, "no trial has a value", transform=own.transAxes, ha="center", fontsize=7.5)
             _course(own, one.courses[row], one.team)
-            _ends(own, one.courses[row], study.readings.summaries.ends, top, narrow)
+            _ends(own, one.courses[row], windows.ends, top, narrow)
             own.set_ylim(0.0, room * top)
             own.set_xlim(0.5, one.courses[row].curve.order.max() + 0.5)
-            own.set_xticks([1, *range(size, int(own.get_xlim()[1]) + 1, size)])
+            own.set_xticks(trial_ticks(windows.group, int(own.get_xlim()[1])))
             if kind == "peaks":
                 own.set_xlabel("trial of the condition [1]")
         unit = teams[0].courses[row].quantity.unit
@@ -58,11 +73,13 @@ def picture(study: Study) -> Picture:
 
 def _areas(axes: Axes, one: TeamLearning) -> None:
     """Stack the classes of movement."""
-    order = one.courses[0].curve.order
-    heights = [np.nan_to_num(one.seconds[:, ORDER.index(name)]) for name in STACK]
-    colours = [CLASSES[name] for name in STACK]
-    labels = [f"_{name}" for name in STACK]
-    axes.stackplot(order, heights, colors=colours, labels=labels, edgecolor="white", linewidth=0.3, zorder=1)
+    order, known = one.courses[0].curve.order, np.isfinite(one.seconds).all(axis=1)
+    below = np.zeros(len(order))
+    for name in STACK:
+        above = below + one.seconds[:, ORDER.index(name)]
+        areas = axes.fill_between(order, below, above, where=known.tolist(), color=CLASSES[name], zorder=1)
+        areas.set(label=f"_{name}", edgecolor="white", linewidth=0.3)
+        below = above
 
 
 def _course(axes: Axes, course: Course, team: str) -> None:
@@ -108,7 +125,10 @@ def _ends(axes: Axes, course: Course, count: int, top: float, narrow: bool) -> N
 def _names(axes: Axes, one: TeamLearning, aside: float) -> None:
     """Write the names of the classes at the right of the areas."""
     height = axes.get_ylim()[1]
-    tail = np.nan_to_num(one.seconds[-30:]).mean(axis=0)
+    known = one.seconds[np.isfinite(one.seconds).all(axis=1)]
+    if not len(known):
+        return
+    tail = known[-30:].mean(axis=0)
     shown = np.array([tail[ORDER.index(name)] for name in STACK])
     places = apart(list(np.cumsum(shown) - shown / 2), 0.075 * height)
     to_right = axes.get_yaxis_transform()
@@ -121,7 +141,7 @@ def _top(course: Course) -> float:
     """Find the largest value that is drawn."""
     highs = [mean.high for mean in course.stages.means]
     every = np.concatenate([course.curve.mean, course.stages.dyads.to_numpy().ravel(), highs])
-    return float(np.nanmax(every))
+    return float(np.max(every, initial=0.0, where=np.isfinite(every)))
 
 
 def _performers(one: TeamLearning) -> str:
@@ -130,7 +150,7 @@ def _performers(one: TeamLearning) -> str:
 
 
 def _caption(study: Study, teams: tuple[TeamLearning, ...]) -> str:
-    how = study.readings.summaries
+    how, windows = study.readings.summaries, windows_of(study)
     of = "trials" if how.spread == "trials" else "participants or dyads"
     people = "; ".join(
         f"{one.team}: n = {many(one.dyads, 'dyad')} ({_performers(one)}{one.trials} trials)" for one in teams
@@ -141,6 +161,7 @@ def _caption(study: Study, teams: tuple[TeamLearning, ...]) -> str:
     return (
         "Completion time and number of velocity peaks of the ball over the trials, all forces together. Lines: means "
         f"of all trials with the same number; areas: time of each class of movement in them ({areas}). Small points: "
-        f"dyads, in groups of {how.group} trials; large points: means over dyads with 95 % t intervals. Numbers: mean "
-        f"± SD (of {of}) of the first and the last {how.ends} trials. {people[0].upper()}{people[1:]}."
+        f"dyads, in groups of {windows.group} trials; large points: means over dyads with 95 % t intervals. Numbers: "
+        f"mean ± SD (of {of}) of the first and the last {windows.ends} trials. {people[0].upper()}{people[1:]}."
+        f"{f' {sentence(windows.note)}' if windows.note else ''}"
     )

@@ -347,6 +347,8 @@ def how_many(known: Sequence[tuple[str, int, str]], details: Sequence[int] = (),
     of : str
         What one of that is called.
     """
+    if not known:
+        return ""
     each = [f"n = {many(count, unit)}" for _, count, unit in known]
     if len(set(each)) == 1:
         said = each[0] + (" in every condition" if len(each) > 1 else "")
@@ -357,6 +359,24 @@ def how_many(known: Sequence[tuple[str, int, str]], details: Sequence[int] = (),
         between = many(high, of) if low == high else f"{low} to {high} {of}s"
         said += f" ({between}{' each' if len(each) > 1 else ''})"
     return f"{said[0].upper() if len(set(each)) > 1 else said[0]}{said[1:]}."
+
+
+def sentence(words: str) -> str:
+    """Make a sentence of a note."""
+    return f"{words[0].upper()}{words[1:]}."
+
+
+def trial_ticks(size: int, last: int) -> list[int]:
+    """Choose ticks of an axis of trials: the first, the last of each whole group, and the very last if there is none.
+
+    Parameters
+    ----------
+    size : int
+        Trials in a group [1].
+    last : int
+        Number of the last trial [1].
+    """
+    return sorted({1, *(range(size, last + 1, size) or (last,))})
 
 
 def listed(words: Sequence[str]) -> str:

@@ -5,6 +5,7 @@ Pictures are made without a screen and without global state: `new_figure` gives 
 
 from dataclasses import dataclass
 from io import BytesIO
+from textwrap import fill
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -68,12 +69,29 @@ class Picture:
         where there is no picture, why.
     figure : Figure or None
         The picture; None where the study has nothing to show.
+    failed : bool
+        There is no picture because of an error, which the caption tells.
     """
 
     name: str
     title: str
     caption: str
     figure: Figure | None
+    failed: bool = False
+
+    @property
+    def shown(self) -> Figure:
+        """The picture, or its title and caption in its place."""
+        return self.figure or _in_words(self.title, self.caption)
+
+
+def _in_words(title: str, caption: str) -> Figure:
+    """Make a picture of words."""
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(WIDTH, 1.2))
+        figure.text(0.02, 0.95, title, va="top", weight="bold")
+        figure.text(0.02, 0.72, fill(caption, 110), va="top")
+    return figure
 
 
 def new_figure(height: float, columns: int = 1, rows: int = 1, width: float = WIDTH) -> tuple[Figure, list[Axes]]:

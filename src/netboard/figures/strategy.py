@@ -5,10 +5,21 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from netboard.figures.marks import apart, draw_dyads, many, styled, team_colour, team_look, titled
+from netboard.figures.marks import (
+    apart,
+    draw_dyads,
+    many,
+    sentence,
+    styled,
+    team_colour,
+    team_look,
+    titled,
+    trial_ticks,
+)
 from netboard.figures.picture import WIDTH, Picture
 from netboard.findings.strategy import EVERYBODY, Spread, TeamStrategy, strategy
 from netboard.findings.units import read_in
+from netboard.findings.windows import windows_of
 from netboard.measuring.study import Study
 
 TITLE = "Convergence of the strategy"
@@ -55,7 +66,7 @@ def picture(study: Study) -> Picture:
     kinds = len(shown[0].spreads)
     for k, axes in enumerate(below.subplots(1, kinds, squeeze=False).flat):
         titled(axes, next(letters), shown[0].spreads[k].quantity)
-        _spreads(axes, shown, k, study.readings.summaries.group)
+        _spreads(axes, shown, k, windows_of(study).group)
     return Picture("strategy", TITLE, _caption(study, teams), figure)
 
 
@@ -88,7 +99,7 @@ def _spreads(axes: Axes, teams: list[TeamStrategy], kind: int, size: int) -> Non
     for team in teams:
         _spread(axes, team, team.spreads[kind])
     last = max(int(team.last[-1]) for team in teams)
-    axes.set_xticks([1, *range(size, last + 1, size)])
+    axes.set_xticks(trial_ticks(size, last))
     axes.set_xlim(0.5, 1.22 * last)
     axes.spines["bottom"].set_bounds(1, last)
     axes.set_ylim(bottom=0.0)
@@ -135,7 +146,7 @@ def _names(axes: Axes, teams: list[TeamStrategy], kind: int) -> None:
 
 
 def _caption(study: Study, teams: tuple[TeamStrategy, ...]) -> str:
-    how = study.readings.summaries
+    how, windows = study.readings.summaries, windows_of(study)
     extent = {
         "middle_90": "from the 5th to the 95th percentile of the scores along each component",
         "twice_p90": "twice the 90th percentile of the scores' magnitudes along each component",
@@ -148,10 +159,10 @@ def _caption(study: Study, teams: tuple[TeamStrategy, ...]) -> str:
         for team, count in zip(teams, counts, strict=True)
     )
     return (
-        f"Ball at the onset of the first braking movement, in groups of {how.group} trials of a condition. Above: mean "
-        f"and ellipse of everybody's trials of a group; axes: principal components, {extent}. Below: variances within "
-        "performers, averaged for each dyad (thin), and means over dyads with bands of 95 % t intervals (thick). "
-        f"{each[0].upper()}{each[1:]}."
+        f"Ball at the onset of the first braking movement, in groups of {windows.group} trials of a condition. Above: "
+        f"mean and ellipse of everybody's trials of a group; axes: principal components, {extent}. Below: variances "
+        "within performers, averaged for each dyad (thin), and means over dyads with bands of 95 % t intervals "
+        f"(thick). {each[0].upper()}{each[1:]}.{f' {sentence(windows.note)}' if windows.note else ''}"
     )
 
 

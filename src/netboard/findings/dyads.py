@@ -139,7 +139,8 @@ def _results(found: Comparison) -> Iterator[Result]:
     yield estimated(TOPIC, f"{quantity.name}: mean of the two less dyad", group, found.gain, quantity.unit, note)
     if found.known:
         dyads = "1 dyad" if found.test.n == 1 else f"{found.test.n} dyads"
-        note = f"sign test: p = {found.test.p:.3g}; {dyads} can give no p below {found.test.least_p:.3g}"
+        tested = f"p = {found.test.p:.3g}; {dyads} can give no p below {found.test.least_p:.3g}"
+        note = f"sign test: {tested if found.test.n else 'no gain differs from zero'}"
     value = float(found.better) if found.known else nan
     name = f"{quantity.name}: dyads better than the mean of the two"
     yield Result(TOPIC, name, group, value, nan, nan, "1", "", found.known, "dyad", note)

@@ -1,6 +1,7 @@
 """All results of a study in one tidy table."""
 
 from collections.abc import Callable, Sequence
+from math import nan
 from typing import Protocol
 
 import pandas as pd
@@ -17,9 +18,12 @@ from netboard.findings.models import fits
 from netboard.findings.passive_partner import controls
 from netboard.findings.paths import courses
 from netboard.findings.quality import quality
-from netboard.findings.results import Result, table_of
+from netboard.findings.results import UNCOMPUTABLE, Result, table_of
 from netboard.findings.strategy import strategy
 from netboard.measuring.study import Study
+
+NOT_COMPUTED = "not computed"
+"""Quantity of a result that stands for all of its topic, because of an error that its note tells."""
 
 
 class Finding(Protocol):
@@ -64,4 +68,13 @@ def results_of(study: Study, findings: Sequence[Callable[[Study], Finding]] = FI
     DataFrame
         The columns of `netboard.findings.results.RESULTS`.
     """
-    return table_of(result for find in findings for result in find(study).results)
+    return table_of(result for find in findings for result in results_in(study, find))
+
+
+def results_in(study: Study, find: Callable[[Study], Finding]) -> tuple[Result, ...]:
+    """Find one thing; if it cannot be computed, say so in its place: all else of an analysis does not depend on it."""
+    try:
+        return find(study).results
+    except UNCOMPUTABLE as error:
+        why = f"{type(error).__name__}: {error}"
+        return (Result(find.__name__, NOT_COMPUTED, "", nan, nan, nan, "", "", 0, "", why),)

@@ -19,6 +19,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from netboard.analysis.information import Chance, Past, chance_level, granger
+from netboard.analysis.statistics import mean
 from netboard.findings.groups import Condition, conditions
 from netboard.findings.paths import joined
 from netboard.findings.results import Result, kept
@@ -95,7 +96,8 @@ def _rows(one: Influence) -> list[Result]:
     group = f"{one.condition.label}, {one.direction}"
     note = f"{one.trials} of {one.of} trials of each dyad; given the ball"
     if chance is None:
-        numbers = [("Granger strength", float(one.values.mean()), "nat", f"{note}; one dyad: no surrogates")]
+        few = "one dyad" if n == 1 else "no dyad has it"
+        numbers = [("Granger strength", mean(one.values), "nat", f"{note}; {few}: no surrogates")]
     else:
         numbers = [
             ("Granger strength", chance.value, "nat", note),

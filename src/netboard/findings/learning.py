@@ -27,6 +27,7 @@ from netboard.findings.groups import (
     teams,
 )
 from netboard.findings.results import Result
+from netboard.findings.windows import windows_of
 from netboard.measuring.study import Study
 
 TOPIC = "learning"
@@ -171,22 +172,22 @@ def _learning(study: Study, team: str, rows: pd.DataFrame) -> TeamLearning:
 
 
 def _course(study: Study, rows: pd.DataFrame, quantity: Quantity) -> Course:
-    how = study.readings.summaries
+    how, windows = study.readings.summaries, windows_of(study)
     values, order = rows[quantity.column].to_numpy(np.float64), rows["order"].to_numpy()
     series = series_of(study, rows)
     length = rows["order"].groupby(series).transform("max").to_numpy()
-    enough = length >= 2 * how.ends
+    enough = length >= 2 * windows.ends
     kept, own, longest = rows[enough], length[enough], int(length[enough].max(initial=0))
     # The last trials of a shorter series stand beside those of the longest one.
-    late = kept["order"].to_numpy() > own - how.ends
+    late = kept["order"].to_numpy() > own - windows.ends
     aligned = kept["order"].to_numpy() + late * (longest - own)
     people = kept["performer"].to_numpy() if how.spread == "people" else None
-    ends = first_and_last(values[enough], aligned, count=how.ends, length=longest, people=people)
-    first, last = (of_dyads(of_performers(kept[part], quantity.column)) for part in (aligned <= how.ends, late))
+    ends = first_and_last(values[enough], aligned, count=windows.ends, length=longest, people=people)
+    first, last = (of_dyads(of_performers(kept[part], quantity.column)) for part in (aligned <= windows.ends, late))
     return Course(
         quantity,
         learning_curve(values, order),
-        _stages(rows, quantity.column, how.group),
+        _stages(rows, quantity.column, windows.group),
         ends,
         _unit(rows) if how.spread == "people" else "trial",
         estimate(first),
@@ -213,11 +214,12 @@ def _stages(rows: pd.DataFrame, column: str, size: int) -> Stages:
 
 
 def _results(study: Study, found: TeamLearning) -> Iterator[Result]:
-    count = study.readings.summaries.ends
+    windows = windows_of(study)
+    count = windows.ends
     for course in found.courses:
         name, unit = course.quantity.name, course.quantity.unit
         short = f"{course.short} of {found.series} have fewer than {2 * count} trials and are left out"
-        note = short if course.short else ""
+        note = "; ".join(word for word in (short if course.short else "", windows.note) if word)
         for when, spread, mean in (
             (f"first {count}", course.ends.first, course.first),
             (f"last {count}", course.ends.last, course.last),

@@ -13,9 +13,10 @@ from typing import Any, Literal
 import pandas as pd
 
 from netboard.findings.delay import APART, OVER_ALL, RISE
-from netboard.findings.everything import PAPER
+from netboard.findings.everything import PAPER, results_in
 from netboard.findings.results import Result
 from netboard.findings.units import read_in
+from netboard.findings.windows import windows_of
 from netboard.measuring.study import Study
 from netboard.measuring.tables import count, number, words
 
@@ -183,8 +184,8 @@ def compare(study: Study) -> pd.DataFrame:
     DataFrame
         The columns of `COMPARISON`, a row for each of `REPORTED`.
     """
-    found = {(one.topic, one.quantity, one.group): one for find in PAPER for one in find(study).results}
-    ends = study.readings.summaries.ends
+    found = {(one.topic, one.quantity, one.group): one for find in PAPER for one in results_in(study, find)}
+    ends = windows_of(study).ends
     rows = []
     for said in REPORTED:
         reported = replace(said, group=said.group.format(ends=ends))

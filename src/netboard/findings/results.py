@@ -85,6 +85,9 @@ def table_of(results: Iterable[Result]) -> pd.DataFrame:
     return pd.DataFrame([asdict(result) for result in results], columns=[field.name for field in RESULTS])
 
 
+UNCOMPUTABLE = (ArithmeticError, LookupError, RuntimeError, TypeError, ValueError)
+"""What numbers that nobody foresaw raise, in numpy, scipy, pandas and matplotlib."""
+
 T = TypeVar("T")
 
 

@@ -18,6 +18,7 @@ from netboard.analysis.statistics import Estimate
 from netboard.findings.groups import counted, estimate, estimated, teams
 from netboard.findings.learning import series_of
 from netboard.findings.results import Result
+from netboard.findings.windows import windows_of
 from netboard.measuring.study import Study
 
 TOPIC = "strategy"
@@ -113,15 +114,15 @@ def strategy(study: Study) -> Strategy:
     if len(filled) > 1:
         filled = {EVERYBODY: trials, **filled}
     found = tuple(_team(study, team, rows) for team, rows in filled.items())
-    return Strategy(found, tuple(result for one in found for result in _results(one)))
+    return Strategy(found, tuple(result for one in found for result in _results(one, windows_of(study).note)))
 
 
 def _team(study: Study, team: str, rows: pd.DataFrame) -> TeamStrategy:
-    how = study.readings.summaries
+    how, size = study.readings.summaries, windows_of(study).group
     order = rows["order"].to_numpy()
-    together = convergence(_points(rows), groups_of(order, how.group), extent=how.extent, scaling=how.scaling)
-    first = together.groups * how.group + 1
-    last = np.minimum(first + how.group - 1, order.max())
+    together = convergence(_points(rows), groups_of(order, size), extent=how.extent, scaling=how.scaling)
+    first = together.groups * size + 1
+    last = np.minimum(first + size - 1, order.max())
     spreads = _of_series(study, rows)
     return TeamStrategy(
         team, first, last, together.ellipses, tuple(_spread(spreads, *kind) for kind in KINDS[how.variance])
@@ -134,9 +135,9 @@ def _points(rows: pd.DataFrame) -> NDArray[np.float64]:
 
 def _of_series(study: Study, rows: pd.DataFrame) -> pd.DataFrame:
     """Return the spreads of each performer in each condition and group of trials."""
-    parts = []
+    parts, size = [], windows_of(study).group
     for _, own in rows.groupby(series_of(study, rows), sort=False):
-        found = convergence(_points(own), groups_of(own["order"].to_numpy(), study.readings.summaries.group))
+        found = convergence(_points(own), groups_of(own["order"].to_numpy(), size))
         columns = {
             "group": found.groups,
             "variance of distance": found.variance[:, 0],
@@ -155,7 +156,7 @@ def _spread(spreads: pd.DataFrame, name: str, unit: str) -> Spread:
     return Spread(name, unit, dyads, tuple(estimate(dyads[group]) for group in dyads.columns), estimate(ends))
 
 
-def _results(found: TeamStrategy) -> Iterator[Result]:
+def _results(found: TeamStrategy, windows: str) -> Iterator[Result]:
     groups = [f"{found.team}, {trials(*pair)}" for pair in zip(found.first, found.last, strict=True)]
     for group, one in zip(groups, found.ellipses, strict=True):
         note = "of everybody's trials together" if one.count >= FEWEST else f"fewer than {FEWEST} trials"
@@ -179,8 +180,8 @@ def _results(found: TeamStrategy) -> Iterator[Result]:
         )
     for spread in found.spreads:
         for group, mean in zip(groups, spread.means, strict=True):
-            yield estimated(TOPIC, spread.quantity, group, mean, spread.unit)
-        yield estimated(TOPIC, f"change of {spread.quantity}", ends, spread.change, spread.unit)
+            yield estimated(TOPIC, spread.quantity, group, mean, spread.unit, windows)
+        yield estimated(TOPIC, f"change of {spread.quantity}", ends, spread.change, spread.unit, windows)
 
 
 def trials(first: int, last: int) -> str:

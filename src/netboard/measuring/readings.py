@@ -170,8 +170,15 @@ class Summaries:
     )
     extent: Annotated[Extent, about("how far an ellipse reaches")] = "middle_90"
     scaling: Annotated[Scaling, about("units of an ellipse's components")] = "si"
-    ends: Annotated[int, about("how many trials the first and the last ones are", "1", ge=1, le=1000)] = 30
-    group: Annotated[int, about("trials in a group whose strategies are compared", "1", ge=3, le=1000)] = 30
+    ends: Annotated[
+        int,
+        about(
+            "how many trials the first and the last ones are; 0: 30, or half of a short condition", "1", ge=0, le=1000
+        ),
+    ] = 0
+    group: Annotated[
+        int, about("trials in a group whose strategies are compared, 3 or more; 0: 30, or fewer", "1", ge=0, le=1000)
+    ] = 0
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,7 +20,7 @@ from netboard.export.dictionary import write_dictionary
 from netboard.export.formats import Progress
 from netboard.figures.everything import pictures
 from netboard.figures.picture import Picture, as_bytes
-from netboard.findings.everything import results_of
+from netboard.findings.everything import NOT_COMPUTED, results_of
 from netboard.findings.paper import COMPARISON, compare
 from netboard.findings.people import PEOPLE, people_of
 from netboard.findings.results import RESULTS
@@ -91,8 +91,8 @@ def write_analysis(
     progress: Progress,
     *,
     beside_the_paper: bool = False,
-) -> None:
-    """Write all of an analysis.
+) -> tuple[str, ...]:
+    """Write all of an analysis: the tables first, then what is made of them.
 
     Parameters
     ----------
@@ -108,6 +108,11 @@ def write_analysis(
         Is told what is being done.
     beside_the_paper : bool
         Put the study beside what the paper reported.
+
+    Returns
+    -------
+    tuple of str
+        What could not be computed or drawn, in words.
 
     Raises
     ------
@@ -130,6 +135,11 @@ def write_analysis(
     progress("report", 2, 3)
     write_report(folder, study, results, drawn, origin, comparison)
     progress("report", 3, 3)
+    lost = results[results["quantity"] == NOT_COMPUTED]
+    return (
+        *(f"{topic} could not be computed: {why}" for topic, why in zip(lost["topic"], lost["note"], strict=True)),
+        *(f"figures/{picture.name}: {picture.caption}" for picture in drawn if picture.failed),
+    )
 
 
 def write_tables(
@@ -209,12 +219,12 @@ def _columns(frame: pd.DataFrame, kind: Kind) -> Columns:
 
 
 def _write_pictures(folder: Path, drawn: Sequence[Picture]) -> None:
-    """Write each picture that there is in all formats."""
+    """Write each picture in all formats: one that there is not says in its place why."""
     folder.mkdir()
     for picture in drawn:
-        if picture.figure is not None:
-            for kind in KINDS:
-                (folder / f"{picture.name}.{kind}").write_bytes(as_bytes(picture.figure, kind))
+        shown = picture.shown
+        for kind in KINDS:
+            (folder / f"{picture.name}.{kind}").write_bytes(as_bytes(shown, kind))
 
 
 def provenance(harvest: Harvest, command: Sequence[str]) -> dict[str, Any]:

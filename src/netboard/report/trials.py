@@ -156,7 +156,7 @@ def listings(study: Study, files: Mapping[str, str]) -> tuple[Listing, ...]:
                 _SIDES.get(row["target"], "unknown"),
                 str(row["outcome"]).replace("_", " "),
                 amount(row["completion"], 2) if row["outcome"] == "success" else "",
-                amount(int(row["peaks"])) if row["outcome"] == "success" else "",
+                amount(int(row["peaks"])) if row["outcome"] == "success" and isfinite(row["peaks"]) else "",
                 flag_words(row["flags"]),
                 "; ".join(why.get(key, ())),
                 paths.get(key, _NOTHING),

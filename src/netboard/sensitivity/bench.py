@@ -11,6 +11,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+from netboard.analysis.performance import window_sizes
 from netboard.errors import RecordingError
 from netboard.export.runs import Run, runs_of
 from netboard.measuring.readings import Readings
@@ -129,8 +130,7 @@ def sizes(trials: int) -> tuple[str, ...]:
     tuple of str
         Settings.
     """
-    ends = max(min(30, trials // 2), 1)
-    group = next((size for size in range(ends, 2, -1) if trials % size == 0), max(ends, 3))
+    ends, group = window_sizes(trials)
     return f"summaries.ends={ends}", f"summaries.group={group}"
 
 
