@@ -280,6 +280,8 @@ GENERATED: dict[str, tuple[str, Callable[[], str]]] = {
     **{f"recovery-{name}": ("recovery.md", study_part("recovery", name)) for name in RECOVERY},
     "recording machine": ("recording.md", study_machine("recording")),
     "analysis evidence": ("analysis-evidence.md", analysis_evidence),
+    "truth machine": ("analysis-evidence.md", study_machine("truth")),
+    "truth": ("analysis-evidence.md", study_part("truth", "truth")),
     **{f"recording-{name}": ("recording.md", study_part("recording", name)) for name in RECORDING},
     "analysis machine": ("analysis-speed.md", study_machine("analysis")),
     **{f"analysis-{name}": ("analysis-speed.md", study_part("analysis", name)) for name in ANALYSIS},

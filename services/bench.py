@@ -237,7 +237,8 @@ def recording(output: Output = None, quick: Quick = False, force: Force = False,
 
 @app.command(
     epilog="Examples:\n\n  netboard bench analysis --quick\n\n  netboard bench analysis recordings/ -o results\n\n"
-    "  netboard bench analysis recordings/ --sensitivity\n\n  netboard bench analysis --calibration --quick"
+    "  netboard bench analysis recordings/ --sensitivity\n\n  netboard bench analysis --calibration --quick\n\n"
+    "  netboard bench analysis --truth"
 )
 def analysis(
     recordings: Annotated[
@@ -251,6 +252,9 @@ def analysis(
         bool,
         typer.Option("--calibration", help="Instead: how often the tests of simulated studies reject, beside .05."),
     ] = False,
+    truth: Annotated[
+        bool, typer.Option("--truth", help="Instead: the measures of trials whose numbers are known beforehand.")
+    ] = False,
     output: Output = None,
     quick: Quick = False,
     force: Force = False,
@@ -261,15 +265,21 @@ def analysis(
     ] = None,
 ) -> None:
     """What it costs to analyse a study: time and memory against its size, anew and kept, beside reading the files."""
+    if (calibration or truth) and (
+        calibration == truth or sensitivity or recordings is not None or workers is not None
+    ):
+        raise ConfigError("--calibration and --truth make their own data: give one of them alone")
     if calibration:
         from netboard.sensitivity.calibration_bench import study as simulations
         from netboard.studies.running import run_named
 
-        if sensitivity or recordings is not None or workers is not None:
-            raise ConfigError(
-                "--calibration: found with recordings, --sensitivity or --workers; it simulates studies alone"
-            )
         run_named("calibration", simulations, output, json, quick=quick, force=force)
+        return
+    if truth:
+        from netboard.sensitivity.truth_table import study as known_trials
+        from netboard.studies.running import run_named
+
+        run_named("truth", known_trials, output, json, quick=quick, force=force)
         return
     if sensitivity:
         from netboard.services import sensitivity as service

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from scipy.signal import argrelmax, argrelmin, find_peaks
+from scipy.signal import argrelmax, argrelmin, find_peaks, peak_prominences
 
-from netboard.analysis.motion import ball_speed
+from netboard.analysis.motion import ball_speed, motion
 from netboard.analysis.peaks import velocity_peaks
 
 speeds = arrays(np.float64, st.integers(0, 60), elements=st.floats(0, 1, allow_subnormal=False))
@@ -36,6 +36,21 @@ def test_small_peaks_are_left_out_on_request() -> None:
     assert (velocity_peaks(speed).count, velocity_peaks(speed, least_prominence=0.01).count) == (3, 2)
     assert velocity_peaks(speed, extrema="maxima_and_minima", least_prominence=0.01).count == 3
     assert velocity_peaks(np.zeros(9), least_prominence=0.01).count == 0
+
+
+@pytest.mark.parametrize(("duration", "ringing"), [(0.6, 0.0060), (1.0, 0.0023), (2.0, 0.0006)])
+def test_the_filter_rings_beside_a_ball_at_rest_less_than_the_default_floor(duration: float, ringing: float) -> None:
+    """One minimum-jerk roll is one peak; without a floor the ringing of the filters makes dozens of it."""
+    s = np.clip((np.arange(9000) / 1000 - 4.0) / duration, 0.0, 1.0)
+    p = -0.15 + 0.3 * s**3 * (10 - 15 * s + 6 * s**2)
+    still = np.zeros_like(p)
+    speed = motion(1000.0, still, still, still, p).speed
+    found = velocity_peaks(speed)
+    assert found.count > 10
+    others = np.sort(peak_prominences(speed, found.samples)[0])[:-1]
+    assert 0.5 * ringing < others.max() / speed.max() < ringing
+    assert velocity_peaks(speed, least_prominence=1e-4, least_share=0.006).count == 1
+    assert velocity_peaks(np.full(5, np.nan), least_share=0.006).samples.size == 0
 
 
 @pytest.mark.evidence("truth", velocity_peaks)

@@ -75,7 +75,7 @@ def test_who_has_too_few_trials_for_both_ends_is_left_out_and_named() -> None:
 
 
 def test_with_too_few_trials_of_everybody_there_is_no_number_but_a_reason() -> None:
-    one = result(learning(made_study(BLOCKS)), "completion time", "bimanual, first 30")
+    one = result(learning(made_study(BLOCKS, "summaries.ends=30")), "completion time", "bimanual, first 30")
     assert np.isnan(one.value)
     assert (one.n, one.note) == (0, "4 of 4 have fewer than 60 trials and are left out")
 

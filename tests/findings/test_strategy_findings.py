@@ -87,7 +87,7 @@ def test_all_are_shown_together_where_there_are_several_teams() -> None:
 
 
 def test_one_group_has_no_change() -> None:
-    found = strategy(made_study(BLOCKS))
+    found = strategy(made_study(BLOCKS, "summaries.group=30"))
     assert np.isnan(value(found, "change of variance of distance", "dyadic, last group less first"))
 
 

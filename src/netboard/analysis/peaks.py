@@ -45,6 +45,7 @@ def velocity_peaks(
     extrema: Extrema = "maxima",
     plateau: Plateau = "first_sample",
     least_prominence: float = 0.0,
+    least_share: float = 0.0,
 ) -> Peaks:
     """Find the peaks of the ball's absolute velocity. An end of what is looked at is none.
 
@@ -60,10 +61,13 @@ def velocity_peaks(
         `scipy.signal.find_peaks`). Without equal samples there is no difference.
     least_prominence : float
         How far a peak must stand out; 0 for any [m/s].
+    least_share : float
+        How far, as a share of the largest speed: the ringing of the filter is in proportion to that [1].
     """
-    samples = _maxima(speed, plateau, least_prominence)
+    least = max(least_prominence, least_share * float(np.max(speed, initial=0.0, where=~np.isnan(speed))))
+    samples = _maxima(speed, plateau, least)
     if extrema == "maxima_and_minima":
-        samples = np.sort(np.concatenate([samples, _maxima(-speed, plateau, least_prominence)]))
+        samples = np.sort(np.concatenate([samples, _maxima(-speed, plateau, least)]))
     return Peaks(samples, speed[samples], not np.isnan(speed).any())
 
 

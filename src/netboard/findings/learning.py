@@ -219,7 +219,7 @@ def _results(study: Study, found: TeamLearning) -> Iterator[Result]:
     for course in found.courses:
         name, unit = course.quantity.name, course.quantity.unit
         short = f"{course.short} of {found.series} have fewer than {2 * count} trials and are left out"
-        note = "; ".join(word for word in (short if course.short else "", windows.note) if word)
+        note = "; ".join(word for word in (short if course.short else "", windows.ends_note) if word)
         for when, spread, mean in (
             (f"first {count}", course.ends.first, course.first),
             (f"last {count}", course.ends.last, course.last),

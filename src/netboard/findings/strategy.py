@@ -114,7 +114,7 @@ def strategy(study: Study) -> Strategy:
     if len(filled) > 1:
         filled = {EVERYBODY: trials, **filled}
     found = tuple(_team(study, team, rows) for team, rows in filled.items())
-    return Strategy(found, tuple(result for one in found for result in _results(one, windows_of(study).note)))
+    return Strategy(found, tuple(result for one in found for result in _results(one, windows_of(study).group_note)))
 
 
 def _team(study: Study, team: str, rows: pd.DataFrame) -> TeamStrategy:

@@ -20,13 +20,19 @@ class Windows:
         First ones, and last ones [1].
     group : int
         In a group [1].
-    note : str
+    ends_note, group_note : str
         Why they are not the paper's; empty if they are, or if they are set.
     """
 
     ends: int
     group: int
-    note: str = ""
+    ends_note: str = ""
+    group_note: str = ""
+
+    @property
+    def note(self) -> str:
+        """Of both."""
+        return self.ends_note or self.group_note
 
 
 def windows_of(study: Study) -> Windows:
@@ -44,6 +50,10 @@ def windows_of(study: Study) -> Windows:
     lengths = trials.groupby(["team", "dyad", "performer", *(["condition"] * (how.numbering == "condition"))]).size()
     usual = int(lengths.groupby(level="team").quantile(SHORTER).min())
     ends, group = window_sizes(usual)
-    fewer = (not how.ends and ends < ENDS) or (not how.group and group < ENDS)
-    note = f"windows of trials chosen for {usual} trials in a condition; the paper's are {ENDS}" if fewer else ""
-    return Windows(how.ends or ends, how.group or group, note)
+    note = f"windows of trials chosen for {usual} trials in a condition; the paper's are {ENDS}"
+    return Windows(
+        how.ends or ends,
+        how.group or group,
+        note if not how.ends and ends < ENDS else "",
+        note if not how.group and group < ENDS else "",
+    )

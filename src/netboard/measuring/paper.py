@@ -29,6 +29,7 @@ def peaks_of(take: Take, window: Window) -> Peaks:
         extrema=how.extrema,
         plateau=how.plateau,
         least_prominence=how.least_prominence,
+        least_share=how.least_share,
     )
 
 

@@ -125,7 +125,10 @@ class Peaks:
     window: Annotated[Window, about("where peaks are counted: to the completion, or with the hold")] = "to_completion"
     extrema: Annotated[Extrema, about("maxima only, or minima too")] = "maxima"
     plateau: Annotated[Plateau, about("where a peak of equal samples is")] = "first_sample"
-    least_prominence: Annotated[float, about("how far a peak stands out at least", "m/s", ge=0, le=1)] = 0.0
+    least_prominence: Annotated[float, about("how far a peak stands out at least; 0: any", "m/s", ge=0, le=1)] = 0.0001
+    least_share: Annotated[
+        float, about("the same as a share of the attempt's largest speed, for the filter's ringing", "1", ge=0, le=1)
+    ] = 0.006
 
 
 @dataclass(frozen=True, slots=True)

@@ -141,9 +141,12 @@ AMBIGUITIES = (
     Ambiguity(
         "A8",
         "how small may a peak be?",
-        "any",
+        "0.1 mm/s and 0.6 % of the largest speed",
         ("peaks",),
-        _one("10 mm/s prominent", "peaks.least_prominence=0.01"),
+        (
+            Alternative("any", ("peaks.least_prominence=0", "peaks.least_share=0")),
+            Alternative("10 mm/s prominent", ("peaks.least_prominence=0.01",)),
+        ),
     ),
     Ambiguity(
         "A9",
