@@ -133,7 +133,7 @@ def _values(before: Mapping[str, Wave], p: Wave, completion: float) -> dict[str,
     rises = np.diff(np.sign(np.diff(speed)))
     entries = np.count_nonzero(np.diff(before["inside"].astype(int)) == 1) + 1
     far = p - REACH - HALF_WIDTH
-    values = {
+    values: dict[str, float] = {
         "completion": completion,
         "entries": entries,
         "peaks": np.count_nonzero(rises < 0),
@@ -159,7 +159,7 @@ def _turns(omega: Wave) -> Wave:
     fast = np.concatenate([[0], (np.abs(omega) > FASTER).astype(int), [0]])
     starts, stops = (np.flatnonzero(np.diff(fast) == way) for way in (1, -1))
     angles = np.array([abs(omega[a:b].sum()) / RATE for a, b in zip(starts, stops, strict=True)])
-    return starts[(stops - starts > RATE // 10) & (angles >= FASTER)] / RATE
+    return np.asarray(starts[(stops - starts > RATE // 10) & (angles >= FASTER)] / RATE)
 
 
 def block(count: int, seed: int) -> tuple[list[Known], NDArray[Any], Config]:
