@@ -86,6 +86,7 @@ WITHOUT = {
     ("signals.lasts", "disturbance"): NO_SAMPLES,
     ("signals.ticks_of", "disturbance"): NO_SAMPLES,
     ("performance.running_number", "disturbance"): "takes labels",
+    ("performance.window_sizes", "disturbance"): NO_SAMPLES,
     ("ellipses.groups_of", "disturbance"): "takes numbers of trials",
     ("task.falls", "disturbance"): "takes words",
     ("passive.passive_ratio", "disturbance"): NO_SAMPLES,

@@ -18,6 +18,7 @@ from netboard.analysis.performance import (
     running_number,
     summarise,
     trial_times,
+    window_sizes,
 )
 
 NAN = float("nan")
@@ -157,3 +158,19 @@ def test_unit(times: np.ndarray, unit: float) -> None:
     assert scaled.first.mean == pytest.approx(unit * found.first.mean)
     assert scaled.last.deviation == pytest.approx(unit * found.last.deviation, abs=1e-6)
     assert scaled.change == pytest.approx(unit * found.change, abs=1e-6)
+
+
+@pytest.mark.evidence("truth", window_sizes)
+@pytest.mark.parametrize(
+    ("trials", "sizes"), [(180, (30, 30)), (60, (30, 30)), (58, (29, 29)), (12, (6, 6)), (9, (4, 3)), (1, (1, 3))]
+)
+def test_windows_are_the_papers_or_fit(trials: int, sizes: tuple[int, int]) -> None:
+    assert window_sizes(trials) == sizes
+
+
+@pytest.mark.evidence("properties", window_sizes, of="balance")
+@given(st.integers(2, 1000))
+def test_windows_never_overlap(trials: int) -> None:
+    ends, group = window_sizes(trials)
+    assert 1 <= ends <= min(30, trials // 2)
+    assert 3 <= group <= max(ends, 3)

@@ -144,7 +144,7 @@ AMBIGUITIES = (
         "0.1 mm/s and 0.6 % of the largest speed",
         ("peaks",),
         (
-            Alternative("any", ("peaks.least_prominence=0", "peaks.least_share=0")),
+            Alternative("any", ("peaks.least_prominence=0.0", "peaks.least_share=0.0")),
             Alternative("10 mm/s prominent", ("peaks.least_prominence=0.01",)),
         ),
     ),

@@ -135,14 +135,14 @@ def _values(before: Mapping[str, Wave], p: Wave, completion: float) -> dict[str,
     far = p - REACH - HALF_WIDTH
     values: dict[str, float] = {
         "completion": completion,
-        "entries": entries,
-        "peaks": np.count_nonzero(rises < 0),
+        "entries": float(entries),
+        "peaks": float(np.count_nonzero(rises < 0)),
         "cooperative": np.count_nonzero(both < 0) / RATE,
         "competitive": np.count_nonzero(both > 0) / RATE,
         "single": np.count_nonzero((both == 0) & (moves[0] + moves[1] != 0)) / RATE,
         "still": np.count_nonzero((moves[0] == 0) & (moves[1] == 0)) / RATE,
         "in_target": np.count_nonzero(before["inside"]) / RATE,
-        "overshoots": np.count_nonzero(np.diff((far > 0).astype(int)) == 1),
+        "overshoots": float(np.count_nonzero(np.diff((far > 0).astype(int)) == 1)),
         "overshoot": max(float(far.max()), 0.0),
     }
     for side, velocity in (("left", left), ("right", right)):
@@ -151,7 +151,7 @@ def _values(before: Mapping[str, Wave], p: Wave, completion: float) -> dict[str,
         values[f"{side}_effort"] = float(np.sum(force**2)) / RATE
         moved = np.flatnonzero(np.abs(velocity) >= STILL)
         values[f"{side}_reaction"] = moved[0] / RATE if moved.size else np.nan
-    return {name: float(value) for name, value in values.items()}
+    return values
 
 
 def _turns(omega: Wave) -> Wave:
