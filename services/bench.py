@@ -265,10 +265,13 @@ def analysis(
     ] = None,
 ) -> None:
     """What it costs to analyse a study: time and memory against its size, anew and kept, beside reading the files."""
-    if (calibration or truth) and (
-        calibration == truth or sensitivity or recordings is not None or workers is not None
-    ):
-        raise ConfigError("--calibration and --truth make their own data: give one of them alone")
+    alone = not (sensitivity or recordings is not None or workers is not None)
+    if calibration and (truth or not alone):
+        raise ConfigError(
+            "--calibration: found with recordings, --sensitivity, --truth or --workers; it simulates studies alone"
+        )
+    if truth and not alone:
+        raise ConfigError("--truth: found with recordings, --sensitivity or --workers; it makes its own trials")
     if calibration:
         from netboard.sensitivity.calibration_bench import study as simulations
         from netboard.studies.running import run_named

@@ -100,7 +100,7 @@ def _verdicts(found: Sequence[Fulfilled]) -> Iterator[Verdict]:
     offsets = [size for one, size in largest.items() if one.kind.startswith("offset")]
     yield Verdict("an offset of a stylus moves no measure", max(offsets) < 1e-6, f"{max(offsets):.2g} at most")
     for kind, name, sign, word in (
-        ("noise of the ball", "peaks", 1, "adds peaks"),
+        ("noise of the ball, peaks of any size", "peaks", 1, "adds peaks"),
         ("noise of the styluses", "still", -1, "leaves less stillness"),
     ):
         number = max(place for place, one in enumerate(DISTURBANCES) if one.kind == kind)

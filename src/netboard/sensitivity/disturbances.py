@@ -198,6 +198,7 @@ def offset(
 
 
 _PROMINENT = ("peaks.least_prominence=0.01",)
+_ANY = ("peaks.least_prominence=0.0", "peaks.least_share=0.0")
 _BY_DEVICE = ("filters.velocity=device",)
 
 DISTURBANCES = (
@@ -225,6 +226,7 @@ DISTURBANCES = (
     Disturbance(
         "noise of the ball, peaks by 10 mm/s", "0.3 mm", partial(noise, names=BALL, deviation=3e-4), _PROMINENT
     ),
+    Disturbance("noise of the ball, peaks of any size", "0.3 mm", partial(noise, names=BALL, deviation=3e-4), _ANY),
     *(
         Disturbance("noise of the tilt", f"{size:g} deg", partial(noise, names=TILT, deviation=float(np.radians(size))))
         for size in (0.02, 0.1, 0.5)
