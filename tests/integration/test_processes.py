@@ -71,7 +71,7 @@ def test_a_session_is_recorded_whole_and_verifies(rig: Rig) -> None:
         assert parse(recording.config_text) == rig.config
         assert recording.metadata["session"] == status.session
     live = ticks[(ticks["left_live"] == 1) & (ticks["phase"] == Phase.RUNNING)]
-    assert np.any(live["left_rendered"] != 0)
+    assert np.nan_to_num(live["left_rendered"]).any()
     assert np.any(live["left_loop_ns"] > 0)
     for side in ("left", "right"):
         assert rig.stop(f"{side} agent") == 0
@@ -148,7 +148,8 @@ def test_blocks_without_haptics_send_no_force(folder: Path) -> None:
         (path,) = rig.finish()
     ticks = verified(path)
     assert not ticks["left_force"].any()
-    assert not ticks["left_rendered"].any()
+    assert np.isfinite(ticks["left_rendered"]).any()
+    assert not np.nan_to_num(ticks["left_rendered"]).any()
     assert np.any(ticks["left_coupling"] != 0)
 
 
@@ -308,8 +309,8 @@ def test_a_coupling_computed_in_both_is_felt_recorded_and_verified(folder: Path)
     felt = ticks[(ticks["phase"] == Phase.RUNNING) & ((ticks["left_safeguards"] & Safeguard.ARMED.value) != 0)]
     for side in ("left", "right"):
         late = felt[f"{side}_rendered"][20:] - felt[f"{side}_force"][:-20]
-        assert np.any(felt[f"{side}_rendered"] != 0)
-        assert np.median(np.abs(late)) < 0.1  # both computed the same spring, each from what it knew
+        assert np.nan_to_num(felt[f"{side}_rendered"]).any()
+        assert np.nanmedian(np.abs(late)) < 0.1  # both computed the same spring, each from what it knew
 
 
 def shell(rig: Rig, *words: str) -> str:
@@ -343,5 +344,5 @@ def test_an_operator_commands_from_a_shell_and_stops_in_an_emergency(rig: Rig) -
         assert disarmed <= seqs[0] + 250, "in the agent's own time it is heard of at once"
         held = stopped[seqs > disarmed + 30]  # the force has faded
         assert len(held) > 100
-        assert not held[f"{side}_rendered"].any()
+        assert not np.nan_to_num(held[f"{side}_rendered"]).any()
         assert not (held[f"{side}_safeguards"] & Safeguard.ARMED.value).any()
