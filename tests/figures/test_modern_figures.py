@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from made_modern import Path, modern_blocks, modern_study, with_paths
 from made_study import Block, made_study, random_block, times
-from netboard.figures import influence, models, passive
+from netboard.figures import contrasts, influence, models, passive
 from netboard.figures.everything import MODERN
 from netboard.figures.picture import Picture, as_bytes
 from netboard.findings.contrasts import comparisons
@@ -54,7 +54,7 @@ def unusual() -> Study:
         for partner in ("robot", "still")
         for force in ("full", "none")
     ]
-    return with_paths(modern_study([*modern_blocks(dyads=2, trials=3, forces=FORCES), *others]), any_path)
+    return with_paths(modern_study([*modern_blocks(dyads=3, trials=3, forces=FORCES), *others]), any_path)
 
 
 @pytest.fixture(scope="module")
@@ -263,3 +263,10 @@ def test_quality_has_a_square_for_each_block_and_a_line_for_each_dyad(study: Stu
     for dyad, own in blocks.groupby("dyad"):
         np.testing.assert_array_equal(points(times_of, str(dyad)), own[["block", "time"]])
     assert set(times_of.get_xticks()) <= set(blocks["block"])
+
+
+def test_two_dyads_have_no_size_of_an_effect() -> None:
+    """It was drawn at exactly 0, with an interval from 0 to 0."""
+    picture = contrasts.picture(modern_study(modern_blocks(dyads=2, trials=3)))
+    assert picture.figure is None
+    assert "three dyads" in picture.caption

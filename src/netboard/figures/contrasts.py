@@ -39,7 +39,7 @@ def picture(study: Study) -> Picture:
     """
     found = [one for one in comparisons(study).comparisons if np.isfinite(one.hedges.value)]
     if not found:
-        why = "Sizes of effects take two dyads or more that have two conditions, and that differ."
+        why = "Sizes of effects take three dyads or more that have two conditions, and that differ."
         return Picture("contrasts", TITLE, why, None)
     kinds = [kind for kind in KINDS if any(one.question.kind == kind for one in found)]
     names = list(dict.fromkeys(one.measure.name for one in found))
