@@ -130,4 +130,6 @@ def test_whatever_moves_its_energy_balances(scene: Scene, hands: Hands) -> None:
     held = stored_along(path, at, scene.parts, scene.packed)
     work = work_along(times, path, at, scene.parts, scene.packed)
     change = held.sum(axis=1) - held[0].sum()
-    assert np.abs(change - work.sum(axis=1)).max() <= 1e-9 * np.abs(held).max() + 1e-9 * np.abs(work).max()
+    # A hand may move so little that energies are subnormal: these have no relative precision.
+    tolerance = 1e-9 * np.abs(held).max() + 1e-9 * np.abs(work).max() + 1e-300
+    assert np.abs(change - work.sum(axis=1)).max() <= tolerance
