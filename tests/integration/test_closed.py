@@ -83,6 +83,14 @@ class Intruder:
         """Until the server has said why not, be it let in or not."""
         self.say_until(lambda: reason in self.rig.said("server"), *messages)
 
+    def until_refused(self, reason: str, *messages: Message) -> None:
+        """Until the server has answered why not; what of it comes first may be refused for another reason."""
+
+        def answered() -> bool:
+            return any(isinstance(message, Refusal) and reason in message.reason for message in self.heard)
+
+        self.say_until(answered, *messages)
+
     def until_heard(self, kind: type, *messages: Message) -> None:
         """Until an answer of a kind has come."""
         self.say_until(lambda: any(isinstance(message, kind) for message in self.heard), *messages)
@@ -145,20 +153,20 @@ class Attempts:
     def wrong_side(self) -> Intruder:
         """A display says that it is the other station's."""
         who = self.at(channels.CONTROL, self.own("display.left"), "display.left@intruder")
-        who.until_heard(Refusal, hello("display", "right"))
+        who.until_refused("the key of display.left is not that of display.right", hello("display", "right"))
         return who
 
     def wrong_rank(self) -> Intruder:
         """A display says that it is the operator."""
         who = self.at(channels.CONTROL, self.own("display.left"), "display.left@upstart")
-        who.until_heard(Refusal, hello("console", ""))
+        who.until_refused("the key of display.left is not that of console", hello("console", ""))
         who.until_heard(Refusal, Command("end", "", 1))
         return who
 
     def wrong_hand(self) -> Intruder:
         """An agent says that it is the other hand's, and moves it."""
         who = self.at(channels.MOTION, self.own("agent.right"), "agent.right@intruder")
-        who.until_heard(Refusal, hello("agent", "left"), stylus(10_000_000))
+        who.until_refused("the key of agent.right is not that of agent.left", hello("agent", "left"), stylus(10_000_000))
         return who
 
     def wrong_name(self) -> Intruder:
@@ -174,10 +182,9 @@ class Attempts:
         for name in ("pause", "stop", "end"):
             who.heard.clear()
             who.until_heard(Refusal, Command(name, "", 1))
+        who.until_refused("a display may not send StatusRequest", StatusRequest())
         who.heard.clear()
-        who.until_heard(Refusal, StatusRequest())
-        who.heard.clear()
-        who.until_heard(Refusal, Frames("right", ((1, 1, 1),), 0))
+        who.until_refused("the left display may not report for the right station", Frames("right", ((1, 1, 1),), 0))
         return who
 
     def other_view(self) -> Intruder:

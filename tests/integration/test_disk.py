@@ -85,7 +85,9 @@ def test_a_disk_that_fills_up_ends_the_recording_pauses_the_trial_and_loses_noth
     account = account_of([*first, *elsewhere.glob("*.mcap")])
     check_whole(account)
     assert account.complete
-    assert any("the logger has left" in pause.cause for pause in account.pauses)
+    assert account.pauses
+    (left, *_) = [event for event in account.events if event.name == "logger_left"]
+    assert "free: the recording had to end" in left.details["reason"]
 
 
 def test_a_folder_that_is_deleted_ends_the_recording_and_loses_nothing(rig: Rig) -> None:

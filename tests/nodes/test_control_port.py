@@ -119,6 +119,20 @@ def test_a_display_that_falls_silent_is_missed_and_welcome_back() -> None:
     assert [frame.tick for frame in rig.port.take_frames()] == [1]
 
 
+def test_a_console_that_was_suspended_may_answer_every_ping_that_waited_for_it() -> None:
+    rig = Rig()
+    suspended_s = 3600
+    for tenth in range(suspended_s * 10):
+        rig.port.pump(tenth * 100_000_000)
+    pings = [message for message in rig.router.heard(C) if isinstance(message, Ping)]
+    assert pings
+    now_ns = suspended_s * 1_000_000_000
+    for ping in pings:
+        rig.router.say(C, Pong(ping.sent_ns, now_ns, now_ns))
+        rig.port.drain(now_ns)
+    assert rig.router.heard(C) == []
+
+
 def test_who_could_not_be_told_of_a_new_block_is_told_when_it_goes_on() -> None:
     router = FakeRouter(room=1)
     port = ControlPort(router, WELCOME, Answers())  # type: ignore[arg-type]

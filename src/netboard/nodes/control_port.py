@@ -158,10 +158,8 @@ class ControlPort:
         self._router.pay()
         self.refusals.look(now_ns)
         for name, peer in self._peers.items():
-            ping = peer.ping(now_ns)
-            if ping is None:
-                continue
-            self._router.send(name, encode(ping))
+            if ping := peer.ping(now_ns):
+                self._router.send(name, encode(ping))
             if name not in self._silent and peer.age_ns(now_ns) > SILENT_NS:
                 self._silent.add(name)
                 self._tell("silent", peer.hello, now_ns)

@@ -16,7 +16,11 @@ Link = tuple[str, str, str, float, float, float, float, float, int]
 """One item of `Status.links`."""
 
 PING_NS = 200_000_000
-"""A peer is asked for its time so often [ns]."""
+"""Interval between two pings of a peer that answers [ns]."""
+
+SILENCE_SHARE = 8
+"""A silent peer is pinged at this fraction of its silence, so that few pings wait for a process that was suspended:
+it answers them all at once when it goes on [1]."""
 
 CLOCK_WINDOW_NS = 10_000_000_000
 """Of the answers of so long the best ones count [ns]."""
@@ -145,7 +149,7 @@ class Peer:
 
     def ping(self, now_ns: int) -> Ping | None:
         """Return the question to send, if one is due."""
-        if now_ns - self._asked_ns < PING_NS:
+        if now_ns - self._asked_ns < max(PING_NS, self.age_ns(now_ns) // SILENCE_SHARE):
             return None
         self._asked_ns = now_ns
         return Ping(now_ns)
