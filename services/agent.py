@@ -9,20 +9,7 @@ from netboard.process import Priority, Stopping, cpus_for, io_priority, prepare,
 
 
 def main(config: Config, *, side: Side) -> int:
-    """Serve one device until told to stop.
-
-    Parameters
-    ----------
-    config : Config
-        Rig and experiment.
-    side : str
-        ``left`` or ``right``.
-
-    Returns
-    -------
-    int
-        Exit code.
-    """
+    """Serve one device until told to stop."""
     speak(f"agent {side}")
     came = prepare(config.realtime, Priority.AGENT, cpus_for(side, config.realtime))
     with (

@@ -35,23 +35,7 @@ LIBRARIES = ("pandas", "pyarrow", "matplotlib", "jinja2", "statsmodels")
 
 @dataclass(frozen=True, slots=True)
 class Wishes:
-    """How an analysis is to be run; of its numbers, only what cannot be measured depends on that.
-
-    Attributes
-    ----------
-    workers : int or None
-        How many processes; None for one a core [1].
-    dask : str or None
-        Address of a Dask scheduler, whose workers measure instead.
-    cache : Path or None
-        Where results are kept; None for the user's own folder.
-    keep : bool
-        Keep results, and use those kept.
-    skip : bool
-        Leave out recordings that cannot be measured.
-    beside_the_paper : bool
-        Put the study beside what the paper reported.
-    """
+    """How an analysis is to be run; of its numbers, only what cannot be measured depends on that."""
 
     workers: int | None = None
     dask: str | None = None
@@ -79,19 +63,8 @@ def main(named: Sequence[Path], output: Path | None, asked: Asked, wishes: Wishe
 
     Parameters
     ----------
-    named : sequence of Path
-        Recordings, and folders of them.
     output : Path or None
         The new folder; None names it after the first recording or folder.
-    asked : Asked
-        How to measure, and what counts.
-    wishes : Wishes
-        How to run.
-
-    Returns
-    -------
-    int
-        Exit code.
     """
     began = time.perf_counter()
     need("analysis", *LIBRARIES)

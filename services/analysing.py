@@ -95,13 +95,7 @@ def explain(
 
 
 def add_to(app: typer.Typer) -> None:
-    """Make these commands known.
-
-    Parameters
-    ----------
-    app : typer.Typer
-        The ``netboard`` command.
-    """
+    """Make these commands known."""
     app.command(
         epilog=examples(
             "netboard analyse recordings/ -o study",

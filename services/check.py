@@ -26,24 +26,10 @@ ENDINGS = (".mcap", ".part", ".spill")
 def main(paths: Sequence[Path], *, replay: bool = False, as_json: bool = False) -> int:
     """Check recordings.
 
-    Parameters
-    ----------
-    paths : sequence of Path
-        Files, and folders of files.
-    replay : bool
-        Compute every tick again, and compare it to the bit.
-    as_json : bool
-        One JSON object instead of text.
-
     Returns
     -------
     int
         Exit code, by the worst that was found: 0 complete, 3 complete with listed losses, 1 damaged.
-
-    Raises
-    ------
-    RecordingError
-        If a file is not there, or there is nothing to check.
     """
     files = [*recordings_in(paths)]
     console = Console(highlight=False)
@@ -72,18 +58,7 @@ def main(paths: Sequence[Path], *, replay: bool = False, as_json: bool = False) 
 
 
 def recordings_in(paths: Sequence[Path]) -> Iterator[Path]:
-    """List files, and what is in folders, in order of their names.
-
-    Parameters
-    ----------
-    paths : sequence of Path
-        Files and folders.
-
-    Raises
-    ------
-    RecordingError
-        If one is not there, or a folder has no recording.
-    """
+    """List files, and what is in folders, in order of their names."""
     for path in paths:
         if path.is_dir():
             found = sorted(file for file in path.rglob("*") if file.suffix in ENDINGS and file.is_file())
@@ -103,15 +78,7 @@ def bars() -> Progress:
 
 
 def in_words(report: Report, whole: bool) -> str:
-    """Write a verdict, and what it is founded on.
-
-    Parameters
-    ----------
-    report : Report
-        What was found.
-    whole : bool
-        Tell what is right, too.
-    """
+    """Write a verdict, and what it is founded on."""
     lines = [f"{escape(str(report.path))}: [{COLOURS[report.grade]}]{report.verdict}[/], {report.ticks} ticks"]
     for finding in report.findings:
         if whole or finding.grade != Grade.SOUND:
@@ -121,15 +88,7 @@ def in_words(report: Report, whole: bool) -> str:
 
 
 def in_total(reports: Sequence[Report], took: float) -> str:
-    """Say in two lines what it was, and how fast.
-
-    Parameters
-    ----------
-    reports : sequence of Report
-        All that was found.
-    took : float
-        How long it took [s].
-    """
+    """Say in two lines what it was, and how fast."""
     counts = ", ".join(
         f"{count} {VERDICTS[grade]}" for grade in Grade if (count := sum(r.grade == grade for r in reports))
     )
@@ -153,15 +112,7 @@ def _computed(reports: Sequence[Report]) -> tuple[int, float]:
 
 
 def as_data(reports: Sequence[Report], took: float) -> dict[str, Any]:
-    """Say the same for programs.
-
-    Parameters
-    ----------
-    reports : sequence of Report
-        All that was found.
-    took : float
-        How long it took [s].
-    """
+    """Say the same for programs."""
     again, computing = _computed(reports)
     return {
         "verdict": VERDICTS[max(report.grade for report in reports)],

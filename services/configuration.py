@@ -39,18 +39,6 @@ def load(file: Path | None, overrides: Sequence[str] = ()) -> Config:
     ----------
     file : Path or None
         The file asked for; None takes ``netboard.toml`` of the working directory if it is there, else the defaults.
-    overrides : sequence of str
-        Settings as ``table.key=value`` that go before those of the file.
-
-    Returns
-    -------
-    Config
-        The configuration.
-
-    Raises
-    ------
-    ConfigError
-        If the file cannot be read, or what is in it is wrong.
     """
     if file is None:
         if not DEFAULT_FILE.exists():
@@ -60,25 +48,7 @@ def load(file: Path | None, overrides: Sequence[str] = ()) -> Config:
 
 
 def load_readings(file: Path | None, overrides: Sequence[str] = ()) -> "Readings":
-    """Read the settings of an analysis.
-
-    Parameters
-    ----------
-    file : Path or None
-        The file; None takes the defaults.
-    overrides : sequence of str
-        Settings as ``table.key=value`` that go before those of the file.
-
-    Returns
-    -------
-    Readings
-        The settings.
-
-    Raises
-    ------
-    ConfigError
-        If the file cannot be read, or what is in it is wrong.
-    """
+    """Read the settings of an analysis."""
     from netboard.measuring import readings  # with all of the analysis, which other commands do not need
 
     if file is None:

@@ -12,19 +12,8 @@ def main(config: Config, *, screenshot: Path | None = None, after: float | None 
 
     Parameters
     ----------
-    config : Config
-        Where the server is, and what is too much.
-    screenshot : Path or None
-        Where a picture goes.
     after : float or None
         When it is taken, after the server's first word [s]; None takes it then and stops.
-    offscreen : bool
-        Draw without a screen.
-
-    Returns
-    -------
-    int
-        Exit code.
     """
     speak("console")
     make_way(config.realtime)

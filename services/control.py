@@ -24,30 +24,10 @@ def command(
 ) -> int:
     """Tell the server what to do, and say what becomes of it.
 
-    Parameters
-    ----------
-    config : Config
-        Where the server is.
-    name, argument : str
-        The command, and what it needs to know.
-    take : bool
-        Become the commander first, whoever commands now.
-    until : str or None
-        Wait then until the trial is in this phase.
-    seconds : float or None
-        At most so long; None for ever [s].
-    as_json : bool
-        Answer and status as one line of JSON.
-
     Returns
     -------
     int
         Exit code: 1 if the server refuses, or the phase does not come.
-
-    Raises
-    ------
-    NetboardError
-        If the server does not answer.
     """
     with sockets.open_context() as context:
         operator = Operator(config.network, context)
@@ -95,27 +75,7 @@ def wait(operator: Operator, config: Config, until: str, seconds: float | None) 
 
 
 def emergency(config: Config, *, release: bool, guard: bool) -> int:
-    """Take all forces away, at once or when a key is pressed; or allow them again.
-
-    Parameters
-    ----------
-    config : Config
-        Where the server is.
-    release : bool
-        Devices may be armed again.
-    guard : bool
-        Stand by, and stop with any key.
-
-    Returns
-    -------
-    int
-        Exit code.
-
-    Raises
-    ------
-    NetboardError
-        If the server does not answer, or has not done it in time.
-    """
+    """Take all forces away, at once or when a key is pressed; or allow them again."""
     console = Console(highlight=False)
     with sockets.open_context() as context:
         operator = Operator(config.network, context)

@@ -54,25 +54,11 @@ class End(Enum):
 def main(config: Config, *, displays: bool = True, study: Wanted | None = None) -> int:
     """Play a block, or a session of a study, with simulated people or those who play here, and show what came of it.
 
-    Parameters
-    ----------
-    config : Config
-        Rig and experiment; its port is replaced by free ones.
-    displays : bool
-        Run the two displays.
-    study : Wanted, optional
-        The session; without one, the configuration's block.
-
     Returns
     -------
     int
         Exit code: 1 if a process failed, the block was not finished, or the recording is not verified. Whoever plays
         may leave before the end: that is no failure.
-
-    Raises
-    ------
-    NetboardError
-        If a side is to be played and there is no screen for that.
     """
     if played_sides(config) and (trouble := why_no_windows(screen=True)):
         raise NetboardError(f"nobody can play here: {trouble}; without a player: netboard demo")

@@ -73,13 +73,7 @@ def demo_settings(
 
 
 def add_to(app: typer.Typer) -> None:
-    """Make these commands known.
-
-    Parameters
-    ----------
-    app : typer.Typer
-        The ``netboard`` command.
-    """
+    """Make these commands known."""
     app.command(
         epilog=examples(
             "netboard demo",

@@ -19,21 +19,8 @@ def main(
 
     Parameters
     ----------
-    config : Config
-        Rig and experiment.
-    station : str
-        ``left`` or ``right``.
-    screenshot : Path or None
-        Where a picture goes.
     after : float or None
         When it is taken, after the first view [s]; None takes the first view and stops.
-    offscreen : bool
-        Draw without a screen.
-
-    Returns
-    -------
-    int
-        Exit code.
     """
     speak(f"display {station}")
     make_way(config.realtime)
@@ -52,13 +39,7 @@ def main(
 
 
 def list_screens() -> int:
-    """Print the screens of this machine, by the numbers that ``[display] screen`` knows.
-
-    Returns
-    -------
-    int
-        Exit code.
-    """
+    """Print the screens of this machine, by the numbers that ``[display] screen`` knows."""
     from netboard.display.window import application, in_words, screens
 
     application()
@@ -68,18 +49,7 @@ def list_screens() -> int:
 
 
 def calibrate(config: Config) -> int:
-    """Let somebody measure the pixels of the chosen screen with a bank card, and print what the configuration needs.
-
-    Parameters
-    ----------
-    config : Config
-        Of it the number of the screen.
-
-    Returns
-    -------
-    int
-        Exit code: 1 if nobody said that the outline fits.
-    """
+    """Let somebody measure the pixels of the chosen screen with a bank card, and print what the configuration needs."""
     from netboard.display.calibration import calibrate as measure
 
     size, screen = measure(config.display.screen)

@@ -14,22 +14,7 @@ console = Console(highlight=False)
 
 
 def main(config: Config, *, quick: bool = False, json: Path | None = None) -> int:
-    """Examine this machine.
-
-    Parameters
-    ----------
-    config : Config
-        Rig and experiment.
-    quick : bool
-        Take seconds instead of half a minute.
-    json : Path or None
-        Where else the report goes.
-
-    Returns
-    -------
-    int
-        Exit code: 1 if anything is red.
-    """
+    """Examine this machine."""
     columns = (TextColumn("{task.description:20}"), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, console=console, transient=True) as progress:
         task = progress.add_task("", total=1.0)

@@ -20,26 +20,13 @@ def main(path: Path, trial: int, attempt: int | None, readings: Readings, output
 
     Parameters
     ----------
-    path : Path
-        The recording.
-    trial : int
-        Number of the trial in its block.
     attempt : int or None
         Number of the attempt at it; None for the last one.
-    readings : Readings
-        How the trial is measured.
     output : Path or None
         The new file; its ending says what kind. None names it after the recording and the trial.
 
-    Returns
-    -------
-    int
-        Exit code.
-
     Raises
     ------
-    ConfigError
-        If there is no such kind of file, or matplotlib is not installed.
     RecordingError
         If the recording cannot be read, there is no such trial in it, or the file is there already.
     """

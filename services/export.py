@@ -15,17 +15,8 @@ def main(words: Sequence[Path], name: str, output: Path | None) -> int:
 
     Parameters
     ----------
-    words : sequence of Path
-        Recordings, and folders of them.
-    name : str
-        Name of the format.
     output : Path or None
         The new folder; None names it after the format and what is exported.
-
-    Returns
-    -------
-    int
-        Exit code.
     """
     recordings = find_recordings(words)
     folder = output or Path(f"{words[0].resolve().stem}_{name}")

@@ -17,24 +17,7 @@ from netboard.services.wording import telling
 
 
 def main(tables: Sequence[Path], folder: Path, config: Config, wishes: Wishes) -> int:
-    """Import one table after the other, and say what came of each.
-
-    Parameters
-    ----------
-    tables : sequence of Path
-        The files.
-    folder : Path
-        Where the recordings go.
-    config : Config
-        The experiment that they are of.
-    wishes : Wishes
-        How.
-
-    Returns
-    -------
-    int
-        Exit code.
-    """
+    """Import one table after the other, and say what came of each."""
     console = Console(highlight=False, soft_wrap=True)
     for table in tables:
         with telling() as tell:
@@ -46,22 +29,7 @@ def main(tables: Sequence[Path], folder: Path, config: Config, wishes: Wishes) -
 
 
 def study(manifest: Path, folder: Path, workers: int | None) -> int:
-    """Import the study of a manifest.
-
-    Parameters
-    ----------
-    manifest : Path
-        The manifest.
-    folder : Path
-        Where the recordings go.
-    workers : int or None
-        How many processes; None for one a core.
-
-    Returns
-    -------
-    int
-        Exit code: 1 if a table could not be imported.
-    """
+    """Import the study of a manifest."""
     console = Console(highlight=False, soft_wrap=True)
     began = time.perf_counter()
     with telling() as tell:

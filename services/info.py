@@ -17,18 +17,7 @@ from netboard.terminal import FittedTable, numbers
 
 
 def main(path: Path) -> int:
-    """Print what a recording amounts to.
-
-    Parameters
-    ----------
-    path : Path
-        The recording.
-
-    Returns
-    -------
-    int
-        Exit code.
-    """
+    """Print what a recording amounts to."""
     console = Console(highlight=False)
     with Recording(path) as recording:
         console.print(provenance_table(recording))
@@ -39,18 +28,7 @@ def main(path: Path) -> int:
 
 
 def provenance_table(recording: Recording) -> FittedTable:
-    """Say where a recording comes from.
-
-    Parameters
-    ----------
-    recording : Recording
-        The recording.
-
-    Returns
-    -------
-    FittedTable
-        For printing.
-    """
+    """Say where a recording comes from."""
     config = parse(recording.config_text, f"{recording.path} (its configuration)")
     block, design = config.block, design_of(config)
     said = recording.metadata
@@ -81,18 +59,7 @@ def _level(factor: BlockFactor, trials: int) -> str:
 
 
 def quality_table(verdicts: Sequence[Verdict]) -> FittedTable:
-    """Say which attempts are doubtful, by the rules of the recording's configuration, and why.
-
-    Parameters
-    ----------
-    verdicts : sequence of Verdict
-        Of all attempts.
-
-    Returns
-    -------
-    FittedTable
-        For printing.
-    """
+    """Say which attempts are doubtful, by the rules of the recording's configuration, and why."""
     doubtful = [verdict for verdict in verdicts if verdict.flags]
     title = f"Doubtful attempts: {len(doubtful)} of {len(verdicts)}"
     table = FittedTable(
@@ -105,18 +72,7 @@ def quality_table(verdicts: Sequence[Verdict]) -> FittedTable:
 
 
 def account_table(path: Path) -> FittedTable:
-    """Account for every tick of the session, in all parts that are in the same folder.
-
-    Parameters
-    ----------
-    path : Path
-        One of its parts.
-
-    Returns
-    -------
-    FittedTable
-        For printing.
-    """
+    """Account for every tick of the session, in all parts that are in the same folder."""
     table = FittedTable("", "", title="Account of the session", header=False)
     try:
         account = account_of(parts_of(path))

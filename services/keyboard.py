@@ -45,11 +45,6 @@ class Keyboard:
         """Tell the key that has been pressed: a letter, or ``left``, ``right``, ``up`` or ``down``; None without one.
 
         It is empty once the terminal is gone.
-
-        Parameters
-        ----------
-        seconds : float
-            Wait for one at most so long [s].
         """
         if not self.there or not select([sys.stdin], [], [], seconds)[0]:
             return None

@@ -8,20 +8,7 @@ from netboard.process import Stopping, make_way, speak
 
 
 def main(config: Config, *, once: bool = False) -> int:
-    """Record until told to stop.
-
-    Parameters
-    ----------
-    config : Config
-        Rig and experiment.
-    once : bool
-        Stop after one session.
-
-    Returns
-    -------
-    int
-        Exit code: 1 if something could not be recorded.
-    """
+    """Record until told to stop."""
     speak("logger")
     make_way(config.realtime)
     with Stopping() as stopping, sockets.open_context() as context:

@@ -13,20 +13,7 @@ log = logging.getLogger(__name__)
 
 
 def main(config: Config, name: str) -> int:
-    """Send what happens to the layer until told to stop.
-
-    Parameters
-    ----------
-    config : Config
-        Rig and experiment.
-    name : str
-        First part of the streams' names.
-
-    Returns
-    -------
-    int
-        Exit code.
-    """
+    """Send what happens to the layer until told to stop."""
     speak("lsl")
     make_way(config.realtime)
     outlets = Outlets(name, config.network.port)

@@ -121,13 +121,7 @@ def up(
 
 
 def add_to(app: typer.Typer) -> None:
-    """Make these commands known.
-
-    Parameters
-    ----------
-    app : typer.Typer
-        The ``netboard`` command.
-    """
+    """Make these commands known."""
     app.command(epilog=examples("netboard status", "netboard status -c rig.toml --watch", "netboard status --json"))(
         status
     )

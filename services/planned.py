@@ -37,14 +37,6 @@ class Wanted:
 
     Attributes
     ----------
-    study : str
-        Name of a built-in study, or a file.
-    dyad : int
-        Number of the dyad, from 1 [1].
-    session : int
-        Number of the session, from 1 [1].
-    seed : int
-        Seed of the plan [1].
     blocks, trials : int or None
         Of a pilot run: only the first blocks, and at most so many trials in each [1].
     """
@@ -72,13 +64,6 @@ class Wanted:
 
 class Planned:
     """One session of a plan on a rig.
-
-    Parameters
-    ----------
-    config : Config
-        The rig's configuration.
-    wanted : Wanted
-        Which session.
 
     Raises
     ------
@@ -141,13 +126,7 @@ class Planned:
         return hashlib.sha256(f"{whole} {wanted.blocks} {wanted.trials}".encode()).hexdigest()
 
     def begun(self) -> tuple[Programme, Ledger]:
-        """Begin the session.
-
-        Raises
-        ------
-        RecordingError
-            If it is complete as it is, and was begun before.
-        """
+        """Begin the session."""
         if self.path.exists() and not self.config.session.ready:
             console.print(
                 f"{self.path}: exists already: this session was begun before. Go on with it: netboard server --resume; "
@@ -164,13 +143,6 @@ class Planned:
         ----------
         ask : callable
             Shows the operator what will be done, and tells whether that is right.
-
-        Raises
-        ------
-        RecordingError
-            If there is no such session, its journal is damaged, or the plan is another one.
-        ConfigError
-            If nothing is left to be done, or the operator does not agree.
         """
         journal, header, entries, torn = Journal.reopen(self.path)
         try:

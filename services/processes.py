@@ -69,13 +69,7 @@ def server(
 
 
 def refuse_open_network(config: Config) -> None:
-    """Refuse an address that other machines can reach, where nothing is encrypted.
-
-    Raises
-    ------
-    ConfigError
-        If the server would listen beyond this machine without keys.
-    """
+    """Refuse an address that other machines can reach, where nothing is encrypted."""
     from netboard.keys import encrypted, local
 
     network = config.network
@@ -173,13 +167,7 @@ def lsl(
 
 
 def add_to(app: typer.Typer) -> None:
-    """Make these commands known.
-
-    Parameters
-    ----------
-    app : typer.Typer
-        The ``netboard`` command.
-    """
+    """Make these commands known."""
     app.command(
         epilog=examples(
             "netboard server",

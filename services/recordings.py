@@ -226,13 +226,7 @@ def import_(
 
 
 def add_to(app: typer.Typer) -> None:
-    """Make these commands known.
-
-    Parameters
-    ----------
-    app : typer.Typer
-        The ``netboard`` command.
-    """
+    """Make these commands known."""
     app.command(
         epilog=examples(
             "netboard replay S01.mcap",

@@ -24,11 +24,6 @@ def main(paths: Sequence[Path], output: Path | None = None) -> int:
         Unfinished or damaged files, and folders of such; they are left as they are.
     output : Path or None
         The new file, if there is one old one; None names it after the old one.
-
-    Returns
-    -------
-    int
-        Exit code: 1 if something could not be recovered.
     """
     files = list(_files(paths))
     if output is not None and len(files) != 1:

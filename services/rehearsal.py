@@ -30,30 +30,7 @@ def main(
     workers: int = 1,
     as_json: bool = False,
 ) -> int:
-    """Rehearse blocks, one after the other or several at once.
-
-    Parameters
-    ----------
-    blocks : sequence of Config
-        The blocks of the dyad.
-    seed : int
-        Seed of the study: who the people are.
-    dyad : int
-        Number of the dyad.
-    folder : Path or None
-        Where recordings go; None for none.
-    fast : bool
-        False: at the pace of the clock.
-    workers : int
-        How many processes.
-    as_json : bool
-        One line of JSON in place of the table.
-
-    Returns
-    -------
-    int
-        Exit code: 1 if a block was given up.
-    """
+    """Rehearse blocks, one after the other or several at once."""
     if folder is not None:
         try:
             folder.mkdir(parents=True, exist_ok=True)

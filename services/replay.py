@@ -22,13 +22,7 @@ HELP = "space: play, pause   ← →: 1 s   ↑ ↓ + -: speed   , .: one tick  
 
 
 def verify(path: Path) -> int:
-    """Compute every tick of a recording again and compare it to the bit.
-
-    Returns
-    -------
-    int
-        Exit code: 1 if a tick is not identical.
-    """
+    """Compute every tick of a recording again and compare it to the bit."""
     with Recording(path) as recording:
         verdict = verify_recording(recording)
     Console(highlight=False).print(verdict_line(verdict))
@@ -36,13 +30,7 @@ def verify(path: Path) -> int:
 
 
 def narrate(path: Path, speed: float) -> int:
-    """Tell the events of a recording at the pace they happened.
-
-    Returns
-    -------
-    int
-        Exit code.
-    """
+    """Tell the events of a recording at the pace they happened."""
     from netboard.nodes.replay import narrate as tell
 
     with Stopping() as stopping:
@@ -57,23 +45,8 @@ def show(
 
     Parameters
     ----------
-    paths : sequence of Path
-        The recordings.
-    station : str
-        Whose view is shown.
-    speed : float
-        Times real time.
-    sync : str
-        What two recordings have in common.
-    screenshot : Path or None
-        Save the first picture there and stop.
     at : float or None
         Where to begin; None for the start of the block [s].
-
-    Returns
-    -------
-    int
-        Exit code.
     """
     from netboard.display.player import run
 
@@ -88,19 +61,8 @@ def serve(path: Path, config: Config, speed: float, at: float | None) -> int:
 
     Parameters
     ----------
-    path : Path
-        The recording.
-    config : Config
-        Where to listen, and who may connect: the table ``[network]``.
-    speed : float
-        Times real time to begin with.
     at : float or None
         Where to begin; None for the start of the block [s].
-
-    Returns
-    -------
-    int
-        Exit code.
     """
     from netboard.nodes.replay_server import ReplayServer, printable_line
     from netboard.replay.orders import KEYS
@@ -123,25 +85,13 @@ def serve(path: Path, config: Config, speed: float, at: float | None) -> int:
 
 
 def tell_marks(path: Path) -> int:
-    """List the trials and events of a recording.
-
-    Returns
-    -------
-    int
-        Exit code.
-    """
+    """List the trials and events of a recording."""
     Console(highlight=False).print(marks_table(loaded(path)))
     return 0
 
 
 def loaded(path: Path) -> Reel:
-    """Read a recording, and show on a terminal how far that is.
-
-    Raises
-    ------
-    RecordingError
-        If it cannot be read, or has no tick.
-    """
+    """Read a recording, and show on a terminal how far that is."""
     console = Console(stderr=True)
     columns = TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed} ticks"), TimeElapsedColumn()
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:

@@ -204,13 +204,7 @@ def opened(config: Config, side: Side, real_time: bool) -> Iterator[Device]:
 
 
 def ask_consent(what: str, yes: bool, ask: Ask) -> None:
-    """Let nobody be pushed who has not agreed.
-
-    Raises
-    ------
-    NetboardError
-        If the sentence is not typed.
-    """
+    """Let nobody be pushed who has not agreed."""
     if yes:
         return
     if not sys.stdin.isatty():
@@ -221,13 +215,7 @@ def ask_consent(what: str, yes: bool, ask: Ask) -> None:
 
 
 def placement_values(overrides: Sequence[str]) -> tuple[dict[str, str], list[str]]:
-    """Divide settings into those of a profile's placement and those of the configuration.
-
-    Raises
-    ------
-    ConfigError
-        If one of the former has no value.
-    """
+    """Divide settings into those of a profile's placement and those of the configuration."""
     mine = [word for word in overrides if word.startswith("placement.")]
     given = {}
     for word in mine:

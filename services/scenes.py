@@ -130,13 +130,7 @@ def numbers(option: str, words: list[str] | None) -> tuple[float, ...]:
 
 
 def add_to(app: typer.Typer) -> None:
-    """Make this command known.
-
-    Parameters
-    ----------
-    app : typer.Typer
-        The ``netboard`` command.
-    """
+    """Make this command known."""
     app.command(
         epilog=examples(
             "netboard simulate --input stylus.csv --output out.csv",

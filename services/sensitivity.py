@@ -23,26 +23,7 @@ SEED = 1
 
 
 def main(recordings: Path | None, output: Path | None, json: Path | None, *, quick: bool, force: bool) -> None:
-    """Run the study.
-
-    Parameters
-    ----------
-    recordings : Path or None
-        A folder of recordings; None to rehearse some.
-    output : Path or None
-        Folder of the results; None for a new one here.
-    json : Path or None
-        File that gets the results too.
-    quick : bool
-        The short form.
-    force : bool
-        The folder may be there already.
-
-    Raises
-    ------
-    ConfigError
-        If there are no recordings.
-    """
+    """Run the study."""
     given = None if recordings is None else found_in(recordings)
     folder = Folder(output or new_folder("bench-sensitivity"), force=force)
     what = {"study": "sensitivity", "quick": quick}
@@ -55,13 +36,7 @@ def main(recordings: Path | None, output: Path | None, json: Path | None, *, qui
 
 
 def found_in(folder: Path) -> list[Path]:
-    """List the recordings of a folder, sorted by name.
-
-    Raises
-    ------
-    ConfigError
-        If there are none.
-    """
+    """List the recordings of a folder, sorted by name."""
     found = sorted(folder.glob("*.mcap"))
     if not found:
         raise ConfigError(f"{folder}: expected a folder with recordings (*.mcap)")

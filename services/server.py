@@ -18,8 +18,6 @@ def main(configs: Sequence[Config], *, autostart: bool = True) -> int:
     ----------
     configs : sequence of Config
         One for each dyad; what the process asks of its machine is that of the first.
-    autostart : bool
-        Start each block as soon as everything is there.
 
     Returns
     -------
@@ -30,26 +28,7 @@ def main(configs: Sequence[Config], *, autostart: bool = True) -> int:
 
 
 def study(config: Config, wanted: Wanted, *, autostart: bool, resume: bool, yes: bool) -> int:
-    """Serve one session of a study.
-
-    Parameters
-    ----------
-    config : Config
-        The rig.
-    wanted : Wanted
-        Which session.
-    autostart : bool
-        Start each block as soon as everything is there.
-    resume : bool
-        Go on where the session was left.
-    yes : bool
-        Without asking.
-
-    Returns
-    -------
-    int
-        Exit code, as of `main`.
-    """
+    """Serve one session of a study."""
     planned = Planned(config, wanted)
     session = planned.resumed(agreed(yes)) if resume else planned.begun()
     return serve([session], autostart=autostart)

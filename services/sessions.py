@@ -19,29 +19,7 @@ COLOURS = {VERDICTS[Grade.SOUND]: "green", VERDICTS[Grade.LOSS]: "yellow", VERDI
 
 
 def main(folder: Path, wanted: Filter, *, full: bool = False, as_json: bool = False) -> int:
-    """List the recordings of a folder.
-
-    Parameters
-    ----------
-    folder : Path
-        The folder; those in it count too.
-    wanted : Filter
-        Which files.
-    full : bool
-        Check each of them wholly.
-    as_json : bool
-        One JSON array instead of the table.
-
-    Returns
-    -------
-    int
-        Exit code.
-
-    Raises
-    ------
-    RecordingError
-        If there is no such folder.
-    """
+    """List the recordings of a folder."""
     if not folder.is_dir():
         raise RecordingError(f"{folder}: no such folder")
     console = Console(highlight=False)
@@ -71,15 +49,7 @@ def _completed(entry: Entry, full: bool) -> Entry:
 
 
 def table_of(entries: Sequence[Entry], folder: Path) -> FittedTable:
-    """Show files, a group for each session.
-
-    Parameters
-    ----------
-    entries : sequence of Entry
-        The files.
-    folder : Path
-        Where they are.
-    """
+    """Show files, a group for each session."""
     table = FittedTable(
         "block\ncondition", "file", *numbers("trials", "length\nsize", "lost"), "verdict", title=f"Sessions in {folder}"
     )
@@ -110,13 +80,7 @@ def _row(entry: Entry, folder: Path) -> list[Cell]:
 
 
 def in_total(entries: Sequence[Entry]) -> str:
-    """Say in a line what all of it is.
-
-    Parameters
-    ----------
-    entries : sequence of Entry
-        The files.
-    """
+    """Say in a line what all of it is."""
     recordings = [entry for entry in entries if entry.kind != "journal"]
     counts = ", ".join(
         f"{count} {verdict}" for verdict in VERDICTS if (count := sum(e.verdict == verdict for e in recordings))

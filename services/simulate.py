@@ -65,31 +65,7 @@ def load_scene(file: Path | None, overrides: Sequence[str]) -> Config:
 
 
 def main(words: Sequence[str], output: str, config: Config, wishes: Wishes, *, force: bool = False) -> int:
-    """Simulate every file.
-
-    Parameters
-    ----------
-    words : sequence of str
-        Files of hands, folders of them, patterns.
-    output : str
-        Where the results go.
-    config : Config
-        The scene is its table [physics].
-    wishes : Wishes
-        How.
-    force : bool
-        Results may take the place of files that are there.
-
-    Returns
-    -------
-    int
-        Exit code.
-
-    Raises
-    ------
-    ConfigError
-        If anything is wrong with a file; the others are simulated all the same.
-    """
+    """Simulate every file."""
     physics, free = config.physics, wishes.ball == "free"
     check_start(physics, wishes.start(physics.balls), free)
     steps = choose_steps(physics, free, wishes.method, wishes.substeps)

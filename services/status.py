@@ -22,27 +22,7 @@ ROUND_SECONDS = 1.2
 
 
 def main(config: Config, *, watch: bool, as_json: bool) -> int:
-    """Show every peer of a session: link, round trip, clock, rate, losses, version.
-
-    Parameters
-    ----------
-    config : Config
-        Where the server is.
-    watch : bool
-        Go on until stopped.
-    as_json : bool
-        One line of JSON in place of the tables.
-
-    Returns
-    -------
-    int
-        Exit code.
-
-    Raises
-    ------
-    NetboardError
-        If the server does not answer.
-    """
+    """Show every peer of a session: link, round trip, clock, rate, losses, version."""
     console = Console(highlight=False)
     with Stopping() as stopping, sockets.open_context() as context:
         operator = Operator(config.network, context)

@@ -33,16 +33,6 @@ def load(word: str) -> Study:
     word : str
         A built-in study's name or a file; ``:ORDER`` after it takes another of its orders, ``:ONE,OTHER`` several that
         dyads take in turn.
-
-    Returns
-    -------
-    Study
-        The study.
-
-    Raises
-    ------
-    ConfigError
-        If there is none, or what is in it is wrong.
     """
     name, colon, orders = (word, "", "") if Path(word).is_file() else word.partition(":")
     study = parse_study(_text_of(name), name)
@@ -71,21 +61,8 @@ def show(config: Config, study: Study, seed: int, dyad: int | None, dyads: int |
     ----------
     config : Config
         The rig, which knows the participants' hands and what the study leaves open.
-    study : Study
-        The study.
-    seed : int
-        The seed.
     dyad : int or None
         The dyad whose blocks are shown; None: the first, or none of them if `dyads` are counted.
-    dyads : int or None
-        How many are counted; None: that one.
-    as_json : bool
-        One line of JSON.
-
-    Returns
-    -------
-    int
-        Exit code.
     """
     console = Console()
     hands = config.session.hand_a, config.session.hand_b
@@ -115,19 +92,6 @@ def check(config: Config, study: Study, word: str, seed: int, dyads: int) -> int
     ----------
     config : Config
         The rig, with which every block must make a valid configuration.
-    study : Study
-        The study.
-    word : str
-        What people call it.
-    seed : int
-        The seed.
-    dyads : int
-        How many dyads are counted.
-
-    Returns
-    -------
-    int
-        Exit code.
     """
     plans = [plan_of(study, seed, number) for number in range(1, dyads + 1)]
     balance = balance_of(study, plans)
@@ -162,13 +126,7 @@ def _by_role(blocks: Sequence[PlanBlock]) -> Iterator[str]:
 
 
 def show_list() -> int:
-    """List the built-in studies.
-
-    Returns
-    -------
-    int
-        Exit code.
-    """
+    """List the built-in studies."""
     table = FittedTable("study", "what it is", "orders")
     for name in library.NAMES:
         study = load(name)

@@ -34,26 +34,7 @@ def processes(
     autostart: bool = True,
     insecure: bool = False,
 ) -> dict[str, list[str]]:
-    """What is to be run: commands by the names of their processes, in the order of their start.
-
-    Parameters
-    ----------
-    config : Path or None
-        The configuration file.
-    overrides : sequence of str
-        Settings as ``table.key=value``, for all of them.
-    server : bool
-        Whether server and logger belong here.
-    station : str or None
-        Which station is here: ``left``, ``right``, ``both``; None for none.
-    autostart, insecure : bool
-        Options of the server.
-
-    Raises
-    ------
-    ConfigError
-        If nothing belongs here.
-    """
+    """What is to be run: commands by the names of their processes, in the order of their start."""
     if not server and station is None:
         raise ConfigError("say what belongs on this machine: --server, --station left|right|both, or both of these")
     sides = [side for side in SIDES if station in (side, "both")]
@@ -72,29 +53,12 @@ def processes(
 
 
 def require_free(network: Network) -> None:
-    """Make sure that no other server is there: logger, agents and displays would join its session.
-
-    Raises
-    ------
-    NetboardError
-        If one is.
-    """
+    """Make sure that no other server is there: logger, agents and displays would join its session."""
     sockets.require_free(channels.addresses(network).listen(channels.MOTION))
 
 
 def main(wanted: dict[str, list[str]]) -> int:
-    """Run processes until told to stop or one of them ends; then stop the others.
-
-    Parameters
-    ----------
-    wanted : dict of str to list of str
-        Commands by name, as from `processes`.
-
-    Returns
-    -------
-    int
-        Exit code: 1 if one of them failed.
-    """
+    """Run processes until told to stop or one of them ends; then stop the others."""
     speak("up")
     with Stopping() as stopping, Launcher(None, {}) as launcher:
         for name, command in wanted.items():

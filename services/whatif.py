@@ -40,32 +40,8 @@ def main(
 
     Parameters
     ----------
-    path : Path
-        The recording.
-    changes : sequence of str
-        Settings as ``table.key=value``.
-    output : Path or None
-        The ticks of the attempts go there, as a recording.
-    figure : Path or None
-        A figure goes there.
     trial : int or None
         The trial that it shows; None for the most telling attempt.
-    as_json : bool
-        One JSON object instead of the table.
-
-    Returns
-    -------
-    int
-        Exit code.
-
-    Raises
-    ------
-    RecordingError
-        If there is no attempt, or not the trial asked for.
-    ConfigError
-        If a setting is wrong.
-    NetboardError
-        If a file exists already, or cannot be drawn.
     """
     require_free(figure)
     console = Console(highlight=False)
@@ -89,18 +65,7 @@ def main(
 
 
 def require_free(figure: Path | None) -> None:
-    """Refuse a figure that exists already, or that nothing here can draw.
-
-    Parameters
-    ----------
-    figure : Path or None
-        Where it is to go.
-
-    Raises
-    ------
-    NetboardError
-        If so.
-    """
+    """Refuse a figure that exists already, or that nothing here can draw."""
     if figure is None:
         return
     if find_spec("matplotlib") is None:
@@ -112,22 +77,7 @@ def require_free(figure: Path | None) -> None:
 
 
 def attempt_at(found: WhatIf, trial: int, path: Path) -> Comparison:
-    """Return the last attempt at a trial.
-
-    Parameters
-    ----------
-    found : WhatIf
-        All of them.
-    trial : int
-        Number of the trial [1].
-    path : Path
-        The recording.
-
-    Raises
-    ------
-    RecordingError
-        If there is none.
-    """
+    """Return the last attempt at a trial."""
     attempts = [one for one in found.comparisons if one.then.trial == trial]
     if not attempts:
         numbers = sorted({one.then.trial for one in found.comparisons})
@@ -136,15 +86,7 @@ def attempt_at(found: WhatIf, trial: int, path: Path) -> Comparison:
 
 
 def table_of(comparisons: Sequence[Comparison], changes: Sequence[str]) -> FittedTable:
-    """Show every attempt then and now.
-
-    Parameters
-    ----------
-    comparisons : sequence of Comparison
-        The attempts.
-    changes : sequence of str
-        What was set.
-    """
+    """Show every attempt then and now."""
     otherwise = sum(one.then.outcome != one.now.outcome for one in comparisons)
     title = f"With {', '.join(changes) or 'nothing changed'}: {otherwise} of {len(comparisons)} attempts end otherwise"
     differing = numbers(*(f"{quantity.text}\n[{quantity.unit}]\nrms\nmax" for quantity in QUANTITIES))
@@ -179,15 +121,7 @@ def differences(one: Comparison, name: str, scale: float) -> str:
 
 
 def as_data(found: WhatIf, changes: Sequence[str]) -> dict[str, Any]:
-    """Say the same for programs, in SI units.
-
-    Parameters
-    ----------
-    found : WhatIf
-        A recording, and what becomes of it.
-    changes : sequence of str
-        What was set.
-    """
+    """Say the same for programs, in SI units."""
     return {
         "set": list(changes),
         "identical": found.identical,

@@ -30,10 +30,6 @@ class Endpoint:
 
     Attributes
     ----------
-    address : str
-        For ZeroMQ.
-    channel : int
-        Which one it is.
     lock : Door or Credentials or None
         The door that is bound there, or the keys to come in with; None where nothing is encrypted.
     """
@@ -49,14 +45,6 @@ class Addresses:
 
     Attributes
     ----------
-    host : str
-        Where peers connect to.
-    bind : str
-        What the server binds to.
-    port : int
-        Port of channel 0.
-    transport : str
-        ``tcp`` or ``ipc``.
     lock : Door or Credentials or None
         At the server its door, at a peer its keys; None where nothing is encrypted.
     """

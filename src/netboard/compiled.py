@@ -89,13 +89,7 @@ def kernel(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def inlined(function: Callable[P, R]) -> Callable[P, R]:
-    """Compile a function into every kernel that calls it, so that what it need not compute there falls away.
-
-    Parameters
-    ----------
-    function : callable
-        As for `kernel`.
-    """
+    """Compile a function into every kernel that calls it, so that what it need not compute there falls away."""
     compiled: Callable[P, R] = numba.njit(cache=True, **INLINED)(function)
     return compiled
 
@@ -123,8 +117,6 @@ def composed(function: Callable[P, R], **kernels: Callable[..., object]) -> Call
 
     Parameters
     ----------
-    function : callable
-        As for `kernel`.
     **kernels : callable
         Kernels, by the name of what the function's module has in their place.
     """
@@ -166,8 +158,6 @@ def loosened(function: Callable[P, R], instead: Mapping[Any, Any]) -> Callable[P
 
     Parameters
     ----------
-    function : callable
-        A kernel or a plain function that has been `specialised`.
     instead : mapping of callable to callable
         What to call in place of some of the functions that it calls.
     """

@@ -47,15 +47,7 @@ def readable(socket: Socket) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Credentials:
-    """A peer's own keys, and the one by which it knows the server (Z85).
-
-    Attributes
-    ----------
-    public, secret : str
-        The peer's key pair.
-    server : str
-        The server's public key.
-    """
+    """A peer's own keys, and the one by which it knows the server (Z85)."""
 
     public: str
     secret: str = field(repr=False)
@@ -88,13 +80,7 @@ def new_keys() -> tuple[str, str]:
 
 
 def public_of(secret: str) -> str:
-    """The public key that goes with a secret one (Z85).
-
-    Raises
-    ------
-    ValueError
-        If it is not a key.
-    """
+    """The public key that goes with a secret one (Z85)."""
     return zmq.curve_public(secret.encode()).decode()
 
 
@@ -103,8 +89,6 @@ class Door:
 
     Parameters
     ----------
-    ring : Ring
-        Its own key and theirs.
     port : int
         By which it is told from other servers in the same context.
     """

@@ -48,8 +48,6 @@ class Router:
 
     Attributes
     ----------
-    channel : str
-        Name of its channel.
     key : str
         Key with which the sender of the last frame came in (Z85); empty without keys.
     """
@@ -93,17 +91,7 @@ class Router:
         return not self._more and readable(self.socket)
 
     def checked(self, peer: bytes, key: str, address: str, frame: bytes) -> tuple[bytes, bytes]:
-        """(peer, frame) of what has just come in, as `receive` has it.
-
-        Parameters
-        ----------
-        peer : bytes
-            Name of the sender.
-        key, address : str
-            Its key (Z85), and where it is.
-        frame : bytes
-            What came.
-        """
+        """(peer, frame) of what has just come in, as `receive` has it."""
         self.key = key
         return (peer, frame) if self._door is None or self._rightly_named(self._door, peer, key, address) else NOBODY
 

@@ -116,13 +116,7 @@ _CLOCK = int(getattr(time, "CLOCK_UPTIME_RAW", getattr(time, "CLOCK_MONOTONIC", 
 
 @kernel
 def now_ns(fast: Any) -> int:
-    """Monotonic time of this machine, as `netboard.clock.now_ns` has it, or what a simulation has set [ns].
-
-    Parameters
-    ----------
-    fast : ndarray of FAST_PATH, shape (1,)
-        Room for it.
-    """
+    """Monotonic time of this machine, as `netboard.clock.now_ns` has it, or what a simulation has set [ns]."""
     if fast[0]["set_ns"] != MACHINES:
         return int(fast[0]["set_ns"])
     clock = fast[0]["clock"]
@@ -194,13 +188,6 @@ def receive(fast: Any, frame: Any) -> int:
     What is not one frame, or is longer than there is room, is taken for an empty one, which no message is. The parts of
     a message that has many are skipped a bounded number at a time; until then there is nothing.
 
-    Parameters
-    ----------
-    fast : ndarray of FAST_PATH, shape (1,)
-        The fast path.
-    frame : ndarray of uint8
-        Where the frame goes; its length is ``fast["size"]``.
-
     Returns
     -------
     int
@@ -235,15 +222,6 @@ def receive(fast: Any, frame: Any) -> int:
 def send_to(fast: Any, place: int, frame: Any) -> int:
     """Send a frame to a known peer, without waiting.
 
-    Parameters
-    ----------
-    fast : ndarray of FAST_PATH, shape (1,)
-        The fast path of a router.
-    place : int
-        Place of the peer [1].
-    frame : ndarray of uint8
-        The frame.
-
     Returns
     -------
     int
@@ -262,15 +240,8 @@ def hear(fast: Any, frame: Any) -> int:
 
     Parameters
     ----------
-    fast : ndarray of FAST_PATH, shape (1,)
-        The fast path of a dealer.
     frame : ndarray of uint8
         Where the frame goes; what is longer than that is cut off.
-
-    Returns
-    -------
-    int
-        Length of what came, or `NOTHING`, `FAILED`.
     """
     size = _zmq_recv(fast[0]["socket"], frame.ctypes.data, len(frame), _DONTWAIT)
     return min(size, len(frame)) if size >= 0 else _no_frame()
@@ -279,13 +250,6 @@ def hear(fast: Any, frame: Any) -> int:
 @kernel
 def say(fast: Any, frame: Any) -> int:
     """Send a frame on a socket of one peer, without waiting.
-
-    Parameters
-    ----------
-    fast : ndarray of FAST_PATH, shape (1,)
-        The fast path of a dealer.
-    frame : ndarray of uint8
-        The frame.
 
     Returns
     -------
@@ -296,17 +260,7 @@ def say(fast: Any, frame: Any) -> int:
 
 
 class Sender(NamedTuple):
-    """Who sent a frame.
-
-    Attributes
-    ----------
-    name : bytes
-        Its name.
-    key : str
-        Key with which it came in (Z85); empty without keys.
-    address : str
-        From where; empty without keys.
-    """
+    """Who sent a frame."""
 
     name: bytes
     key: str
@@ -326,13 +280,6 @@ class FastPath:
     ----------
     socket : zmq.Socket or None
         A router or a dealer, which must not be closed before the fast path is; None for one that leads nowhere.
-    keyed : bool
-        Whether peers come in by keys.
-
-    Attributes
-    ----------
-    record : ndarray of FAST_PATH, shape (1,)
-        What the kernels get.
     """
 
     def __init__(self, socket: Socket | None, keyed: bool = False) -> None:
@@ -344,17 +291,7 @@ class FastPath:
             us[name][: len(text)] = np.frombuffer(text, np.uint8)
 
     def know(self, place: int, name: bytes, key: str) -> None:
-        """Expect frames of a peer.
-
-        Parameters
-        ----------
-        place : int
-            What `receive` shall return for them [1].
-        name : bytes
-            Its name.
-        key : str
-            Key it must have come in with; empty without keys.
-        """
+        """Expect frames of a peer."""
         us = self.record[0]
         us["known"][place] = len(name)
         us["names"][place][: len(name)] = np.frombuffer(name, np.uint8)
@@ -375,13 +312,7 @@ class FastPath:
         return int(self.record[0]["size"])
 
     def fail(self, channel: str) -> None:
-        """Say why the socket is of no use any more.
-
-        Raises
-        ------
-        NetboardError
-            Always.
-        """
+        """Say why the socket is of no use any more."""
         number = zmq.zmq_errno()
         raise NetboardError(f"the {channel} channel failed: {zmq.strerror(number)}")
 

@@ -58,12 +58,6 @@ class Peer:
     ----------
     name : str
         Which one: what it is for, numbered from the second on.
-    role, side : str
-        What it is for.
-    public : str
-        The key (Z85).
-    created, revoked : datetime
-        Since when it is good, and since when no longer.
     """
 
     __pydantic_config__ = NO_EXTRAS
@@ -118,43 +112,18 @@ def local(address: str) -> bool:
 
 
 def reach(network: Network, peer: str) -> channels.Addresses:
-    """Where a peer finds the server, with its keys if they are in use.
-
-    Parameters
-    ----------
-    network : Network
-        Where the server is.
-    peer : str
-        What it is: ``agent.left``, ``display.right``, ``logger``, ``console``, ``listener``.
-
-    Raises
-    ------
-    ConfigError
-        If it needs a key and has none, or one that others can read.
-    """
+    """Where a peer finds the server, with its keys if they are in use."""
     lock = credentials(Path(network.keys), peer) if encrypted(network) else None
     return channels.addresses(network, lock)
 
 
 def door(network: Network) -> doors.Door | None:
-    """Make the door of a server; None if keys are not in use.
-
-    Raises
-    ------
-    ConfigError
-        If there are no keys, or others can read them.
-    """
+    """Make the door of a server; None if keys are not in use."""
     return doors.Door(Ring(Path(network.keys)), network.port) if encrypted(network) else None
 
 
 def credentials(folder: Path, peer: str) -> doors.Credentials:
-    """Read a peer's key.
-
-    Raises
-    ------
-    ConfigError
-        If it is not there, or others can read it.
-    """
+    """Read a peer's key."""
     path = key_path(folder, peer)
     role, _, side = peer.partition(".")
     hint = f"make it at the server with: netboard keys add {role} {side}".rstrip() + ", and bring it here"
@@ -165,18 +134,7 @@ def credentials(folder: Path, peer: str) -> doors.Credentials:
 
 
 class Ring:
-    """The server's own key, and what each peer's is for, as the files say now.
-
-    Parameters
-    ----------
-    folder : Path
-        Where they are.
-
-    Raises
-    ------
-    ConfigError
-        If they are not there or not in order, or others can read them.
-    """
+    """The server's own key, and what each peer's is for, as the files say now."""
 
     def __init__(self, folder: Path) -> None:
         self.secret = _read_key(key_path(folder, SERVER), "make it with: netboard keys init").secret
@@ -240,23 +198,7 @@ class Ring:
 
 
 def init(folder: Path) -> Path:
-    """Make the key of a server, and an empty list of peers.
-
-    Parameters
-    ----------
-    folder : Path
-        Where they go; made if it is not there.
-
-    Returns
-    -------
-    Path
-        The server's key.
-
-    Raises
-    ------
-    ConfigError
-        If there is one already, or it cannot be written.
-    """
+    """Make the key of a server, and an empty list of peers."""
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     _refuse_open(folder)
     path = key_path(folder, SERVER)
@@ -271,22 +213,8 @@ def add(folder: Path, role: Role, side: str, to: Path) -> tuple[Peer, Path]:
 
     Parameters
     ----------
-    folder : Path
-        The server's keys.
-    role, side : str
-        What it is for.
     to : Path
         The folder its file goes to; made if it is not there.
-
-    Returns
-    -------
-    (Peer, Path)
-        What the server knows of it, and its file.
-
-    Raises
-    ------
-    ConfigError
-        If such a file is there already, or cannot be written.
     """
     if (role in AT_A_STATION) != (side in SIDES):
         raise ConfigError(f"{role}: expected a side, left or right" if not side else f"{role}: has no side")
@@ -304,13 +232,7 @@ def add(folder: Path, role: Role, side: str, to: Path) -> tuple[Peer, Path]:
 
 
 def revoke(folder: Path, name: str) -> Peer:
-    """Let a peer in no more.
-
-    Raises
-    ------
-    ConfigError
-        If there is none of that name, or it has been revoked before.
-    """
+    """Let a peer in no more."""
     with _changed_list(folder) as peers:
         good = [place for place, peer in enumerate(peers) if peer.name == name and peer.revoked is None]
         if not good:
@@ -321,13 +243,7 @@ def revoke(folder: Path, name: str) -> Peer:
 
 
 def read_list(folder: Path) -> tuple[Peer, ...]:
-    """Read which peers a server knows.
-
-    Raises
-    ------
-    ConfigError
-        If the list is not there or not in order, or others can read it.
-    """
+    """Read which peers a server knows."""
     path = folder / LIST
     peers = _parse(path, _read(path, "make it with: netboard keys init"), _LIST_ADAPTER).peer
     for peer in peers:

@@ -191,10 +191,6 @@ def prepare(wanted: Realtime, priority: int, cpus: str) -> dict[str, str]:
 
     Parameters
     ----------
-    wanted : Realtime
-        What shall be asked for.
-    priority : int
-        SCHED_FIFO priority of the loop.
     cpus : str
         CPUs it may run on, as in ``0,2-3``; empty for any.
 
@@ -241,13 +237,7 @@ def make_way(wanted: Realtime) -> None:
 
 
 def cpu_set(cpus: str) -> set[int]:
-    """Read a list of CPUs, such as ``0,2-3``.
-
-    Raises
-    ------
-    OSError
-        If it is none; as the system would refuse it.
-    """
+    """Read a list of CPUs, such as ``0,2-3``."""
     numbers: set[int] = set()
     for part in filter(None, cpus.split(",")):
         first, dash, last = part.partition("-")
@@ -338,24 +328,12 @@ def peak_memory() -> float:
 
 
 def speak(name: str) -> None:
-    """Let log lines go to standard error, each with the name of the process.
-
-    Parameters
-    ----------
-    name : str
-        Such as ``agent left``.
-    """
+    """Let log lines go to standard error, each with the name of the process."""
     logging.basicConfig(level=logging.INFO, format=f"%(relativeCreated)8d ms  {name}  %(message)s", force=True)
 
 
 class Seldom:
-    """Says what may happen any number of times: at once, and then once a second at most, with the number of times.
-
-    Parameters
-    ----------
-    log : logging.Logger
-        Where it is said, as a warning.
-    """
+    """Says what may happen any number of times: at once, and then once a second at most, with the number of times."""
 
     def __init__(self, log: logging.Logger) -> None:
         self._log = log
@@ -363,13 +341,7 @@ class Seldom:
         self._said = -SELDOM_S
 
     def say(self, text: str) -> None:
-        """Say it, or only count it.
-
-        Parameters
-        ----------
-        text : str
-            What happened, the last time.
-        """
+        """Say it, or only count it."""
         self._times += 1
         now = time.monotonic()
         if now - self._said >= SELDOM_S:

@@ -39,13 +39,7 @@ class _Kind:
 
 
 class RefusalCount:
-    """Counts refusals by kind.
-
-    Attributes
-    ----------
-    totals : dict of str to int
-        Refusals so far, by reason [1].
-    """
+    """Counts refusals by kind."""
 
     def __init__(self) -> None:
         self.totals: dict[str, int] = {}

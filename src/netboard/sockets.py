@@ -230,13 +230,7 @@ def _bind(context: Context, socket: Socket, endpoint: Endpoint) -> Socket:
 
 
 def require_free(endpoint: Endpoint) -> None:
-    """Find out whether another server listens on a channel, before anything is started that would join its session.
-
-    Raises
-    ------
-    NetboardError
-        If one does.
-    """
+    """Find out whether another server listens on a channel, before anything is started that would join its session."""
     try:
         _refuse_taken(endpoint.address)
         if endpoint.address.startswith("tcp://"):
@@ -254,13 +248,7 @@ def require_free(endpoint: Endpoint) -> None:
 
 
 def _refuse_taken(address: str) -> None:
-    """Find out whether somebody listens on a socket of the file system: libzmq would just take it away.
-
-    Raises
-    ------
-    ZMQError
-        If somebody does. What a dead process has left is no obstacle.
-    """
+    """Find out whether somebody listens on a socket of the file system: libzmq would just take it away."""
     if not address.startswith("ipc://"):
         return
     with net.socket(net.AF_UNIX) as probe:

@@ -49,10 +49,6 @@ class FittedTable:
     *columns : str or Column
         Heads of the columns; a str is the head of a column of text. The first one identifies a row, together
         with as many of those after it as it takes to tell the rows apart.
-    title, caption : str, optional
-        What is written above and below.
-    header : bool, optional
-        Whether the heads are shown.
     """
 
     def __init__(self, *columns: str | Column, title: str = "", caption: str = "", header: bool = True) -> None:

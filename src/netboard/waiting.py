@@ -12,13 +12,7 @@ from netboard.doors import Socket, readable
 
 
 class Waiter:
-    """Waits until any of some sockets can be read.
-
-    Parameters
-    ----------
-    sockets : iterable of zmq.Socket
-        All of them.
-    """
+    """Waits until any of some sockets can be read."""
 
     def __init__(self, sockets: Iterable[Socket]) -> None:
         self._sockets = tuple(sockets)

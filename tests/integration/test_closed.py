@@ -166,7 +166,8 @@ class Attempts:
     def wrong_hand(self) -> Intruder:
         """An agent says that it is the other hand's, and moves it."""
         who = self.at(channels.MOTION, self.own("agent.right"), "agent.right@intruder")
-        who.until_refused("the key of agent.right is not that of agent.left", hello("agent", "left"), stylus(10_000_000))
+        reason = "the key of agent.right is not that of agent.left"
+        who.until_refused(reason, hello("agent", "left"), stylus(10_000_000))
         return who
 
     def wrong_name(self) -> Intruder:

@@ -31,13 +31,7 @@ QPushButton:pressed {{ background: white; color: {STOP_RED}; }}
 
 
 class WishButton(QPushButton):
-    """The button of one wish.
-
-    Parameters
-    ----------
-    wish : Wish
-        What it stands for.
-    """
+    """The button of one wish."""
 
     def __init__(self, wish: Wish) -> None:
         super().__init__()

@@ -26,23 +26,7 @@ Refused = Callable[[Status], str]
 
 @dataclass(frozen=True, slots=True)
 class Wish:
-    """One thing that an operator can command.
-
-    Attributes
-    ----------
-    name : str
-        One of ``netboard.wire.control.COMMANDS``.
-    label : str
-        What its button says.
-    key : str
-        Its key.
-    tip : str
-        What it does.
-    refused : callable
-        Why it makes no sense now; empty if it does.
-    twice : bool
-        Whether it is to be pressed twice.
-    """
+    """One thing that an operator can command."""
 
     name: str
     label: str
@@ -133,22 +117,7 @@ RELEASING = Wish(
 
 
 def refusal(wish: Wish, status: Status | None, own: str) -> str:
-    """Why a wish makes no sense now.
-
-    Parameters
-    ----------
-    wish : Wish
-        The wish.
-    status : Status or None
-        How the server is; None before it was heard.
-    own : str
-        Name of this console.
-
-    Returns
-    -------
-    str
-        One sentence; empty if it may be sent.
-    """
+    """Why a wish makes no sense now."""
     if status is None:
         return "the server is not there"
     if replayed(status):

@@ -43,17 +43,7 @@ log = logging.getLogger(__name__)
 
 
 class Desk(QObject):
-    """Brings a window and a server together.
-
-    Parameters
-    ----------
-    config : Config
-        Where the server is.
-    context : zmq.Context
-        Where the socket is made.
-    window : ConsoleWindow
-        The window.
-    """
+    """Brings a window and a server together."""
 
     def __init__(self, config: Config, context: sockets.Context, window: ConsoleWindow) -> None:
         super().__init__(window)
@@ -156,19 +146,10 @@ def run(config: Config, stopping: Callable[[], bool], picture: Path | None = Non
 
     Parameters
     ----------
-    config : Config
-        Where the server is, and what is too much.
     stopping : callable
         Whether the process has been asked to stop; asked some twenty times a second.
-    picture : Path, optional
-        Where a screenshot goes.
     after : float, optional
         Take it so long after the first status, and go on. Without it, take it at the first status and stop [s].
-
-    Raises
-    ------
-    NetboardError
-        If the screenshot exists already or cannot be written.
     """
     if picture is not None and picture.exists():
         raise NetboardError(f"{picture} exists; a screenshot never overwrites a file")

@@ -15,23 +15,7 @@ ASKED = {"name": "Session", "participant_a": "Participant A", "participant_b": "
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """The answers, under the names that `netboard.tables.experiment.Session` has for them.
-
-    Attributes
-    ----------
-    name : str
-        Label of the session.
-    participant_a, participant_b : str
-        Pseudonymous ids.
-    hand_a, hand_b : str
-        Dominant hands: ``right`` or ``left``.
-    seat_a : str
-        Where participant A sits: ``left`` or ``right``.
-    consent : bool
-        Whether both have given their consent.
-    pilot : bool
-        Whether this is a pilot run.
-    """
+    """The answers, under the names that `netboard.tables.experiment.Session` has for them."""
 
     name: str
     participant_a: str
@@ -44,29 +28,13 @@ class Entry:
 
 
 def first_entry(session: Session) -> Entry:
-    """What the form shows before anything has been filled in: what the configuration says, and no consent.
-
-    Parameters
-    ----------
-    session : Session
-        The configuration's table.
-
-    Returns
-    -------
-    Entry
-        The answers.
-    """
+    """What the form shows before anything has been filled in: what the configuration says, and no consent."""
     known = {field.name: getattr(session, field.name) for field in fields(Entry)}
     return Entry(**{**known, "consent": False})
 
 
 def problems(entry: Entry) -> dict[str, str]:
     """What is wrong with the answers.
-
-    Parameters
-    ----------
-    entry : Entry
-        The answers.
 
     Returns
     -------
@@ -87,16 +55,5 @@ def problems(entry: Entry) -> dict[str, str]:
 
 
 def as_json(entry: Entry) -> str:
-    """Write the answers as the argument of the command ``open``.
-
-    Parameters
-    ----------
-    entry : Entry
-        The answers.
-
-    Returns
-    -------
-    str
-        JSON text.
-    """
+    """Write the answers as the argument of the command ``open``."""
     return json.dumps(asdict(entry))

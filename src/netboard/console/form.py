@@ -40,15 +40,7 @@ QCheckBox:focus {{ border-color: {PLAIN.cursor}; }}
 
 
 class Choice(QWidget):
-    """One of two, side by side.
-
-    Parameters
-    ----------
-    words : dict of str
-        What each answer's button says.
-    answer : str
-        The answer to begin with.
-    """
+    """One of two, side by side."""
 
     def __init__(self, words: dict[str, str], answer: str) -> None:
         super().__init__()
@@ -75,17 +67,10 @@ class Choice(QWidget):
 class SessionForm(QWidget):
     """The form.
 
-    Parameters
-    ----------
-    entry : Entry
-        What it shows to begin with.
-
     Signals
     -------
     filled
         With the answers as JSON, when they are complete and are to be sent.
-    left
-        When it is to be put away.
     """
 
     filled = Signal(str)

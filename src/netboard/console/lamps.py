@@ -46,12 +46,6 @@ class Lamp:
 
     Attributes
     ----------
-    name : str
-        What it is about.
-    level : Level
-        How it shines.
-    words : str
-        What it says, in a word or two.
     tip : str
         What is wrong, and what to do; where all is well, what it shows.
     """
@@ -72,12 +66,8 @@ class Limits:
         Age at which a sample no longer counts [s].
     clock_bound : float
         A device is armed while its clock is known to this [s].
-    late_ticks : int
-        Most late ticks [1].
     lost_ticks, clipped_ticks : int
         Most ticks without a fresh sample, and with a force at its limit [1].
-    version : str
-        Version of this console.
     """
 
     sample_age: float
@@ -89,20 +79,7 @@ class Limits:
 
 
 def limits_of(config: Config, version: str) -> Limits:
-    """Take the limits from a configuration.
-
-    Parameters
-    ----------
-    config : Config
-        Rig and experiment.
-    version : str
-        Version of this console.
-
-    Returns
-    -------
-    Limits
-        The limits.
-    """
+    """Take the limits from a configuration."""
     network, quality = config.network, config.quality
     return Limits(
         network.sample_timeout_ms * 1e-3,
@@ -119,19 +96,8 @@ def session_lamps(status: Status | None, silence: float, recent: Recent, limits:
 
     Parameters
     ----------
-    status : Status or None
-        How the server is; None before it was heard.
     silence : float
         Time since it was heard; infinite before the first time [s].
-    recent : Recent
-        What has changed of late.
-    limits : Limits
-        What is too much.
-
-    Returns
-    -------
-    tuple of Lamp
-        The lamps.
     """
     server = _server(silence)
     if status is None:
@@ -154,40 +120,17 @@ SESSION_LAMPS = ("Server", "Recording", "Disk", "Late ticks", "Forces", "Session
 
 
 def recorded(status: Status) -> bool:
-    """Whether somebody brings what happens to disk.
-
-    Parameters
-    ----------
-    status : Status
-        How the server is.
-    """
+    """Whether somebody brings what happens to disk."""
     return any(age <= STALLED for _, age, _, _ in status.recordings)
 
 
 def replayed(status: Status) -> bool:
-    """Whether the server is that of a recording, and nobody's hand is moved.
-
-    Parameters
-    ----------
-    status : Status
-        How the server is.
-    """
+    """Whether the server is that of a recording, and nobody's hand is moved."""
     return status.notice.startswith(REPLAY_OF)
 
 
 def faded(lamps: Sequence[Lamp]) -> tuple[Lamp, ...]:
-    """What lamps showed when the server was last heard: nobody knows whether it is still so.
-
-    Parameters
-    ----------
-    lamps : sequence of Lamp
-        The lamps.
-
-    Returns
-    -------
-    tuple of Lamp
-        The same ones, gone out.
-    """
+    """What lamps showed when the server was last heard: nobody knows whether it is still so."""
     return tuple(
         replace(lamp, level=Level.OFF, words=lamp.words and f"({lamp.words})", tip="From before the link was lost.")
         for lamp in lamps
@@ -195,15 +138,7 @@ def faded(lamps: Sequence[Lamp]) -> tuple[Lamp, ...]:
 
 
 def over(status: Status, silence: float) -> bool:
-    """Whether the session has ended, and the server with it.
-
-    Parameters
-    ----------
-    status : Status
-        How the server was.
-    silence : float
-        Time since then [s].
-    """
+    """Whether the session has ended, and the server with it."""
     return silence > SILENT and status.phase == "finished" and status.block >= status.blocks
 
 
@@ -290,19 +225,8 @@ def shout(status: Status | None, silence: float, recent: Recent, unconfirmed: bo
 
     Parameters
     ----------
-    status : Status or None
-        How the server is.
-    silence : float
-        Time since it was heard [s].
-    recent : Recent
-        What has changed of late.
     unconfirmed : bool
         Whether an emergency stop was asked for that the server has not confirmed in time.
-
-    Returns
-    -------
-    str
-        One line.
     """
     if unconfirmed and not (status is not None and replayed(status)):
         return "STOP NOT CONFIRMED: TAKE THE STYLUSES OUT OF THE HANDS"
@@ -321,13 +245,7 @@ def shout(status: Status | None, silence: float, recent: Recent, unconfirmed: bo
 
 
 def milliseconds(seconds: float) -> str:
-    """Write a short time.
-
-    Parameters
-    ----------
-    seconds : float
-        The time; NaN for one that is not known [s].
-    """
+    """Write a short time."""
     ms = seconds * 1e3
     if not isfinite(ms):
         return "?"
@@ -335,22 +253,10 @@ def milliseconds(seconds: float) -> str:
 
 
 def duration(minutes: float) -> str:
-    """Write a long time.
-
-    Parameters
-    ----------
-    minutes : float
-        The time [min].
-    """
+    """Write a long time."""
     return f"{minutes:.0f} min" if minutes < 120 else f"{minutes / 60:.0f} h"
 
 
 def size(count: int) -> str:
-    """Write a size.
-
-    Parameters
-    ----------
-    count : int
-        How many bytes [1].
-    """
+    """Write a size."""
     return f"{count / 1e9:.1f} GB" if count >= 10**9 else f"{count / 1e6:.1f} MB"

@@ -30,10 +30,6 @@ class Recent:
 
     Attributes
     ----------
-    late_ticks : int
-        Late ticks of the last ten seconds [1].
-    lost : dict of str
-        Messages of each peer lost meanwhile [1].
     minutes : float
         How long the disk will last as the recording grows now; NaN while that is not known [min].
     """
@@ -52,8 +48,6 @@ def minutes_left(written: list[tuple[float, int]], free_bytes: int) -> float:
     ----------
     written : list of (float, int)
         Time and size of the file that was written then, in bytes [s, 1].
-    free_bytes : int
-        What is left on the disk, in bytes [1].
 
     Returns
     -------
@@ -76,20 +70,7 @@ class Memory:
         self._past: deque[tuple[float, Status]] = deque()
 
     def remember(self, now: float, status: Status) -> Recent:
-        """Take a status, and tell what has changed of late.
-
-        Parameters
-        ----------
-        now : float
-            The time [s].
-        status : Status
-            The newest one.
-
-        Returns
-        -------
-        Recent
-            What has changed.
-        """
+        """Take a status, and tell what has changed of late."""
         if status.session != self._session:
             self._past.clear()
             self._session = status.session

@@ -31,24 +31,7 @@ class _Seat:
 
 
 def station_lamps(status: Status, recent: Recent, side: Side, limits: Limits) -> tuple[Lamp, ...]:
-    """All lamps of one station, always the same ones in the same order.
-
-    Parameters
-    ----------
-    status : Status
-        How the server is.
-    recent : Recent
-        What has changed of late.
-    side : {"left", "right"}
-        The station.
-    limits : Limits
-        What is too much.
-
-    Returns
-    -------
-    tuple of Lamp
-        The lamps.
-    """
+    """All lamps of one station, always the same ones in the same order."""
     agent = f"agent.{side}"
     link = next((link for link in status.links if link[0] == agent), None)
     display = _display(status, side)

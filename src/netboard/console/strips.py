@@ -64,15 +64,7 @@ class Strips(QWidget):
         ]
 
     def take(self, points: Sequence[Point], *, anew: bool = False) -> None:
-        """Take what is newer than what is there; whatever is there is forgotten when a replay goes back.
-
-        Parameters
-        ----------
-        points : sequence of tuple
-            As in `netboard.wire.control.Trace`, the newest last.
-        anew : bool
-            Forget what is there.
-        """
+        """Take what is newer than what is there; whatever is there is forgotten when a replay goes back."""
         if anew or (points and points[-1][TICK] < self._newest):
             self._ring[:] = np.nan
             self._count, self._newest = 0, -1

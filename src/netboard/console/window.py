@@ -47,18 +47,10 @@ class State:
 
     Attributes
     ----------
-    status : Status or None
-        How the server is; None before it was heard.
     silence : float
         Time since it was heard; infinite before the first time [s].
-    recent : Recent
-        What has changed of late.
     unconfirmed : bool
         Whether an emergency stop was asked for that the server has not confirmed in time.
-    attempts : sequence of tuple
-        What has become of the attempts.
-    points : sequence of tuple
-        The newest of the trace.
     """
 
     status: Status | None = None
@@ -70,24 +62,7 @@ class State:
 
 
 class ConsoleWindow(QWidget):
-    """The window.
-
-    Parameters
-    ----------
-    config : Config
-        Where the server is, and what is too much.
-    limits : Limits
-        The same, for the lamps.
-    own : str
-        Name of this console.
-
-    Signals
-    -------
-    wished
-        With the name and the argument of a command.
-    closed
-        When the window has been closed.
-    """
+    """The window."""
 
     wished = Signal(str, str)
     closed = Signal()

@@ -49,30 +49,14 @@ class Tone(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """Words and how they sound.
-
-    Attributes
-    ----------
-    words : str
-        The words.
-    tone : Tone
-        How they sound.
-    """
+    """Words and how they sound."""
 
     words: str
     tone: Tone = Tone.PLAIN
 
 
 def headline(status: Status | None, silence: float) -> Line:
-    """What is going on, in a word or two.
-
-    Parameters
-    ----------
-    status : Status or None
-        How the server is; None before it was heard.
-    silence : float
-        Time since it was heard [s].
-    """
+    """What is going on, in a word or two."""
     if status is None:
         return Line("NO SERVER", Tone.WATCH)
     if over(status, silence):
@@ -100,24 +84,12 @@ def _before(status: Status) -> Line:
 
 
 def last_block(status: Status) -> bool:
-    """Whether no block follows this one.
-
-    Parameters
-    ----------
-    status : Status
-        How the server is.
-    """
+    """Whether no block follows this one."""
     return status.block >= status.blocks
 
 
 def progress(status: Status | None) -> str:
-    """Where in the block the session is.
-
-    Parameters
-    ----------
-    status : Status or None
-        How the server is.
-    """
+    """Where in the block the session is."""
     if status is None:
         return ""
     failed = f"{status.failures} failed" if status.failures else "none failed"
@@ -125,13 +97,7 @@ def progress(status: Status | None) -> str:
 
 
 def block(status: Status | None) -> str:
-    """Which block it is.
-
-    Parameters
-    ----------
-    status : Status or None
-        How the server is.
-    """
+    """Which block it is."""
     if status is None:
         return ""
     called = "   ".join(dict.fromkeys(words for words in (status.label, status.condition) if words))
@@ -139,13 +105,7 @@ def block(status: Status | None) -> str:
 
 
 def banner(status: Status | None) -> Line:
-    """Whether the session is a pilot or a real one, and whose it is.
-
-    Parameters
-    ----------
-    status : Status or None
-        How the server is.
-    """
+    """Whether the session is a pilot or a real one, and whose it is."""
     if status is None:
         return Line("NOT CONNECTED", Tone.QUIET)
     study = f"   study {status.study}" if status.study else ""
@@ -160,15 +120,7 @@ def banner(status: Status | None) -> Line:
 
 
 def advice(status: Status | None, where: str) -> Line:
-    """What the operator should know, or do next.
-
-    Parameters
-    ----------
-    status : Status or None
-        How the server is.
-    where : str
-        Where the server is looked for.
-    """
+    """What the operator should know, or do next."""
     if status is None:
         return Line(f"Looking for the server at {where}", Tone.WATCH)
     if replayed(status):
@@ -200,11 +152,6 @@ def worst(lamps: Sequence[tuple[str, Lamp]]) -> Line:
     ----------
     lamps : sequence of (str, Lamp)
         Each lamp with its station, which is empty for the session's.
-
-    Returns
-    -------
-    Line
-        One line; empty if all is well.
     """
     unwell = [(where, lamp) for where, lamp in lamps if lamp.level >= Level.WATCH]
     if not unwell:
@@ -216,15 +163,7 @@ def worst(lamps: Sequence[tuple[str, Lamp]]) -> Line:
 
 
 def commander(status: Status | None, own: str) -> Line:
-    """Who commands.
-
-    Parameters
-    ----------
-    status : Status or None
-        How the server is.
-    own : str
-        Name of this console.
-    """
+    """Who commands."""
     if status is None:
         return Line("", Tone.QUIET)
     if replayed(status):
@@ -237,18 +176,7 @@ def commander(status: Status | None, own: str) -> Line:
 
 
 def attempt_cells(attempt: Attempt) -> tuple[str, ...]:
-    """What the table says of an attempt: block, trial, attempt, outcome, time, doubts, and which trial it repeats.
-
-    Parameters
-    ----------
-    attempt : tuple
-        One item of `Outcomes.attempts`.
-
-    Returns
-    -------
-    tuple of str
-        A cell for each of `ATTEMPT_HEADS`.
-    """
+    """What the table says of an attempt: block, trial, attempt, outcome, time, doubts, and which trial it repeats."""
     number, trial, count, outcome, seconds, doubts, repeats = attempt
     return (
         str(number),
@@ -266,13 +194,7 @@ ATTEMPT_HEADS = ("Block", "Trial", "Try", "Outcome", "Time", "Doubtful", "Repeat
 
 
 def attempt_tone(attempt: Attempt) -> Tone:
-    """How an attempt sounds.
-
-    Parameters
-    ----------
-    attempt : tuple
-        One item of `Outcomes.attempts`.
-    """
+    """How an attempt sounds."""
     outcome, doubts = attempt[3], attempt[5]
     if doubts:
         return Tone.WATCH
@@ -280,12 +202,6 @@ def attempt_tone(attempt: Attempt) -> Tone:
 
 
 def clock(seconds: float) -> str:
-    """Write a time as minutes and seconds.
-
-    Parameters
-    ----------
-    seconds : float
-        The time [s].
-    """
+    """Write a time as minutes and seconds."""
     whole = max(round(seconds), 0)
     return f"{whole // 60}:{whole % 60:02d}"

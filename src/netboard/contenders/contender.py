@@ -23,10 +23,6 @@ class Solution:
     ----------
     states : ndarray of float64, shape (n, 6)
         At every `stride`-th of `Problem.times` [SI].
-    stride : int
-        Long steps meet only some of the points [1].
-    steps : int
-        Steps taken [1].
     calls : int
         How often the hands were evaluated, or read from a table [1].
     """
@@ -43,26 +39,14 @@ class Contender:
 
     Attributes
     ----------
-    family : str
-        The library it is of.
-    method : str
-        Its method; settings of one method make a curve.
-    setting : str
-        Length of the step or tolerance, for people.
     solve : callable
         Solves the problem, once, and keeps the states: for the error.
-    bare : callable
-        Solves it and keeps nothing, which is what is timed.
     inputs : bool
         `bare` evaluates the hands; otherwise it reads them from a table, or they do not change.
     alone : callable or None
         As many steps without any hands, where the cost of the hands cannot be told apart otherwise.
-    held : bool
-        The hands do not change in a step.
     dense : callable or None
         Solves it and keeps the states at all of `Problem.times`, where the method can.
-    share : float
-        How much of the run `bare` does [1].
     input_ns : float
         Cost of evaluating the hands once, where it is not that of compiled code [ns].
     """
@@ -81,34 +65,12 @@ class Contender:
 
 
 def timed(run: Callable[[], object]) -> float:
-    """Return how long a call takes.
-
-    Parameters
-    ----------
-    run : callable
-        What to call.
-
-    Returns
-    -------
-    float
-        Wall time [s].
-    """
+    """Return how long a call takes."""
     start = perf_counter()
     run()
     return perf_counter() - start
 
 
 def installed(*modules: str) -> bool:
-    """Say whether modules can be imported.
-
-    Parameters
-    ----------
-    modules : str
-        Their names.
-
-    Returns
-    -------
-    bool
-        All of them are there.
-    """
+    """Say whether modules can be imported."""
     return all(find_spec(module) is not None for module in modules)

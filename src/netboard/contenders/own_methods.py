@@ -44,18 +44,7 @@ OPENING, OPENING_STEPS = 0.1, (0.005, 0.0025, 0.002)
 
 
 def meeting(h: float) -> tuple[int, int]:
-    """Return which steps meet which points of the reference.
-
-    Parameters
-    ----------
-    h : float
-        Length of the step, in whole microseconds [s].
-
-    Returns
-    -------
-    every, stride : int
-        Every so many steps, and every so many points [1].
-    """
+    """Return which steps meet which points of the reference."""
     step, spacing = round(h * 1e6), round(SPACING * 1e6)
     common = step * spacing // gcd(step, spacing)
     return common // step, common // spacing
@@ -65,20 +54,7 @@ def meeting(h: float) -> tuple[int, int]:
 
 
 def one_step_contenders(problem: Problem, quick: bool) -> list[Contender]:
-    """Return our one-step methods, each with all lengths of step.
-
-    Parameters
-    ----------
-    problem : Problem
-        The problem.
-    quick : bool
-        Only some of them.
-
-    Returns
-    -------
-    list of Contender
-        Those whose steps fit into the run.
-    """
+    """Return our one-step methods, each with all lengths of step."""
     steps = QUICK_STEPS if quick else STEPS
     return [
         Contender(
@@ -123,22 +99,7 @@ def _solve(problem: Problem, method: Method, h: float) -> Solution:
 
 
 def own_solution(problem: Problem, method: str, h: float) -> Array:
-    """Solve a problem by a one-step method whose steps meet all points of the reference.
-
-    Parameters
-    ----------
-    problem : Problem
-        The problem.
-    method : str
-        Name of the method.
-    h : float
-        Length of the step [s].
-
-    Returns
-    -------
-    ndarray of float64, shape (n, 6)
-        At `Problem.times` [SI].
-    """
+    """Solve a problem by a one-step method whose steps meet all points of the reference."""
     return _solve(problem, METHODS[NUMBER[method]], h).states
 
 
@@ -155,13 +116,7 @@ def _march(problem: Problem, method: Method, h: float, keep: bool) -> Callable[[
 
 
 class _Prepared:
-    """A run whose preparations are made when it first runs, and kept.
-
-    Parameters
-    ----------
-    prepare : callable
-        Makes them, and returns the run.
-    """
+    """A run whose preparations are made when it first runs, and kept."""
 
     def __init__(self, prepare: Callable[[], Callable[[], object]]) -> None:
         self._prepare = prepare
@@ -176,20 +131,7 @@ class _Prepared:
 
 
 def multistep_contenders(problem: Problem, quick: bool) -> list[Contender]:
-    """Return the exponential multistep methods, each with all lengths of step.
-
-    Parameters
-    ----------
-    problem : Problem
-        The problem.
-    quick : bool
-        None of them.
-
-    Returns
-    -------
-    list of Contender
-        Those whose steps fit into the run.
-    """
+    """Return the exponential multistep methods, each with all lengths of step."""
     return [
         Contender(
             OURS,
@@ -225,20 +167,7 @@ def _follow(problem: Problem, method: Offline, h: float) -> Solution:
 
 
 def collocation_contenders(problem: Problem, quick: bool) -> list[Contender]:
-    """Return exponential collocation, with several numbers of nodes, lengths of step and tolerances.
-
-    Parameters
-    ----------
-    problem : Problem
-        The problem.
-    quick : bool
-        Only eight nodes.
-
-    Returns
-    -------
-    list of Contender
-        Those whose steps fit into the run.
-    """
+    """Return exponential collocation, with several numbers of nodes, lengths of step and tolerances."""
     found = []
     for nodes, (steps, tolerances) in (QUICK_COLLOCATION if quick else COLLOCATION).items():
         for h in steps:

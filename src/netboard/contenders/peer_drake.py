@@ -29,26 +29,12 @@ _LONGEST = 0.1
 
 
 def available() -> bool:
-    """Say whether the library is installed.
-
-    Returns
-    -------
-    bool
-        It is.
-    """
+    """Say whether the library is installed."""
     return installed("pydrake")
 
 
 def contenders(problem: Problem, coarse: bool) -> list[Contender]:
-    """Return the settings that take part.
-
-    Parameters
-    ----------
-    problem : Problem
-        The problem.
-    coarse : bool
-        Only a few.
-    """
+    """Return the settings that take part."""
     chosen = COARSE if coarse else SCHEMES
     return [_contender(problem, scheme, accuracy) for scheme, all_of in chosen.items() for accuracy in all_of]
 
@@ -58,14 +44,8 @@ class Run:
 
     Parameters
     ----------
-    problem : Problem
-        The problem.
-    scheme : str
-        Drake's name of a method.
     accuracy : float
         What it aims at in each step, in Drake's own measure [1].
-    hands : bool
-        The hands move; otherwise their drives are 0.
     """
 
     def __init__(self, problem: Problem, scheme: str, accuracy: float, hands: bool = True) -> None:
@@ -114,13 +94,7 @@ class Run:
         return Solution(np.array(states), STRIDE, steps, calls)
 
     def evenly(self, steps: int) -> None:
-        """Run in so many equal steps.
-
-        Parameters
-        ----------
-        steps : int
-            How many [1].
-        """
+        """Run in so many equal steps."""
         self._integrator.set_fixed_step_mode(True)
         self._integrator.set_maximum_step_size(self._problem.duration / steps)
         self._rewind((0.0, 0.0, 0.0, 0.0, 1e-3, 0.0))

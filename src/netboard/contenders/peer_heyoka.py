@@ -25,44 +25,19 @@ _ALONE = (0.0, 0.0, 0.0, 0.0, 1e-3, 0.0)
 
 
 def available() -> bool:
-    """Say whether the library is installed.
-
-    Returns
-    -------
-    bool
-        It is.
-    """
+    """Say whether the library is installed."""
     return installed("heyoka")
 
 
 def precise(problem: Problem) -> NDArray[np.longdouble]:
-    """Solve a problem with 80 bits.
-
-    Parameters
-    ----------
-    problem : Problem
-        The problem.
-
-    Returns
-    -------
-    ndarray of longdouble, shape (n, 6)
-        At `Problem.times` [SI].
-    """
+    """Solve a problem with 80 bits."""
     integrator = _make(problem, TIGHTEST, np.longdouble)
     states: NDArray[np.longdouble] = integrator.propagate_grid(problem.times.astype(np.longdouble))[-1]
     return states
 
 
 def contenders(problem: Problem, coarse: bool) -> list[Contender]:
-    """Return the settings that take part.
-
-    Parameters
-    ----------
-    problem : Problem
-        The problem.
-    coarse : bool
-        Only a few.
-    """
+    """Return the settings that take part."""
     return [_contender(problem, tolerance) for tolerance in (COARSE if coarse else TOLERANCES)]
 
 

@@ -36,33 +36,12 @@ _SWITCHED_OFF = (
 
 
 def available() -> bool:
-    """Say whether the library is installed.
-
-    Returns
-    -------
-    bool
-        It is.
-    """
+    """Say whether the library is installed."""
     return installed("mujoco")
 
 
 def scene_xml(physics: Physics, integrator: str, step: float) -> str:
-    """Write the scene as a model of MuJoCo.
-
-    Parameters
-    ----------
-    physics : Physics
-        The scene.
-    integrator : str
-        MuJoCo's name of a method.
-    step : float
-        Length of the step [s].
-
-    Returns
-    -------
-    str
-        MJCF.
-    """
+    """Write the scene as a model of MuJoCo."""
     flags = " ".join(f'{name}="disable"' for name in _SWITCHED_OFF)
     hands = "".join(
         f'<general site="{side}" refsite="origin" gear="0 0 1 0 0 0" gaintype="fixed" gainprm="1" '
@@ -95,10 +74,6 @@ class Scene:
 
     Parameters
     ----------
-    problem : Problem
-        A Lagrangian one.
-    integrator : str
-        MuJoCo's name of a method.
     step : float
         Length of the step [s].
     """
@@ -168,24 +143,13 @@ class Scene:
         ----------
         ahead : float
             Where in the step the controls are taken, in lengths of the step [1].
-
-        Returns
-        -------
-        Solution
-            The states.
         """
         times = multiples(self.steps, self.step) + ahead * self.step
         states = self._rollout(drives_at(self.problem.waves, times))
         return self._solution(np.concatenate([self._rewind()[np.newaxis], states])[:, 1:7], self.steps)
 
     def sampled(self) -> Solution:
-        """Step through the run with the controls of each stage, by a callback.
-
-        Returns
-        -------
-        Solution
-            The states.
-        """
+        """Step through the run with the controls of each stage, by a callback."""
         import mujoco
 
         waves = self.problem.waves
@@ -214,15 +178,7 @@ class Scene:
 
 
 def contenders(problem: Problem, coarse: bool) -> list[Contender]:
-    """Return the settings that take part: none in the paper's problems.
-
-    Parameters
-    ----------
-    problem : Problem
-        The problem.
-    coarse : bool
-        Only a few.
-    """
+    """Return the settings that take part: none in the paper's problems."""
     if problem.model != "lagrangian":
         return []
     found: list[Contender] = []

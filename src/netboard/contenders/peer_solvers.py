@@ -39,15 +39,7 @@ _EVALUATIONS = 10_000
 
 
 def scipy_contenders(problem: Problem, coarse: bool) -> list[Contender]:
-    """Return the settings of scipy that take part.
-
-    Parameters
-    ----------
-    problem : Problem
-        The problem.
-    coarse : bool
-        Only a few.
-    """
+    """Return the settings of scipy that take part."""
     rate = _new_rate(problem)
     solve = partial(_solve_scipy, problem, rate)
     chosen = COARSE if coarse else SCIPY
@@ -57,15 +49,7 @@ def scipy_contenders(problem: Problem, coarse: bool) -> list[Contender]:
 
 
 def cvode_contenders(problem: Problem, coarse: bool) -> list[Contender]:
-    """Return the settings of CVODE that take part.
-
-    Parameters
-    ----------
-    problem : Problem
-        The problem.
-    coarse : bool
-        Only the loosest of each method.
-    """
+    """Return the settings of CVODE that take part."""
     right_side = make_right_side(problem.parts)
     waves, scene = problem.waves, problem.scene
 
@@ -81,15 +65,7 @@ def cvode_contenders(problem: Problem, coarse: bool) -> list[Contender]:
 
 
 def diffrax_contenders(problem: Problem, coarse: bool) -> list[Contender]:
-    """Return the settings of diffrax that take part.
-
-    Parameters
-    ----------
-    problem : Problem
-        The problem.
-    coarse : bool
-        Only the loosest of the first method.
-    """
+    """Return the settings of diffrax that take part."""
     solve = partial(_solve_diffrax, problem)
     every = [(name, tolerance) for name, tolerances in DIFFRAX.items() for tolerance in tolerances]
     chosen, cost = every[: 1 if coarse else None], _diffrax_input_ns()
@@ -97,24 +73,12 @@ def diffrax_contenders(problem: Problem, coarse: bool) -> list[Contender]:
 
 
 def cvode_available() -> bool:
-    """Say whether CVODE is installed.
-
-    Returns
-    -------
-    bool
-        It is.
-    """
+    """Say whether CVODE is installed."""
     return installed("sksundae")
 
 
 def diffrax_available() -> bool:
-    """Say whether diffrax is installed.
-
-    Returns
-    -------
-    bool
-        It is.
-    """
+    """Say whether diffrax is installed."""
     return installed("diffrax")
 
 

@@ -26,22 +26,7 @@ EVERYDAY_WAYS, QUICK_EVERYDAY_WAYS = (0, 1, 5), (0,)
 
 
 def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
-    """Run the parts of the study, one after the other.
-
-    Parameters
-    ----------
-    folder : Folder
-        Where figures go.
-    tell : callable
-        Hears how far each part is.
-    quick : bool
-        The short form.
-
-    Yields
-    ------
-    Part
-        What was found.
-    """
+    """Run the parts of the study, one after the other."""
     hands = QUICK_HANDS if quick else tuple(HANDS)
     yield boundary.delays_part(hands, tell)
     ways = boundary.QUICK_WAYS if quick else boundary.WAYS
@@ -56,13 +41,7 @@ def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
 
 
 def draw_limits(found: Sequence[Found]) -> Any:
-    """Draw the largest stable stiffness over the delay: theory as lines, the simulated service as dots.
-
-    Parameters
-    ----------
-    found : sequence of Found
-        The limits.
-    """
+    """Draw the largest stable stiffness over the delay: theory as lines, the simulated service as dots."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(12, 4), layout="constrained")

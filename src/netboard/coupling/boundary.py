@@ -73,10 +73,6 @@ class Case:
 
     Attributes
     ----------
-    hand : str
-        Name in `HANDS`.
-    at : str
-        ``server`` or ``both``: where the coupling is computed.
     end : str
         ``fixed``, or ``board`` for the paper's with both hands on it.
     way : int
@@ -90,33 +86,13 @@ class Case:
 
 
 def physics_of(case: Case, k: float, hold: str = "zoh") -> Physics:
-    """Return the scene of a case: no ball, no gravity, solved exactly whatever the stiffness.
-
-    Parameters
-    ----------
-    case : Case
-        The case.
-    k : float
-        Stiffness of the coupling [N/m].
-    hold : str
-        How the server moves samples on.
-    """
+    """Return the scene of a case: no ball, no gravity, solved exactly whatever the stiffness."""
     plain = Physics(k_h=k, balls=0, g=0.0, hold=hold, method="etdrk4", substeps=1, coupling_at=case.at)  # type: ignore[arg-type]
     return plain if case.end == "board" else replace(plain, board="hinged", I=1e9)
 
 
 def loops_of(case: Case, k: float, substeps: int = SUBSTEPS) -> dict[str, Loop]:
-    """Return the loops of a case, one for each way in which both hands can move.
-
-    Parameters
-    ----------
-    case : Case
-        The case.
-    k : float
-        Stiffness of the coupling [N/m].
-    substeps : int
-        As for `netboard.methods.delay.Mechanism` [1].
-    """
+    """Return the loops of a case, one for each way in which both hands can move."""
     ends = ends_of(Physics()) if case.end == "board" else {"fixed": FIXED}
     mechanism = replace(HANDS[case.hand], substeps=substeps)
     return {
@@ -126,24 +102,7 @@ def loops_of(case: Case, k: float, substeps: int = SUBSTEPS) -> dict[str, Loop]:
 
 
 def predicted(case: Case, substeps: int = SUBSTEPS, start: float = 1.0) -> tuple[float, str]:
-    """Return the largest stable stiffness, and the way of moving that becomes unstable first.
-
-    Parameters
-    ----------
-    case : Case
-        The case.
-    substeps : int
-        As for `netboard.methods.delay.Mechanism` [1].
-    start : float
-        Where to begin looking [N/m].
-
-    Returns
-    -------
-    stiffness : float
-        Infinite beyond `STIFFEST` [N/m].
-    mode : str
-        ``fixed``, ``heave`` or ``tilt``.
-    """
+    """Return the largest stable stiffness, and the way of moving that becomes unstable first."""
     limits = {
         name: largest_stiffness(loop, start, most=STIFFEST) for name, loop in loops_of(case, 1.0, substeps).items()
     }
@@ -156,10 +115,6 @@ def simulated_is_stable(case: Case, k: float, mode: str) -> bool:
 
     Parameters
     ----------
-    case : Case
-        The case.
-    k : float
-        Stiffness of the coupling [N/m].
     mode : str
         ``tilt`` for hands that begin against each other, else they begin alike.
     """
@@ -185,17 +140,6 @@ def simulated_is_stable(case: Case, k: float, mode: str) -> bool:
 
 def simulated(case: Case, near: float, mode: str, precision: float = 5e-3) -> float:
     """Return the largest stiffness that is stable in the simulated service, near one that theory says.
-
-    Parameters
-    ----------
-    case : Case
-        The case.
-    near : float
-        Where to look [N/m].
-    mode : str
-        As for `simulated_is_stable`.
-    precision : float
-        When to stop, as a share [1].
 
     Returns
     -------
@@ -232,16 +176,12 @@ class Found:
 
     Attributes
     ----------
-    case : Case
-        Of what.
     exact : float
         Largest stable stiffness of a real device [N/m].
     virtual : float
         Of the virtual one [N/m].
     simulated : float
         In the simulated service; NaN where there is nothing to look for [N/m].
-    mode : str
-        The way of moving that becomes unstable first.
     """
 
     case: Case
@@ -252,19 +192,7 @@ class Found:
 
 
 def limits(hands: Sequence[str], ways: Sequence[int], tell: Tell, precision: float = 5e-3) -> list[Found]:
-    """Look for all limits.
-
-    Parameters
-    ----------
-    hands : sequence of str
-        Names in `HANDS`.
-    ways : sequence of int
-        Delays one way [ms].
-    tell : callable
-        Hears how far it is.
-    precision : float
-        As for `simulated` [1].
-    """
+    """Look for all limits."""
     cases = [Case(hand, at, end, way) for at, end in MAPS for hand in hands for way in ways]
     found = []
     for i, case in enumerate(cases):
@@ -279,13 +207,7 @@ def limits(hands: Sequence[str], ways: Sequence[int], tell: Tell, precision: flo
 
 
 def limits_part(found: Sequence[Found]) -> Part:
-    """Put limits in a table.
-
-    Parameters
-    ----------
-    found : sequence of Found
-        The limits.
-    """
+    """Put limits in a table."""
     rows: list[tuple[Value, ...]] = []
     for one in found:
         case, hand = one.case, HANDS[one.case.hand]
@@ -329,15 +251,7 @@ def _stiffness(k: float) -> str:
 
 
 def delays_part(hands: Sequence[str], tell: Tell) -> Part:
-    """Look for the largest delay of the paper's coupling, for each hand.
-
-    Parameters
-    ----------
-    hands : sequence of str
-        Names in `HANDS`.
-    tell : callable
-        Hears how far it is.
-    """
+    """Look for the largest delay of the paper's coupling, for each hand."""
     physics = Physics()
     rows: list[tuple[Value, ...]] = []
     agreeing, checked = 0, 0

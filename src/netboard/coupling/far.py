@@ -65,13 +65,7 @@ def _stage(physics: Physics) -> Stage:
 
 
 def prepared(config: Config) -> Config:
-    """Return a configuration for a simulation: nobody holds a stylus, and nothing waits.
-
-    Parameters
-    ----------
-    config : Config
-        Device and scene.
-    """
+    """Return a configuration for a simulation: nobody holds a stylus, and nothing waits."""
     free = Agent(options={"held": False})
     return replace(
         config,
@@ -82,17 +76,7 @@ def prepared(config: Config) -> Config:
 
 
 class Station:
-    """One side: device and agent, and what is on its way to the server and back.
-
-    Parameters
-    ----------
-    side : {"left", "right"}
-        Which one.
-    config : Config
-        As from `prepared`.
-    distance : Distance
-        How far away the server is.
-    """
+    """One side: device and agent, and what is on its way to the server and back."""
 
     def __init__(self, side: Side, config: Config, distance: Distance) -> None:
         self.device = VirtualTouch(side, config)
@@ -164,13 +148,6 @@ class Station:
 class Far:
     """Both sides, and the server.
 
-    Parameters
-    ----------
-    config : Config
-        Device and scene; where the coupling is computed is ``physics.coupling_at``.
-    distance : Distance
-        How far away the server is from both sides.
-
     Attributes
     ----------
     heights, forces : list of (float, float)
@@ -202,13 +179,7 @@ class Far:
         self._number = 0
 
     def live(self, ticks: int) -> None:
-        """Let time pass.
-
-        Parameters
-        ----------
-        ticks : int
-            How much [ms].
-        """
+        """Let time pass."""
         for _ in range(ticks):
             self._tick(START_NS + self._number * TICK_NS)
             self._number += 1
@@ -222,13 +193,7 @@ class Far:
         self.cut = False
 
     def put(self, left: float, right: float) -> None:
-        """Take both styluses to heights and let them go there, at rest.
-
-        Parameters
-        ----------
-        left, right : float
-            The heights [m].
-        """
+        """Take both styluses to heights and let them go there, at rest."""
         for station, height in zip(self.stations, (left, right), strict=True):
             station.device.put(height)
 

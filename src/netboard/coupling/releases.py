@@ -85,30 +85,14 @@ class Loop(Protocol):
 
 
 def lead(loop: Loop, height: Callable[[int], float], ticks: int) -> None:
-    """Lead the left stylus.
-
-    Parameters
-    ----------
-    loop : Loop
-        The loop.
-    height : callable
-        Its height by the time [ms to m].
-    ticks : int
-        For how long [ms].
-    """
+    """Lead the left stylus."""
     for t in range(ticks):
         loop.put(height(t), 0.0)
         loop.live(1)
 
 
 def let_go(loop: Loop) -> Release:
-    """Lead the left stylus away, hold it there until the server knows, and let it go.
-
-    Parameters
-    ----------
-    loop : Loop
-        The loop, new.
-    """
+    """Lead the left stylus away, hold it there until the server knows, and let it go."""
     loop.get_ready()
     lead(loop, lambda t: RELEASED * smooth(t / LED), LED + WAITED)
     start = len(loop.heights)
@@ -127,49 +111,19 @@ def smooth(share: float) -> float:
 
 
 def scene(at: At, end: str, hold: str = "zoh") -> Physics:
-    """Return the paper's couplings at a fixed end, or on the paper's board, without weights.
-
-    Parameters
-    ----------
-    at : str
-        Where the coupling is computed.
-    end : str
-        ``fixed`` or ``board``.
-    hold : str
-        How the server moves samples on.
-    """
+    """Return the paper's couplings at a fixed end, or on the paper's board, without weights."""
     plain = Physics(balls=0, g=0.0, hold=hold, method="etdrk4", substeps=1, coupling_at=at)  # type: ignore[arg-type]
     return plain if end == "board" else replace(plain, board="hinged", I=1e9)
 
 
 def release(physics: Physics, device: VirtualDevice, way: int, *, passivity: bool = False) -> Release:
-    """Let the left stylus go.
-
-    Parameters
-    ----------
-    physics : Physics
-        The scene.
-    device : VirtualDevice
-        Both devices.
-    way : int
-        Delay one way [ms].
-    passivity : bool
-        With passivity control.
-    """
+    """Let the left stylus go."""
     far = Far(Config(physics=physics, virtual=device, safety=Safety(passivity=passivity)), Distance(way, way))
     return let_go(far)
 
 
 def releases_part(ways: Sequence[int], tell: Tell) -> Part:
-    """Let a bare stylus go over many delays.
-
-    Parameters
-    ----------
-    ways : sequence of int
-        Delays one way [ms].
-    tell : callable
-        Hears how far it is.
-    """
+    """Let a bare stylus go over many delays."""
     rows: list[tuple[Value, ...]] = []
     bare = HANDS["bare stylus"]
     slick, rough = (VirtualDevice(mass=bare.mass, damping=bare.damping, friction=f) for f in (0.0, FRICTION))

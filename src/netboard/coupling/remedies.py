@@ -48,8 +48,6 @@ class Waves:
 
     Parameters
     ----------
-    config : Config
-        Device and coupling.
     way : int
         Delay one way [ms].
     """
@@ -70,23 +68,11 @@ class Waves:
         self.live(10)
 
     def put(self, left: float, right: float) -> None:
-        """Take the stylus to a height.
-
-        Parameters
-        ----------
-        left, right : float
-            The heights; only the left one matters [m].
-        """
+        """Take the stylus to a height."""
         self._device.put(left)
 
     def live(self, ticks: int) -> None:
-        """Let time pass.
-
-        Parameters
-        ----------
-        ticks : int
-            How much [ms].
-        """
+        """Let time pass."""
         root = math.sqrt(2.0 * IMPEDANCE)
         for _ in range(ticks):
             reading = self._device.read(START_NS + self._number * TICK_NS)
@@ -108,17 +94,7 @@ class Waves:
 
 
 def make_loop(name: str, device: VirtualDevice, way: int) -> Loop:
-    """Make one of the loops of `NAMES`, with a fixed end.
-
-    Parameters
-    ----------
-    name : str
-        Which one.
-    device : VirtualDevice
-        The device.
-    way : int
-        Delay one way [ms].
-    """
+    """Make one of the loops of `NAMES`, with a fixed end."""
     at: At = "both" if name == "both" else "server"
     safety = Safety(passivity=name == "with passivity control")
     config = Config(physics=scene(at, "fixed"), virtual=device, safety=safety)
@@ -129,15 +105,7 @@ def make_loop(name: str, device: VirtualDevice, way: int) -> Loop:
 
 
 def remedies_part(ways: Sequence[int], tell: Tell) -> Part:
-    """Let a bare stylus go with every remedy.
-
-    Parameters
-    ----------
-    ways : sequence of int
-        Delays one way [ms].
-    tell : callable
-        Hears how far it is.
-    """
+    """Let a bare stylus go with every remedy."""
     rows: list[tuple[Value, ...]] = []
     quiet: dict[tuple[str, float], list[int]] = {}
     for i, way in enumerate(ways):
@@ -171,22 +139,7 @@ def remedies_part(ways: Sequence[int], tell: Tell) -> Part:
 
 
 def felt(name: str, way: int, frequency: float) -> tuple[float, float]:
-    """Return the stiffness and the damping that a hand feels which moves to and fro.
-
-    Parameters
-    ----------
-    name : str
-        Which loop.
-    way : int
-        Delay one way [ms].
-    frequency : float
-        Of the movement [Hz].
-
-    Returns
-    -------
-    stiffness, damping : float
-        Of the first harmonic of the force [N/m, N s/m].
-    """
+    """Return the stiffness and the damping that a hand feels which moves to and fro."""
     loop = make_loop(name, VirtualDevice(mass=IMMOVABLE, damping=0.0, friction=0.0), way)
     loop.get_ready()
     cycle = round(1000 / frequency)
@@ -199,15 +152,7 @@ def felt(name: str, way: int, frequency: float) -> tuple[float, float]:
 
 
 def transparency_part(ways: Sequence[int], tell: Tell) -> Part:
-    """Measure what a hand feels of the paper's coupling.
-
-    Parameters
-    ----------
-    ways : sequence of int
-        Delays one way [ms].
-    tell : callable
-        Hears how far it is.
-    """
+    """Measure what a hand feels of the paper's coupling."""
     rows: list[tuple[Value, ...]] = []
     for i, way in enumerate(ways):
         for frequency in FREQUENCIES:
@@ -242,15 +187,7 @@ PAUSE = 200
 
 
 def everyday_part(ways: Sequence[int], tell: Tell) -> Part:
-    """Measure what passivity control does to the forces of ordinary movements, on the paper's board.
-
-    Parameters
-    ----------
-    ways : sequence of int
-        Delays one way [ms].
-    tell : callable
-        Hears how far it is.
-    """
+    """Measure what passivity control does to the forces of ordinary movements, on the paper's board."""
     rows: list[tuple[Value, ...]] = []
     for i, way in enumerate(ways):
         tell(f"everyday movements: {way} ms", i / len(ways))

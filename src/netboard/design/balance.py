@@ -24,17 +24,7 @@ Cell = tuple[str, tuple[str, ...]]
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """A table for people.
-
-    Attributes
-    ----------
-    title : str
-        What it shows.
-    columns : tuple of str
-        Names of the columns.
-    rows : tuple of tuple of str
-        Its rows.
-    """
+    """A table for people."""
 
     title: str
     columns: tuple[str, ...]
@@ -47,8 +37,6 @@ class Balance:
 
     Attributes
     ----------
-    tables : tuple of Table
-        The counts.
     problems : tuple of str
         Why the study must be refused, in sentences; none if all counts meet.
     uneven : tuple of str
@@ -61,20 +49,7 @@ class Balance:
 
 
 def balance_of(study: Study, plans: Sequence[Plan]) -> Balance:
-    """Count the plans of a study.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-    plans : sequence of Plan
-        The plans of its dyads; at least one.
-
-    Returns
-    -------
-    Balance
-        Tables, problems, and what is uneven.
-    """
+    """Count the plans of a study."""
     counts = tuple(_counts(study, plans)) if len(plans) > 1 else ()
     uneven = tuple(f"{what}: {_listed(count)}" for what, count in counts if not _even(count))
     over = [(what, _listed(count), "even" if _even(count) else "uneven") for what, count in counts]
@@ -88,25 +63,7 @@ def balance_of(study: Study, plans: Sequence[Plan]) -> Balance:
 
 
 def require_balance(study: Study, plan: Plan) -> Plan:
-    """Refuse a plan whose counts do not meet.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-    plan : Plan
-        Its plan.
-
-    Returns
-    -------
-    Plan
-        The same plan.
-
-    Raises
-    ------
-    ConfigError
-        If a participant does not get as many trials in each condition as the study promises.
-    """
+    """Refuse a plan whose counts do not meet."""
     problems = list(_problems(study, [plan]))
     if problems:
         raise ConfigError("\n".join(f"study {study.name}: {problem}" for problem in problems))

@@ -11,26 +11,10 @@ from netboard.design.study import Study
 def blocks_of(config: Config, study: Study, seed: int, dyad: int) -> list[Config]:
     """Plan the blocks of a dyad, session after session.
 
-    Parameters
-    ----------
-    config : Config
-        The rig's.
-    study : Study
-        The study.
-    seed : int
-        Seed of the plan [1].
-    dyad : int
-        Number of the dyad, from 1 [1].
-
     Returns
     -------
     list of Config
         One for each block, with names of the session and the dyad.
-
-    Raises
-    ------
-    ConfigError
-        If the study does not fit the rig.
     """
     plan = plan_of(study, seed, dyad, (config.session.hand_a, config.session.hand_b))
     rig = seated(config, plan)
@@ -50,17 +34,8 @@ def shortened(blocks: Sequence[Config], most: int | None, trials: int | None) ->
 
     Parameters
     ----------
-    blocks : sequence of Config
-        The blocks.
-    most : int or None
-        How many are kept; None for all [1].
     trials : int or None
         How many trials each has at most; None for as many as it has [1].
-
-    Yields
-    ------
-    Config
-        The next block.
     """
     kept = blocks[:most]
     for config in kept:

@@ -33,20 +33,7 @@ MOST_CATCH = 1000
 
 
 def sequences_of(study: Study, factor: str = "") -> tuple[Sequence, ...]:
-    """List the sequences along which factors vary: whatever the order, A before B.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-    factor : str
-        Only those along which this factor varies; empty: all.
-
-    Returns
-    -------
-    tuple of (str, {"A", "B", "dyad"})
-        Kind and performer of each.
-    """
+    """List the sequences along which factors vary: whatever the order, A before B."""
     return tuple(
         (name, performer)
         for name, kind in study.kinds.items()
@@ -56,17 +43,7 @@ def sequences_of(study: Study, factor: str = "") -> tuple[Sequence, ...]:
 
 
 class Conditions:
-    """What falls to one dyad.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-    seed : int
-        Seed of everything that is drawn [1].
-    dyad : int
-        Number of the dyad, from 1 [1].
-    """
+    """What falls to one dyad."""
 
     def __init__(self, study: Study, seed: int, dyad: int) -> None:
         self._study, self._seed, self._dyad = study, seed, dyad
@@ -95,20 +72,7 @@ class Conditions:
         return SIDES[self._turn.seat]
 
     def at(self, sequence: Sequence, place: int) -> tuple[tuple[str, str], ...]:
-        """Find the conditions of a block; the last factor changes at every block, the first most seldom.
-
-        Parameters
-        ----------
-        sequence : (str, {"A", "B", "dyad"})
-            Its kind and its performer.
-        place : int
-            How many blocks of the sequence come before it [1].
-
-        Returns
-        -------
-        tuple of (str, str)
-            Each factor with its level.
-        """
+        """Find the conditions of a block; the last factor changes at every block, the first most seldom."""
         found: list[tuple[str, str]] = []
         for name, factor in reversed(self._study.factors_of(sequence[0]).items()):
             if factor.order == "between":
@@ -135,20 +99,6 @@ class Conditions:
 
         If their number is odd, the spare side changes from condition to condition, from sequence to sequence and from
         dyad to dyad, beginning with a drawn one in every second dyad.
-
-        Parameters
-        ----------
-        sequence : (str, {"A", "B", "dyad"})
-            Their kind and their performer.
-        conditions : tuple of (str, str)
-            Each factor with its level.
-        number : int
-            How many blocks [1].
-
-        Returns
-        -------
-        tuple of {"left", "right"}
-            A side for each, as many left as right.
         """
         cells = list(product(*(factor.levels for factor in self._study.factors_of(sequence[0]).values())))
         cell, which = cells.index(tuple(level for _, level in conditions)), self._sequences.index(sequence)
@@ -159,27 +109,7 @@ class Conditions:
         return tuple(SIDES[side] for side in sides)
 
     def catch(self, kind: str, trials: int, place: int) -> tuple[int, ...]:
-        """Draw the catch trials of a block.
-
-        Parameters
-        ----------
-        kind : str
-            Its kind.
-        trials : int
-            Its trials [1].
-        place : int
-            How many blocks of the plan come before it [1].
-
-        Returns
-        -------
-        tuple of int
-            Their numbers, from 1 [1].
-
-        Raises
-        ------
-        ConfigError
-            If the block has too few trials.
-        """
+        """Draw the catch trials of a block."""
         share, after = self._study.kinds[kind].catch, self._study.kinds[kind].catch_after
         number = math.floor(share * trials + 0.5) if share < 1 else round(share)
         most = min(max(trials - after, 0), MOST_CATCH)
@@ -191,34 +121,13 @@ class Conditions:
         return catch_trials(number, trials, after, self._seed, self._dyad, Draw.CATCH, place)
 
     def within(self, kind: str, trials: int, place: int) -> dict[str, tuple[str, ...]]:
-        """Draw the levels of the factors that vary within a block: all combinations, each as often as the others.
-
-        Parameters
-        ----------
-        kind : str
-            Its kind.
-        trials : int
-            Its trials [1].
-        place : int
-            How many blocks of the plan come before it [1].
-
-        Returns
-        -------
-        dict of tuple of str
-            For each factor, a level for each trial.
-        """
+        """Draw the levels of the factors that vary within a block: all combinations, each as often as the others."""
         factors = self._study.trial_factors_of(kind)
         cells = list(product(*(factor.levels for factor in factors.values())))
         drawn = trial_levels(len(cells), trials, self._seed, self._dyad, Draw.TRIALS, place) if factors else ()
         return {name: tuple(cells[cell][which] for cell in drawn) for which, name in enumerate(factors)}
 
     def seed_at(self, place: int) -> int:
-        """Draw the seed of a block, below 2^31 [1].
-
-        Parameters
-        ----------
-        place : int
-            How many blocks of the plan come before it [1].
-        """
+        """Draw the seed of a block, below 2^31 [1]."""
         (drawn,) = bits(1, self._seed, self._dyad, Draw.BLOCKS, place)
         return drawn >> 33

@@ -33,15 +33,8 @@ def bits(number: int, *words: int) -> tuple[int, ...]:
 
     Parameters
     ----------
-    number : int
-        How many [1].
     *words : int
         The seed, and what the draw is for; none negative [1].
-
-    Returns
-    -------
-    tuple of int
-        Numbers from 0 to 2^64 - 1 [1].
     """
     return tuple(int(word) for word in np.random.PCG64(np.random.SeedSequence(words)).random_raw(number))
 
@@ -51,8 +44,6 @@ def shuffled(number: int, *words: int) -> Row:
 
     Parameters
     ----------
-    number : int
-        How many [1].
     *words : int
         The seed, and what the draw is for; none negative [1].
 
@@ -70,8 +61,6 @@ def rows(levels: int, order: str) -> tuple[Row, ...]:
 
     Parameters
     ----------
-    levels : int
-        Number of levels [1].
     order : {"alternate", "latin", ...}
         In turn, from each level; or a latin square in which each level also follows each other equally often
         (Williams 1949; with an odd number of levels that takes twice as many rows). Any other order has none.
@@ -96,10 +85,6 @@ class Turn:
 
     Attributes
     ----------
-    order : int
-        Number of its order of blocks [1].
-    between : tuple of int
-        Level of each factor that varies between dyads [1].
     group : int
         How many dyads with the same order and the same levels between came before it [1].
     seat : int
@@ -126,19 +111,8 @@ def turn_of(dyad: int, orders: int, between: Sequence[int], factors: Sequence[tu
 
     Parameters
     ----------
-    dyad : int
-        Its number, from 1 [1].
-    orders : int
-        How many orders of blocks dyads take in turn [1].
-    between : sequence of int
-        Number of levels of each factor between dyads [1].
     factors : sequence of (int, sequence of int)
         For each factor that goes by rows, the number of its rows, and the offset of each of its sequences [1].
-
-    Returns
-    -------
-    Turn
-        What falls to it.
     """
     rest, order = divmod(dyad - 1, orders)
     levels = []
@@ -166,17 +140,10 @@ def first_sides(number: int, spare: int, *words: int) -> Row:
 
     Parameters
     ----------
-    number : int
-        How many blocks [1].
     spare : int
         The side of which there is one more if the number is odd: 0 left, 1 right [1].
     *words : int
         The seed, and what the draw is for; none negative [1].
-
-    Returns
-    -------
-    tuple of int
-        A side for each block, 0 left, 1 right [1].
     """
     sides = [index % 2 for index in range(number - number % 2)] + [spare] * (number % 2)
     return tuple(sides[index] for index in shuffled(number, *words))
@@ -187,19 +154,8 @@ def catch_trials(number: int, trials: int, after: int, *words: int) -> Row:
 
     Parameters
     ----------
-    number : int
-        How many; at most ``trials - after`` [1].
-    trials : int
-        Trials of the block [1].
-    after : int
-        So many of the first are none [1].
     *words : int
         The seed, and what the draw is for; none negative [1].
-
-    Returns
-    -------
-    tuple of int
-        Their numbers from 1, in ascending order [1].
     """
     if number == 0:
         return ()
@@ -215,17 +171,8 @@ def trial_levels(levels: int, trials: int, *words: int) -> Row:
 
     Parameters
     ----------
-    levels : int
-        Number of levels [1].
-    trials : int
-        Trials of the block [1].
     *words : int
         The seed, and what the draw is for; none negative [1].
-
-    Returns
-    -------
-    tuple of int
-        A level for each trial, from 0 [1].
     """
     order = shuffled(levels, *words, 0)
     odd = trials - trials // 2

@@ -39,14 +39,8 @@ class Declared:
 
     Attributes
     ----------
-    type : {"numeric", "categorical", "boolean"}
-        What kind of levels they are.
-    levels : tuple of str
-        Their names, in order.
     values : tuple of float
         Value of each level of a numeric factor; empty for others [unit].
-    unit : str
-        Unit of the values; empty if the factor has none.
     """
 
     type: FactorType
@@ -56,23 +50,7 @@ class Declared:
 
 
 def declared(factor: Factor) -> Declared:
-    """Find out what the levels of a study's factor are.
-
-    Parameters
-    ----------
-    factor : Factor
-        The factor.
-
-    Returns
-    -------
-    Declared
-        Its type, levels, values and unit.
-
-    Raises
-    ------
-    ConfigError
-        If it is declared as numeric and a level has no value.
-    """
+    """Find out what the levels of a study's factor are."""
     key, found = _only_key(factor)
     given = [level.value for level in factor.levels.values()]
     values = [one if isinstance(one, float) else _number(own) for one, own in zip(given, found, strict=True)]
@@ -126,12 +104,6 @@ class BlockFactor:
 
     Attributes
     ----------
-    name : str
-        Its name.
-    scope : {"dyad", "block", "trial"}
-        Where it has one level.
-    of : Declared
-        What its levels are.
     sequence : tuple of str
         The level of the block; or, within a block, that of each trial, repeated from the first.
     """
@@ -142,23 +114,11 @@ class BlockFactor:
     sequence: tuple[str, ...]
 
     def level(self, trial: int = 1) -> str:
-        """Level in a trial.
-
-        Parameters
-        ----------
-        trial : int
-            Number of the trial in the block, from 1 [1].
-        """
+        """Level in a trial."""
         return self.sequence[(max(trial, 1) - 1) % len(self.sequence)]
 
     def value(self, trial: int = 1) -> float:
-        """Value of the level in a trial; NaN if the factor is not numeric [its unit].
-
-        Parameters
-        ----------
-        trial : int
-            Number of the trial in the block, from 1 [1].
-        """
+        """Value of the level in a trial; NaN if the factor is not numeric [its unit]."""
         return self.of.values[self.of.levels.index(self.level(trial))] if self.of.values else nan
 
     @property
@@ -167,26 +127,12 @@ class BlockFactor:
         return ", ".join(level_text(self.of, level) for level in dict.fromkeys(self.sequence))
 
     def text(self, trial: int = 1) -> str:
-        """Name and level, with value and unit where there are some, such as ``mass heavy (0.05 kg)``.
-
-        Parameters
-        ----------
-        trial : int
-            Number of the trial in the block, from 1 [1].
-        """
+        """Name and level, with value and unit where there are some, such as ``mass heavy (0.05 kg)``."""
         return f"{self.name} {level_text(self.of, self.level(trial))}"
 
 
 def level_text(of: Declared, level: str) -> str:
-    """Write a level, with value and unit if it has them.
-
-    Parameters
-    ----------
-    of : Declared
-        What the levels are.
-    level : str
-        One of them.
-    """
+    """Write a level, with value and unit if it has them."""
     if not of.values or level not in of.levels:
         return level
     unit = "" if of.unit in ("", "1") else f" {of.unit}"
@@ -210,13 +156,7 @@ def factors_of(config: Config) -> tuple[BlockFactor, ...]:
 
 
 def design_of(config: Config) -> Design:
-    """What a block is in its study; of an older recording, as its label says.
-
-    Parameters
-    ----------
-    config : Config
-        Configuration of the block.
-    """
+    """What a block is in its study; of an older recording, as its label says."""
     design, block = config.design, config.block
     if design != Design(role=design.role) or not config.session.study or not block.label:
         return design
@@ -243,39 +183,19 @@ def _declared(design: Design, name: str, found: Sequence[str]) -> Declared:
 
 
 def role_of(config: Config) -> Role:
-    """What the trials of a block are for, catch trials aside.
-
-    Parameters
-    ----------
-    config : Config
-        Configuration of the block.
-    """
+    """What the trials of a block are for, catch trials aside."""
     design = design_of(config)
     return role_by_name(design.kind or config.block.label) if design.role == "auto" else design.role
 
 
 def role_by_name(name: str) -> Role:
-    """What the trials of a block are for whose role nobody declared.
-
-    Parameters
-    ----------
-    name : str
-        Name of its kind, or its label.
-    """
+    """What the trials of a block are for whose role nobody declared."""
     plain = name.casefold()
     return next((role for beginning, role in _ROLES if plain.startswith(beginning)), "test")
 
 
 def trial_role(config: Config, trial: int) -> TrialRole:
-    """What a trial is for.
-
-    Parameters
-    ----------
-    config : Config
-        Configuration of its block.
-    trial : int
-        Number of the trial in the block, from 1 [1].
-    """
+    """What a trial is for."""
     return "catch" if trial in config.block.catch else role_of(config)
 
 
@@ -286,13 +206,6 @@ def merge(found: Sequence[BlockFactor]) -> tuple[Scope, Declared]:
     ----------
     found : sequence of BlockFactor
         The same factor in each of the blocks that have it.
-
-    Returns
-    -------
-    scope : {"dyad", "block", "trial"}
-        Where it has one level.
-    declared : Declared
-        All of its levels.
     """
     levels = tuple(dict.fromkeys(level for one in found for level in one.of.levels))
     first, kinds = found[0].of, {(one.of.type, one.of.unit) for one in found}
@@ -305,24 +218,12 @@ def merge(found: Sequence[BlockFactor]) -> tuple[Scope, Declared]:
 
 
 def column_of(name: str) -> str:
-    """Name of the column of a factor in tables and exports; that of its values ends with ``_value``.
-
-    Parameters
-    ----------
-    name : str
-        Name of the factor.
-    """
+    """Name of the column of a factor in tables and exports; that of its values ends with ``_value``."""
     return f"factor_{re.sub('[^A-Za-z0-9_]', '_', name)}"
 
 
 class TrialDetails:
-    """What events of a trial say of its role and its factors.
-
-    Parameters
-    ----------
-    config : Config
-        Configuration of the block.
-    """
+    """What events of a trial say of its role and its factors."""
 
     def __init__(self, config: Config) -> None:
         self._factors = factors_of(config)
@@ -331,11 +232,6 @@ class TrialDetails:
 
     def of(self, trial: int) -> dict[str, str]:
         """Details of a trial; none in a block without a design.
-
-        Parameters
-        ----------
-        trial : int
-            Number of the trial in the block, from 1 [1].
 
         Returns
         -------

@@ -13,23 +13,7 @@ TEMPLATE = "template"
 
 
 def text_of(name: str) -> str:
-    """Read a built-in study's file.
-
-    Parameters
-    ----------
-    name : str
-        One of `NAMES`, or `TEMPLATE`.
-
-    Returns
-    -------
-    str
-        TOML text.
-
-    Raises
-    ------
-    ValueError
-        If there is no such study.
-    """
+    """Read a built-in study's file."""
     if name not in (*NAMES, TEMPLATE):
         raise ValueError(f"{name}: no built-in study; there are {', '.join(NAMES)}")
     return files("netboard.design").joinpath("studies", f"{name}.toml").read_text(encoding="utf-8")

@@ -18,38 +18,14 @@ _TOKEN = re.compile(r"\s*([0-9]{1,4}|[A-Za-z][A-Za-z0-9_-]*|[(),/|])")
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """One step of an order.
-
-    Attributes
-    ----------
-    kind : str
-        Name of the kind of block.
-    rested : bool
-        True if a long rest comes before it.
-    """
+    """One step of an order."""
 
     kind: str
     rested: bool
 
 
 def steps_of(text: str) -> tuple[tuple[Step, ...], ...]:
-    """Read an order.
-
-    Parameters
-    ----------
-    text : str
-        The order.
-
-    Returns
-    -------
-    tuple of tuple of Step
-        Its sessions, each with its steps.
-
-    Raises
-    ------
-    ConfigError
-        If it is none; the message says what was found and what was expected.
-    """
+    """Read an order."""
     sessions: list[list[Step]] = [[]]
     rested = False
     for word in _expanded(text):

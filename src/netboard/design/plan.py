@@ -28,17 +28,7 @@ OTHER_SIDE: dict[Side, Side] = {"left": "right", "right": "left"}
 
 @dataclass(frozen=True, slots=True)
 class PlanTrial:
-    """One trial.
-
-    Attributes
-    ----------
-    number : int
-        Its number in the block, from 1 [1].
-    target : {"left", "right"}
-        Side of its target.
-    catch : bool
-        True if nothing is felt in it.
-    """
+    """One trial."""
 
     number: int
     target: Side
@@ -51,34 +41,12 @@ class PlanBlock:
 
     Attributes
     ----------
-    number : int
-        Its number in the session, from 1 [1].
-    kind : str
-        Its kind.
-    performer : {"A", "B", "dyad"}
-        Who performs it.
-    other_hand : {"own", "still", "robot"}
-        Who moves the other hand of one participant alone.
-    conditions : tuple of (str, str)
-        Factor and level, slowest factor first.
-    count : int
-        Successful trials [1].
     duration : float
         No trial begins after so long; 0: only the trials count [s].
-    first_target : {"left", "right"}
-        Side of the first target.
-    catch : tuple of int
-        Numbers of the catch trials [1].
     rest : float
         Rest before the block [s].
-    questionnaires : tuple of (str, str)
-        Name and text of what is asked after the block.
     instructions : tuple of dict
         What is read before the block, part by part, by language.
-    changes : dict
-        What differs from the rig's configuration, by table and key.
-    seed : int
-        Seed of everything random while the block runs [1].
     design : Design
         Its role, and its factors with the level of each; as the block's configuration has it.
     """
@@ -125,15 +93,7 @@ class PlanBlock:
 
 @dataclass(frozen=True, slots=True)
 class PlanSession:
-    """One session: what is done in one go.
-
-    Attributes
-    ----------
-    number : int
-        Its number, from 1 [1].
-    blocks : tuple of PlanBlock
-        Its blocks.
-    """
+    """One session: what is done in one go."""
 
     number: int
     blocks: tuple[PlanBlock, ...]
@@ -145,20 +105,8 @@ class Plan:
 
     Attributes
     ----------
-    study : str
-        Name of the study.
-    seed : int
-        The seed [1].
-    dyad : int
-        Number of the dyad [1].
-    order : str
-        Name of its order of blocks.
-    hands : tuple of {"right", "left"}
-        Dominant hands of participants A and B.
     seat_a : {"left", "right"}
         Where participant A should sit; B sits at the other side.
-    sessions : tuple of PlanSession
-        Its sessions.
     """
 
     study: str
@@ -183,26 +131,8 @@ def plan_of(study: Study, seed: int, dyad: int, hands: tuple[Hand, Hand] = ("rig
 
     Parameters
     ----------
-    study : Study
-        The study.
-    seed : int
-        Seed of everything that is drawn, 0 or more [1].
-    dyad : int
-        Number of the dyad, from 1 [1].
     hands : tuple of {"right", "left"}
         Dominant hands of participants A and B; where they differ they decide who sits where (reading C5).
-
-    Returns
-    -------
-    Plan
-        Its plan. `netboard.design.balance` tells whether its counts meet.
-
-    Raises
-    ------
-    ValueError
-        If the seed is negative or the dyad's number is below 1.
-    ConfigError
-        If the catch trials do not fit into a block.
     """
     if seed < 0 or dyad < 1:
         raise ValueError(f"seed {seed}, dyad {dyad}: expected a seed from 0 and a dyad from 1")
@@ -218,11 +148,6 @@ def plan_of(study: Study, seed: int, dyad: int, hands: tuple[Hand, Hand] = ("rig
 def to_json(plan: Plan) -> str:
     """Write a plan as JSON, always the same text for equal plans.
 
-    Parameters
-    ----------
-    plan : Plan
-        The plan.
-
     Returns
     -------
     str
@@ -237,18 +162,7 @@ def to_json(plan: Plan) -> str:
 
 
 def digest(plan: Plan) -> str:
-    """Fingerprint of a plan: equal plans have equal fingerprints.
-
-    Parameters
-    ----------
-    plan : Plan
-        The plan.
-
-    Returns
-    -------
-    str
-        SHA-256 of its JSON, in hexadecimal.
-    """
+    """Fingerprint of a plan: equal plans have equal fingerprints."""
     return hashlib.sha256(to_json(plan).encode()).hexdigest()
 
 
@@ -371,13 +285,6 @@ def _with_targets(spread: Conditions, sessions: tuple[PlanSession, ...]) -> Iter
 def seated(config: Config, plan: Plan) -> Config:
     """Enter a plan in the rig's configuration: name of the study, and the seats that the plan proposes.
 
-    Parameters
-    ----------
-    config : Config
-        The rig's configuration.
-    plan : Plan
-        The plan.
-
     Returns
     -------
     Config
@@ -394,20 +301,6 @@ def config_of(config: Config, session: PlanSession, number: int) -> Config:
     config : Config
         The rig's, which says who sits where (``session.seat_a``) and what the study leaves open; its ``[block]`` does
         not count.
-    session : PlanSession
-        The session.
-    number : int
-        Number of the block in it, from 1 [1].
-
-    Returns
-    -------
-    Config
-        The configuration, which `netboard.config.resolve` writes and `netboard.config.parse` reads back.
-
-    Raises
-    ------
-    ConfigError
-        If what the study sets contradicts what the rig's configuration has.
     """
     plan = session.blocks[number - 1]
     tables = {

@@ -56,23 +56,11 @@ class Study(Changes):
         return self.order or tuple(self.orders)[:1]
 
     def factors_of(self, kind: str) -> dict[str, Factor]:
-        """Factors that vary over a kind's blocks, slowest first.
-
-        Parameters
-        ----------
-        kind : str
-            Name of the kind.
-        """
+        """Factors that vary over a kind's blocks, slowest first."""
         return {name: factor for name, factor in self._every(kind).items() if factor.order != WITHIN}
 
     def trial_factors_of(self, kind: str) -> dict[str, Factor]:
-        """Factors that vary over the trials of a kind's blocks.
-
-        Parameters
-        ----------
-        kind : str
-            Name of the kind.
-        """
+        """Factors that vary over the trials of a kind's blocks."""
         return {name: factor for name, factor in self._every(kind).items() if factor.order == WITHIN}
 
     def _every(self, kind: str) -> dict[str, Factor]:
@@ -85,18 +73,6 @@ class Study(Changes):
 
 def parse_study(text: str, source: str = "study.toml") -> Study:
     """Check a study file and turn it into a `Study`.
-
-    Parameters
-    ----------
-    text : str
-        The TOML text.
-    source : str
-        Name of the file, for error messages.
-
-    Returns
-    -------
-    Study
-        The study.
 
     Raises
     ------
@@ -315,11 +291,6 @@ def _keys(changes: Changes) -> set[str]:
 
 def resolve_study(study: Study) -> str:
     """Write a study in full.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
 
     Returns
     -------

@@ -23,17 +23,8 @@ def hand_force(point: Point, heard_ns: int, reading: Reading) -> float:
 
     Parameters
     ----------
-    point : Point
-        Where the control point was, and the coupling.
     heard_ns : int
         When that was received, which counts where the server does not know the time here [ns].
-    reading : Reading
-        Where the stylus is.
-
-    Returns
-    -------
-    float
-        + = up [N].
     """
     age = (reading.stamp_ns - (point.stamp_ns or heard_ns)) * 1e-9
     ahead = min(max(age, -REACH), REACH)

@@ -72,13 +72,6 @@ class Window:
         ----------
         stamp_ns : int
             When the position was read; one not later than the newest known replaces it [ns].
-        x, y, z : float
-            The position [m].
-
-        Returns
-        -------
-        tuple of float
-            Velocity x, y, z; 0 before the second position [m/s].
         """
         self._count, vx, vy, vz = _windowed(
             self._stamps_ns, self._places, self._count, self._span_ns, stamp_ns, (x, y, z)
@@ -140,13 +133,6 @@ class Observer:
         ----------
         stamp_ns : int
             When the position was read; one not later than the newest known replaces it [ns].
-        x, y, z : float
-            The position [m].
-
-        Returns
-        -------
-        tuple of float
-            Velocity x, y, z; 0 before the second position [m/s].
         """
         self._count, vx, vy, vz = _observed(
             self._stamps_ns, self._states, self._count, self._gains, stamp_ns, (x, y, z)
@@ -194,11 +180,6 @@ def alpha_beta_gains(forget: float = FORGET) -> tuple[float, float, float]:
     ----------
     forget : float
         What it leaves of an error from one sample to the next [1].
-
-    Returns
-    -------
-    tuple of float
-        For position, velocity and acceleration [1].
     """
     return 1.0 - forget * forget, (1.0 - forget) ** 2, 0.0
 
@@ -213,13 +194,6 @@ def kalman_gains(resolution: float, jerk: float = JERK) -> tuple[float, float, f
     ----------
     resolution : float
         Size of one encoder step, 0 for none; at least `FINEST` is reckoned with [m].
-    jerk : float
-        Spectral density of the jerk [m2/s5].
-
-    Returns
-    -------
-    tuple of float
-        For position, velocity and acceleration [1].
     """
     hidden = max(resolution, FINEST) ** 2 / 12.0
     stir = jerk * TICK_SECONDS**5 / hidden * _STIR
@@ -249,11 +223,5 @@ def alpha_beta() -> Observer:
 
 
 def kalman(resolution: float) -> Observer:
-    """The steady Kalman filter of a device.
-
-    Parameters
-    ----------
-    resolution : float
-        Size of one encoder step, 0 for none [m].
-    """
+    """The steady Kalman filter of a device."""
     return Observer(kalman_gains(resolution))

@@ -11,20 +11,7 @@ from netboard.tables.rig import Fixture
 
 
 def lateral_force(reading: Reading, fixture: Fixture) -> tuple[float, float]:
-    """Force of the fixture on the hand.
-
-    Parameters
-    ----------
-    reading : Reading
-        Where the stylus is.
-    fixture : netboard.tables.rig.Fixture
-        Stiffness and damping.
-
-    Returns
-    -------
-    tuple of float
-        Force along x and y [N].
-    """
+    """Force of the fixture on the hand."""
     k, c = fixture.stiffness, fixture.damping
     return drawn_in(k, c, reading.x, reading.vx), drawn_in(k, c, reading.y, reading.vy)
 
@@ -35,14 +22,7 @@ def drawn_in(k: float, c: float, place: float, rate: float) -> float:
 
     Parameters
     ----------
-    k, c : float
-        Its stiffness and damping [N/m, N s/m].
     place, rate : float
         How far the stylus is from the line, and how fast it goes away [m, m/s].
-
-    Returns
-    -------
-    float
-        Force on the hand [N].
     """
     return -k * place - c * rate

@@ -31,15 +31,7 @@ class Heat:
         self._time = time
 
     def live(self, seconds: float, force: float) -> None:
-        """Let time pass under a constant force.
-
-        Parameters
-        ----------
-        seconds : float
-            How much time [s].
-        force : float
-            The force, all axes together [N].
-        """
+        """Let time pass under a constant force."""
         end = (force / self._continuous) ** 2
         self.temperature = end + (self.temperature - end) * exp(-seconds / self._time)
         self.warm = self.temperature > (COOL if self.warm else 1.0)
@@ -59,20 +51,7 @@ class Late:
         self._taken: deque[tuple[int, tuple[float, float, float]]] = deque()
 
     def take(self, now_ns: int, place: tuple[float, float, float]) -> tuple[float, float, float]:
-        """Take the position now and give the one of then; before the first one, that.
-
-        Parameters
-        ----------
-        now_ns : int
-            The time [ns].
-        place : tuple of float
-            The position [m].
-
-        Returns
-        -------
-        tuple of float
-            The position `delay_ns` ago [m].
-        """
+        """Take the position now and give the one of then; before the first one, that."""
         taken, then_ns = self._taken, now_ns - self._delay_ns
         if not taken or now_ns > taken[-1][0]:
             taken.append((now_ns, place))

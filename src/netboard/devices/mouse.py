@@ -57,14 +57,8 @@ def follow(z: float, vz: float, before: float, after: float, dt: float, rate: fl
 
     Parameters
     ----------
-    z, vz : float
-        Its height and speed at the beginning [m], [m/s].
     before, after : float
         Where the rest point is at the beginning and at the end [m].
-    dt : float
-        How long that takes, more than 0 [s].
-    rate : float
-        Natural frequency [rad/s].
     """
     slope = (after - before) / dt
     lag = 2.0 * slope / rate  # behind a rest point that has moved evenly for ever
@@ -81,15 +75,8 @@ class MouseStylus(Device):
 
     Parameters
     ----------
-    side : {"left", "right"}
-        Whose stylus it is.
     config : Config
         The whole configuration; of it the options of this side's agent.
-
-    Raises
-    ------
-    ConfigError
-        If an option is unknown, of the wrong type or out of range.
     """
 
     def __init__(self, side: Side, config: Config) -> None:
@@ -110,13 +97,6 @@ class MouseStylus(Device):
         ----------
         z : float or None
             Height of the pointer in the scene's frame; None before the player has pointed anywhere [m].
-        now_ns : int
-            The time, on the clock that `read` is given [ns].
-
-        Raises
-        ------
-        ValueError
-            If the height is not finite.
         """
         if z is not None:
             if not isfinite(z):

@@ -38,20 +38,7 @@ class Options:
 
 @final
 class Playback(Device):
-    """A recorded stylus.
-
-    Parameters
-    ----------
-    side : {"left", "right"}
-        Whose device it is.
-    config : Config
-        The whole configuration.
-
-    Raises
-    ------
-    ConfigError
-        If an option is wrong, or no file is named.
-    """
+    """A recorded stylus."""
 
     def __init__(self, side: Side, config: Config) -> None:
         super().__init__(side, config)

@@ -17,10 +17,6 @@ class Plugged(NamedTuple):
 
     Attributes
     ----------
-    vendor, product : str
-        USB identifiers, four lower-case hexadecimal digits each.
-    serial : str
-        Serial number, empty if it is not known.
     place : str
         Where it is plugged in, in the words of who found it.
     """
@@ -32,13 +28,7 @@ class Plugged(NamedTuple):
 
 
 def by_pyusb() -> tuple[Plugged, ...]:
-    """Tell what is on the USB.
-
-    Raises
-    ------
-    DeviceNotFound
-        If pyusb, or libusb below it, is not there.
-    """
+    """Tell what is on the USB."""
     core = _library("usb.core", "pyusb")
     try:
         devices = tuple(core.find(find_all=True))
@@ -53,13 +43,7 @@ def by_pyusb() -> tuple[Plugged, ...]:
 
 
 def by_hidapi() -> tuple[Plugged, ...]:
-    """Tell which HID devices there are, each once.
-
-    Raises
-    ------
-    DeviceNotFound
-        If hidapi is not there.
-    """
+    """Tell which HID devices there are, each once."""
     # On Linux the module hid goes through libusb and opens every device to read its name; hidraw asks udev.
     module = _library("hidraw" if sys.platform == "linux" else "hid", "hidapi")
     return tuple(dict.fromkeys(_hid_devices(module)))

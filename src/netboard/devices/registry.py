@@ -31,18 +31,7 @@ def names() -> tuple[str, ...]:
 
 
 def find(name: str) -> type[Device]:
-    """Class of a backend.
-
-    Parameters
-    ----------
-    name : str
-        Its name; netboard's own come first.
-
-    Raises
-    ------
-    DeviceNotFound
-        If there is no such backend, it cannot be imported, or it is no `Device`.
-    """
+    """Class of a backend."""
     plugins = _plugins()
     if name not in BACKENDS and name not in plugins:
         raise DeviceNotFound(f"there is no device backend {name!r}; there are: {', '.join(names())}")
@@ -58,22 +47,7 @@ def find(name: str) -> type[Device]:
 
 
 def make(side: Side, config: Config) -> Device:
-    """Device of one side, not yet open.
-
-    Parameters
-    ----------
-    side : {"left", "right"}
-        Whose device.
-    config : Config
-        The whole configuration.
-
-    Raises
-    ------
-    DeviceNotFound
-        If its backend cannot be had.
-    ConfigError
-        If its options are wrong.
-    """
+    """Device of one side, not yet open."""
     agent = config.agents.left if side == "left" else config.agents.right
     return find(agent.device)(side, config)
 

@@ -75,20 +75,7 @@ class Options:
 
 @final
 class SpaceMouse(Device):
-    """A SpaceMouse.
-
-    Parameters
-    ----------
-    side : {"left", "right"}
-        Whose device it is.
-    config : Config
-        The whole configuration.
-
-    Raises
-    ------
-    ConfigError
-        If an option is unknown, of the wrong type or out of range.
-    """
+    """A SpaceMouse."""
 
     def __init__(self, side: Side, config: Config) -> None:
         super().__init__(side, config)

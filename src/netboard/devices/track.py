@@ -42,8 +42,6 @@ class Track:
         Where [m].
     rates : ndarray, shape (n, 3)
         Velocities; NaN along axes where none is known [m/s].
-    buttons : ndarray of int64, shape (n,)
-        Bit masks of pressed buttons [1].
     """
 
     times: NDArray[np.float64]
@@ -66,18 +64,6 @@ class Track:
         Between two positions it is on the cubic that has their velocities, and its velocity on the line between the
         two; where no velocities are known it is on the straight line, at that line's speed. Before the first and after
         the last it rests.
-
-        Parameters
-        ----------
-        when : float
-            The time [s].
-
-        Returns
-        -------
-        place, rate : tuple of float
-            Position and velocity [m, m/s].
-        buttons : int
-            Those pressed at the last position before [1].
         """
         if when < 0.0 or when > self.duration:
             end = 0 if when < 0.0 else -1
@@ -106,26 +92,8 @@ def read_track(path: Path, side: Side, trial: int) -> Track:
 
     Parameters
     ----------
-    path : Path
-        A recording (.mcap) or a .csv file.
-    side : {"left", "right"}
-        Whose stylus, in a recording.
     trial : int
         Which trial of a recording; 0 for all of it [1].
-
-    Returns
-    -------
-    Track
-        What is in it.
-
-    Raises
-    ------
-    DeviceNotFound
-        If there is no such file.
-    RecordingError
-        If it is not a sound recording.
-    ConfigError
-        If there is no stylus in it.
     """
     if not path.is_file():
         raise DeviceNotFound(f"{path}: there is no such file to play back")
@@ -142,24 +110,8 @@ def read_recording(path: Path, side: Side, trial: int) -> Track:
 
     Parameters
     ----------
-    path : Path
-        The recording.
-    side : {"left", "right"}
-        Whose stylus.
     trial : int
         Only this trial, with all attempts at it; 0 for all [1].
-
-    Returns
-    -------
-    Track
-        The stylus.
-
-    Raises
-    ------
-    RecordingError
-        If it is not a sound recording.
-    ConfigError
-        If that stylus is not in it, or not in that trial.
     """
     with Recording(path) as recording:
         rows = recording.ticks()
@@ -190,16 +142,6 @@ def _track(rows: NDArray[Any], side: Side) -> Track:
 
 def read_csv(path: Path) -> Track:
     """Read a CSV file.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-
-    Returns
-    -------
-    Track
-        The stylus; its first position is at time 0.
 
     Raises
     ------

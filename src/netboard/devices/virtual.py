@@ -53,17 +53,7 @@ class Options:
 
 @numba.njit(cache=True)
 def encoded(state: Any, rest: float, step: float) -> tuple[float, float, float]:
-    """Return where a hand is so long after its state, in whole encoder steps.
-
-    Parameters
-    ----------
-    state : ndarray of HAND, shape (1,)
-        The hand.
-    rest : float
-        Time since [s].
-    step : float
-        Size of an encoder step, 0 for none [m].
-    """
+    """Return where a hand is so long after its state, in whole encoder steps."""
     s = state[0]
     x, y, z = s["x"] + rest * s["vx"], s["y"] + rest * s["vy"], s["z"] + rest * s["vz"]
     if step == 0.0:
@@ -73,15 +63,7 @@ def encoded(state: Any, rest: float, step: float) -> tuple[float, float, float]:
 
 @numba.njit(cache=True)
 def within(limit: float, fx: float, fy: float, fz: float) -> tuple[float, float, float]:
-    """Scale a force down to a limit [N].
-
-    Parameters
-    ----------
-    limit : float
-        Largest norm [N].
-    fx, fy, fz : float
-        The force [N].
-    """
+    """Scale a force down to a limit [N]."""
     size = np.hypot(np.hypot(fx, fy), fz)
     if size <= limit:
         return fx, fy, fz
@@ -95,15 +77,8 @@ class VirtualTouch(Device):
 
     Parameters
     ----------
-    side : {"left", "right"}
-        Whose device it is.
     config : Config
         The whole configuration; of it the tables ``virtual``, ``participant`` and ``agents`` and the block's seed.
-
-    Raises
-    ------
-    ConfigError
-        If an option is unknown or of the wrong type.
     """
 
     def __init__(self, side: Side, config: Config) -> None:
@@ -145,11 +120,6 @@ class VirtualTouch(Device):
         ----------
         moves : iterable of Submovement
             Movements of this side's hand, timed in seconds of the clock that `read` is given.
-
-        Raises
-        ------
-        ValueError
-            If a movement is for the other hand.
         """
         mine = tuple(moves)
         if any(move.side != self.side for move in mine):
@@ -157,23 +127,11 @@ class VirtualTouch(Device):
         self._hand.plan(mine)
 
     def put(self, z: float) -> None:
-        """Take the stylus to a height and let it go there, at rest: what a study of releases begins with.
-
-        Parameters
-        ----------
-        z : float
-            The height [m].
-        """
+        """Take the stylus to a height and let it go there, at rest: what a study of releases begins with."""
         self._hand.put(z)
 
     def live(self, now_ns: int) -> None:
-        """Let the hand's mechanics run up to now; the force written last acts from then on.
-
-        Parameters
-        ----------
-        now_ns : int
-            The time [ns].
-        """
+        """Let the hand's mechanics run up to now; the force written last acts from then on."""
         self._live_until(now_ns)
         self._hand_over(now_ns)
 

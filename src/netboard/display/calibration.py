@@ -35,8 +35,6 @@ class CalibrationWindow(QWidget):
     ----------
     mm_per_pixel : float
         Size of a pixel by the card [mm].
-    done : bool
-        Whether Enter was pressed.
     """
 
     closed = Signal()
@@ -107,25 +105,7 @@ class CalibrationWindow(QWidget):
 
 
 def calibrate(number: int) -> tuple[float | None, str]:
-    """Let somebody measure the pixels of a screen.
-
-    Parameters
-    ----------
-    number : int
-        Number of the screen.
-
-    Returns
-    -------
-    float or None
-        Size of a pixel; None if nobody said [mm].
-    str
-        What the screen is by its own account.
-
-    Raises
-    ------
-    ConfigError
-        If there is no such screen.
-    """
+    """Let somebody measure the pixels of a screen."""
     app = application()
     screen = numbered_screen(number)
     pixels = screen.size().width() * screen.devicePixelRatio()

@@ -50,22 +50,9 @@ class DisplayClient(QObject):
 
     Parameters
     ----------
-    station : str
-        ``left`` or ``right``.
     config : Config
         The local configuration: where the server is and how the window looks. What the board looks like is taken from
         the server's, as soon as it is known.
-    context : zmq.Context
-        Where the sockets are made.
-    window : BoardWindow
-        Where it is shown.
-    player : Player or None
-        Who plays this side here.
-
-    Raises
-    ------
-    ConfigError
-        If there are no such words, or markers cannot be sent where they should.
     """
 
     def __init__(
@@ -302,26 +289,13 @@ def run(
 
     Parameters
     ----------
-    config : Config
-        The local configuration.
-    station : str
-        ``left`` or ``right``.
     stopping : callable
         Whether the process has been asked to stop; asked some twenty times a second.
-    picture : Path, optional
-        Where a screenshot goes.
     after : float, optional
         Take it so long after the first painted view, or at the end if that comes before, and go on. Without it, take
         it at the first painted view and stop [s].
     play : callable, optional
         Makes the player of this side, where somebody plays it here.
-
-    Raises
-    ------
-    ConfigError
-        If there is no such screen or language, or markers cannot be sent where they should.
-    NetboardError
-        If the screenshot exists already or cannot be written.
     """
     if picture is not None and picture.exists():
         raise NetboardError(f"{picture} exists; a screenshot never overwrites a file")

@@ -25,17 +25,8 @@ class FrameTally:
 
     Parameters
     ----------
-    station : str
-        ``left`` or ``right``.
     period_ns : int
         One frame is due in this time [ns].
-
-    Attributes
-    ----------
-    painted : int
-        Frames painted since the start [1].
-    dropped : int
-        Frames dropped since the start [1].
     """
 
     def __init__(self, station: Side, period_ns: int) -> None:
@@ -55,8 +46,6 @@ class FrameTally:
         ----------
         seq : int
             Its number; one that is not larger than the one before begins a new count [1].
-        sent_ns : int
-            Server time of its sending [ns].
         """
         if self._newest is not None:
             missing, elapsed = seq - self._newest[0] - 1, sent_ns - self._newest[1]
@@ -65,29 +54,13 @@ class FrameTally:
         self._newest = seq, sent_ns
 
     def wait(self, tick: int, received_ns: int, due_ns: int) -> None:
-        """Note that a picture was handed to the window.
-
-        Parameters
-        ----------
-        tick : int
-            Tick of the newest view in it [1].
-        received_ns : int
-            When that was received [ns].
-        due_ns : int
-            When the picture was due [ns].
-        """
+        """Note that a picture was handed to the window."""
         if self._waiting is not None:
             self.dropped += 1
         self._waiting = tick, received_ns, due_ns
 
     def paint(self, now_ns: int) -> bool:
-        """Note that the window was painted; tell whether a waiting picture came to the screen with it.
-
-        Parameters
-        ----------
-        now_ns : int
-            When it was painted [ns].
-        """
+        """Note that the window was painted; tell whether a waiting picture came to the screen with it."""
         if self._waiting is None:
             return False
         tick, received_ns, due_ns = self._waiting

@@ -44,25 +44,8 @@ def grip_of(
 
     Parameters
     ----------
-    view : View or None
-        The newest view; None while there is none.
-    config : Config
-        Where the control points are.
-    words : Words
-        The player's language.
-    station : str
-        ``left`` or ``right``.
-    pointer : float or None
-        Height at which the player points; None before that [m].
     force : float or None
         Vertical force on the hand, + = up; None if it is not known [N].
-    keys : bool
-        Whether the side is played with keys alone.
-
-    Returns
-    -------
-    Grip
-        What to draw.
     """
     how = _how(words, station, keys) if pointer is not None else words.take_press if keys else words.take_point
     own = None if view is None else view.left if station == "left" else view.right

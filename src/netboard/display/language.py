@@ -17,11 +17,6 @@ def load_words(language: str) -> Words:
     ----------
     language : str
         One of `LANGUAGES`, or the path of a file of words.
-
-    Raises
-    ------
-    ConfigError
-        If there is no such language or file, or a word in it is wrong.
     """
     if language in LANGUAGES:
         text = (resources.files("netboard.display") / "languages" / f"{language}.toml").read_text(encoding="utf-8")

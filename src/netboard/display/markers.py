@@ -56,11 +56,6 @@ class LslMarkers:
     ----------
     station : str
         ``left`` or ``right``: the stream is named ``netboard.left`` and so on.
-
-    Raises
-    ------
-    ConfigError
-        If the library is missing.
     """
 
     def __init__(self, station: Side) -> None:
@@ -84,18 +79,7 @@ class LslMarkers:
 
 
 class SerialMarkers:
-    """A serial port that gets one byte for each event.
-
-    Parameters
-    ----------
-    port : str
-        Path of the port.
-
-    Raises
-    ------
-    ConfigError
-        If it cannot be opened, or is no serial port.
-    """
+    """A serial port that gets one byte for each event."""
 
     def __init__(self, port: str) -> None:
         self._port = port
@@ -123,13 +107,7 @@ class SerialMarkers:
             raise ConfigError(f"[display] markers: {port} is no serial port ({error})") from None
 
     def mark(self, event: str) -> None:
-        """Write the event's byte, without waiting.
-
-        Raises
-        ------
-        NetboardError
-            If the port does not take it.
-        """
+        """Write the event's byte, without waiting."""
         try:
             os.write(self._file, bytes([CODES[event]]))
         except OSError as error:
@@ -147,13 +125,6 @@ def open_markers(outlet: str, station: Side) -> Markers:
     ----------
     outlet : str
         ``none``, ``lsl`` or the path of a serial port, as in ``[display] markers``.
-    station : str
-        ``left`` or ``right``.
-
-    Raises
-    ------
-    ConfigError
-        If the outlet cannot be opened.
     """
     match outlet:
         case "none":

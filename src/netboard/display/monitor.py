@@ -33,20 +33,7 @@ AXES = (("x, out of the screen", "#e69f00"), ("y, right", "#56b4e9"), ("z, up", 
 
 
 class MonitorWindow(QWidget):
-    """A window that shows one device.
-
-    Parameters
-    ----------
-    read : callable
-        Reads the device.
-    title : str
-        Title of the window.
-
-    Signals
-    -------
-    closed
-        When the window has been closed.
-    """
+    """A window that shows one device."""
 
     closed = Signal()
 
@@ -131,13 +118,7 @@ class MonitorWindow(QWidget):
 
 
 def in_words(reading: Reading) -> str:
-    """Say what a reading is, in one line.
-
-    Parameters
-    ----------
-    reading : Reading
-        The reading.
-    """
+    """Say what a reading is, in one line."""
     pressed = [str(bit) for bit in range(reading.buttons.bit_length()) if reading.buttons >> bit & 1]
     place = "  ".join(f"{axis} {value * 1e3:+8.2f}" for axis, value in zip("xyz", reading[1:4], strict=True))
     ready = "ready for forces" if reading.ready else "NOT ready for forces"
@@ -145,26 +126,7 @@ def in_words(reading: Reading) -> str:
 
 
 def run(read: Callable[[], Reading], title: str, stopping: Callable[[], bool], picture: Path | None = None) -> None:
-    """Show a device until the window is closed or the process is asked to stop.
-
-    Parameters
-    ----------
-    read : callable
-        Reads the device.
-    title : str
-        Title of the window.
-    stopping : callable
-        Whether to stop; asked some twenty times a second.
-    picture : Path, optional
-        Save the window there when it ends.
-
-    Raises
-    ------
-    DeviceError
-        If the device fails.
-    NetboardError
-        If the screenshot exists already or cannot be written.
-    """
+    """Show a device until the window is closed or the process is asked to stop."""
     if picture is not None and picture.exists():
         raise NetboardError(f"{picture} exists; a screenshot never overwrites a file")
     app = application()

@@ -38,8 +38,6 @@ class Motion:
 
     Attributes
     ----------
-    view : View
-        The newest view.
     rates : tuple of float or None
         Rates of z, theta, p, left, right and share; None where nothing is to be carried on [1/ns].
     interval_ns : int
@@ -54,34 +52,15 @@ class Motion:
     origin_ns: int
 
     def age(self, now_ns: int) -> int:
-        """Time since the newest view was sent [ns].
-
-        Parameters
-        ----------
-        now_ns : int
-            The present [ns].
-        """
+        """Time since the newest view was sent [ns]."""
         return now_ns - self.view.sent_ns - self.origin_ns
 
     def settled(self, now_ns: int) -> bool:
-        """Tell whether nothing will change until another view comes.
-
-        Parameters
-        ----------
-        now_ns : int
-            The present [ns].
-        """
+        """Tell whether nothing will change until another view comes."""
         return self.rates is None or self.age(now_ns) > SETTLED * self.interval_ns
 
     def at(self, now_ns: int, config: Config) -> View:
         """What is to be seen at a moment.
-
-        Parameters
-        ----------
-        now_ns : int
-            The moment [ns].
-        config : Config
-            Where target and board end.
 
         Returns
         -------
@@ -104,17 +83,7 @@ class Motion:
 
 
 def heard(motion: Motion | None, view: View, received_ns: int) -> Motion:
-    """Take a view that has come.
-
-    Parameters
-    ----------
-    motion : Motion or None
-        What was known before; None for nothing.
-    view : View
-        The view.
-    received_ns : int
-        When it came, on the display's clock [ns].
-    """
+    """Take a view that has come."""
     origin = received_ns - view.sent_ns
     if motion is None:
         return Motion(view, None, 0, origin)

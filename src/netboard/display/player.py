@@ -49,17 +49,7 @@ KEYS = (
 
 
 class Pane:
-    """One recording in the window.
-
-    Parameters
-    ----------
-    reel : Reel
-        The recording.
-    station : str
-        Whose view is shown.
-    board : BoardView
-        Where it is drawn.
-    """
+    """One recording in the window."""
 
     def __init__(self, reel: Reel, station: Side, board: BoardView) -> None:
         self.reel, self.board = reel, board
@@ -69,13 +59,7 @@ class Pane:
         self._story: Story | None = None
 
     def show(self, position: float) -> View:
-        """Show where it is.
-
-        Parameters
-        ----------
-        position : float
-            From its start [s].
-        """
+        """Show where it is."""
         view = self.reel.view(self.reel.at(position), self._station)
         near_by = self._story is not None and 0 <= view.tick - self._story.view.tick < NEAR_TICKS
         self._story = follow(self._story if near_by else None, view)
@@ -88,14 +72,6 @@ class PlayerWindow(BoardWindow):
 
     Parameters
     ----------
-    reels : sequence of Reel
-        One recording, or two to be shown side by side.
-    station : str
-        Whose view is shown.
-    speed : float
-        Seconds of the recording per second to begin with [1].
-    sync : {"time", "trial"}
-        What two recordings have in common.
     now : callable
         A steady clock [s].
     """
@@ -258,25 +234,10 @@ def run(
 
     Parameters
     ----------
-    reels : sequence of Reel
-        One recording, or two to be shown side by side.
-    station : str
-        Whose view is shown.
     stopping : callable
         Whether the process has been asked to stop; asked some twenty times a second.
-    speed : float
-        Seconds of the recording per second to begin with [1].
-    picture : Path, optional
-        Save the first picture there and stop.
-    sync : {"time", "trial"}
-        What two recordings have in common.
     at : float or None
         Where to begin; None for the start of the block [s].
-
-    Raises
-    ------
-    NetboardError
-        If the screenshot exists already or cannot be written.
     """
     if picture is not None and picture.exists():
         raise NetboardError(f"{picture} exists; a screenshot never overwrites a file")

@@ -32,19 +32,8 @@ class Playing(QObject):
 
     Parameters
     ----------
-    station : str
-        ``left`` or ``right``.
     config : Config
         The local configuration; of it the options of this side's device.
-    context : zmq.Context
-        Where the sockets are made.
-    window : BoardWindow
-        Where the player points and looks.
-
-    Raises
-    ------
-    ConfigError
-        If the device's options are wrong.
     """
 
     def __init__(self, station: Side, config: Config, context: sockets.Context, window: BoardWindow) -> None:

@@ -29,22 +29,13 @@ class Pointing(QObject):
 
     Parameters
     ----------
-    window : BoardWindow
-        The window.
     reach : float
         Largest height, up and down [m].
-    keys : bool
-        Whether keys alone count, and no pointer.
 
     Attributes
     ----------
     height : float or None
         The height; None before the player has pointed anywhere [m].
-
-    Signals
-    -------
-    moved
-        When the height has been set.
     """
 
     moved = Signal()

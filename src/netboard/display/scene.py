@@ -110,16 +110,12 @@ class Grip:
 
     Attributes
     ----------
-    hint : tuple of str
-        Two lines: how to move, and what to do.
     mark : tuple of points
         Ends of the bar at the height of the pointer; empty for none [m].
     spring : tuple of points
         Corners of the spring from pointer to stylus; empty for none [m].
     arrow : tuple of points
         Corners of the arrow of the force; empty for none [m].
-    label : str
-        Size of the force.
     label_at : point
         Middle of that label [m].
     """
@@ -138,16 +134,10 @@ class Picture:
 
     Attributes
     ----------
-    mood : Mood
-        What it says as a whole.
-    colours : Colours
-        The colours of that mood.
     extent : tuple of float
         Width and height of what is to be seen, centred on the origin [m].
     headline, detail, counter, notice : str
         Main line; completion times; number of the trial; what is to be done, or what the set-up wants said.
-    text : str
-        Instructions, in paragraphs; only where there is no board.
     pilot : str
         The mark of a pilot run; empty for a real one.
     board : tuple of points
@@ -201,22 +191,7 @@ class Picture:
 
 
 def with_board(picture: Picture, view: View, config: Config) -> Picture:
-    """Draw the board and all that is on it into a picture.
-
-    Parameters
-    ----------
-    picture : Picture
-        Words, mood and colours.
-    view : View
-        Where everything is.
-    config : Config
-        Sizes, and where the control points are.
-
-    Returns
-    -------
-    Picture
-        The whole picture.
-    """
+    """Draw the board and all that is on it into a picture."""
     geometry, reach = config.geometry, config.physics.l
     pose = _Pose(view.z, math.cos(view.theta), math.sin(view.theta))
     heights = ((-reach, view.left), (reach, view.right))
@@ -240,18 +215,7 @@ def with_board(picture: Picture, view: View, config: Config) -> Picture:
 
 
 def extent(config: Config) -> tuple[float, float]:
-    """How much is to be seen, so that a board held at the limits of the styluses is still inside.
-
-    Parameters
-    ----------
-    config : Config
-        The whole configuration.
-
-    Returns
-    -------
-    tuple of float
-        Width and height [m].
-    """
+    """How much is to be seen, so that a board held at the limits of the styluses is still inside."""
     geometry = config.geometry
     half = geometry.board_length / 2
     lift = max(config.task.stylus_range, min(config.task.stylus_range / config.physics.l, 1.0) * half)
@@ -260,13 +224,7 @@ def extent(config: Config) -> tuple[float, float]:
 
 
 def to_grain(value: float) -> float:
-    """Round a coordinate, symmetrically about zero.
-
-    Parameters
-    ----------
-    value : float
-        The coordinate [m].
-    """
+    """Round a coordinate, symmetrically about zero."""
     return round(value / GRAIN) * GRAIN
 
 

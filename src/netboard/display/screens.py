@@ -39,19 +39,10 @@ def compose(view: View, config: Config, words: Words, result: str = "") -> Pictu
 
     Parameters
     ----------
-    view : View
-        What is to be seen.
     config : Config
         Sizes, the block, whether this is a pilot run, and of the display whether it has a patch.
-    words : Words
-        The participant's language.
     result : str
         How the last trial ended, ``succeeded`` or ``failed``, while that is to be told.
-
-    Returns
-    -------
-    Picture
-        What to draw.
 
     Raises
     ------
@@ -75,11 +66,6 @@ def compose(view: View, config: Config, words: Words, result: str = "") -> Pictu
 def check(view: View) -> None:
     """Refuse what cannot be drawn: a peer that sends it breaks the protocol.
 
-    Parameters
-    ----------
-    view : View
-        What is to be seen.
-
     Raises
     ------
     WireError
@@ -96,24 +82,7 @@ def check(view: View) -> None:
 
 
 def blank(config: Config, words: Words, headline: str, detail: str = "", *, lost: bool = False) -> Picture:
-    """Make a picture of words only.
-
-    Parameters
-    ----------
-    config : Config
-        Sizes, and whether this is a pilot run.
-    words : Words
-        The participant's language.
-    headline, detail : str
-        The words.
-    lost : bool
-        Whether there was something to see before.
-
-    Returns
-    -------
-    Picture
-        What to draw.
-    """
+    """Make a picture of words only."""
     picture = _empty(Mood.LOST if lost else Mood.WAIT, config, words)
     return replace(picture, headline=headline, detail=detail, patch=_patch(config, False))
 

@@ -60,8 +60,6 @@ class Shape:
         Corners; of a disc its centre [m].
     radius : float
         Radius of a disc; 0 for a polygon or a line [m].
-    fill, edge : str
-        Colours; empty for none.
     width : float
         Width of the edge [pixels].
     closed, dashed : bool
@@ -91,16 +89,10 @@ class Line:
 
     Attributes
     ----------
-    words : str
-        What is written.
     middle : point
         Where its centre is [pixels].
     letters : int
         Size of the font [pixels].
-    colour : str
-        Its colour.
-    bold : bool
-        Whether the letters are bold.
     """
 
     words: str
@@ -143,17 +135,7 @@ def shapes_of(picture: Picture) -> list[Shape]:
 
 
 def words_of(picture: Picture, width: int, height: int, label_at: Point) -> list[Panel | Line | Text]:
-    """List the words and panels of a picture in a window of this size, the lowest first.
-
-    Parameters
-    ----------
-    picture : Picture
-        The picture.
-    width, height : int
-        Size of the window [pixels].
-    label_at : point
-        Centre of the label of the player's force [pixels].
-    """
+    """List the words and panels of a picture in a window of this size, the lowest first."""
     c = picture.colours
     inks = {"headline": c.headline, "detail": c.detail, "notice": c.detail, "counter": c.quiet}
     places = {} if picture.board else ABOVE_TEXT if picture.text else ALONE

@@ -55,23 +55,8 @@ class Showing(QObject):
 
     Parameters
     ----------
-    station : str
-        ``left`` or ``right``.
     config : Config
         What the board looks like; replaced when the server says more.
-    words : Words
-        The participant's language.
-    markers : Markers
-        Where events are marked.
-    window : BoardWindow
-        The window.
-    player : Player or None
-        Who plays this side here.
-
-    Attributes
-    ----------
-    tally : FrameTally
-        The count of frames.
     """
 
     def __init__(
@@ -112,13 +97,7 @@ class Showing(QObject):
         self.tally.period_ns = max(self._refresh_ns, round(1e9 / self.config.network.view_rate_hz))
 
     def take(self, view: View, received_ns: int) -> None:
-        """Show a view that has come.
-
-        Raises
-        ------
-        WireError
-            If it cannot be drawn.
-        """
+        """Show a view that has come."""
         check(view)
         self.tally.receive(view.seq, view.sent_ns)
         self._story = follow(self._story, view)

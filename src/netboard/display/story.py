@@ -23,14 +23,10 @@ class Story:
 
     Attributes
     ----------
-    view : View
-        That view.
     events : tuple of str
         The phases that began since the view before, in order, whether they were shown or not.
     result : str
         ``succeeded`` or ``failed`` while that is to be told, else empty.
-    since : int
-        Tick of that result [1].
     """
 
     view: View
@@ -41,13 +37,6 @@ class Story:
 
 def follow(story: Story | None, view: View) -> Story:
     """Go on to a view.
-
-    Parameters
-    ----------
-    story : Story or None
-        What was before; None at the first view.
-    view : View
-        The view.
 
     Returns
     -------

@@ -49,15 +49,6 @@ MARKS = {
 class TimeBar(pg.PlotWidget):  # type: ignore[misc]  # pyqtgraph has no type hints
     """Whole recordings at a glance.
 
-    Parameters
-    ----------
-    reels : sequence of Reel
-        The recordings.
-    pairing : Pairing
-        Their time line.
-    parent : QWidget, optional
-        Where it is.
-
     Signals
     -------
     sought : float
@@ -133,23 +124,11 @@ class TimeBar(pg.PlotWidget):  # type: ignore[misc]  # pyqtgraph has no type hin
             self.addItem(number, ignoreBounds=True)
 
     def point_at(self, time: float) -> None:
-        """Move the line.
-
-        Parameters
-        ----------
-        time : float
-            From the start of the time line [s].
-        """
+        """Move the line."""
         self.cursor_line.setValue(time)
 
     def show_loop(self, loop: tuple[float, float] | None) -> None:
-        """Show the part that is played again and again.
-
-        Parameters
-        ----------
-        loop : (float, float) or None
-            The part, from the start of the time line [s].
-        """
+        """Show the part that is played again and again."""
         self._loop.setVisible(loop is not None)
         if loop is not None:
             self._loop.setRegion(loop)

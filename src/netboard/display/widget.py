@@ -37,15 +37,8 @@ WRAPPED = Qt.AlignmentFlag.AlignHCenter | Qt.TextFlag.TextWordWrap
 class BoardView(QWidget):
     """A view of the board that shows one picture at a time.
 
-    Signals
-    -------
-    painted
-        After every paint event.
-
     Attributes
     ----------
-    picture : Picture or None
-        The picture that is shown.
     mm_per_pixel : float
         Size of a pixel of the screen; 0 lets the picture fill the window [mm].
     """
@@ -166,13 +159,7 @@ class BoardView(QWidget):
 
 
 def screenshot(widget: QWidget, path: Path) -> None:
-    """Write what a widget shows to a PNG file.
-
-    Raises
-    ------
-    NetboardError
-        If the file exists already, or cannot be written.
-    """
+    """Write what a widget shows to a PNG file."""
     if path.exists():
         raise NetboardError(f"{path} exists; a screenshot never overwrites a file")
     path.parent.mkdir(parents=True, exist_ok=True)

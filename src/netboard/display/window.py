@@ -63,13 +63,7 @@ def screens() -> list[QScreen]:
 
 
 def numbered_screen(number: int) -> QScreen:
-    """Find a screen by its number.
-
-    Raises
-    ------
-    ConfigError
-        If there is no such screen.
-    """
+    """Find a screen by its number."""
     there = screens()
     if number >= len(there):
         listed = "; ".join(in_words(i, screen) for i, screen in enumerate(there))
@@ -89,13 +83,7 @@ def in_words(number: int, screen: QScreen) -> str:
 
 
 class BoardWindow(QWidget):
-    """A window that shows a `BoardView`.
-
-    Signals
-    -------
-    closed
-        When the window has been closed.
-    """
+    """A window that shows a `BoardView`."""
 
     closed = Signal()
 
@@ -110,13 +98,7 @@ class BoardWindow(QWidget):
         self.rows.addWidget(self.board, 1)
 
     def present(self, display: Display) -> None:
-        """Open the window on the screen, in the size and on the scale that the configuration asks for.
-
-        Raises
-        ------
-        ConfigError
-            If there is no such screen.
-        """
+        """Open the window on the screen, in the size and on the scale that the configuration asks for."""
         self.board.mm_per_pixel = display.mm_per_pixel
         self.resize(display.width, display.height)
         if display.screen > 0:

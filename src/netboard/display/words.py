@@ -20,32 +20,16 @@ class Words:
 
     Attributes
     ----------
-    decimal : str
-        What stands between whole seconds and their parts.
     left_end, right_end : str
         The two ends of the board, as the object of a sentence.
-    pilot : str
-        Mark of a pilot run.
     block, trial, next : str
         Which block and which trial it is, and which block comes.
     ready, wait, rest : str
         Before a block: headline, what to do meanwhile, headline of a rest.
     away, away_text : str
         Headline and sentence for somebody who has nothing to do in a block.
-    level, hold, succeeded, new_best, failed, fell, paused, again : str
-        What a trial says.
-    last, best : str
-        Completion times.
-    block_done, finished : str
-        After a block, and after the last one.
-    waiting, server, lost, over : str
-        While there is nothing to show.
-    who_dyadic, who_still, who_bimanual : str
-        Instructions: who moves what.
     task, task_board, felt, unfelt : str
         Instructions: what to do, with and without a ball, and what is felt.
-    point, press, take_point, take_press, play : str
-        For somebody who plays a side with mouse or keys.
     """
 
     decimal: str
@@ -90,25 +74,11 @@ class Words:
     play: str
 
     def seconds(self, time: float, digits: int = 2) -> str:
-        """Write a time as people of this language do.
-
-        Parameters
-        ----------
-        time : float
-            The time [s].
-        digits : int
-            How many digits after the point [1].
-        """
+        """Write a time as people of this language do."""
         return f"{time:.{digits}f}".replace(".", self.decimal)
 
     def end(self, side: Side) -> str:
-        """Name an end of the board.
-
-        Parameters
-        ----------
-        side : str
-            ``left`` or ``right``.
-        """
+        """Name an end of the board."""
         return self.left_end if side == "left" else self.right_end
 
 
@@ -125,18 +95,6 @@ FILLED: dict[str, set[str]] = {
 
 def parse_words(text: str, source: str) -> Words:
     """Read a list of words.
-
-    Parameters
-    ----------
-    text : str
-        The TOML text.
-    source : str
-        Name of the file, for error messages.
-
-    Returns
-    -------
-    Words
-        The words.
 
     Raises
     ------
@@ -179,17 +137,7 @@ def _wrong(key: str, word: Any) -> str:
 
 
 def instructions(config: Config, words: Words, station: Side) -> str:
-    """What a participant reads before a block: the block's own text, or the standard one of its condition.
-
-    Parameters
-    ----------
-    config : Config
-        The block, the task, and whether there is a ball.
-    words : Words
-        The participant's language.
-    station : str
-        Where the participant sits.
-    """
+    """What a participant reads before a block: the block's own text, or the standard one of its condition."""
     block = config.block
     if block.instructions:
         return block.instructions

@@ -13,16 +13,8 @@ class Finding:
 
     Attributes
     ----------
-    name : str
-        What was looked at.
     colour : str
         ``green``: in order; ``yellow``: works, and could be better; ``red``: not fit for an experiment.
-    found : str
-        What was found.
-    advice : str
-        What to do about it, unless green.
-    figures : dict of str to float
-        What was measured, each with its unit in its name.
     """
 
     name: str

@@ -42,13 +42,7 @@ def clock_bound(network: Network, exchanges: int, progress: Callable[[float], No
 
 
 def compare(exchanges: int, progress: Callable[[float], None]) -> ClockEstimator:
-    """Exchange stamps between two sockets of this process.
-
-    Raises
-    ------
-    NetboardError
-        If nothing comes through.
-    """
+    """Exchange stamps between two sockets of this process."""
     where = channels.addresses(Network(host=LOOPBACK, bind=LOOPBACK, port=free_port()))
     estimator = ClockEstimator()
     with sockets.open_context() as context:

@@ -33,10 +33,6 @@ class Effort:
     ----------
     timer_seconds : float
         How long each of the two timers runs [s].
-    exchanges : int
-        How often the clock is compared [1].
-    chunks : int
-        How many chunks are brought to disk [1].
     """
 
     timer_seconds: float
@@ -50,17 +46,7 @@ QUICK = Effort(1.0, 100, 20)
 
 @dataclass(frozen=True)
 class Report:
-    """All findings, and of what machine they are.
-
-    Attributes
-    ----------
-    utc : str
-        When it was made.
-    machine : dict of str to str
-        What machine it is.
-    findings : tuple of Finding
-        In the order they were made.
-    """
+    """All findings, and of what machine they are."""
 
     utc: str
     machine: dict[str, str]
@@ -85,13 +71,7 @@ class Report:
         return json.dumps({**head, "findings": [asdict(finding) for finding in self.findings]}, indent=2)
 
     def save(self, path: Path) -> None:
-        """Write the report to a file, in place of an older one.
-
-        Raises
-        ------
-        NetboardError
-            If it cannot be written.
-        """
+        """Write the report to a file, in place of an older one."""
         fresh = path.with_name(f"{path.name}.new")
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -102,15 +82,7 @@ class Report:
 
 
 def steps(config: Config, effort: Effort) -> dict[str, Step]:
-    """What is looked at, in order; each step says how far it has got, of 1.
-
-    Parameters
-    ----------
-    config : Config
-        Rig and experiment.
-    effort : Effort
-        How much time it may take.
-    """
+    """What is looked at, in order; each step says how far it has got, of 1."""
     return {
         "software": lambda progress: [software.versions()],
         "timer": lambda progress: list(_timers(config, effort, progress)),
@@ -151,10 +123,6 @@ def examine(config: Config, effort: Effort, follow: Callable[[str, float], None]
 
     Parameters
     ----------
-    config : Config
-        Rig and experiment.
-    effort : Effort
-        How much time it may take.
     follow : callable
         Told what is looked at, and how much of that is done, of 1.
     """

@@ -37,8 +37,6 @@ class Woken:
 
     Attributes
     ----------
-    came : dict of str to str
-        What came of asking for real time.
     p50_us, p99_us, p999_us, max_us : float
         Lateness: half of the wake-ups were no later, and so on [us].
     """
@@ -55,17 +53,8 @@ def measure(wanted: Realtime, seconds: float, progress: Callable[[float], None])
 
     Parameters
     ----------
-    wanted : Realtime
-        What the loop asks for.
-    seconds : float
-        How long it runs [s].
     progress : callable
         Told again and again how much has been done of 1 [1].
-
-    Raises
-    ------
-    NetboardError
-        If the process fails.
     """
     asked = json.dumps({"wanted": asdict(wanted), "seconds": seconds})
     command = [sys.executable, "-m", "netboard.doctor.timing", asked]

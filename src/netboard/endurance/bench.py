@@ -31,17 +31,6 @@ QUICK_SOAK_STEPS = 10_000_000
 def main(output: Path | None, *, quick: bool, force: bool, soak_too: bool) -> int:
     """Run the study.
 
-    Parameters
-    ----------
-    output : Path or None
-        Folder of the results; None for a new one here.
-    quick : bool
-        The short form.
-    force : bool
-        The folder may be there already.
-    soak_too : bool
-        Soak as well.
-
     Returns
     -------
     int
@@ -54,24 +43,7 @@ def main(output: Path | None, *, quick: bool, force: bool, soak_too: bool) -> in
 
 
 def study(folder: Folder, quick: bool, soak_too: bool, tell: Tell) -> Iterator[Part]:
-    """Run the parts of the study, one after the other.
-
-    Parameters
-    ----------
-    folder : Folder
-        Where figures go.
-    quick : bool
-        The short form.
-    soak_too : bool
-        Soak as well.
-    tell : callable
-        Hears how far each part is.
-
-    Yields
-    ------
-    Part
-        What was found.
-    """
+    """Run the parts of the study, one after the other."""
     methods = QUICK_METHODS if quick else STUDIED
     yield tick_limits(methods, tell)
     for plane in PLANES:

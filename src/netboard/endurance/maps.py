@@ -43,15 +43,7 @@ MOST_SCALE = 1e4
 
 @dataclass(frozen=True)
 class Plane:
-    """What a map is over.
-
-    Attributes
-    ----------
-    name : str
-        What its files are called.
-    across, down : str
-        The numbers of the scene that are multiplied.
-    """
+    """What a map is over."""
 
     name: str
     across: str
@@ -67,10 +59,6 @@ class Cell:
 
     Attributes
     ----------
-    method : str
-        Name of the method.
-    across, down : float
-        The factors [1].
     theory, nonlinear : float
         Largest stable step; infinite if there is none, up to the longest that is tried [s].
     """
@@ -98,32 +86,12 @@ class Cell:
 
 
 def board_matrix(physics: Physics, tilt: float = 0.0) -> Matrix:
-    """Return the matrix of the board alone.
-
-    Parameters
-    ----------
-    physics : Physics
-        The scene.
-    tilt : float
-        Its tilt [rad].
-
-    Returns
-    -------
-    ndarray of float64, shape (4, 4)
-        A, of (z, vz, theta, omega) [SI].
-    """
+    """Return the matrix of the board alone."""
     return tilted_matrix(parts_of(physics), pack_scene(physics)[0], physics.balls, tilt)
 
 
 def theoretical_step(physics: Physics, method: str) -> float:
     """Return the largest stable step, in theory.
-
-    Parameters
-    ----------
-    physics : Physics
-        The scene.
-    method : str
-        Name of the method.
 
     Returns
     -------
@@ -143,22 +111,7 @@ def theoretical_step(physics: Physics, method: str) -> float:
 
 
 def measure_cell(physics: Physics, method: str, across: float = 1.0, down: float = 1.0) -> Cell:
-    """Find the largest stable step of one scene, in theory and in runs.
-
-    Parameters
-    ----------
-    physics : Physics
-        The scene, scaled already.
-    method : str
-        Name of the method.
-    across, down : float
-        By what, for the record [1].
-
-    Returns
-    -------
-    Cell
-        Both.
-    """
+    """Find the largest stable step of one scene, in theory and in runs."""
     theory = theoretical_step(physics, method)
     duration = telling_duration(method, board_matrix(physics), theory)
     return Cell(method, across, down, theory, largest_bounded(physics, method, theory, duration))
@@ -167,24 +120,7 @@ def measure_cell(physics: Physics, method: str, across: float = 1.0, down: float
 def make_map(
     plane: Plane, scales: Sequence[float], methods: Sequence[str] = STUDIED, tell: Tell = lambda text, share: None
 ) -> list[Cell]:
-    """Measure every method in every scene of a plane.
-
-    Parameters
-    ----------
-    plane : Plane
-        What is multiplied.
-    scales : sequence of float
-        By what [1].
-    methods : sequence of str
-        Names of the methods.
-    tell : callable
-        Hears how far it is.
-
-    Returns
-    -------
-    list of Cell
-        By scene, and in it by method.
-    """
+    """Measure every method in every scene of a plane."""
     cells: list[Cell] = []
     count = len(scales) ** 2
     for i, (across, down) in enumerate((across, down) for down in scales for across in scales):
@@ -195,20 +131,7 @@ def make_map(
 
 
 def map_parts(plane: Plane, cells: Sequence[Cell]) -> Iterator[Part]:
-    """Say what a map shows: all of it, and a summary with verdicts.
-
-    Parameters
-    ----------
-    plane : Plane
-        What is multiplied.
-    cells : sequence of Cell
-        The map.
-
-    Yields
-    ------
-    Part
-        The map, which is for files alone, and the summary.
-    """
+    """Say what a map shows: all of it, and a summary with verdicts."""
     over = f"{plane.across}, {plane.down}"
     heads = (
         "method",
@@ -262,18 +185,7 @@ def _summary(method: str, cells: Sequence[Cell]) -> tuple[tuple[Value, ...], Ver
 
 
 def largest_scale(stable: Callable[[float], bool]) -> float:
-    """Return the scale up to which all are stable, by theory.
-
-    Parameters
-    ----------
-    stable : callable
-        Whether a scale is.
-
-    Returns
-    -------
-    float
-        Infinite if all are, up to `MOST_SCALE` [1].
-    """
+    """Return the scale up to which all are stable, by theory."""
     good = 1.0
     for scale in np.geomspace(1.0, MOST_SCALE, 161):
         if not stable(float(scale)):
@@ -302,20 +214,7 @@ WAYS = {"k_h alone": _stiffer, "c_h alone": _more_damped, "k_h, and c_h by its r
 
 
 def tick_limits(methods: Sequence[str] = STUDIED, tell: Tell = lambda text, share: None) -> Part:
-    """Find how far couplings may be scaled in steps of a tick, by theory, and see it borne out just short and beyond.
-
-    Parameters
-    ----------
-    methods : sequence of str
-        Names of the methods.
-    tell : callable
-        Hears how far it is.
-
-    Returns
-    -------
-    Part
-        The largest scales.
-    """
+    """Find the stability limit of the coupling at 1 ms steps, by theory and by runs on both sides of it."""
     rows: list[tuple[Value, ...]] = []
     wrong: list[str] = []
     checked = 0
@@ -347,20 +246,7 @@ def _stable(method: str, factors: Callable[[float], dict[str, float]]) -> Callab
 
 
 def draw_map(plane: Plane, cells: Sequence[Cell]) -> Any:
-    """Draw a map: a row for each method, theory on the left, runs on the right.
-
-    Parameters
-    ----------
-    plane : Plane
-        What is multiplied.
-    cells : sequence of Cell
-        The map.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Heat maps of the largest step.
-    """
+    """Draw a map: a row for each method, theory on the left, runs on the right."""
     from matplotlib.colors import LogNorm
     from matplotlib.figure import Figure
 

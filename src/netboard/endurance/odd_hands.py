@@ -37,13 +37,7 @@ Spoil = Callable[[Rows], None]
 
 
 def smooth_rows() -> Rows:
-    """Return ticks with samples of hands that rest and then move smoothly.
-
-    Returns
-    -------
-    ndarray of TICK, shape (WHOLE,)
-        The inputs; the trial is not started.
-    """
+    """Return ticks with samples of hands that rest and then move smoothly."""
     rows = np.zeros(WHOLE, TICK)
     rows["tick"] = np.arange(WHOLE)
     rows["time_ns"] = rows["tick"] * TICK_NS + 10**9
@@ -144,22 +138,7 @@ KINDS: dict[str, Spoil] = {
 
 
 def play(stage: Stage, rows: Rows, started: bool) -> Rows:
-    """Run the live tick over rows.
-
-    Parameters
-    ----------
-    stage : Stage
-        The rules.
-    rows : ndarray of TICK, shape (n,)
-        The inputs; left as they are.
-    started : bool
-        A trial is started, and the ball rolls.
-
-    Returns
-    -------
-    ndarray of TICK, shape (n,)
-        With the outputs.
-    """
+    """Run the live tick over rows."""
     played = rows.copy()
     if started:
         played["command"][0] = Cause.START
@@ -168,20 +147,7 @@ def play(stage: Stage, rows: Rows, started: bool) -> Rows:
 
 
 def odd_hands(config: Config, kinds: Sequence[str] = tuple(KINDS)) -> Part:
-    """Play odd hands.
-
-    Parameters
-    ----------
-    config : Config
-        The whole configuration.
-    kinds : sequence of str
-        Which, of `KINDS`.
-
-    Returns
-    -------
-    Part
-        What came of them.
-    """
+    """Play odd hands."""
     stage, smooth = make_stage(config), smooth_rows()
     calm = play(stage, smooth, started=False)
     rows: list[tuple[Value, ...]] = []

@@ -40,15 +40,6 @@ KEPT = 0.02
 def energies(method: str, start: State, steps: int) -> Array:
     """Return the energy of an undamped board between hands at rest.
 
-    Parameters
-    ----------
-    method : str
-        Name of the method.
-    start : tuple of float, length 4
-        The first state [SI].
-    steps : int
-        Steps of a tick, in hundreds [1].
-
     Returns
     -------
     ndarray of float64, shape (steps / 100 + 1,)
@@ -67,22 +58,7 @@ def energies(method: str, start: State, steps: int) -> Array:
 def energy_drift(
     steps: int = 10_000_000, methods: Sequence[str] = STUDIED, tell: Tell = lambda text, share: None
 ) -> Part:
-    """See which methods take energy from an undamped board, and which add some.
-
-    Parameters
-    ----------
-    steps : int
-        Steps of a tick, in hundreds [1].
-    methods : sequence of str
-        Names of the methods.
-    tell : callable
-        Hears how far it is.
-
-    Returns
-    -------
-    Part
-        Drifts of the energy.
-    """
+    """See which methods take energy from an undamped board, and which add some."""
     heave = board_matrix(UNDAMPED)[:2, :2]
     rows: list[tuple[Value, ...]] = []
     verdicts = []
@@ -144,22 +120,7 @@ def _drift(energy: Array) -> float:
 
 
 def perfect_rest(steps: int = 100_000, methods: Sequence[str] = STUDIED, tell: Tell = lambda text, share: None) -> Part:
-    """See that a board at rest, whose numbers die away to nothing, is stepped as quickly as one that moves.
-
-    Parameters
-    ----------
-    steps : int
-        Steps of a tick [1].
-    methods : sequence of str
-        Names of the methods.
-    tell : callable
-        Hears how far it is.
-
-    Returns
-    -------
-    Part
-        Costs of both.
-    """
+    """See that a board at rest, whose numbers die away to nothing, is stepped as quickly as one that moves."""
     physics = Physics(g=0.0)
     parts, scene, length = parts_of(physics), pack_scene(physics), state_length(physics)
     times: Array = np.arange(steps + 1, dtype=np.float64) * TICK_SECONDS

@@ -85,20 +85,7 @@ class Run:
 
 
 def scaled(physics: Physics, **factors: float) -> Physics:
-    """Return a scene with some of its numbers multiplied.
-
-    Parameters
-    ----------
-    physics : Physics
-        The scene.
-    **factors : float
-        By the name of the number [1].
-
-    Returns
-    -------
-    Physics
-        The other scene.
-    """
+    """Return a scene with some of its numbers multiplied."""
     return replace(physics, **{name: getattr(physics, name) * factor for name, factor in factors.items()})
 
 
@@ -107,8 +94,6 @@ def waves_at(times: Array, spread: float = 1.0) -> tuple[Array, Array]:
 
     Parameters
     ----------
-    times : ndarray of float64, shape (n,)
-        Times [s].
     spread : float
         How many times as far as in the test problem they move against each other [1].
 
@@ -131,17 +116,8 @@ def polynomials(physics: Physics, times: Array, z: Array, vz: Array) -> Array:
 
     Parameters
     ----------
-    physics : Physics
-        The scene, whose couplings are alike.
-    times : ndarray of float64, shape (n + 1,)
-        Ends of the intervals [s].
     z, vz : ndarray of float64, shape (n + 1, 2)
         Heights of the left and the right stylus there, and their rates [m, m/s].
-
-    Returns
-    -------
-    ndarray of float64, shape (n, 8)
-        Polynomials of both drives [N, N/s, N/s2, N/s3].
     """
     k, c, gap = physics.k_h, physics.c_h, np.diff(times)[:, None]
     mean = np.diff(z, axis=0) / gap
@@ -169,22 +145,8 @@ def make_run(
 
     Parameters
     ----------
-    physics : Physics
-        The scene.
-    method : str
-        Name of the method.
-    h : float
-        Length of its step [s].
     duration : float
         Length of the run; it is as many whole intervals as fit [s].
-    x : tuple of float
-        The first state [SI].
-    start : float
-        Where on the hands' time it begins [s].
-    spread : float
-        As in `waves_at` [1].
-    free : bool
-        The balls roll; otherwise they are fixed.
 
     Returns
     -------
@@ -215,19 +177,7 @@ def _reach(run_: Run) -> Array:
 
 
 def is_bounded(physics: Physics, method: str, h: float, duration: float = DURATION) -> bool:
-    """Tell whether a run stays within bounds.
-
-    Parameters
-    ----------
-    physics : Physics
-        The scene.
-    method : str
-        Name of the method.
-    h : float
-        Length of its step [s].
-    duration : float
-        Length of the run [s].
-    """
+    """Tell whether a run stays within bounds."""
     limits = np.tile([FARTHER, FASTER], 2) * _reference_reach(physics, duration)
     with np.errstate(invalid="ignore"):
         return bool(np.all(_reach(make_run(physics, method, h, duration, _FIXED, free=False)) <= limits))
@@ -238,17 +188,8 @@ def telling_duration(method: str, a: Array, h: float) -> float:
 
     Parameters
     ----------
-    method : str
-        Name of the method.
-    a : ndarray of float64, shape (4, 4)
-        Matrix of the board [SI].
     h : float
         The largest step, in theory; infinite if there is none [s].
-
-    Returns
-    -------
-    float
-        `DURATION` or more [s].
     """
     if math.isinf(h):
         return DURATION
@@ -259,17 +200,6 @@ def telling_duration(method: str, a: Array, h: float) -> float:
 
 def largest_bounded(physics: Physics, method: str, guess: float, duration: float = DURATION) -> float:
     """Return the largest step with which a run is bounded, looked for around a guess.
-
-    Parameters
-    ----------
-    physics : Physics
-        The scene.
-    method : str
-        Name of the method.
-    guess : float
-        What theory says; infinite if it has no limit [s].
-    duration : float
-        Length of the runs [s].
 
     Returns
     -------
@@ -299,13 +229,7 @@ def largest_bounded(physics: Physics, method: str, guess: float, duration: float
 
 
 def ladder() -> list[float]:
-    """Return steps up to `LONGEST`, each a quarter longer than the last.
-
-    Returns
-    -------
-    list of float
-        From a tick on [s].
-    """
+    """Return steps up to `LONGEST`, each a quarter longer than the last."""
     count = math.ceil(math.log(LONGEST / TICK_SECONDS) / math.log(1.25))
     return [min(TICK_SECONDS * 1.25**i, LONGEST) for i in range(count + 1)]
 

@@ -56,10 +56,6 @@ class Tally:
 
     Attributes
     ----------
-    checks : int
-        How many [1].
-    lost : int
-        States that were not finite [1].
     excess : float
         Most growth of energy beyond what hands can put in, as a share of the flows [1].
     wrong : float
@@ -72,15 +68,7 @@ class Tally:
     wrong: float = 0.0
 
     def take(self, x: Array, sums: Array) -> None:
-        """Check simulations.
-
-        Parameters
-        ----------
-        x : ndarray of float64, shape (n, length)
-            Their states [SI].
-        sums : ndarray of float64, shape (n, SUMS)
-            What their last steps did.
-        """
+        """Check simulations."""
         fine: NDArray[np.bool_] = np.isfinite(np.concatenate([x, sums], axis=1)).all(axis=1)
         self.checks += len(x)
         self.lost += int(np.count_nonzero(~fine))
@@ -95,8 +83,6 @@ class Soaked:
 
     Attributes
     ----------
-    steps, restarts : int
-        How many [1].
     within, beyond : Tally
         While the board stayed within the tilts and balls within the places that the choice of a method looks at, and
         while they did not.
@@ -114,26 +100,7 @@ class Soaked:
 def soak_kind(
     kind: Physics, steps: int, seed: int, scenes: int = 256, tell: Callable[[float], object] = lambda share: None
 ) -> Soaked:
-    """Soak one kind of scene.
-
-    Parameters
-    ----------
-    kind : Physics
-        What scenes have.
-    steps : int
-        Steps of single simulations, at the least [1].
-    seed : int
-        Of everything random [1].
-    scenes : int
-        Different scenes; each is with several pairs of hands [1].
-    tell : callable
-        Hears the share that is done.
-
-    Returns
-    -------
-    Soaked
-        What came of it.
-    """
+    """Soak one kind of scene."""
     rng = np.random.default_rng(seed)
     drawn = np.concatenate([pack_scene(draw_scene(rng, kind)) for _ in range(scenes)])
     packed = scene_blocks(np.resize(drawn, DYADS))
@@ -185,24 +152,7 @@ def _restart(x: Any) -> int:
 
 
 def soak(steps: int, seed: int = 1, scenes: int = 256, tell: Tell = lambda text, share: None) -> Part:
-    """Soak every kind of scene.
-
-    Parameters
-    ----------
-    steps : int
-        Steps of single simulations in all, at the least [1].
-    seed : int
-        Of everything random [1].
-    scenes : int
-        Different scenes of each kind [1].
-    tell : callable
-        Hears how far it is.
-
-    Returns
-    -------
-    Part
-        What came of it.
-    """
+    """Soak every kind of scene."""
     found = {}
     for i, (name, kind) in enumerate(KINDS.items()):
         tell(f"soak: {name}: drawing scenes", 0.0)

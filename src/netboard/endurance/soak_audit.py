@@ -87,13 +87,6 @@ def _is_beyond(x: Any, length: int, scene: Any) -> bool:
 def make_audit(PARTS: Parts, LENGTH: int) -> Callable[[Array, Array, Array, Array, Array], None]:
     """Compile the audit of a step's energy.
 
-    Parameters
-    ----------
-    PARTS : Parts
-        What the scenes have.
-    LENGTH : int
-        Length of a state [1].
-
     Returns
     -------
     callable

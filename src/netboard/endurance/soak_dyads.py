@@ -55,20 +55,7 @@ def _spread(rng: np.random.Generator, low: float, high: float) -> float:
 
 
 def draw_scene(rng: np.random.Generator, kind: Physics) -> Physics:
-    """Draw a scene that the automatic choice steps by RK4, once a tick.
-
-    Parameters
-    ----------
-    rng : Generator
-        Where chance comes from.
-    kind : Physics
-        What it has; its numbers are drawn anew.
-
-    Returns
-    -------
-    Physics
-        The scene.
-    """
+    """Draw a scene that the automatic choice steps by RK4, once a tick."""
     while True:
         physics = replace(
             kind,
@@ -99,17 +86,7 @@ def _is_chosen(physics: Physics) -> bool:
 
 
 def draw_hands(rng: np.random.Generator, hand: Array, share: float) -> None:
-    """Give some hands something else to do; those of them that change place jump.
-
-    Parameters
-    ----------
-    rng : Generator
-        Where chance comes from.
-    hand : ndarray of float64, shape (blocks, HAND, LANES)
-        The hands; changed in place [SI].
-    share : float
-        Which share of them [1].
-    """
+    """Give some hands something else to do; those of them that change place jump."""
     shape = (len(hand), LANES)
     rate, phase = 2.0 * np.pi * rng.uniform(0.2, 5.0, shape), rng.uniform(0.0, 2.0 * np.pi, (2, *shape))
     hold = rng.integers(0, 3, shape)
@@ -134,14 +111,8 @@ def move_hands(hand: Any, side: int, scenes: Any, out: Any) -> None:
 
     Parameters
     ----------
-    hand : ndarray of float64, shape (blocks, HAND, LANES)
-        The hands; moved on in place [SI].
     side : int
         0 for the left one, 1 for the right one [1].
-    scenes : ndarray of float64, shape (blocks, numbers, LANES)
-        The scenes [SI].
-    out : ndarray of float64, shape (blocks, 8, LANES)
-        The polynomials [N, N/s, N/s2, N/s3].
     """
     h, done = TICK_SECONDS, np.empty((9, LANES))
     for b in range(len(hand)):

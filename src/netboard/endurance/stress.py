@@ -49,18 +49,7 @@ TILTS_DEG = (8.0, 17.0, 35.0, 49.0)
 
 
 def settled(physics: Physics) -> State:
-    """Return the state of a board that has followed the hands for a second, by the reference method.
-
-    Parameters
-    ----------
-    physics : Physics
-        The scene.
-
-    Returns
-    -------
-    tuple of float
-        The state at the start of the test motion [SI].
-    """
+    """Return the state of a board that has followed the hands for a second, by the reference method."""
     p, vp = BALL["paper", "settled"]
     before = make_run(physics, "dop853", _fine(physics), 1.0, (0.0, 0.0, 0.0, 0.0, p, 0.0), -1.0, free=False)
     return (*before.states[-1, :4].tolist(), p, vp)
@@ -76,21 +65,8 @@ def force_error(physics: Physics, method: str, h: float, x: State, forces: Array
 
     Parameters
     ----------
-    physics : Physics
-        The scene.
-    method : str
-        Name of the method.
     h : float
         Length of its step, a whole share of a tick [s].
-    x : tuple of float
-        The first state [SI].
-    forces : ndarray of float64, shape (n, 2)
-        The true forces at every tick [N].
-
-    Returns
-    -------
-    float
-        Infinite if not all are finite [N].
     """
     with np.errstate(invalid="ignore", over="ignore"):
         worst = float(np.abs(make_run(physics, method, h, DURATION, x).forces - forces).max())
@@ -98,20 +74,7 @@ def force_error(physics: Physics, method: str, h: float, x: State, forces: Array
 
 
 def stiff_forces(cases: Sequence[tuple[float, float]] = STIFF, tell: Tell = lambda text, share: None) -> Part:
-    """Compare forces in stiff scenes.
-
-    Parameters
-    ----------
-    cases : sequence of tuple of float, length 2
-        Factors of k_h and c_h [1].
-    tell : callable
-        Hears how far it is.
-
-    Returns
-    -------
-    Part
-        Largest force errors.
-    """
+    """Compare forces in stiff scenes."""
     rows: list[tuple[Value, ...]] = []
     wrong, felt = [], []
     for i, (k, c) in enumerate(cases):
@@ -159,20 +122,7 @@ def _list(wrong: Sequence[str]) -> str:
 
 
 def large_tilts(tilts_deg: Sequence[float] = TILTS_DEG, tell: Tell = lambda text, share: None) -> Part:
-    """Compare rk4 and etdrk4, which solves the level board, where the board tilts far.
-
-    Parameters
-    ----------
-    tilts_deg : sequence of float
-        Largest tilts that the hands ask for [deg].
-    tell : callable
-        Hears how far it is.
-
-    Returns
-    -------
-    Part
-        Force errors.
-    """
+    """Compare rk4 and etdrk4, which solves the level board, where the board tilts far."""
     physics = Physics()
     z, _ = waves_at(np.arange(0.0, DURATION, TICK_SECONDS))
     reach = float(np.abs(z[:, 1] - z[:, 0]).max()) / 2
@@ -208,20 +158,7 @@ def large_tilts(tilts_deg: Sequence[float] = TILTS_DEG, tell: Tell = lambda text
 
 
 def ball_at_ends(duration: float = 20.0, tell: Tell = lambda text, share: None) -> Part:
-    """Let a ball run into stops, and see that it stays between them and no blow adds energy.
-
-    Parameters
-    ----------
-    duration : float
-        Length of each run [s].
-    tell : callable
-        Hears how far it is.
-
-    Returns
-    -------
-    Part
-        What blows do.
-    """
+    """Let a ball run into stops, and see that it stays between them and no blow adds energy."""
     kinds = [(model, share) for model in MODELS for share in (0.0, 0.5, 1.0)]
     rows: list[tuple[Value, ...]] = []
     outside, gained, least = 0.0, 0.0, math.inf

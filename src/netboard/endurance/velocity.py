@@ -43,10 +43,6 @@ class Movement:
 
     Attributes
     ----------
-    name : str
-        What it is called.
-    samples : int
-        How long it is, in ticks [1].
     height : callable
         Its height at times [m].
     rate : callable
@@ -95,24 +91,7 @@ SINE = _wave("10 Hz", 0.002, 10.0)
 
 
 def errors_of(kind: str, movement: Movement, offsets: int) -> tuple[Array, Array]:
-    """Follow a movement.
-
-    Parameters
-    ----------
-    kind : str
-        Of the estimator.
-    movement : Movement
-        The movement.
-    offsets : int
-        From how many places within an encoder step [1].
-
-    Returns
-    -------
-    times : ndarray, shape (n,)
-        Of the samples, without the run-up [s].
-    errors : ndarray, shape (offsets, n)
-        What the estimator says less the true velocity [m/s].
-    """
+    """Follow a movement."""
     t = np.arange(movement.samples, dtype=np.float64) * TICK_SECONDS
     rate = movement.rate(t)
     found = []
@@ -124,39 +103,13 @@ def errors_of(kind: str, movement: Movement, offsets: int) -> tuple[Array, Array
 
 
 def follow(meter: Estimator, heights: Array) -> Array:
-    """Let an estimator follow heights that are read each tick.
-
-    Parameters
-    ----------
-    meter : Estimator
-        The estimator.
-    heights : ndarray, shape (n,)
-        What it reads [m].
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        What it says [m/s].
-    """
+    """Let an estimator follow heights that are read each tick."""
     said = [meter.update(k * TICK_NS, 0.0, 0.0, z)[2] for k, z in enumerate(heights.tolist())]
     return np.array(said)
 
 
 def time_of(kind: str, updates: int) -> float:
-    """Time an update, on a stylus that moves on all axes.
-
-    Parameters
-    ----------
-    kind : str
-        Of the estimator.
-    updates : int
-        How many in one go [1].
-
-    Returns
-    -------
-    float
-        Time for one [s].
-    """
+    """Time an update, on a stylus that moves on all axes."""
     t = TICK_SECONDS * np.arange(updates)
     path = np.round(0.02 * np.sin(np.outer(t, (3.0, 5.0, 7.0))) / TOUCH.resolution) * TOUCH.resolution
     samples = [(k * TICK_NS, *place) for k, place in enumerate(path.tolist())]
@@ -172,20 +125,7 @@ def time_of(kind: str, updates: int) -> float:
 
 
 def figures(*, quick: bool, tell: Tell) -> Part:
-    """Measure lag, noise, errors and time of each estimator.
-
-    Parameters
-    ----------
-    quick : bool
-        The short form.
-    tell : callable
-        Hears how far it is.
-
-    Returns
-    -------
-    Part
-        A row for each.
-    """
+    """Measure lag, noise, errors and time of each estimator."""
     offsets, updates = (QUICK_OFFSETS, QUICK_UPDATES) if quick else (OFFSETS, UPDATES)
     rows: list[tuple[Value, ...]] = []
     for i, kind in enumerate(KINDS):
@@ -210,20 +150,7 @@ def figures(*, quick: bool, tell: Tell) -> Part:
 
 
 def delays(*, quick: bool, tell: Tell) -> Part:
-    """Find how late the paper's coupling may be for a bare stylus, with each estimator.
-
-    Parameters
-    ----------
-    quick : bool
-        The short form.
-    tell : callable
-        Hears how far it is.
-
-    Returns
-    -------
-    Part
-        A row for each, and the ideal one.
-    """
+    """Find how late the paper's coupling may be for a bare stylus, with each estimator."""
     physics = Config().physics
     loops = [Loop(TOUCH.mass, b, physics.k_h, physics.c_h) for b in (0.0, TOUCH.damping)]
     rows: list[tuple[Value, ...]] = []

@@ -14,22 +14,7 @@ from netboard.tick import TICK_SECONDS
 
 
 def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
-    """Run the parts of the study, and draw what they found if matplotlib is there.
-
-    Parameters
-    ----------
-    folder : Folder
-        Where the figure goes.
-    tell : callable
-        Hears how far each part is.
-    quick : bool
-        The short form.
-
-    Yields
-    ------
-    Part
-        What was found.
-    """
+    """Run the parts of the study, and draw what they found if matplotlib is there."""
     found = figures(quick=quick, tell=tell)
     yield found
     late = delays(quick=quick, tell=tell)
@@ -39,20 +24,7 @@ def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
 
 
 def draw(found: Part, late: Part) -> Any:
-    """Draw errors on a reach and on a sine, and for each estimator its noise beside the delay it leaves.
-
-    Parameters
-    ----------
-    found : Part
-        Lags, noise and errors.
-    late : Part
-        Largest delays.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        The figure.
-    """
+    """Draw errors on a reach and on a sine, and for each estimator its noise beside the delay it leaves."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 

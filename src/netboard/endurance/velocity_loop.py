@@ -53,15 +53,7 @@ class Loop:
     damping: float
 
     def step(self) -> tuple[Array, Array]:
-        """Return what a tick makes of place and velocity, and what a force held through it adds.
-
-        Returns
-        -------
-        by_itself : ndarray, shape (2, 2)
-            The one.
-        by_force : ndarray, shape (2,)
-            The other.
-        """
+        """Return what a tick makes of place and velocity, and what a force held through it adds."""
         t, m, b = TICK_SECONDS, self.mass, self.b
         if b == 0.0:
             return np.array([[1.0, t], [0.0, 1.0]]), np.array([t * t / (2.0 * m), t / m])
@@ -71,29 +63,7 @@ class Loop:
 
 
 def linear_estimator(kind: str) -> tuple[Array, Array, Array, float]:
-    """Write an estimator as a linear system: state after = A state + B place, velocity = C state + D place.
-
-    Parameters
-    ----------
-    kind : str
-        Which; not the adaptive one.
-
-    Returns
-    -------
-    A : ndarray, shape (n, n)
-        What a tick makes of its state.
-    B : ndarray, shape (n,)
-        What the place read adds to that.
-    C : ndarray, shape (n,)
-        What the state before says of the velocity.
-    D : float
-        What the place read says of it [1/s].
-
-    Raises
-    ------
-    ValueError
-        If it is not linear.
-    """
+    """Write an estimator as a linear system: state after = A state + B place, velocity = C state + D place."""
     if kind in ("difference", "chai3d"):
         n = 1 if kind == "difference" else WINDOW_NS // TICK_NS
         span = n * TICK_SECONDS
@@ -108,22 +78,7 @@ def linear_estimator(kind: str) -> tuple[Array, Array, Array, float]:
 
 
 def radius_of(loop: Loop, kind: str, delay: int) -> float:
-    """Find the spectral radius of the whole loop; what is at rest stays so if it is below 1.
-
-    Parameters
-    ----------
-    loop : Loop
-        The mass and what holds it.
-    kind : str
-        The estimator; not the adaptive one.
-    delay : int
-        How many ticks late a force is [1].
-
-    Returns
-    -------
-    float
-        The radius [1].
-    """
+    """Find the spectral radius of the whole loop; what is at rest stays so if it is below 1."""
     by_itself, by_force = loop.step()
     a, b, c, d = linear_estimator(kind) if kind != IDEAL else (np.zeros((0, 0)), np.zeros(0), np.zeros(0), 0.0)
     inner = len(b)
@@ -147,17 +102,6 @@ def radius_of(loop: Loop, kind: str, delay: int) -> float:
 
 def settles(loop: Loop, kind: str, delay: int, seconds: float) -> bool:
     """Let the mass go, with the estimator itself and places in encoder steps, and see whether it comes to rest.
-
-    Parameters
-    ----------
-    loop : Loop
-        The mass and what holds it.
-    kind : str
-        The estimator.
-    delay : int
-        How many ticks late a force is [1].
-    seconds : float
-        For how long [s].
 
     Returns
     -------
@@ -183,40 +127,12 @@ def settles(loop: Loop, kind: str, delay: int, seconds: float) -> bool:
 
 
 def largest_delay(loop: Loop, kind: str) -> int:
-    """Find the largest delay at which the whole loop is stable, by its eigenvalues.
-
-    Parameters
-    ----------
-    loop : Loop
-        The mass and what holds it.
-    kind : str
-        The estimator; not the adaptive one.
-
-    Returns
-    -------
-    int
-        The delay; -1 if none is [ms].
-    """
+    """Find the largest delay at which the whole loop is stable, by its eigenvalues."""
     return _largest(lambda delay: radius_of(loop, kind, delay) < 1.0)
 
 
 def largest_played(loop: Loop, kind: str, seconds: float) -> int:
-    """Find the largest delay at which it settles in a run.
-
-    Parameters
-    ----------
-    loop : Loop
-        The mass and what holds it.
-    kind : str
-        The estimator.
-    seconds : float
-        Length of a run [s].
-
-    Returns
-    -------
-    int
-        The delay; -1 if none is [ms].
-    """
+    """Find the largest delay at which it settles in a run."""
     return _largest(lambda delay: settles(loop, kind, delay, seconds))
 
 

@@ -37,24 +37,7 @@ Row = dict[str, Any]
 
 
 def write(recordings: Sequence[Path], folder: Path, progress: Progress) -> None:
-    """Write recordings as one Motion-BIDS dataset.
-
-    Parameters
-    ----------
-    recordings : sequence of Path
-        The recordings.
-    folder : Path
-        An empty folder.
-    progress : callable
-        Is told how far it is.
-
-    Raises
-    ------
-    RecordingError
-        If a recording cannot be read, or two of them do not go into one dataset.
-    ConfigError
-        If the configuration of one is not of this version.
-    """
+    """Write recordings as one Motion-BIDS dataset."""
     runs = runs_of(recordings)
     factors = exported_factors([run.config for run in runs])
     scans: dict[tuple[str, str], list[Row]] = {}

@@ -24,13 +24,7 @@ LATENCY = Signal(
 
 
 def description(studies: Sequence[str]) -> dict[str, Any]:
-    """Make ``dataset_description.json``.
-
-    Parameters
-    ----------
-    studies : sequence of str
-        Names of the studies; empty for none.
-    """
+    """Make ``dataset_description.json``."""
     named = ", ".join(study for study in studies if study)
     return {
         "Name": f"Board and ball: {named}" if named else "Board and ball",
@@ -198,15 +192,7 @@ _WITH_FACTORS = {"{system}_events.json": False, "scans.json": False, "participan
 
 
 def of_factors(factors: Sequence[Exported], sidecar: str) -> dict[str, Any]:
-    """Describe the columns of factors in a table.
-
-    Parameters
-    ----------
-    factors : sequence of Exported
-        The factors.
-    sidecar : str
-        Name of the sidecar, as in `SIDECARS`.
-    """
+    """Describe the columns of factors in a table."""
     if sidecar not in _WITH_FACTORS:
         return {}
     kept = [one for one in factors if one.scope == "dyad" or not _WITH_FACTORS[sidecar]]

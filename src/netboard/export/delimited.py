@@ -16,41 +16,13 @@ from netboard.export.tables import Rows
 
 
 def write(recordings: Sequence[Path], folder: Path, progress: Progress) -> None:
-    """Write recordings as CSV files.
-
-    Parameters
-    ----------
-    recordings : sequence of Path
-        The recordings.
-    folder : Path
-        An empty folder.
-    progress : callable
-        Is told how far it is.
-
-    Raises
-    ------
-    RecordingError
-        If a recording cannot be read.
-    """
+    """Write recordings as CSV files."""
     write_sheets(recordings, folder, progress, open_sheet, ".csv")
 
 
 @contextmanager
 def open_sheet(path: Path, table: Described) -> Iterator[Sheet]:
-    """Begin a file with the line of names.
-
-    Parameters
-    ----------
-    path : Path
-        The new file.
-    table : Described
-        What is in it.
-
-    Yields
-    ------
-    callable
-        Takes the next rows.
-    """
+    """Begin a file with the line of names."""
     with path.open("x", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(field.name for field in table.fields)

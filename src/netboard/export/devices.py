@@ -11,17 +11,7 @@ MAKERS = {"falcon": "Novint", "openhaptics": "3D Systems", "spacemouse": "3Dconn
 
 @dataclass(frozen=True, slots=True)
 class HandDevice:
-    """A device.
-
-    Attributes
-    ----------
-    side : {"left", "right"}
-        Where it was.
-    backend : str
-        What netboard talked to it with, as in ``[agents]``.
-    maker, model, serial : str
-        What is known of it; empty for nothing.
-    """
+    """A device."""
 
     side: Side
     backend: str
@@ -31,15 +21,7 @@ class HandDevice:
 
 
 def devices_of(config: Config, recording: Recording) -> tuple[HandDevice, ...]:
-    """Find the devices of a recording, left before right.
-
-    Parameters
-    ----------
-    config : Config
-        Its configuration.
-    recording : Recording
-        The recording, open.
-    """
+    """Find the devices of a recording, left before right."""
     told = {event.details.get("side"): event.details for event in recording.events() if event.name == "agent_joined"}
     found = []
     for side in SIDES:

@@ -34,10 +34,6 @@ def write_dictionary(folder: Path, tables: Sequence[Described], places: str) -> 
 
     Parameters
     ----------
-    folder : Path
-        Where to.
-    tables : sequence of Described
-        The tables that are exported.
     places : str
         How the tables are laid out in files, in a sentence.
     """

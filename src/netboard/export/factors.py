@@ -25,17 +25,7 @@ _WHERE = {"dyad": "one for all blocks of a dyad", "block": "one for a block", "t
 
 
 def fields_of(name: str, scope: Scope, of: Declared) -> tuple[Field, ...]:
-    """Describe the columns of a factor: its level, and of a numeric one the value.
-
-    Parameters
-    ----------
-    name : str
-        Its name.
-    scope : {"dyad", "block", "trial"}
-        Where it has one level.
-    of : Declared
-        Its levels.
-    """
+    """Describe the columns of a factor: its level, and of a numeric one the value."""
     levels = ", ".join(level_text(of, level) for level in of.levels)
     text = f"level of the factor {name}, {_WHERE[scope]}: {levels}; empty where there is none"
     own = Field(column_of(name), "string", text, "")
@@ -46,17 +36,7 @@ def fields_of(name: str, scope: Scope, of: Declared) -> tuple[Field, ...]:
 
 @dataclass(frozen=True, slots=True)
 class Exported:
-    """A factor of recordings that are exported together.
-
-    Attributes
-    ----------
-    name : str
-        Its name.
-    scope : {"dyad", "block", "trial"}
-        Where it has one level.
-    of : Declared
-        All of its levels.
-    """
+    """A factor of recordings that are exported together."""
 
     name: str
     scope: Scope
@@ -70,13 +50,6 @@ class Exported:
     def at(self, factors: Sequence[BlockFactor], trial: int) -> dict[str, Any]:
         """Values of its columns in a trial.
 
-        Parameters
-        ----------
-        factors : sequence of BlockFactor
-            Those of the block.
-        trial : int
-            Number of the trial in the block, from 1 [1].
-
         Returns
         -------
         dict
@@ -89,13 +62,7 @@ class Exported:
         return columns
 
     def over(self, factors: Sequence[BlockFactor]) -> dict[str, Any]:
-        """Values of its columns in a block: of a factor that varies within it all levels, with commas between.
-
-        Parameters
-        ----------
-        factors : sequence of BlockFactor
-            Those of the block.
-        """
+        """Values of its columns in a block: of a factor that varies within it all levels, with commas between."""
         own = next((one for one in factors if one.name == self.name), None)
         levels = list(dict.fromkeys(own.sequence)) if own else []
         if len(levels) < 2:
@@ -105,11 +72,6 @@ class Exported:
 
 def exported_factors(configs: Sequence[Config]) -> tuple[Exported, ...]:
     """Find the factors of recordings.
-
-    Parameters
-    ----------
-    configs : sequence of Config
-        Their configurations.
 
     Returns
     -------
@@ -124,11 +86,6 @@ def exported_factors(configs: Sequence[Config]) -> tuple[Exported, ...]:
 def design_note(config: Config) -> dict[str, str]:
     """Write role, kind and factors of a block for people.
 
-    Parameters
-    ----------
-    config : Config
-        Its configuration.
-
     Returns
     -------
     dict of str
@@ -140,23 +97,7 @@ def design_note(config: Config) -> dict[str, str]:
 
 
 def configs_of(recordings: Sequence[Path]) -> Iterator[Config]:
-    """Read the configurations of recordings.
-
-    Parameters
-    ----------
-    recordings : sequence of Path
-        The recordings.
-
-    Yields
-    ------
-    Config
-        The next one.
-
-    Raises
-    ------
-    RecordingError
-        If a recording cannot be read.
-    """
+    """Read the configurations of recordings."""
     for path in recordings:
         with Recording(path) as recording:
             yield parse(recording.config_text, f"{path} (its configuration)")

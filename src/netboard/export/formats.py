@@ -34,21 +34,8 @@ FORMATS: dict[str, str] = {
 def export(recordings: Sequence[Path], name: str, folder: Path, progress: Progress) -> None:
     """Export recordings to a new folder.
 
-    Parameters
-    ----------
-    recordings : sequence of Path
-        The recordings.
-    name : str
-        Name of the format, one of `FORMATS`.
-    folder : Path
-        The new folder.
-    progress : callable
-        Is told how far it is.
-
     Raises
     ------
-    ConfigError
-        If there is no such format, or a library that it needs is not installed.
     RecordingError
         If the folder exists or cannot be written, or a recording cannot be read; nothing is left of it then.
     """
@@ -61,23 +48,7 @@ def export(recordings: Sequence[Path], name: str, folder: Path, progress: Progre
 
 @contextmanager
 def new_folder(folder: Path) -> Iterator[Path]:
-    """Make a folder that has its name only when it is whole; after an error, nothing is left of it.
-
-    Parameters
-    ----------
-    folder : Path
-        The new folder.
-
-    Yields
-    ------
-    Path
-        Where to write what shall be in it.
-
-    Raises
-    ------
-    RecordingError
-        If the folder exists or cannot be written.
-    """
+    """Make a folder that has its name only when it is whole; after an error, nothing is left of it."""
     refuse_existing(folder)
     part = folder.with_name(f".{folder.name}.{os.getpid()}.part")
     try:
@@ -94,37 +65,13 @@ def new_folder(folder: Path) -> Iterator[Path]:
 
 
 def refuse_existing(folder: Path) -> None:
-    """Refuse to write where something is already.
-
-    Parameters
-    ----------
-    folder : Path
-        The new folder.
-
-    Raises
-    ------
-    RecordingError
-        If it exists.
-    """
+    """Refuse to write where something is already."""
     if folder.exists():
         raise RecordingError(f"{folder}: is there already; name another --output")
 
 
 def library(name: str, extra: str) -> Any:
-    """Load a library that only some formats need.
-
-    Parameters
-    ----------
-    name : str
-        Name of the module.
-    extra : str
-        The extra of netboard that installs it.
-
-    Raises
-    ------
-    ConfigError
-        If it is not installed.
-    """
+    """Load a library that only some formats need."""
     try:
         return import_module(name)
     except ImportError:
@@ -132,20 +79,7 @@ def library(name: str, extra: str) -> Any:
 
 
 def need(extra: str, *names: str) -> None:
-    """Refuse to begin something long that would end without a library; none is loaded yet.
-
-    Parameters
-    ----------
-    extra : str
-        The extra of netboard that installs them.
-    *names : str
-        Names of the modules.
-
-    Raises
-    ------
-    ConfigError
-        If one is not installed.
-    """
+    """Refuse to begin something long that would end without a library; none is loaded yet."""
     for name in names:
         if find_spec(name) is None:
             raise _missing(name, extra)

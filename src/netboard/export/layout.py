@@ -24,20 +24,8 @@ def subjects(recordings: Sequence[Path], folder: Path) -> Iterator[Subject]:
 
     Parameters
     ----------
-    recordings : sequence of Path
-        The recordings.
     folder : Path
         Where the export is written; configurations go to ``configurations`` in it.
-
-    Yields
-    ------
-    Subject
-        The next recording, open.
-
-    Raises
-    ------
-    RecordingError
-        If it cannot be read.
     """
     texts = folder / "configurations"
     texts.mkdir()
@@ -49,20 +37,7 @@ def subjects(recordings: Sequence[Path], folder: Path) -> Iterator[Subject]:
 
 
 def tick_portions(subject: Subject, progress: Progress) -> Iterator[Rows]:
-    """Yield the rows of the ticks of a recording, and tell how far it is.
-
-    Parameters
-    ----------
-    subject : Subject
-        The recording.
-    progress : callable
-        Is told how many of its ticks are done.
-
-    Yields
-    ------
-    dict of ndarray, shape (n,)
-        As `Table.portions` [SI].
-    """
+    """Yield the rows of the ticks of a recording, and tell how far it is."""
     done = 0
     progress(subject.name, done, subject.ticks)
     for rows in TICKS.portions(subject):
@@ -74,26 +49,7 @@ def tick_portions(subject: Subject, progress: Progress) -> Iterator[Rows]:
 def write_sheets(
     recordings: Sequence[Path], folder: Path, progress: Progress, open_sheet: OpenSheet, ending: str
 ) -> None:
-    """Write all tables of recordings.
-
-    Parameters
-    ----------
-    recordings : sequence of Path
-        The recordings.
-    folder : Path
-        An empty folder.
-    progress : callable
-        Is told how far it is.
-    open_sheet : callable
-        Begins a file.
-    ending : str
-        Ending of the files' names.
-
-    Raises
-    ------
-    RecordingError
-        If a recording cannot be read.
-    """
+    """Write all tables of recordings."""
     places = f"ticks/RECORDING{ending}: the ticks of each recording; NAME{ending}: another table, of all recordings"
     tables = small_tables(recordings)
     write_dictionary(folder, (TICKS, *tables), places)

@@ -24,22 +24,7 @@ MOST_BYTES = 2**31 - 2**20
 
 
 def write(recordings: Sequence[Path], folder: Path, progress: Progress) -> None:
-    """Write recordings as MATLAB files.
-
-    Parameters
-    ----------
-    recordings : sequence of Path
-        The recordings.
-    folder : Path
-        An empty folder.
-    progress : callable
-        Is told how far it is.
-
-    Raises
-    ------
-    RecordingError
-        If a recording cannot be read, or is too long for a MATLAB file.
-    """
+    """Write recordings as MATLAB files."""
     tables = small_tables(recordings)
     places = "RECORDING.mat: a struct for each table; that of ticks has no column recording"
     write_dictionary(folder, (TICKS, *tables), places)

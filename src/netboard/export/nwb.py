@@ -32,24 +32,7 @@ Filled = list[tuple[Any, tuple[str, ...]]]
 
 
 def write(recordings: Sequence[Path], folder: Path, progress: Progress) -> None:
-    """Write recordings as NWB files.
-
-    Parameters
-    ----------
-    recordings : sequence of Path
-        The recordings.
-    folder : Path
-        An empty folder.
-    progress : callable
-        Is told how far it is.
-
-    Raises
-    ------
-    RecordingError
-        If a recording cannot be read, or two of them do not go together.
-    ConfigError
-        If pynwb is not installed, or the configuration of a recording is not of this version.
-    """
+    """Write recordings as NWB files."""
     pynwb = library("pynwb", "nwb")
     runs = runs_of(recordings)
     factors = exported_factors([run.config for run in runs])
@@ -86,25 +69,8 @@ def _values(rows: NDArray[Any], fields: tuple[str, ...], survey: Survey) -> NDAr
 class Layout:
     """A file of one person in one run, complete but for the numbers in its data sets.
 
-    Parameters
-    ----------
-    pynwb : module
-        The library.
-    run : Run
-        The run.
-    recording : Recording
-        Its recording, open.
-    survey : Survey
-        What is known of that.
-    person : Person
-        Whose file it is.
-    factors : sequence of Exported
-        Factors of all runs.
-
     Attributes
     ----------
-    file : pynwb.NWBFile
-        The file.
     filled : list of (H5DataIO, tuple of str)
         Its data sets, and the fields of a tick that fill each.
     """

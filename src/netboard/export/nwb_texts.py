@@ -35,15 +35,7 @@ EVENTS = "What changed the phase of a trial, at the tick that decided it. " + ";
 
 
 def description(run: Run, person: Person) -> str:
-    """Describe what was done.
-
-    Parameters
-    ----------
-    run : Run
-        The run.
-    person : Person
-        Whose file it is.
-    """
+    """Describe what was done."""
     block = run.config.block
     hands = f"the {person.sides[0]} stylus" if len(person.sides) == 1 else "both styluses"
     label = f" ({block.label})" if block.label else ""

@@ -15,49 +15,14 @@ from netboard.export.tables import Rows
 
 
 def write(recordings: Sequence[Path], folder: Path, progress: Progress) -> None:
-    """Write recordings as Parquet files.
-
-    Parameters
-    ----------
-    recordings : sequence of Path
-        The recordings.
-    folder : Path
-        An empty folder.
-    progress : callable
-        Is told how far it is.
-
-    Raises
-    ------
-    ConfigError
-        If pyarrow is not installed.
-    RecordingError
-        If a recording cannot be read.
-    """
+    """Write recordings as Parquet files."""
     library("pyarrow.parquet", "parquet")
     write_sheets(recordings, folder, progress, open_sheet, ".parquet")
 
 
 @contextmanager
 def open_sheet(path: Path, table: Described) -> Iterator[Sheet]:
-    """Begin a file; its columns are typed even if no row comes.
-
-    Parameters
-    ----------
-    path : Path
-        The new file.
-    table : Described
-        What is in it.
-
-    Yields
-    ------
-    callable
-        Takes the next rows.
-
-    Raises
-    ------
-    ConfigError
-        If pyarrow is not installed.
-    """
+    """Begin a file; its columns are typed even if no row comes."""
     arrow, parquet = library("pyarrow", "parquet"), library("pyarrow.parquet", "parquet")
     schema = _schema(arrow, table)
     texts = [field.name for field in table.fields if field.kind == "string"]

@@ -26,16 +26,8 @@ class Person:
 
     Attributes
     ----------
-    letter : {"A", "B"}
-        Which participant of the dyad.
     label : str
         What the person is called: the pseudonym, or that of the dyad with the letter where there is none.
-    handedness : str
-        The dominant hand, ``right`` or ``left``.
-    sides : tuple of {"left", "right"}
-        Whose stylus the person moved.
-    simulated : bool
-        Whether it was none: no device was in a hand.
     """
 
     letter: Letter
@@ -51,18 +43,8 @@ class Run:
 
     Attributes
     ----------
-    path : Path
-        The recording.
-    metadata : dict of str
-        What it says about itself.
-    config : Config
-        Its configuration.
     session : str
         Label of the session: that of the dyad with that of the session.
-    number : int
-        Number of the run in the session, from 1 [1].
-    people : tuple of Person
-        Who took part, one at least, A before B.
     """
 
     path: Path
@@ -76,22 +58,10 @@ class Run:
 def runs_of(recordings: Sequence[Path]) -> tuple[Run, ...]:
     """Find out who did what in some recordings.
 
-    Parameters
-    ----------
-    recordings : sequence of Path
-        The recordings, in any order.
-
-    Returns
-    -------
-    tuple of Run
-        Session by session, in the order of time within each.
-
     Raises
     ------
     RecordingError
         If a recording cannot be read, has no ticks, is there twice, or if two names are the same label.
-    ConfigError
-        If the configuration of one is not of this version.
     """
     sessions: dict[tuple[str, str], list[tuple[int, Path, dict[str, str], Config]]] = {}
     for path in recordings:

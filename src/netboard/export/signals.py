@@ -25,16 +25,6 @@ class Signal:
 
     Attributes
     ----------
-    name : str
-        What it is called.
-    field : str
-        The field of `netboard.tick.TICK` that it is.
-    kind : str
-        ``POS``, ``VEL`` or ``MISC``, as Motion-BIDS has it.
-    axis : str
-        ``x``, ``y`` or ``z``; empty for none.
-    point : str
-        What it is of: ``left_stylus``, ``right_stylus``, ``board``, ``ball`` or ``trial``.
     about, unit : str
         What it means, and its SI unit, ``1`` for a pure number.
     """
@@ -89,13 +79,7 @@ _SCENE = (
 
 
 def signals_of(sides: Sequence[Side]) -> tuple[Signal, ...]:
-    """List the signals of somebody with the styluses of some sides.
-
-    Parameters
-    ----------
-    sides : sequence of {"left", "right"}
-        Whose stylus the person moved.
-    """
+    """List the signals of somebody with the styluses of some sides."""
     return (*(signal for side in sides for signal in _of_stylus(side)), *_of_scene())
 
 

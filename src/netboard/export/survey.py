@@ -36,12 +36,8 @@ class Happening:
     ----------
     tick : int
         Tick that decided it; the next is the first of the new phase [1].
-    name : str
-        What, as in `netboard.export.task`.
     trial, attempt : int
         In which trial of the block and attempt at it [1].
-    target : int
-        Side of the target: -1 left, +1 right [1].
     """
 
     tick: int
@@ -54,25 +50,14 @@ class Happening:
 class Survey:
     """What is known of a recording after a walk through it.
 
-    Parameters
-    ----------
-    recording : Recording
-        The recording, open, with one tick at least.
-
     Attributes
     ----------
-    ticks : int
-        How many rows there are [1].
     origin_ns : int
         Server time of the first [ns].
     duration : float
         From the first to the end of the last [s].
     rate : float
         Rows in that time [Hz].
-    attempts : tuple of Attempt
-        Every attempt at a trial.
-    happenings : tuple of Happening
-        Everything that changed the phase of a trial.
     flags : dict of tuple of str
         Why an attempt that has ended is doubtful, by the tick of its release.
     """
@@ -114,20 +99,7 @@ class Survey:
         return datetime.fromtimestamp(0, UTC) + timedelta(microseconds=round(self._utc_ns / 1000))
 
     def portions(self, recording: Recording, progress: Progress) -> Iterator[NDArray[Any]]:
-        """Yield the ticks once more, and tell how far it is.
-
-        Parameters
-        ----------
-        recording : Recording
-            The same recording, open.
-        progress : callable
-            Is told how many of the ticks are done.
-
-        Yields
-        ------
-        ndarray of TICK, shape (n,)
-            The next rows.
-        """
+        """Yield the ticks once more, and tell how far it is."""
         done = 0
         progress(recording.path.stem, done, self.ticks)
         for rows in recording.batches(PORTION):
@@ -136,23 +108,11 @@ class Survey:
             progress(recording.path.stem, done, self.ticks)
 
     def seconds(self, tick: int) -> float:
-        """When a tick was, after the first: the number nearest to the exact one [s].
-
-        Parameters
-        ----------
-        tick : int
-            Number of the tick [1].
-        """
+        """When a tick was, after the first: the number nearest to the exact one [s]."""
         return (self._time_ns(tick) - self.origin_ns) / 1e9
 
     def span(self, first: int, stop: int) -> float:
-        """Time from one tick to another: the number nearest to the exact one [s].
-
-        Parameters
-        ----------
-        first, stop : int
-            Numbers of the two [1].
-        """
+        """Time from one tick to another: the number nearest to the exact one [s]."""
         return (self._time_ns(stop) - self._time_ns(first)) / 1e9
 
     def _time_ns(self, tick: int) -> int:

@@ -36,32 +36,12 @@ _DTYPES = {"integer": np.dtype(np.int64), "number": np.dtype(np.float64), "strin
 class Subject:
     """A recording that is exported, with what several tables need to know of it.
 
-    Parameters
-    ----------
-    recording : Recording
-        The recording, open.
-
     Attributes
     ----------
-    recording : Recording
-        The same.
     name : str
         What its rows are called by: the name of the file without its ending.
-    config : Config
-        Its configuration.
-    attempts : tuple of Attempt
-        Every attempt at a trial, in order.
-    ticks : int
-        How many ticks it has [1].
     origin_ns : int
         Server time that is the zero of ``time``: that of its first tick [ns].
-
-    Raises
-    ------
-    RecordingError
-        If it cannot be read, or its configuration was lost.
-    ConfigError
-        If its configuration is not one of this version.
     """
 
     def __init__(self, recording: Recording) -> None:
@@ -86,12 +66,6 @@ class Table:
 
     Attributes
     ----------
-    name : str
-        What it is called.
-    about : str
-        What a row is.
-    fields : tuple of Field
-        Its columns, of the kinds ``integer``, ``number`` and ``string``.
     rows : callable
         Makes the portions of its rows, in order, of a `Subject`.
     """
@@ -103,11 +77,6 @@ class Table:
 
     def portions(self, subject: Subject) -> Iterator[Rows]:
         """Yield its rows.
-
-        Parameters
-        ----------
-        subject : Subject
-            The recording.
 
         Yields
         ------
@@ -257,13 +226,7 @@ TRIALS = Table(
 
 
 def with_factors(factors: Sequence[Exported]) -> Table:
-    """Return the table of trials with columns for factors.
-
-    Parameters
-    ----------
-    factors : sequence of Exported
-        Those of all recordings that are exported together.
-    """
+    """Return the table of trials with columns for factors."""
 
     def rows(subject: Subject) -> Iterator[Rows]:
         own = factors_of(subject.config)
@@ -374,17 +337,6 @@ TABLES = (TICKS, *SMALL)
 
 
 def small_tables(recordings: Sequence[Path]) -> tuple[Table, ...]:
-    """Return the tables of `SMALL` for recordings, that of trials with columns for their factors.
-
-    Parameters
-    ----------
-    recordings : sequence of Path
-        The recordings.
-
-    Raises
-    ------
-    RecordingError
-        If one cannot be read.
-    """
+    """Return the tables of `SMALL` for recordings, that of trials with columns for their factors."""
     trials = with_factors(exported_factors(list(configs_of(recordings))))
     return tuple(trials if table is TRIALS else table for table in SMALL)

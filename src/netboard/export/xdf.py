@@ -80,15 +80,7 @@ class _Written:
 
 
 class _Writer:
-    """Writes the chunks of one file.
-
-    Parameters
-    ----------
-    file : binary file
-        Where they go.
-    recording : Recording
-        What it is of.
-    """
+    """Writes the chunks of one file."""
 
     def __init__(self, file: BinaryIO, recording: Recording) -> None:
         self._file = file
@@ -155,17 +147,10 @@ def write(recordings: Sequence[Path], folder: Path, progress: Callable[[str, int
 
     Parameters
     ----------
-    recordings : sequence of Path
-        The recordings.
     folder : Path
         An empty folder; each file has the name of its recording.
     progress : callable
         Is told what is being written, ticks written and ticks in all [1].
-
-    Raises
-    ------
-    RecordingError
-        If one cannot be read.
     """
     for path in recordings:
         with Recording(path) as recording, (folder / f"{path.stem}.xdf").open("xb") as file:

@@ -63,20 +63,7 @@ class Options:
 
 @final
 class Falcon(Device):
-    """A Novint Falcon.
-
-    Parameters
-    ----------
-    side : {"left", "right"}
-        Whose device it is.
-    config : Config
-        The whole configuration.
-
-    Raises
-    ------
-    ConfigError
-        If an option is unknown, of the wrong type or out of range.
-    """
+    """A Novint Falcon."""
 
     def __init__(self, side: Side, config: Config) -> None:
         super().__init__(side, config)

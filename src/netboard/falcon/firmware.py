@@ -47,23 +47,7 @@ NO_FIRMWARE = (
 
 
 def image_of(name: str) -> bytes:
-    """Read the file with the program.
-
-    Parameters
-    ----------
-    name : str
-        Its path.
-
-    Returns
-    -------
-    bytes
-        The program.
-
-    Raises
-    ------
-    DeviceNotFound
-        If there is no such file, it cannot be read, or it cannot be the program.
-    """
+    """Read the file with the program."""
     try:
         image = Path(name).expanduser().read_bytes()
     except OSError as error:
@@ -74,29 +58,7 @@ def image_of(name: str) -> bytes:
 
 
 def ensure(chip: ftdi.Chip, link: Link, name: str) -> str:
-    """See to it that the program runs.
-
-    Parameters
-    ----------
-    chip : netboard.falcon.ftdi.Chip
-        The chip, claimed.
-    link : Link
-        The line to the program.
-    name : str
-        Path of the file with it; empty for none.
-
-    Returns
-    -------
-    str
-        Where it came from, for the record.
-
-    Raises
-    ------
-    DeviceNotFound
-        If there is no program, or it cannot be loaded.
-    DeviceLost, DeviceTimeout
-        If the bus fails.
-    """
+    """See to it that the program runs."""
     chip.purge()
     link.begin()
     if link.is_answered():

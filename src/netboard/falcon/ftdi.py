@@ -52,18 +52,7 @@ def _pyusb() -> Any:
 
 
 def plugged_in(ids: tuple[int, int]) -> list[Any]:
-    """Devices on the bus, none of them opened.
-
-    Parameters
-    ----------
-    ids : tuple of int
-        Their vendor and product [1].
-
-    Raises
-    ------
-    DeviceNotFound
-        If pyusb or libusb are missing.
-    """
+    """Devices on the bus, none of them opened."""
     usb = _pyusb()
     try:
         return list(usb.core.find(find_all=True, idVendor=ids[0], idProduct=ids[1]))
@@ -72,27 +61,7 @@ def plugged_in(ids: tuple[int, int]) -> list[Any]:
 
 
 def find(ids: tuple[int, int], serial: str, what: str) -> Any:
-    """Find a device on the bus.
-
-    Parameters
-    ----------
-    ids : tuple of int
-        Its vendor and product [1].
-    serial : str
-        Its serial number; empty for the first one there is.
-    what : str
-        What it is called in messages.
-
-    Returns
-    -------
-    usb.core.Device
-        The device, not yet claimed.
-
-    Raises
-    ------
-    DeviceNotFound
-        If it is not there, or may not be opened, or pyusb or libusb are missing.
-    """
+    """Find a device on the bus."""
     usb, there = _pyusb(), plugged_in(ids)
     if not there:
         raise DeviceNotFound(f"no {what} ({ids[0]:04x}:{ids[1]:04x}) is plugged into USB")
@@ -119,20 +88,7 @@ def serial_of(device: Any) -> str:
 
 
 class Chip:
-    """The chip of one device, claimed; closing it gives it back to the driver that had it.
-
-    Parameters
-    ----------
-    device : usb.core.Device
-        What `find` found.
-    what : str
-        What the device is called in messages.
-
-    Raises
-    ------
-    DeviceNotFound
-        If it may not be opened, or something else uses it.
-    """
+    """The chip of one device, claimed; closing it gives it back to the driver that had it."""
 
     def __init__(self, device: Any, what: str) -> None:
         self._usb = _pyusb()
@@ -173,20 +129,7 @@ class Chip:
             raise DeviceLost(f"the {self._what} is gone: {error}; was its USB plug pulled out?") from error
 
     def request(self, request: int, value: int) -> None:
-        """Set something of the chip.
-
-        Parameters
-        ----------
-        request : int
-            What to set, such as `BAUD` [1].
-        value : int
-            To what [1].
-
-        Raises
-        ------
-        DeviceLost, DeviceTimeout
-            If the chip does not take it.
-        """
+        """Set something of the chip."""
         with self._spoken():
             self._device.ctrl_transfer(VENDOR_OUT, request, value, 0, None, REQUEST_MS)
 
@@ -196,20 +139,7 @@ class Chip:
         self.request(RESET, PURGE_SENT)
 
     def send(self, data: bytes, patience_ms: int = REQUEST_MS) -> None:
-        """Send bytes down the line.
-
-        Parameters
-        ----------
-        data : bytes
-            What to send.
-        patience_ms : int
-            How long the chip may take to accept it [ms].
-
-        Raises
-        ------
-        DeviceLost, DeviceTimeout
-            If the chip does not take all of it.
-        """
+        """Send bytes down the line."""
         with self._spoken():
             taken = self._device.write(OUT, data, patience_ms)
         if taken != len(data):
@@ -221,20 +151,10 @@ class Chip:
         Without anything to say the chip sends an empty packet each time its latency timer runs out, so this seldom
         takes longer than that.
 
-        Parameters
-        ----------
-        patience_ms : int
-            How long to wait for a packet [ms].
-
         Returns
         -------
         bytes
             What came, at most `PAYLOAD`; empty for an empty packet, or none.
-
-        Raises
-        ------
-        DeviceLost
-            If the device is gone.
         """
         try:
             with self._spoken():

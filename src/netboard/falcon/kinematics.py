@@ -68,11 +68,6 @@ LONGEST_STEP = 0.02
 def angles_of(encoders: tuple[int, int, int]) -> Vector:
     """Angles of the three arms, from their homed encoders.
 
-    Parameters
-    ----------
-    encoders : tuple of int
-        What the encoders read [1].
-
     Returns
     -------
     tuple of float
@@ -95,11 +90,6 @@ def encoders_at(angles: Vector) -> tuple[int, int, int]:
 @numba.njit(cache=True)
 def inverse(place: Vector) -> Vector:
     """Angles at which the arms must be for the grip to be somewhere.
-
-    Parameters
-    ----------
-    place : tuple of float
-        Position of the grip [m].
 
     Returns
     -------
@@ -159,13 +149,6 @@ def _cross(a: Vector, b: Vector) -> Vector:
 def forward(angles: Vector, guess: Vector) -> Vector:
     """Position of the grip for three angles of the arms, by Newton's method.
 
-    Parameters
-    ----------
-    angles : tuple of float
-        Angles of the arms [rad].
-    guess : tuple of float
-        Where the search begins: the position before, or `CENTRE` [m].
-
     Returns
     -------
     tuple of float
@@ -206,13 +189,6 @@ def jacobian(angles: Vector, place: Vector) -> tuple[Vector, Vector, Vector]:
     Each chain stays closed, so gradient times motion plus derivative times turn is zero for each arm; solved by cross
     products. It is as large as one likes near a singular pose.
 
-    Parameters
-    ----------
-    angles : tuple of float
-        Angles of the arms [rad].
-    place : tuple of float
-        Position that belongs to them [m].
-
     Returns
     -------
     tuple of tuple of float
@@ -230,15 +206,6 @@ def jacobian(angles: Vector, place: Vector) -> tuple[Vector, Vector, Vector]:
 @numba.njit(cache=True)
 def torques(angles: Vector, place: Vector, force: Vector) -> Vector:
     """Torques about the arms' axes that together are a force at the grip: the transposed Jacobian times the force.
-
-    Parameters
-    ----------
-    angles : tuple of float
-        Angles of the arms [rad].
-    place : tuple of float
-        Position that belongs to them [m].
-    force : tuple of float
-        Force of the grip on the hand [N].
 
     Returns
     -------

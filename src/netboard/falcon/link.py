@@ -58,10 +58,6 @@ class Answer(NamedTuple):
 
     Attributes
     ----------
-    encoders : tuple of int
-        Counts of the three encoders [1].
-    homed : bool
-        True if all three encoders know their zero.
     buttons : int
         Bit mask of the grip's buttons: plus, forward, centre, minus [1].
     """
@@ -72,37 +68,13 @@ class Answer(NamedTuple):
 
 
 def frame_of(commands: tuple[int, int, int], flags: int) -> bytes:
-    """Write what the Falcon is told.
-
-    Parameters
-    ----------
-    commands : tuple of int
-        Commands for the three motors, each within 16 bits [1].
-    flags : int
-        `HOME` and lamps.
-
-    Returns
-    -------
-    bytes
-        The frame.
-    """
+    """Write what the Falcon is told."""
     nibbles = [(command >> shift & 0xF) + OFFSET for command in commands for shift in (0, 4, 8, 12)]
     return bytes((BEGIN, *nibbles, flags + OFFSET, OFFSET, END))
 
 
 def answer_in(frame: bytes) -> Answer | None:
-    """Read what the Falcon says.
-
-    Parameters
-    ----------
-    frame : bytes
-        Sixteen bytes, brackets and all.
-
-    Returns
-    -------
-    Answer or None
-        None for what is no answer.
-    """
+    """Read what the Falcon says."""
     if frame[-1] != END or not FLAGS_LOW <= frame[13] <= FLAGS_HIGH or not all(byte in NUMBERS for byte in frame[1:13]):
         return None
     flags = frame[13] - OFFSET
@@ -120,17 +92,10 @@ def _number(nibbles: bytes) -> int:
 class Link:
     """The line to a Falcon's program.
 
-    Parameters
-    ----------
-    chip : netboard.falcon.ftdi.Chip
-        The chip, claimed.
-
     Attributes
     ----------
     sent_ns : int
         When the last frame was sent, on the monotonic clock [ns].
-    awaited : int
-        Answers that have not come yet [1].
     """
 
     def __init__(self, chip: ftdi.Chip) -> None:
@@ -141,50 +106,18 @@ class Link:
         self.awaited = 0
 
     def begin(self) -> None:
-        """Set the chip up for talking to the program.
-
-        Raises
-        ------
-        DeviceLost, DeviceTimeout
-            If it does not take that.
-        """
+        """Set the chip up for talking to the program."""
         self._chip.request(ftdi.LATENCY, LATENCY_MS)
         self._chip.request(ftdi.BAUD, BAUD)
         self._forget()
 
     def send(self, commands: tuple[int, int, int], flags: int) -> None:
-        """Tell the Falcon something, which it answers.
-
-        Parameters
-        ----------
-        commands : tuple of int
-            Commands for the three motors, each within 16 bits [1].
-        flags : int
-            `HOME` and lamps.
-
-        Raises
-        ------
-        DeviceLost, DeviceTimeout
-            If it does not take that.
-        """
+        """Tell the Falcon something, which it answers."""
         self._frame = frame_of(commands, flags)
         self._send()
 
     def answer(self) -> Answer:
-        """Collect the newest answer; a frame that is not answered is sent again.
-
-        Returns
-        -------
-        Answer
-            What the Falcon said to the last frame.
-
-        Raises
-        ------
-        DeviceTimeout
-            If it does not answer.
-        DeviceLost
-            If it is gone.
-        """
+        """Collect the newest answer; a frame that is not answered is sent again."""
         for _ in range(ATTEMPTS):
             if not self.awaited:
                 self._send()

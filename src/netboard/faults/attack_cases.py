@@ -157,8 +157,6 @@ class Toll:
 
     Attributes
     ----------
-    ticks, misses, pauses : int
-        Ticks, those that began late, and pauses [1].
     latest : float
         The latest one [ms].
     """

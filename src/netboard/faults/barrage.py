@@ -53,19 +53,6 @@ Tell = Callable[[float], object]
 class Assault:
     """One sender of malformed messages.
 
-    Parameters
-    ----------
-    channel : int
-        To which socket.
-    network : Network
-        Where the server is.
-    hello : Hello or None
-        How it is welcomed; None for a stranger.
-    count : int
-        How many it sends [1].
-    seed : int
-        Of what it sends.
-
     Attributes
     ----------
     sent, malformed : int
@@ -88,13 +75,7 @@ class Assault:
         self._stuck_since = time.monotonic()
 
     def fire(self, due: float) -> None:
-        """Send until so many are sent, or no more is taken.
-
-        Raises
-        ------
-        NetboardError
-            If nothing has been taken for long.
-        """
+        """Send until so many are sent, or no more is taken."""
         while self.sent < min(due, self.count):
             if not self.line.offer(*self._next):
                 if time.monotonic() - self._stuck_since > STUCK_SECONDS:
@@ -139,17 +120,7 @@ def _is_meant(message: Message | None) -> bool:
 
 
 class Vandal:
-    """Opens one connection after the other to some sockets, and speaks no ZeroMQ.
-
-    Parameters
-    ----------
-    places : sequence of (str, int)
-        Where the sockets are.
-    count : int
-        How many connections in all [1].
-    seed : int
-        Of what is said.
-    """
+    """Opens one connection after the other to some sockets, and speaks no ZeroMQ."""
 
     def __init__(self, places: Sequence[zmtp.Place], count: int, seed: int) -> None:
         self.count = count
@@ -171,15 +142,7 @@ class Vandal:
 
 
 def as_agents(network: Network, count: int) -> list[Assault]:
-    """Senders in both agents' seats.
-
-    Parameters
-    ----------
-    network : Network
-        Where the server is.
-    count : int
-        How many each sends [1].
-    """
+    """Senders in both agents' seats."""
     return [
         Assault(channels.MOTION, network, _hello("agent", side), count, seed)
         for seed, side in enumerate(("left", "right"), start=1)
@@ -187,15 +150,7 @@ def as_agents(network: Network, count: int) -> list[Assault]:
 
 
 def as_others(network: Network, count: int) -> list[Assault]:
-    """Senders to all sockets of a server whose agents are there.
-
-    Parameters
-    ----------
-    network : Network
-        Where the server is.
-    count : int
-        How many each socket gets [1].
-    """
+    """Senders to all sockets of a server whose agents are there."""
     of: dict[int, list[Hello | None]] = {
         channels.MOTION: [None],
         channels.LOG: [None, _hello("logger", "")],
@@ -211,15 +166,7 @@ def as_others(network: Network, count: int) -> list[Assault]:
 
 
 def vandal(network: Network, count: int) -> Vandal:
-    """Whoever speaks no ZeroMQ to any socket of a server.
-
-    Parameters
-    ----------
-    network : Network
-        Where the server is.
-    count : int
-        How many connections each socket gets [1].
-    """
+    """Whoever speaks no ZeroMQ to any socket of a server."""
     places = [(network.host, network.port + channel) for channel in range(channels.CONTROL + 1)]
     return Vandal(places, count * len(places), 77)
 
@@ -229,19 +176,7 @@ def _hello(role: str, side: str) -> Hello:
 
 
 def fire(assaults: Sequence[Assault], vandal: Vandal | None, look: Callable[[], object], tell: Tell) -> None:
-    """Let them send all they have, at their rates.
-
-    Parameters
-    ----------
-    assaults : sequence of Assault
-        Senders; those of one channel share its rate.
-    vandal : Vandal or None
-        Who speaks no ZeroMQ.
-    look : callable
-        Called now and then: raises if something has gone wrong.
-    tell : callable
-        Hears the share that is done.
-    """
+    """Let them send all they have, at their rates."""
     rates = {assault.channel: RATE_HZ / sum(a.channel == assault.channel for a in assaults) for assault in assaults}
     whole = sum(assault.count for assault in assaults)
     began = looked = time.monotonic()
@@ -259,13 +194,7 @@ def fire(assaults: Sequence[Assault], vandal: Vandal | None, look: Callable[[], 
 
 
 def refused(events: Sequence[EventRecord]) -> dict[str, int]:
-    """Count what the server says it has refused, by channel: of each kind the last report has the whole number.
-
-    Parameters
-    ----------
-    events : sequence of EventRecord
-        All events of a session.
-    """
+    """Count what the server says it has refused, by channel: of each kind the last report has the whole number."""
     kinds: dict[tuple[str, str, str], int] = {}
     for event in events:
         if event.name == "refused":

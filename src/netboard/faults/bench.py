@@ -58,16 +58,8 @@ class Outcome:
 
     Attributes
     ----------
-    case : Case
-        The case.
     verdicts : tuple of Verdict
         What must hold, and whether it does; empty if the case could not be played.
-    figures : tuple
-        Its figures, for the table.
-    facts : dict of str
-        What was noted while the fault was made.
-    refusal : str
-        Why it could not be played, or nothing.
     disturbed : str
         Why the machine itself had paused the trial just before the fault was made, or nothing.
     again : int
@@ -89,24 +81,7 @@ class Outcome:
 
 
 def main(output: Path | None, *, quick: bool, force: bool, names: Sequence[str]) -> int:
-    """Make faults, and judge them.
-
-    Parameters
-    ----------
-    output : Path or None
-        Folder of the results; None for a new one here.
-    quick : bool
-        The short form.
-    force : bool
-        The folder may be there already.
-    names : sequence of str
-        Only these cases; all of them if empty.
-
-    Returns
-    -------
-    int
-        Exit code: 1 if something does not hold.
-    """
+    """Make faults, and judge them."""
     console = Console(highlight=False)
     chosen = choose(names, quick=quick)
     folder = Folder(output or new_folder("faults"), force=force)
@@ -154,24 +129,7 @@ def list_cases() -> int:
 
 
 def play_all(cases: Sequence[Case], folder: Path, quick: bool, tell: Tell) -> Iterator[Outcome]:
-    """Play cases, those that need the same site together.
-
-    Parameters
-    ----------
-    cases : sequence of Case
-        The cases.
-    folder : Path
-        For what the sites leave behind.
-    quick : bool
-        Whatever can be done in less time is.
-    tell : callable
-        Hears what is being played.
-
-    Yields
-    ------
-    Outcome
-        Of each of them.
-    """
+    """Play cases, those that need the same site together."""
     together = {setup: list(group) for setup, group in groupby(sorted(cases, key=_setup_name), lambda case: case.setup)}
     for setup, group in together.items():
         if refusal := setup.refusal():
@@ -195,8 +153,6 @@ def judged(outcomes: Sequence[Outcome], again: Counter[str]) -> list[Outcome]:
 
     Parameters
     ----------
-    outcomes : sequence of Outcome
-        Of cases played.
     again : Counter of str
         How often each case was prepared again so far; counted on.
     """
@@ -215,21 +171,7 @@ def _setup_name(case: Case) -> str:
 
 
 def play(setup: Setup, cases: Sequence[Case], folder: Path, quick: bool, tell: Tell) -> list[Outcome]:
-    """Play cases in one site, up to the first one after which nothing goes on.
-
-    Parameters
-    ----------
-    setup : Setup
-        What the site is made of.
-    cases : sequence of Case
-        The cases.
-    folder : Path
-        For what the site leaves behind.
-    quick : bool
-        Whatever can be done in less time is.
-    tell : callable
-        Hears what is being played.
-    """
+    """Play cases in one site, up to the first one after which nothing goes on."""
     tell(f"{cases[0].name}: starting")
     with open_site(setup, folder, quick=quick) as site:
         windows: list[Window] = []
@@ -270,15 +212,7 @@ def _finished(site: Site, last: Window) -> Window:
 
 
 def make(case: Case, site: Site) -> Window:
-    """Make the fault of a case in a site where a trial is on, and wait until one is on again.
-
-    Parameters
-    ----------
-    case : Case
-        The case.
-    site : Site
-        Where.
-    """
+    """Make the fault of a case in a site where a trial is on, and wait until one is on again."""
     start_ns = now_ns()
     facts: dict[str, str] = {}
     try:
@@ -296,15 +230,7 @@ def make(case: Case, site: Site) -> Window:
 
 
 def judge(case: Case, evidence: Evidence) -> Outcome:
-    """Judge a case.
-
-    Parameters
-    ----------
-    case : Case
-        The case.
-    evidence : Evidence
-        What there is to judge it by.
-    """
+    """Judge a case."""
     verdicts = tuple(check(evidence) for check in case.all_checks)
     found = attack_cases.figures(evidence) if case.part == attack_cases.PART else figures(case, evidence)
     facts = evidence.window.facts
@@ -335,13 +261,7 @@ def figures(case: Case, evidence: Evidence) -> tuple[Value, ...]:
 
 
 def parts_of(outcomes: Sequence[Outcome]) -> list[Part]:
-    """Write outcomes as tables.
-
-    Parameters
-    ----------
-    outcomes : sequence of Outcome
-        Of any cases.
-    """
+    """Write outcomes as tables."""
     order = [case.name for case in CASES]
     found = []
     for part, title in PARTS.items():

@@ -50,26 +50,10 @@ class Case:
 
     Attributes
     ----------
-    name : str
-        What it is called.
-    part : str
-        Name of the table it belongs to.
-    done : str
-        What is done, for people.
     expected : str
         What must happen, for people, on top of what must hold after every fault.
-    setup : Setup
-        Where.
-    act : callable
-        Does it.
     checks : tuple of callable
         What must hold, on top of what must hold after every fault.
-    cut : str or None
-        Side whose force may be cut to zero at once.
-    alone : bool
-        Needs a site of its own.
-    quick : bool
-        Part of the short form.
     """
 
     name: str

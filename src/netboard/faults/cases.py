@@ -14,20 +14,7 @@ CASES: tuple[Case, ...] = (*PROCESSES, *LINKS, *PEERS, *DEVICES, *MACHINES, *ATT
 
 
 def choose(names: Sequence[str], *, quick: bool) -> list[Case]:
-    """Find cases by name.
-
-    Parameters
-    ----------
-    names : sequence of str
-        Their names; all if empty.
-    quick : bool
-        Only those of the short form, where none are named.
-
-    Raises
-    ------
-    ConfigError
-        If there is no such case.
-    """
+    """Find cases by name."""
     there = {case.name: case for case in CASES}
     if unknown := [name for name in names if name not in there]:
         raise ConfigError(f"--case {unknown[0]}: there is no such case; netboard bench faults --list shows all")

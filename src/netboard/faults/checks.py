@@ -63,15 +63,7 @@ def fades_of(evidence: Evidence, side: Side) -> list[Fade]:
 
 @dataclass(frozen=True)
 class Falls:
-    """Check that a force that is no longer renewed begins to fall in time each time, and is zero in time the first.
-
-    Attributes
-    ----------
-    sides : tuple of str
-        Whose force.
-    to_zero : bool
-        Whether it must be zero.
-    """
+    """Check that a force that is no longer renewed begins to fall in time each time, and is zero in time the first."""
 
     sides: tuple[Side, ...]
     to_zero: bool

@@ -53,20 +53,7 @@ class Options:
 
 @final
 class TamperedTouch(Device):
-    """A virtual device that can be tampered with.
-
-    Parameters
-    ----------
-    side : {"left", "right"}
-        Whose device it is.
-    config : Config
-        The whole configuration.
-
-    Raises
-    ------
-    ConfigError
-        If an option is unknown or of the wrong type.
-    """
+    """A virtual device that can be tampered with."""
 
     def __init__(self, side: Side, config: Config) -> None:
         super().__init__(side, config)
@@ -82,13 +69,7 @@ class TamperedTouch(Device):
         return self._touch.felt
 
     def command(self, moves: Iterable[Submovement]) -> None:
-        """Let the hand do something.
-
-        Parameters
-        ----------
-        moves : iterable of Submovement
-            Movements of this side's hand.
-        """
+        """Let the hand do something."""
         self._touch.command(moves)
 
     def live(self, now_ns: int) -> None:
@@ -150,45 +131,18 @@ def _trick_file(folder: Path, side: Side) -> Path:
 
 
 def play_trick(folder: Path, side: Side, trick: Trick) -> None:
-    """Make the device of a side fail, or work again.
-
-    Parameters
-    ----------
-    folder : Path
-        Its folder.
-    side : {"left", "right"}
-        Whose device.
-    trick : str
-        What it does wrong; ``none`` for nothing.
-    """
+    """Make the device of a side fail, or work again."""
     letter = next(letter for letter, name in _TRICKS.items() if name == trick)
     _trick_file(folder, side).write_bytes(letter)
 
 
 def trace_file(folder: Path, side: Side, process_id: int) -> Path:
-    """File with what the device of a process was handed.
-
-    Parameters
-    ----------
-    folder : Path
-        The devices' folder.
-    side : {"left", "right"}
-        Whose device.
-    process_id : int
-        Of the agent [1].
-    """
+    """File with what the device of a process was handed."""
     return folder / f"{side}-{process_id}.trace"
 
 
 def read_traces(folder: Path, side: Side) -> list[NDArray[Any]]:
     """Read what was handed to all devices of a side.
-
-    Parameters
-    ----------
-    folder : Path
-        Their folder.
-    side : {"left", "right"}
-        Whose devices.
 
     Returns
     -------
@@ -204,15 +158,8 @@ def read_trace(path: Path, newest: int | None = None) -> NDArray[Any]:
 
     Parameters
     ----------
-    path : Path
-        Its file.
     newest : int or None
         Only so many of the last forces; None for all [1].
-
-    Returns
-    -------
-    ndarray of TRACE
-        In order.
     """
     there = path.stat().st_size // TRACE.itemsize if path.exists() else 0
     count = there if newest is None else min(there, newest)
@@ -222,18 +169,7 @@ def read_trace(path: Path, newest: int | None = None) -> NDArray[Any]:
 
 
 def install(folder: Path) -> dict[str, str]:
-    """Make a folder that, put in a process' way, gives it this backend.
-
-    Parameters
-    ----------
-    folder : Path
-        Where; it is made.
-
-    Returns
-    -------
-    dict of str
-        Environment of such a process.
-    """
+    """Make a folder that, put in a process' way, gives it this backend."""
     info = folder / "netboard_faults-0.dist-info"
     info.mkdir(parents=True, exist_ok=True)
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: netboard-faults\nVersion: 0\n", encoding="utf-8")

@@ -67,15 +67,8 @@ def fades(trace: NDArray[Any], longer_ns: int) -> list[Fade]:
 
     Parameters
     ----------
-    trace : ndarray of TRACE, shape (n,)
-        What one device was handed, in order.
     longer_ns : int
         Only where it took longer than this until there was another force [ns].
-
-    Returns
-    -------
-    list of Fade
-        In order.
     """
     forces, times = trace["fz"], trace["time_ns"]
     found = []
@@ -111,8 +104,6 @@ class Step:
         When [ns].
     size : float
         How large, all three axes together [N].
-    share : float
-        The same over what the slew limit allows [1].
     """
 
     at_ns: int
@@ -125,13 +116,6 @@ def largest_step(trace: NDArray[Any], slew: float) -> Step:
 
     The chain limits a force some time before it is at the device, but after the one before it was. So the time it may
     have reckoned with is at most that from two rows before; and never more than `LONGEST_STEP_NS`.
-
-    Parameters
-    ----------
-    trace : ndarray of TRACE, shape (n,)
-        What one device was handed, in order.
-    slew : float
-        Limit [N/s].
     """
     if trace.size < 3:
         return Step(0, 0.0, 0.0)
@@ -145,15 +129,7 @@ def largest_step(trace: NDArray[Any], slew: float) -> Step:
 
 
 def steps_to_nothing(trace: NDArray[Any], slew: float) -> list[Step]:
-    """Find where the force was cut to zero faster than the slew limit allows: the chain's way with a fault.
-
-    Parameters
-    ----------
-    trace : ndarray of TRACE, shape (n,)
-        What one device was handed, in order.
-    slew : float
-        Limit [N/s].
-    """
+    """Find where the force was cut to zero faster than the slew limit allows: the chain's way with a fault."""
     force = np.stack([trace["fx"], trace["fy"], trace["fz"]], axis=1)
     cut = np.flatnonzero(np.all(force[1:] == 0.0, axis=1) & np.any(force[:-1] != 0.0, axis=1)) + 1
     found = (largest_step(trace[max(0, row - 2) : row + 1], slew) for row in cut.tolist())
@@ -161,34 +137,13 @@ def steps_to_nothing(trace: NDArray[Any], slew: float) -> list[Step]:
 
 
 def without_cut(trace: NDArray[Any], slew: float) -> list[NDArray[Any]]:
-    """Divide a trace where the force was cut to zero: the parts before and after it.
-
-    Parameters
-    ----------
-    trace : ndarray of TRACE, shape (n,)
-        What one device was handed, in order.
-    slew : float
-        Limit [N/s].
-    """
+    """Divide a trace where the force was cut to zero: the parts before and after it."""
     times = [step.at_ns for step in steps_to_nothing(trace, slew)]
     return np.split(trace, np.searchsorted(trace["time_ns"], times).tolist())
 
 
 def pauses_between(times_ns: NDArray[np.int64], longer_ns: int = HELD_UP_NS) -> NDArray[np.int64]:
-    """When a loop did nothing for long.
-
-    Parameters
-    ----------
-    times_ns : ndarray of int64, shape (n,)
-        When it did something, in order [ns].
-    longer_ns : int
-        How long is long [ns].
-
-    Returns
-    -------
-    ndarray of int64, shape (k, 2)
-        From when to when, each time [ns].
-    """
+    """When a loop did nothing for long."""
     rows = np.flatnonzero(np.diff(times_ns) > longer_ns)
     return np.stack([times_ns[rows], times_ns[rows + 1]], axis=1)
 
@@ -201,12 +156,6 @@ class Pause:
     ----------
     at_ns : int
         When [ns].
-    why : str
-        What was recorded as the reason.
-    trial, attempt : int
-        Which attempt at which trial it ended [1].
-    again : tuple of (int, int) or None
-        Trial and attempt that came next, if one did [1].
     """
 
     at_ns: int
@@ -222,15 +171,7 @@ class Pause:
 
 
 def pauses(ticks: NDArray[Any], events: Sequence[EventRecord]) -> list[Pause]:
-    """Find the pauses that faults have made in one session.
-
-    Parameters
-    ----------
-    ticks : ndarray of TICK, shape (n,)
-        Its ticks, in order.
-    events : sequence of EventRecord
-        Its events.
-    """
+    """Find the pauses that faults have made in one session."""
     told = [(event.tick, event.details.get("notice", "")) for event in events if event.name == Cause.FAULT.name.lower()]
     found = []
     for row in np.flatnonzero(ticks["event"] == Cause.FAULT).tolist():
@@ -248,14 +189,6 @@ def pauses(ticks: NDArray[Any], events: Sequence[EventRecord]) -> list[Pause]:
 
 
 def between(trace: NDArray[Any], start_ns: int, stop_ns: int) -> NDArray[Any]:
-    """Rows of a time, of anything with ``time_ns``.
-
-    Parameters
-    ----------
-    trace : ndarray with a field ``time_ns``, shape (n,)
-        In order.
-    start_ns, stop_ns : int
-        From when on, and until when [ns].
-    """
+    """Rows of a time, of anything with ``time_ns``."""
     first, stop = np.searchsorted(trace["time_ns"], (start_ns, stop_ns))
     return trace[int(first) : int(stop)]

@@ -37,19 +37,8 @@ def main(output: Path | None, *, quick: bool, force: bool, frames: int | None) -
 
     Parameters
     ----------
-    output : Path or None
-        Folder of the results; None for a new one here.
-    quick : bool
-        The short form.
-    force : bool
-        The folder may be there already.
     frames : int or None
         How many for the codec, and for each socket; None for the usual number [1].
-
-    Returns
-    -------
-    int
-        Exit code: 1 if something does not hold.
     """
     folder = Folder(output or new_folder("fuzz"), force=force)
     count = frames or (QUICK_FRAMES if quick else FRAMES)
@@ -58,22 +47,7 @@ def main(output: Path | None, *, quick: bool, force: bool, frames: int | None) -
 
 
 def study(folder: Path, count: int, tell: Tell) -> Iterator[Part]:
-    """Run the parts.
-
-    Parameters
-    ----------
-    folder : Path
-        For everything that is written and said.
-    count : int
-        Malformed frames for the codec, and for each socket [1].
-    tell : callable
-        Hears how far each part is.
-
-    Yields
-    ------
-    Part
-        What was found.
-    """
+    """Run the parts."""
     yield codec_part(count, tell)
     yield from server_parts(folder / "server", count, tell)
     yield from peer_parts(folder / "peers", count, tell)
@@ -88,16 +62,8 @@ class Sieve:
 
     Attributes
     ----------
-    accepted, refused : int
-        Those that are messages, and those that are not [1].
-    size : int
-        Bytes of all of them [1].
     slowest : float
         Longest time that one took [s].
-    worst : bytes
-        That frame.
-    wrong : list of str
-        What else came of any.
     """
 
     accepted: int = 0
@@ -127,15 +93,7 @@ class Sieve:
 
 
 def codec_part(count: int, tell: Tell) -> Part:
-    """Give malformed frames to the codec, with nothing collected meanwhile, as in the loops that use it.
-
-    Parameters
-    ----------
-    count : int
-        How many [1].
-    tell : callable
-        Hears how far it is.
-    """
+    """Give malformed frames to the codec, with nothing collected meanwhile, as in the loops that use it."""
     sieve = Sieve()
     before = resident()
     gc.disable()

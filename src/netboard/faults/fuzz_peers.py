@@ -49,8 +49,6 @@ class Front:
 
     Parameters
     ----------
-    folder : Path
-        For everything that is written and said; made.
     side : str
         Whose agent is among them: with the left one there are a display and a logger.
     """
@@ -90,22 +88,7 @@ Served: TypeAlias = list[tuple[Front, HostileServer]]
 
 
 def peer_parts(folder: Path, count: int, tell: Tell) -> Iterator[Part]:
-    """Let real peers connect to a server that talks nonsense.
-
-    Parameters
-    ----------
-    folder : Path
-        For everything that is written and said; made.
-    count : int
-        Malformed messages for each socket [1].
-    tell : callable
-        Hears how far it is.
-
-    Yields
-    ------
-    Part
-        What was found.
-    """
+    """Let real peers connect to a server that talks nonsense."""
     tell("peers: starting", 0.0)
     fronts = [Front(folder / side, side) for side in SIDES]
     with ExitStack() as stack:

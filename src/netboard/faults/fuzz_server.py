@@ -50,39 +50,14 @@ COUNTED = 0.7
 
 @dataclass(frozen=True)
 class Spell:
-    """A time in a trial.
-
-    Attributes
-    ----------
-    name : str
-        What is sent in it.
-    window : Window
-        From when to when.
-    """
+    """A time in a trial."""
 
     name: str
     window: Window
 
 
 def server_parts(folder: Path, count: int, tell: Tell, quiet: float = QUIET_SECONDS) -> Iterator[Part]:
-    """Send malformed messages to every socket of a real server.
-
-    Parameters
-    ----------
-    folder : Path
-        For everything that is written and said; made.
-    count : int
-        How many for each socket [1].
-    tell : callable
-        Hears how far it is.
-    quiet : float
-        For so long nothing is sent, before and after [s].
-
-    Yields
-    ------
-    Part
-        What was found.
-    """
+    """Send malformed messages to every socket of a real server."""
     folder.mkdir(parents=True)
     settings, environment = tampered(folder.resolve())
     tell("a server: starting", 0.0)

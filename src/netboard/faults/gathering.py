@@ -37,8 +37,6 @@ class Window:
     ----------
     start_ns, stop_ns : int
         Just before it was made, and when everything was well again [ns].
-    facts : dict of str
-        What was noted while it was made.
     trouble : str
         Why it was not made as meant, or nothing became well again; empty if neither.
     """
@@ -55,18 +53,8 @@ class Taken:
 
     Attributes
     ----------
-    ticks : ndarray of TICK
-        Every tick of every session, once, by time.
-    events : tuple of EventRecord
-        All events, by time.
-    pauses : tuple of Pause
-        All pauses by faults, by time.
-    accounts : tuple of Account
-        Of each session.
     painted_ns : dict of ndarray of int64
         When each station's display has painted a frame [ns].
-    reports : tuple of netboard.proof.grade.Report
-        What `netboard check` says of each file.
     """
 
     ticks: NDArray[Any]
@@ -83,16 +71,8 @@ class Evidence:
 
     Attributes
     ----------
-    window : Window
-        When it was made.
-    limits : netboard.tables.rig.Safety
-        The safety chain's limits.
     traces : dict of list of ndarray of TRACE
         What each device of each side was handed in that time.
-    rig : Taken
-        What was recorded of the dyad.
-    neighbour : Taken or None
-        What was recorded of the other one.
     stalls : ndarray of int64, shape (k, 2)
         From when to when an agent did nothing, in the whole run of the site [ns].
     """
@@ -134,20 +114,7 @@ class Evidence:
 
 
 def gather(site: Site, windows: Sequence[Window]) -> list[Evidence]:
-    """Read what there is of a site in which nothing runs any more.
-
-    Parameters
-    ----------
-    site : Site
-        The site.
-    windows : sequence of Window
-        When faults were made in it.
-
-    Returns
-    -------
-    list of Evidence
-        For each of them.
-    """
+    """Read what there is of a site in which nothing runs any more."""
     rig = take(recordings_in(site.rig.folder))
     neighbour = take(recordings_in(site.neighbour.folder)) if site.neighbour is not None else None
     traces = {side: read_traces(site.rig.folder, side) for side in SIDES}
@@ -167,26 +134,14 @@ def _traces_in(traces: Mapping[Side, Sequence[NDArray[Any]]], window: Window) ->
 
 
 def recordings_in(folder: Path) -> list[Path]:
-    """Find all recordings below a folder; what was not finished, or spilled, is recovered.
-
-    Parameters
-    ----------
-    folder : Path
-        The folder.
-    """
+    """Find all recordings below a folder; what was not finished, or spilled, is recovered."""
     for unfinished in (*folder.rglob("*.mcap.part"), *folder.rglob("*.spill")):
         recover_any(unfinished)
     return sorted(folder.rglob("*.mcap"))
 
 
 def take(paths: Sequence[Path]) -> Taken:
-    """Read the recordings of a dyad.
-
-    Parameters
-    ----------
-    paths : sequence of Path
-        All of them, of any number of sessions.
-    """
+    """Read the recordings of a dyad."""
     sessions: dict[str, list[Path]] = {}
     painted: dict[Side, list[int]] = {side: [] for side in SIDES}
     for path in paths:

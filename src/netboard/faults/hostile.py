@@ -55,29 +55,10 @@ MEANT: tuple[type[Message], ...] = (Welcome, Goodbye, Refusal, Force, Point, Bea
 class HostileServer:
     """Everything a server binds, and the nerve of a bimanual participant.
 
-    Parameters
-    ----------
-    config : Config
-        As its peers have it.
-    context : zmq.Context
-        Where the sockets are made.
-    mutants : iterator of bytes
-        The nonsense.
-
     Attributes
     ----------
-    nonsense : dict of str to int
-        How much of it went out, by channel [1].
-    armed : set of bytes
-        Agents whose device gives forces.
     grown : set of bytes
         Those of them whose force has grown to what is wanted.
-    samples : int
-        Samples heard [1].
-    shown : int
-        Frames shown, as the displays say [1].
-    ticks : int
-        Ticks that went to the logger [1].
     durable : int
         Number of the first record that the logger does not have on disk [1].
     """
@@ -198,20 +179,7 @@ def _view(side: str, turn: int) -> View:
 
 
 class Babbler:
-    """Listens where a server would, not where the nerve is, and says what is no ZeroMQ to whoever connects.
-
-    Parameters
-    ----------
-    network : Network
-        Where.
-    seed : int
-        Of what it says.
-
-    Attributes
-    ----------
-    heard : int
-        How many have connected [1].
-    """
+    """Listens where a server would, not where the nerve is, and says what is no ZeroMQ to whoever connects."""
 
     def __init__(self, network: Network, seed: int) -> None:
         self.heard = 0

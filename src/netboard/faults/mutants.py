@@ -90,27 +90,13 @@ ODD: tuple[Any, ...] = (
 
 
 def true_frames(seed: int, of_each: int = 3) -> list[bytes]:
-    """Make some frames of every kind of message.
-
-    Parameters
-    ----------
-    seed : int
-        Of what is in them.
-    of_each : int
-        How many of each kind [1].
-    """
+    """Make some frames of every kind of message."""
     chance = random.Random(seed)
     return [encode(_message(kind.message, chance)) for kind in KINDS.values() for _ in range(of_each)]
 
 
 def parse(frame: bytes) -> Message | None:
-    """Decode a frame; None if it is no message.
-
-    Parameters
-    ----------
-    frame : bytes
-        What came in.
-    """
+    """Decode a frame; None if it is no message."""
     try:
         return decode(frame)
     except WireError:
@@ -149,15 +135,7 @@ def _value(hint: Any, chance: random.Random) -> Any:
 
 
 class Mutants:
-    """An endless row of malformed frames.
-
-    Parameters
-    ----------
-    frames : sequence of bytes
-        True frames to begin with.
-    seed : int
-        The same seed gives the same row.
-    """
+    """An endless row of malformed frames."""
 
     def __init__(self, frames: Sequence[bytes], seed: int) -> None:
         self._frames = list(frames)
@@ -239,13 +217,7 @@ class Mutants:
 
 
 class Liar:
-    """Writes MessagePack that is sometimes wrong, and sometimes right in an odd way.
-
-    Parameters
-    ----------
-    chance : random.Random
-        What decides when.
-    """
+    """Writes MessagePack that is sometimes wrong, and sometimes right in an odd way."""
 
     def __init__(self, chance: random.Random) -> None:
         self._chance = chance

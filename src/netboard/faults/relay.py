@@ -56,8 +56,6 @@ class Weather:
         Largest time on top of it, even chances [s].
     stalls : float
         How often everything stands still for 200 ms, as after a lost packet, on average [Hz].
-    rate : float
-        Bytes that pass in a second [1/s].
     """
 
     delay: float = 0.0
@@ -70,19 +68,7 @@ FAIR = Weather()
 
 
 class Flow:
-    """One direction of one connection: bytes on their way, each with the time it comes out.
-
-    Parameters
-    ----------
-    source : socket
-        Where they come from.
-    sink : socket
-        Where they go to.
-    double : socket or None
-        Who gets them too.
-    seed : int
-        Of jitter and stalls.
-    """
+    """One direction of one connection: bytes on their way, each with the time it comes out."""
 
     def __init__(self, source: net.socket, sink: net.socket, double: net.socket | None, seed: int) -> None:
         self.source, self.sink, self.double = source, sink, double
@@ -162,8 +148,6 @@ class Relay:
 
     Parameters
     ----------
-    targets : sequence of (str, int)
-        Where the server listens, channel by channel.
     host : str
         Where the relay listens, at as many ports from `port` on.
     """
@@ -299,13 +283,7 @@ class Relay:
 
 
 def between(peer_to: Place) -> Relay:
-    """Make the relay of a peer, whose port is then `Relay.port`.
-
-    Parameters
-    ----------
-    peer_to : (str, int)
-        Address and first port of the server.
-    """
+    """Make the relay of a peer, whose port is then `Relay.port`."""
     host, port = peer_to
     return Relay([(host, port + channel) for channel in range(CHANNELS)])
 

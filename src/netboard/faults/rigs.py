@@ -45,17 +45,7 @@ def _paused(status: Status) -> int:
 
 @dataclass(frozen=True)
 class Way:
-    """How a process gets to the server.
-
-    Attributes
-    ----------
-    host : str
-        Address, in place of the rig's.
-    port : int
-        First port, in place of the rig's.
-    before : tuple of str
-        Command that runs it.
-    """
+    """How a process gets to the server."""
 
     host: str
     port: int
@@ -67,21 +57,11 @@ class Rig:
 
     Parameters
     ----------
-    folder : Path
-        For everything they write and say.
-    settings : tuple of str
-        Settings as ``table.key=value``.
-    environment : dict of str
-        Environment of its processes on top of this one's.
     ways : dict of str to Way
         Who does not get to the server as the configuration has it, by name of the process.
 
     Attributes
     ----------
-    config : Config
-        Rig and experiment.
-    file : Path
-        The same as a file.
     running : dict of str to Popen
         The processes that have been started and not ended, by name.
     """
@@ -164,13 +144,7 @@ class Rig:
         return self.start(f"{side} agent", "agent", "--side", side)
 
     def until(self, what: Callable[[Status], bool], seconds: float = PATIENCE) -> Status:
-        """Wait for a status that answers a description.
-
-        Raises
-        ------
-        NetboardError
-            If there is none within so long [s].
-        """
+        """Wait for a status that answers a description."""
         end = time.monotonic() + seconds
         while time.monotonic() < end and not self._lost_server():
             status = self.operator.ask(ANSWER_SECONDS)
@@ -186,13 +160,7 @@ class Rig:
         return "server" in self.running and self.running["server"].poll() is not None
 
     def do(self, command: str) -> None:
-        """Have the server do something.
-
-        Raises
-        ------
-        NetboardError
-            If it refuses, or does not answer.
-        """
+        """Have the server do something."""
         self.until(lambda status: True)
         reply = self.operator.do(command)
         if not reply.accepted:
@@ -213,13 +181,7 @@ class Rig:
         return self.until(felt, seconds)
 
     def until_undisturbed(self, seconds: float, patience: float = PATIENCE) -> int:
-        """Wait until both hands have felt a trial for so long without a pause; how often a pause came between [s].
-
-        Raises
-        ------
-        NetboardError
-            If there is no such trial in time.
-        """
+        """Wait until both hands have felt a trial for so long without a pause; how often a pause came between [s]."""
         pauses = 0
         end = time.monotonic() + patience
         while True:
@@ -268,13 +230,7 @@ class Rig:
         return self.wait(name)
 
     def wait(self, name: str) -> int:
-        """Wait until a process has ended by itself; its exit code.
-
-        Raises
-        ------
-        NetboardError
-            If it does not.
-        """
+        """Wait until a process has ended by itself; its exit code."""
         try:
             code = self.running[name].wait(PATIENCE)
         except subprocess.TimeoutExpired as error:
@@ -290,13 +246,7 @@ class Rig:
             self._operator = None
 
     def finish(self) -> list[Path]:
-        """Shut the session down in order; the recordings.
-
-        Raises
-        ------
-        NetboardError
-            If the server or the logger does not end cleanly.
-        """
+        """Shut the session down in order; the recordings."""
         self.ask_to_end()
         for name in ("server", "logger"):
             if self.wait(name) != 0:
@@ -321,20 +271,7 @@ def _by_way(config: Config, way: Way) -> Config:
 
 
 def tampered(folder: Path) -> tuple[tuple[str, ...], dict[str, str]]:
-    """Settings and environment that give a rig in this folder devices that can be tampered with.
-
-    Parameters
-    ----------
-    folder : Path
-        The rig's.
-
-    Returns
-    -------
-    tuple of str
-        Settings.
-    dict of str
-        Environment.
-    """
+    """Settings and environment that give a rig in this folder devices that can be tampered with."""
     settings = [
         setting
         for side in SIDES

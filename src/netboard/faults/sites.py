@@ -45,26 +45,10 @@ class Setup:
 
     Attributes
     ----------
-    name : str
-        For people.
-    settings : tuple of str
-        Settings of the rig on top of `PACE`.
-    relayed : tuple of str
-        Processes whose line goes through a relay.
-    displays : bool
-        The displays run too.
     neighbour : bool
         A second dyad is on the same server, unless it is to be quick.
-    spaces : bool
-        The stations are joined by real links.
-    wall_clock : bool
-        The wall clock can be set.
-    small_disk : bool
-        The recordings are on a small disk.
     follow : bool
         The logger goes on with the next session of the server.
-    keyed : bool
-        All peers come in by keys.
     """
 
     name: str
@@ -90,25 +74,7 @@ class Setup:
 
 @dataclass
 class Site:
-    """A rig and what is around it.
-
-    Attributes
-    ----------
-    setup : Setup
-        What was asked for.
-    rig : Rig
-        The dyad that is harmed.
-    relays : dict of str to Relay
-        The lines that go through one, by process.
-    neighbour : Rig or None
-        The other dyad.
-    spaces : Spaces or None
-        The real links.
-    clock : WallClock or None
-        The wall clock.
-    quick : bool
-        Whatever can be done in less time is.
-    """
+    """A rig and what is around it."""
 
     setup: Setup
     rig: Rig
@@ -171,22 +137,7 @@ class Site:
 
 @contextmanager
 def open_site(setup: Setup, folder: Path, *, quick: bool) -> Iterator[Site]:
-    """Make a site; nothing in it runs yet.
-
-    Parameters
-    ----------
-    setup : Setup
-        What it is made of.
-    folder : Path
-        For everything that is written and said in it; made.
-    quick : bool
-        Whatever can be done in less time is.
-
-    Yields
-    ------
-    Site
-        The site; on leaving, all its processes are ended.
-    """
+    """Make a site; nothing in it runs yet."""
     (folder / "a").mkdir(parents=True)
     settings, environment = tampered((folder / "a").resolve())
     with ExitStack() as stack:

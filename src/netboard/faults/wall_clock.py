@@ -64,13 +64,7 @@ def refusal() -> str:
 
 
 class WallClock:
-    """The wall clock of the processes started with its environment.
-
-    Parameters
-    ----------
-    folder : Path
-        Where library and file go.
-    """
+    """The wall clock of the processes started with its environment."""
 
     def __init__(self, folder: Path) -> None:
         source, library = folder / "wall_clock.c", folder / "wall_clock.so"

@@ -11,13 +11,7 @@ GROWN = 32e6
 
 
 def look(rig: Rig) -> None:
-    """See that all processes of a rig are there.
-
-    Raises
-    ------
-    NetboardError
-        If one has ended.
-    """
+    """See that all processes of a rig are there."""
     for name, process in rig.running.items():
         if (code := process.poll()) is not None:
             raise NetboardError(f"the {name} ended with exit code {code}:\n{rig.said(name)[-2000:]}")
@@ -29,13 +23,7 @@ def memory(rig: Rig) -> dict[str, float]:
 
 
 def resident(process: int | str = "self") -> float:
-    """Memory that a process holds, in bytes [1]; not a number on a system that does not tell.
-
-    Parameters
-    ----------
-    process : int or str
-        Its number [1].
-    """
+    """Memory that a process holds, in bytes [1]; not a number on a system that does not tell."""
     status = Path("/proc") / str(process) / "status"
     if not status.exists():
         return float("nan")
@@ -44,15 +32,7 @@ def resident(process: int | str = "self") -> float:
 
 
 def memory_part(name: str, title: str, before: dict[str, float], after: dict[str, float]) -> Part:
-    """Write down what processes held before and after.
-
-    Parameters
-    ----------
-    name, title : str
-        Of the table.
-    before, after : dict of float
-        What each held, in bytes [1].
-    """
+    """Write down what processes held before and after."""
     rows: list[tuple[Value, ...]] = [
         (process, before[process] * 1e-6, after[process] * 1e-6, (after[process] - before[process]) * 1e-6)
         for process in before

@@ -56,24 +56,7 @@ def message(parts: Sequence[bytes]) -> bytes:
 
 
 class Line:
-    """A connection to a socket of ZeroMQ, made anew whenever the other end cuts it.
-
-    Parameters
-    ----------
-    place : (str, int)
-        Where it is.
-    kind : bytes
-        What this end says it is: ``DEALER``, ``SUB``.
-    identity : bytes
-        Name of this end.
-    first : sequence of bytes
-        Messages it begins with, each time.
-
-    Attributes
-    ----------
-    made : int
-        Connections made [1].
-    """
+    """A connection to a socket of ZeroMQ, made anew whenever the other end cuts it."""
 
     def __init__(self, place: Place, kind: bytes, identity: bytes = b"", first: Sequence[bytes] = ()) -> None:
         self.made = 0
@@ -129,11 +112,6 @@ class Line:
 
 def streams(seed: int) -> Iterator[Stream]:
     """Make what one connection after the other says: none of it is what it should be.
-
-    Parameters
-    ----------
-    seed : int
-        The same seed gives the same.
 
     Yields
     ------
@@ -229,15 +207,7 @@ _STREAMS: tuple[Callable[[random.Random], Stream], ...] = (
 
 
 class Talk:
-    """Connections in which streams are said, each a part at a time; the oldest are hung up.
-
-    Parameters
-    ----------
-    kept : int
-        So many stay open [1].
-    seed : int
-        Of what is said.
-    """
+    """Connections in which streams are said, each a part at a time; the oldest are hung up."""
 
     def __init__(self, kept: int, seed: int) -> None:
         self._kept = kept

@@ -30,13 +30,7 @@ _BESIDE = 0.25
 
 @styled
 def picture(study: Study) -> Picture:
-    """Draw the shares of the classes of movement.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-    """
+    """Draw the shares of the classes of movement."""
     found = [one for one in classes(study).shares if len(one.dyads)]
     if not found:
         return Picture("classes", TITLE, "No trial that counts has a movement, so there are no shares.", None)

@@ -30,13 +30,7 @@ _BAND = "#F3F3F3"
 
 @styled
 def picture(study: Study) -> Picture:
-    """Draw the sizes of all effects.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-    """
+    """Draw the sizes of all effects."""
     found = [one for one in comparisons(study).comparisons if np.isfinite(one.hedges.value)]
     if not found:
         why = "Sizes of effects take three dyads or more that have two conditions, and that differ."
@@ -62,15 +56,7 @@ def picture(study: Study) -> Picture:
 
 
 def looks_of(study: Study, questions: Sequence[Question]) -> dict[str, Look]:
-    """Look of each question: that of the condition with forces, or of the one with a partner; black for interactions.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-    questions : sequence of Question
-        The questions.
-    """
+    """Return the style of each contrast: that of the condition with forces or with a partner; black for interactions."""
     by_name: dict[str, Condition] = {one.name: one for one in conditions(study)}
     return {one.name: look_of(by_name[one.first[0]], BLACK if one.kind == "interaction" else "") for one in questions}
 

@@ -35,13 +35,7 @@ _GREYS = ("#A0A0A0", "#757575", "#4A4A4A", "#000000")
 
 @styled
 def picture(study: Study) -> Picture:
-    """Draw the delays of all conditions.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-    """
+    """Draw the delays of all conditions."""
     found = delay(study)
     shown = [one for one in found.conditions if any(np.isfinite(mean.value) for mean in one.as_set.means)]
     if not shown:

@@ -22,13 +22,7 @@ FEW = 8
 
 @styled
 def picture(study: Study) -> Picture:
-    """Draw all differences between conditions.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-    """
+    """Draw all differences between conditions."""
     found = comparisons(study).comparisons
     if not found:
         return Picture("differences", TITLE, "No dyad has two conditions that are compared.", None)

@@ -16,13 +16,7 @@ _FORCES = {"partner_only": SKY, "environment_only": GREEN, "unrelated": PINK}
 
 @styled
 def picture(study: Study) -> Picture:
-    """Draw how dyads do, beside their participants alone.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-    """
+    """Draw how dyads do, beside their participants alone."""
     found = [one for one in dyads(study).comparisons if one.known]
     if not found:
         why = "No dyad has performed together with a force with which both of its participants have performed alone."

@@ -51,11 +51,6 @@ PICTURES: tuple[Callable[[Study], Picture], ...] = PAPER + MODERN
 def pictures(study: Study) -> Iterator[Picture]:
     """Draw everything, one picture at a time.
 
-    Parameters
-    ----------
-    study : Study
-        The study.
-
     Yields
     ------
     Picture
@@ -66,15 +61,7 @@ def pictures(study: Study) -> Iterator[Picture]:
 
 
 def drawn(study: Study, draw: Callable[[Study], Picture]) -> Picture:
-    """Draw and write a picture; one that cannot be drawn says so in its place, and all others are there.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-    draw : callable
-        Draws it; the picture is called by its module.
-    """
+    """Draw and write a picture; one that cannot be drawn says so in its place, and all others are there."""
     try:
         picture = draw(study)
         if picture.figure is not None:

@@ -16,13 +16,7 @@ FEW = 6
 
 @styled
 def picture(study: Study) -> Picture:
-    """Draw the influence between partners.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-    """
+    """Draw the influence between partners."""
     found = [one for one in influences(study).influences if len(one.values)]
     if not found:
         why = "No condition has two people and paths of their trials, so there is no influence to look for."

@@ -18,13 +18,7 @@ _MS = 1000.0
 
 @styled
 def picture(study: Study) -> Picture:
-    """Draw who moved first.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-    """
+    """Draw who moved first."""
     found = leaders(study)
     if not found.leads:
         return Picture("leadership", TITLE, "No trial that counts has a delay.", None)

@@ -30,13 +30,7 @@ STACK = ("cooperative", "single", "competitive", "still")
 
 @styled
 def picture(study: Study) -> Picture:
-    """Draw how people and dyads learn.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-    """
+    """Draw how people and dyads learn."""
     found = learning(study)
     if not found.teams:
         return Picture("learning", TITLE, "No trial counts, so there is no learning to show.", None)

@@ -53,19 +53,7 @@ _HALO = [withStroke(linewidth=2.6, foreground="white")]
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """How something is drawn.
-
-    Attributes
-    ----------
-    colour : str
-        Of its lines and edges.
-    marker : str
-        Shape of its points.
-    face : str
-        Colour of the points' insides.
-    line : str or tuple
-        Dashes of its line.
-    """
+    """How something is drawn."""
 
     colour: str
     marker: str
@@ -74,13 +62,7 @@ class Look:
 
 
 def team_colour(team: str) -> str:
-    """Colour of a team.
-
-    Parameters
-    ----------
-    team : str
-        As `Condition.team`.
-    """
+    """Colour of a team."""
     if team in _TEAMS.get():
         return _TEAMS.get()[team]
     configuration, _, partner = team.partition(", ")
@@ -88,28 +70,14 @@ def team_colour(team: str) -> str:
 
 
 def look_of(condition: Condition, colour: str = "") -> Look:
-    """Look of a condition.
-
-    Parameters
-    ----------
-    condition : Condition
-        The condition.
-    colour : str
-        Instead of its team's.
-    """
+    """Look of a condition."""
     own = colour or team_colour(condition.team)
     marker, face, line = _SHAPES.get(condition.force, _OTHER)
     return Look(own, marker, face or own, line)
 
 
 def team_look(team: str) -> Look:
-    """Look of a team, over all of its forces.
-
-    Parameters
-    ----------
-    team : str
-        As `Condition.team`; or all teams together.
-    """
+    """Look of a team, over all of its forces."""
     markers = {"bimanual": "o", "dyadic": "s"}
     lines = {"bimanual": "-", "dyadic": "--"}
     colour, configuration = team_colour(team), team.partition(", ")[0]
@@ -127,13 +95,7 @@ def _colours(study: Study) -> dict[str, str]:
 
 
 def styled_whole(draw: Callable[[Study], Picture]) -> Callable[[Study], Picture]:
-    """Let a function draw in the style of all pictures, and say under the picture whether people are simulated.
-
-    Parameters
-    ----------
-    draw : callable
-        Draws a picture of a study.
-    """
+    """Let a function draw in the style of all pictures, and say under the picture whether people are simulated."""
 
     @wraps(draw)
     def drawn(study: Study) -> Picture:
@@ -150,13 +112,7 @@ def styled_whole(draw: Callable[[Study], Picture]) -> Callable[[Study], Picture]
 
 
 def styled(draw: Callable[[Study], Picture]) -> Callable[[Study], Picture]:
-    """As `styled_whole`, with no more conditions than a picture has room for; its caption says over what it pools.
-
-    Parameters
-    ----------
-    draw : callable
-        Draws a picture of a study.
-    """
+    """As `styled_whole`, with no more conditions than a picture has room for; its caption says over what it pools."""
     whole = styled_whole(draw)
 
     @wraps(draw)
@@ -169,31 +125,13 @@ def styled(draw: Callable[[Study], Picture]) -> Callable[[Study], Picture]:
 
 
 def new_mosaic(height: float, layout: Sequence[Sequence[str]], **options: Any) -> tuple[Figure, dict[str, Axes]]:
-    """Begin a picture of axes of different sizes.
-
-    Parameters
-    ----------
-    height : float
-        Its height [in].
-    layout : sequence of sequence of str
-        Names of the axes, as in `matplotlib.figure.Figure.subplot_mosaic`.
-    **options
-        More for that function.
-    """
+    """Begin a picture of axes of different sizes."""
     figure = Figure(figsize=(WIDTH, height))
     return figure, figure.subplot_mosaic([list(row) for row in layout], **options)
 
 
 def titled(axes: Axes, letter: str, text: str) -> None:
-    """Name a panel: a bold letter, and what it is of.
-
-    Parameters
-    ----------
-    axes : Axes
-        The panel.
-    letter, text : str
-        Its letter and its title.
-    """
+    """Name a panel: a bold letter, and what it is of."""
     place = axes.get_subplotspec()
     columns = place.get_gridspec().ncols // (place.colspan.stop - place.colspan.start) if place is not None else 1
     lines = fill(text, max(14, _TITLE // max(columns, 1)), break_long_words=False)
@@ -207,20 +145,10 @@ def draw_mean(
 
     Parameters
     ----------
-    axes : Axes
-        Where.
-    at : float
-        Place on the other axis [its unit].
-    mean : Estimate
-        The mean.
-    look : Look
-        How.
     label : str
         Name of the two artists: the interval's goes on with ``, interval``.
     scale : float
         What values are multiplied by, such as 1000 for ms [1].
-    across : bool
-        Values run to the right instead of upwards.
     """
     if not np.isfinite(mean.value):
         return
@@ -252,21 +180,7 @@ def draw_mean(
 
 
 def draw_dyads(axes: Axes, x: ArrayLike, y: ArrayLike, colour: str, label: str, *, joined: bool = False) -> None:
-    """Draw the values of single dyads behind their mean.
-
-    Parameters
-    ----------
-    axes : Axes
-        Where.
-    x, y : array_like, shape (n,)
-        Places [the axes' units].
-    colour : str
-        Their colour, of which they are a pale version.
-    label : str
-        Name of the artist.
-    joined : bool
-        With a thin line from one to the next.
-    """
+    """Draw the values of single dyads behind their mean."""
     axes.plot(
         np.asarray(x, float),
         np.asarray(y, float),
@@ -283,28 +197,12 @@ def draw_dyads(axes: Axes, x: ArrayLike, y: ArrayLike, colour: str, label: str, 
 
 
 def beside(count: int, width: float) -> list[float]:
-    """Offsets that put some things beside each other round a place.
-
-    Parameters
-    ----------
-    count : int
-        How many [1].
-    width : float
-        From the first to the last [the axis' unit].
-    """
+    """Offsets that put some things beside each other round a place."""
     return [0.0] if count == 1 else [float(x) for x in np.linspace(-width / 2, width / 2, count)]
 
 
 def apart(places: Sequence[float], least: float) -> list[float]:
-    """Move places of labels apart, as little as their order allows, upwards.
-
-    Parameters
-    ----------
-    places : sequence of float
-        Where they would be, rising [the axis' unit].
-    least : float
-        Least distance of neighbours [the axis' unit].
-    """
+    """Move places of labels apart, as little as their order allows, upwards."""
     moved: list[float] = []
     for place in places:
         moved.append(max(place, moved[-1] + least) if moved else place)
@@ -312,26 +210,12 @@ def apart(places: Sequence[float], least: float) -> list[float]:
 
 
 def in_lines(condition: Condition) -> str:
-    """Label of a condition on a narrow axis.
-
-    Parameters
-    ----------
-    condition : Condition
-        The condition.
-    """
+    """Label of a condition on a narrow axis."""
     return condition.label.replace(", ", "\n")
 
 
 def many(count: int, word: str) -> str:
-    """Write a number of things.
-
-    Parameters
-    ----------
-    count : int
-        How many [1].
-    word : str
-        What one of them is called.
-    """
+    """Write a number of things."""
     return f"{count} {word}{'' if count == 1 else 's'}"
 
 
@@ -342,10 +226,6 @@ def how_many(known: Sequence[tuple[str, int, str]], details: Sequence[int] = (),
     ----------
     known : sequence of (str, int, str)
         Names, how many, and what one of these is called: the unit of replication.
-    details : sequence of int
-        How many of something else there are in each [1].
-    of : str
-        What one of that is called.
     """
     if not known:
         return ""
@@ -367,24 +247,10 @@ def sentence(words: str) -> str:
 
 
 def trial_ticks(size: int, last: int) -> list[int]:
-    """Choose ticks of an axis of trials: the first, the last of each whole group, and the very last if there is none.
-
-    Parameters
-    ----------
-    size : int
-        Trials in a group [1].
-    last : int
-        Number of the last trial [1].
-    """
+    """Choose ticks of an axis of trials: the first, the last of each whole group, and else the very last."""
     return sorted({1, *(range(size, last + 1, size) or (last,))})
 
 
 def listed(words: Sequence[str]) -> str:
-    """Put words in a row, with ``and`` before the last.
-
-    Parameters
-    ----------
-    words : sequence of str
-        The words.
-    """
+    """Put words in a row, with ``and`` before the last."""
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"

@@ -35,13 +35,7 @@ _WIDE = 100
 
 @styled
 def picture(study: Study) -> Picture:
-    """Draw all measures.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-    """
+    """Draw all measures."""
     found = overview(study).levels
     if not found:
         return Picture("measures", TITLE, "No trial counts, so there is nothing to measure.", None)
@@ -55,46 +49,20 @@ def picture(study: Study) -> Picture:
 
 
 def grid(names: Sequence[str], height: float, columns: int = COLUMNS) -> tuple[Figure, dict[str, Axes]]:
-    """Begin a picture of many small panels.
-
-    Parameters
-    ----------
-    names : sequence of str
-        Names of the panels.
-    height : float
-        Of a row of them [in].
-    columns : int
-        How many are beside each other [1].
-    """
+    """Begin a picture of many small panels."""
     rows = [list(names[k : k + columns]) for k in range(0, len(names), columns)]
     rows[-1] += ["."] * (columns - len(rows[-1])) if len(rows) > 1 else []
     return new_mosaic(0.35 + height * len(rows), rows)
 
 
 def places(shown: Sequence[Condition]) -> dict[str, float]:
-    """Put conditions beside each other, those of another team a little farther away.
-
-    Parameters
-    ----------
-    shown : sequence of Condition
-        The conditions.
-    """
+    """Put conditions beside each other, those of another team a little farther away."""
     teams = list(dict.fromkeys(one.team for one in shown))
     return {one.name: k + TEAM_GAP * teams.index(one.team) for k, one in enumerate(shown)}
 
 
 def legend(figure: Figure, shown: Sequence[Condition], where: Where = "outside upper center") -> None:
-    """Name conditions beside the panels.
-
-    Parameters
-    ----------
-    figure : Figure
-        The picture.
-    shown : sequence of Condition
-        The conditions.
-    where : {"outside upper center", "outside lower center"}
-        Above or below them.
-    """
+    """Name conditions beside the panels."""
     looks = [look_of(one) for one in shown]
     handles = [
         Line2D([], [], linestyle="none", marker=look.marker, color=look.colour, markerfacecolor=look.face, markersize=5)

@@ -24,13 +24,7 @@ LOOKS = {
 
 @styled_whole
 def picture(study: Study) -> Picture:
-    """Draw the models.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-    """
+    """Draw the models."""
     found = fits(study)
     shown = [one for one in found.fits if one.model.fitted]
     if not any(factors_of(one) for one in shown):
@@ -50,13 +44,7 @@ def picture(study: Study) -> Picture:
 
 
 def factors_of(fit: Fit) -> list[Effect]:
-    """Return the terms that are ratios of conditions and known.
-
-    Parameters
-    ----------
-    fit : Fit
-        The model.
-    """
+    """Return the terms that are ratios of conditions and known."""
     others = ("intercept", "log trial")
     return [one for one in fit.model.effects if one.name not in others and np.isfinite(one.ratio.value)]
 

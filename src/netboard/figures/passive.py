@@ -15,13 +15,7 @@ TITLE = "How much of it a passive partner would show"
 
 @styled
 def picture(study: Study) -> Picture:
-    """Draw the effect of forces beside the passive one.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-    """
+    """Draw the effect of forces beside the passive one."""
     found = controls(study).controls
     if not found:
         why = "No dyad has trials of two people both with and without forces, in a scene with a free board."

@@ -24,13 +24,7 @@ _LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
 
 @styled
 def picture(study: Study) -> Picture:
-    """Draw mean paths.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-    """
+    """Draw mean paths."""
     found = courses(study).courses
     if not found:
         return Picture("paths", TITLE, "No trial that counts has a path.", None)

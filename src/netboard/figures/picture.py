@@ -60,15 +60,9 @@ class Picture:
 
     Attributes
     ----------
-    name : str
-        Name of its file: letters, digits and ``-``.
-    title : str
-        What it shows, in a few words.
     caption : str
         What is plotted, in a sentence or two, with n and the unit of replication, and what bars and bands are; or,
         where there is no picture, why.
-    figure : Figure or None
-        The picture; None where the study has nothing to show.
     failed : bool
         There is no picture because of an error, which the caption tells.
     """
@@ -95,24 +89,7 @@ def _in_words(title: str, caption: str) -> Figure:
 
 
 def new_figure(height: float, columns: int = 1, rows: int = 1, width: float = WIDTH) -> tuple[Figure, list[Axes]]:
-    """Begin a picture.
-
-    Parameters
-    ----------
-    height : float
-        Its height [in].
-    columns, rows : int
-        How many axes lie beside and below each other [1].
-    width : float
-        Its width [in].
-
-    Returns
-    -------
-    Figure
-        The empty figure.
-    list of Axes
-        Its axes, row by row.
-    """
+    """Begin a picture."""
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(width, height))
         axes = figure.subplots(rows, columns, squeeze=False)
@@ -124,20 +101,7 @@ _written: WeakKeyDictionary[Figure, dict[str, bytes]] = WeakKeyDictionary()
 
 
 def as_bytes(figure: Figure, kind: str) -> bytes:
-    """Write a picture, once.
-
-    Parameters
-    ----------
-    figure : Figure
-        The picture, which is not changed any more.
-    kind : {"svg", "pdf", "png"}
-        As what. The same picture gives the same bytes.
-
-    Returns
-    -------
-    bytes
-        The file.
-    """
+    """Write a picture, once."""
     files = _written.setdefault(figure, {})
     if kind not in files:
         files[kind] = _file(figure, kind)

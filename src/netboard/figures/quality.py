@@ -18,13 +18,7 @@ _READABLE = 30
 
 @styled
 def picture(study: Study) -> Picture:
-    """Draw what was recorded.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-    """
+    """Draw what was recorded."""
     found = quality(study)
     if not len(found.blocks):
         return Picture("quality", TITLE, "There is no recording.", None)
@@ -42,13 +36,7 @@ def picture(study: Study) -> Picture:
 
 
 def of_blocks(study: Study) -> tuple[Condition, ...]:
-    """List the conditions of blocks, without the levels of factors that vary within them.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-    """
+    """List the conditions of blocks, without the levels of factors that vary within them."""
     return conditions(pooled(study, [factor.name for factor in study.factors if factor.scope == "trial"]))
 
 

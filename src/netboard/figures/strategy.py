@@ -33,13 +33,7 @@ _ACROSS = 3
 
 @styled
 def picture(study: Study) -> Picture:
-    """Draw how the strategy converges.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-    """
+    """Draw how the strategy converges."""
     teams = strategy(study).teams
     if not any(np.isfinite(one.width) for team in teams for one in team.ellipses):
         why = "No group of trials has enough first braking movements for an ellipse."

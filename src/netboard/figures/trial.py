@@ -41,15 +41,7 @@ def _whole(take: Take) -> tuple[slice, NDArray[np.float64]]:
 
 
 def draw_completion(axes: Axes, take: Take) -> str:
-    """Draw the ball's place and the target; return what is to be said of it.
-
-    Parameters
-    ----------
-    axes : Axes
-        Where to.
-    take : Take
-        The attempt.
-    """
+    """Draw the ball's place and the target; return what is to be said of it."""
     window, time = _whole(take)
     half, target = take.block.config.geometry.target_width / 2, take.trial.target
     axes.axhspan((target - half) * MM, (target + half) * MM, color=GREEN, alpha=0.2, lw=0)
@@ -64,15 +56,7 @@ def draw_completion(axes: Axes, take: Take) -> str:
 
 
 def draw_peaks(axes: Axes, take: Take) -> str:
-    """Draw the ball's speed with its peaks; return what is to be said of it.
-
-    Parameters
-    ----------
-    axes : Axes
-        Where to.
-    take : Take
-        The attempt.
-    """
+    """Draw the ball's speed with its peaks; return what is to be said of it."""
     window, time = _whole(take)
     how = take.block.readings.peaks
     speed = take.found.speed[window] * MM
@@ -93,15 +77,7 @@ def _slow(take: Take) -> str:
 
 
 def draw_classes(axes: Axes, take: Take) -> str:
-    """Draw the styluses' velocities and a strip of the classes; return what is to be said of it.
-
-    Parameters
-    ----------
-    axes : Axes
-        Where to.
-    take : Take
-        The attempt.
-    """
+    """Draw the styluses' velocities and a strip of the classes; return what is to be said of it."""
     window, time = _whole(take)
     for side in SIDES:
         axes.plot(time, getattr(take.found, f"{side}_vz")[window] * MM, color=HANDS[side], ls=_STYLES[side], label=side)
@@ -123,15 +99,7 @@ def draw_classes(axes: Axes, take: Take) -> str:
 
 
 def draw_movements(axes: Axes, take: Take) -> str:
-    """Draw the board's angular velocity with its movements; return what is to be said of it.
-
-    Parameters
-    ----------
-    axes : Axes
-        Where to.
-    take : Take
-        The attempt.
-    """
+    """Draw the board's angular velocity with its movements; return what is to be said of it."""
     window, time = _whole(take)
     moved = delays_of(take)[0]
     for first, stop, together in zip(take.own_turns.first, take.own_turns.stop, moved.cooperative, strict=True):
@@ -148,15 +116,7 @@ def draw_movements(axes: Axes, take: Take) -> str:
 
 
 def draw_delay(axes: Axes, take: Take) -> str:
-    """Draw the largest cooperative movement with the thresholds; return what is to be said of it.
-
-    Parameters
-    ----------
-    axes : Axes
-        Where to.
-    take : Take
-        The attempt.
-    """
+    """Draw the largest cooperative movement with the thresholds; return what is to be said of it."""
     moved, found, _ = delays_of(take)
     turns = take.own_turns
     axes.set_ylabel("styluses [mm/s]")
@@ -183,15 +143,7 @@ def draw_delay(axes: Axes, take: Take) -> str:
 
 
 def draw_braking(axes: Axes, take: Take) -> str:
-    """Draw the tilt with the initial and the first braking movement; return what is to be said of it.
-
-    Parameters
-    ----------
-    axes : Axes
-        Where to.
-    take : Take
-        The attempt.
-    """
+    """Draw the tilt with the initial and the first braking movement; return what is to be said of it."""
     window, time = _whole(take)
     axes.axhline(0.0, color=GREY, lw=0.6)
     axes.plot(time, -take.trial.side * take.found.theta[window] * DEG, color=BLACK)
@@ -231,15 +183,7 @@ PANELS: dict[str, tuple[str, Callable[[Axes, Take], str]]] = {
 
 @mpl.rc_context(STYLE)
 def panel(take: Take, name: str) -> Figure:
-    """Draw one part by itself.
-
-    Parameters
-    ----------
-    take : Take
-        The attempt.
-    name : str
-        One of `PANELS`.
-    """
+    """Draw one part by itself."""
     figure, (axes,) = new_figure(2.0)
     _draw(axes, take, name)
     return figure
@@ -247,13 +191,7 @@ def panel(take: Take, name: str) -> Figure:
 
 @mpl.rc_context(STYLE)
 def sheet(take: Take) -> Picture:
-    """Draw all parts on one sheet.
-
-    Parameters
-    ----------
-    take : Take
-        The attempt.
-    """
+    """Draw all parts on one sheet."""
     figure, places = new_figure(1.75 * len(PANELS), rows=len(PANELS))
     for axes, name in zip(places, PANELS, strict=True):
         _draw(axes, take, name)

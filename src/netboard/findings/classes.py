@@ -35,14 +35,10 @@ class Shares:
 
     Attributes
     ----------
-    condition : Condition
-        The condition.
     performers : DataFrame
         A row for each dyad and performer, a column for each class [1].
     dyads : DataFrame
         A row for each dyad, a column for each class [1].
-    means : tuple of Estimate
-        Means over dyads, one for each of `CLASSES`.
     """
 
     condition: Condition
@@ -53,28 +49,14 @@ class Shares:
 
 @dataclass(frozen=True, slots=True)
 class Classes:
-    """Shares of the classes in all conditions.
-
-    Attributes
-    ----------
-    shares : tuple of Shares
-        One for each condition.
-    results : tuple of Result
-        What is reported.
-    """
+    """Shares of the classes in all conditions."""
 
     shares: tuple[Shares, ...]
     results: tuple[Result, ...]
 
 
 def classes(study: Study) -> Classes:
-    """Find the shares of the classes of movement.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-    """
+    """Find the shares of the classes of movement."""
     trials = counted(study)
     found = tuple(
         _shares(one, trials[trials["condition"] == one.name], study.readings.summaries.shares)

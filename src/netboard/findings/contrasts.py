@@ -40,10 +40,6 @@ class Question:
 
     Attributes
     ----------
-    kind : {"forces", "configuration", "interaction", "factor"}
-        What makes the difference.
-    name : str
-        In words.
     first, second : tuple of str
         Conditions: of one, its level; of two, the first one's less the second one's.
     """
@@ -61,11 +57,6 @@ def questions_of(study: Study) -> tuple[Question, ...]:
     ----------
     study : Study
         The study. Only conditions of people are compared: no robot's, none with a hand that is still.
-
-    Returns
-    -------
-    tuple of Question
-        All of them; none for a study of one condition.
     """
     people = tuple(one for one in conditions(study) if not one.partner)
     forces = {(one.configuration, one.force, one.among): one for one in people}
@@ -108,17 +99,11 @@ class Comparison:
 
     Attributes
     ----------
-    measure : Measure
-        What is measured.
-    question : Question
-        What is compared.
     contrast : Contrast
         In each dyad, intervals, tests and d_z; of a ratio measure, of natural logarithms.
     difference, bootstrap : Estimate
         Its mean difference with the t interval and that of the bootstrap; of a ratio measure, the ratio
         [the measure's, or 1].
-    hedges : Estimate
-        g_z: d_z without its bias in small samples [1].
     corrected : float
         p of the permutation test, corrected for all tests of the family [1].
     """
@@ -144,13 +129,7 @@ class Comparison:
 
 @dataclass(frozen=True, slots=True)
 class Comparisons:
-    """All measures in all contrasts.
-
-    Attributes
-    ----------
-    comparisons : tuple of Comparison
-        By measure, then by question.
-    """
+    """All measures in all contrasts."""
 
     comparisons: tuple[Comparison, ...]
 
@@ -190,11 +169,6 @@ def _number(one: Comparison, quantity: str, value: float, n: int, note: str) -> 
 @kept
 def comparisons(study: Study) -> Comparisons:
     """Compare conditions in all measures.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
 
     Returns
     -------

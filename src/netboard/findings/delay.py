@@ -54,8 +54,6 @@ class Delays:
         A row for each unit of replication, a column for each of `PERCENT` [s].
     dyads : DataFrame
         A row for each dyad, a column for each of `PERCENT` [s].
-    means : tuple of Estimate
-        Means over units, one for each of `PERCENT`.
     """
 
     units: pd.DataFrame
@@ -69,18 +67,12 @@ class ConditionDelay:
 
     Attributes
     ----------
-    condition : Condition
-        The condition.
     as_set : Delays
         At portions of the peak that is set, absolute or signed as set.
     own_peak : Delays
         At portions of each side's own peak, absolute or signed as set.
     signed : Delays
         At portions of the peak that is set, left less right.
-    deviations : Delays
-        Standard deviations of the signed delays of each performer.
-    movements : int
-        Cooperative movements [1].
     truncated : tuple of float
         Share of them whose search for a crossing was cut off, for each of `PERCENT`; NaN without any [1].
     """
@@ -96,19 +88,7 @@ class ConditionDelay:
 
 @dataclass(frozen=True, slots=True)
 class Delay:
-    """The delays of all conditions.
-
-    Attributes
-    ----------
-    conditions : tuple of ConditionDelay
-        One for each condition.
-    kind : {"absolute", "signed"}
-        Which delay is averaged.
-    unit : str
-        What an interval is of: dyads, people or movements.
-    results : tuple of Result
-        What is reported.
-    """
+    """The delays of all conditions."""
 
     conditions: tuple[ConditionDelay, ...]
     kind: str
@@ -117,13 +97,7 @@ class Delay:
 
 
 def delay(study: Study) -> Delay:
-    """Find the delays.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-    """
+    """Find the delays."""
     how = study.readings.summaries
     rows = study.movements[(study.movements["counts"] == 1) & (study.movements["cooperative"] == 1)]
     found = tuple(

@@ -24,15 +24,7 @@ TOPIC = "dyads"
 
 @dataclass(frozen=True, slots=True)
 class Point:
-    """A participant beside the partner and the dyad.
-
-    Attributes
-    ----------
-    dyad, participant : str
-        Who it is.
-    relative : RelativePerformance
-        Where the point lies.
-    """
+    """A participant beside the partner and the dyad."""
 
     dyad: str
     participant: str
@@ -45,18 +37,10 @@ class Comparison:
 
     Attributes
     ----------
-    quantity : Quantity
-        What is compared.
-    condition : Condition
-        The dyads' condition.
     points : tuple of Point
         Two for each dyad that performed dyadically and both of whose participants performed alone.
     gain : Estimate
         What dyads need less than the mean of their participants: mean over dyads.
-    better, known : int
-        How many dyads need less, of how many [1].
-    test : Test
-        Sign test of the gains.
     """
 
     quantity: Quantity
@@ -81,8 +65,6 @@ class Dyads:
     ----------
     comparisons : tuple of Comparison
         One for each quantity and each force with which dyads performed.
-    results : tuple of Result
-        What is reported.
     """
 
     comparisons: tuple[Comparison, ...]
@@ -90,13 +72,7 @@ class Dyads:
 
 
 def dyads(study: Study) -> Dyads:
-    """Compare dyads with their participants.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-    """
+    """Compare dyads with their participants."""
     trials, every = counted(study), conditions(study)
     alone = {(one.force, one.among): one.name for one in every if one.configuration == "bimanual"}
     found = []

@@ -54,20 +54,7 @@ FINDINGS: tuple[Callable[[Study], Finding], ...] = PAPER + MODERN
 
 
 def results_of(study: Study, findings: Sequence[Callable[[Study], Finding]] = FINDINGS) -> pd.DataFrame:
-    """Find everything.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-    findings : sequence of callable
-        What is to be found.
-
-    Returns
-    -------
-    DataFrame
-        The columns of `netboard.findings.results.RESULTS`.
-    """
+    """Find everything."""
     return table_of(result for find in findings for result in results_in(study, find))
 
 

@@ -43,17 +43,7 @@ CLASSES = ("cooperative", "competitive", "single", "still")
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """What tells how well a trial went; less is better.
-
-    Attributes
-    ----------
-    column : str
-        Its column in the table of trials.
-    name : str
-        What it is called.
-    unit : str
-        Its SI unit.
-    """
+    """What tells how well a trial went; less is better."""
 
     column: str
     name: str
@@ -70,16 +60,8 @@ class Condition:
 
     Attributes
     ----------
-    name : str
-        As in the tables.
-    configuration : str
-        Bimanual or dyadic.
-    force : str
-        What the hands felt, a key of `FORCES`.
     partner : str
         Who the partner was if none of the two people, such as ``robot partner``; else empty.
-    levels : tuple of (StudyFactor, str)
-        Factors that the others do not tell, with their levels.
     role : str
         What its trials were for if they are no test; else empty.
     """
@@ -119,13 +101,7 @@ class Condition:
 
 
 def conditions(study: Study) -> tuple[Condition, ...]:
-    """List the conditions of a study, bimanual ones first, and without haptics first.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-    """
+    """List the conditions of a study, bimanual ones first, and without haptics first."""
     analysed = study.analysed
     told = [factor for factor in study.factors if factor.told]
     caught = set(study.counted.loc[study.counted["role"] == "catch", "recording"])
@@ -147,15 +123,8 @@ def conditions(study: Study) -> tuple[Condition, ...]:
 def bounded(study: Study) -> tuple[Study, str]:
     """Pool over as few factors as leave no more conditions than a picture has room for.
 
-    Parameters
-    ----------
-    study : Study
-        The study.
-
     Returns
     -------
-    Study
-        The same one, or one with fewer conditions.
     str
         Which factors were pooled over, in a sentence; empty for none.
     """
@@ -173,18 +142,7 @@ def bounded(study: Study) -> tuple[Study, str]:
 
 
 def block_labels(study: Study) -> dict[str, str]:
-    """Label the conditions of blocks, also of those that are not analysed or in which a factor varies.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-
-    Returns
-    -------
-    dict of str
-        Labels by the names of conditions.
-    """
+    """Label the conditions of blocks, also of those that are not analysed or in which a factor varies."""
     of_blocks = pooled(study, [factor.name for factor in study.factors if factor.scope == "trial"])
     known = {one.name: one.label for one in conditions(of_blocks)}
     return {name: known.get(name, name) for name in study.blocks["condition"]}
@@ -204,13 +162,7 @@ def _place(condition: Condition) -> tuple[int, str, tuple[int, ...], str, int, s
 
 
 def teams(study: Study) -> tuple[str, ...]:
-    """List the teams of a study, in the order of its conditions.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-    """
+    """List the teams of a study, in the order of its conditions."""
     return tuple(dict.fromkeys(condition.team for condition in conditions(study)))
 
 
@@ -218,16 +170,6 @@ def counted(study: Study) -> pd.DataFrame:
     """Return the trials that count, with their team, and with the completion time that is set.
 
     Where failed attempts' time counts too, these are the ones in the same recording.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-
-    Returns
-    -------
-    DataFrame
-        The columns of the table of trials, and ``team``.
     """
     rows = study.counted.assign(team=with_team(study, study.counted))
     if study.readings.summaries.time == "all_attempts":
@@ -236,15 +178,7 @@ def counted(study: Study) -> pd.DataFrame:
 
 
 def with_team(study: Study, rows: pd.DataFrame) -> pd.Series:
-    """Say whose each row of trials or movements is: the team of its condition.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-    rows : DataFrame
-        The rows.
-    """
+    """Say whose each row of trials or movements is: the team of its condition."""
     return rows["condition"].map({condition.name: condition.team for condition in conditions(study)})
 
 
@@ -264,52 +198,17 @@ def _times_of_all_attempts(study: Study) -> pd.Series:
 
 
 def of_performers(rows: pd.DataFrame, column: str) -> pd.Series:
-    """Average a column for each performer.
-
-    Parameters
-    ----------
-    rows : DataFrame
-        Rows of trials or movements.
-    column : str
-        The column; NaN are left out.
-
-    Returns
-    -------
-    Series
-        Means by dyad and performer.
-    """
+    """Average a column for each performer."""
     return rows.groupby(["dyad", "performer"])[column].mean()
 
 
 def of_dyads(means: pd.Series) -> pd.Series:
-    """Average performers' values for each dyad.
-
-    Parameters
-    ----------
-    means : Series
-        By dyad and performer, or more; NaN are left out.
-
-    Returns
-    -------
-    Series
-        Means by dyad.
-    """
+    """Average performers' values for each dyad."""
     return means.groupby(level="dyad").mean()
 
 
 def with_base(every: tuple[Condition, ...]) -> Iterator[tuple[Condition, Condition]]:
-    """Yield each condition in which something is felt, and the same team's condition without haptics.
-
-    Parameters
-    ----------
-    every : tuple of Condition
-        The conditions.
-
-    Yields
-    ------
-    tuple of Condition
-        The two.
-    """
+    """Yield each condition in which something is felt, and the same team's condition without haptics."""
     bases = {one.team: one for one in every if one.force == "none"}
     for one in every:
         if one.force != "none" and one.team in bases:
@@ -319,20 +218,11 @@ def with_base(every: tuple[Condition, ...]) -> Iterator[tuple[Condition, Conditi
 def comparisons(every: tuple[Condition, ...], values: Mapping[str, pd.Series]) -> Iterator[tuple[str, pd.Series]]:
     """Yield the differences that are of interest, each dyad with itself.
 
-    Parameters
-    ----------
-    every : tuple of Condition
-        The conditions.
-    values : mapping of str to Series
-        Values by dyad, for each condition's name.
-
     Yields
     ------
     str
         What is compared, such as ``dyadic, haptics on less off``, for each force with none; or ``bimanual less
         dyadic``, over the forces that both have; or as `by_factor` says.
-    Series
-        The differences by dyad; empty where no dyad has both.
     """
     for one, base in with_base(every):
         yield f"{one.label} less off", (values[one.name] - values[base.name]).dropna()
@@ -352,20 +242,11 @@ def comparisons(every: tuple[Condition, ...], values: Mapping[str, pd.Series]) -
 def by_factor(every: tuple[Condition, ...]) -> Iterator[tuple[str, Condition, Condition]]:
     """Yield pairs of conditions that differ in the level of one factor of the study's own, or in the force.
 
-    Parameters
-    ----------
-    every : tuple of Condition
-        The conditions.
-
     Yields
     ------
     str
         What is compared, such as ``mass heavy (0.05 kg) less light (0.02 kg), dyadic, haptics on``: each level with the
         first one that there is under otherwise equal conditions. Forces, where there is none without any.
-    Condition
-        The one of the level.
-    Condition
-        The other one.
     """
     for place in range(max((len(one.levels) for one in every), default=0)):
         first: dict[object, Condition] = {}
@@ -387,15 +268,7 @@ def by_factor(every: tuple[Condition, ...]) -> Iterator[tuple[str, Condition, Co
 
 
 def estimate(values: pd.Series, of: str = "dyad") -> Estimate:
-    """Estimate the mean of the units, with Student's interval.
-
-    Parameters
-    ----------
-    values : Series
-        One for each unit; NaN are left out.
-    of : str
-        What a unit is.
-    """
+    """Estimate the mean of the units, with Student's interval."""
     return t_interval(values.to_numpy(dtype=np.float64), unit=of)
 
 
@@ -404,14 +277,8 @@ def estimated(topic: str, quantity: str, group: str, found: Estimate, unit: str,
 
     Parameters
     ----------
-    topic, quantity, group : str
-        As in `Result`.
     found : Estimate
         The value, its interval and of how many units it is.
-    unit : str
-        Its SI unit.
-    note : str
-        What must be known to read it.
     """
     few = {0: f"no {found.unit} has it", 1: f"no interval from one {found.unit}"}.get(found.n, "")
     interval = f"{100 * found.level:.0f} % {found.method}" if found.n > 1 else ""
@@ -420,13 +287,7 @@ def estimated(topic: str, quantity: str, group: str, found: Estimate, unit: str,
 
 
 def simulated(study: Study) -> str:
-    """Say in a sentence whether the people of a study are simulated; nothing if none is.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-    """
+    """Say in a sentence whether the people of a study are simulated; nothing if none is."""
     marks = study.blocks["simulated"]
     if not len(marks) or not marks.any():
         return ""

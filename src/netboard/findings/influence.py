@@ -48,18 +48,10 @@ class Influence:
 
     Attributes
     ----------
-    condition : Condition
-        The condition.
-    direction : {"left to right", "right to left"}
-        Whose past, and who is foretold.
-    dyads : tuple of str
-        The dyads.
     values : ndarray of float64, shape (n,)
         Granger's strength in each true dyad [nat].
     chance : Chance or None
         Their mean beside that of surrogate dyads; None with a single dyad.
-    trials : int
-        Of each dyad [1].
     of : int
         Trials that each dyad has at least, of which these were drawn [1].
     """
@@ -75,13 +67,7 @@ class Influence:
 
 @dataclass(frozen=True, slots=True)
 class Influences:
-    """In both directions, in all conditions with two people.
-
-    Attributes
-    ----------
-    influences : tuple of Influence
-        By condition, then by direction.
-    """
+    """In both directions, in all conditions with two people."""
 
     influences: tuple[Influence, ...]
 
@@ -112,18 +98,7 @@ def _rows(one: Influence) -> list[Result]:
 
 @kept
 def influences(study: Study) -> Influences:
-    """Ask of both partners whether they answer the other.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-
-    Returns
-    -------
-    Influences
-        For each condition with two people; empty without paths.
-    """
+    """Ask of both partners whether they answer the other."""
     found: list[Influence] = []
     for condition in conditions(study):
         trials = study.counted[study.counted["condition"] == condition.name]

@@ -64,11 +64,6 @@ class Leaders:
 def leaders(study: Study) -> Leaders:
     """Find who moved first.
 
-    Parameters
-    ----------
-    study : Study
-        The study.
-
     Returns
     -------
     Leaders

@@ -43,8 +43,6 @@ class Stages:
         Numbers of the first and the last trial of each group [1].
     dyads : DataFrame
         A row for each dyad, a column for each group [as the quantity].
-    means : tuple of Estimate
-        Mean over dyads in each group.
     """
 
     first: NDArray[np.int64]
@@ -59,14 +57,6 @@ class Course:
 
     Attributes
     ----------
-    quantity : Quantity
-        What it is.
-    curve : LearningCurve
-        Mean of all trials with the same number.
-    stages : Stages
-        Means of dyads.
-    ends : FirstAndLast
-        First and last trials.
     of : str
         What the deviations of `ends` are of: trials, or participants or dyads.
     first, last, change : Estimate
@@ -92,10 +82,6 @@ class TeamLearning:
 
     Attributes
     ----------
-    team : str
-        Bimanual, dyadic, or dyadic with another partner.
-    courses : tuple of Course
-        Completion time, and number of velocity peaks.
     seconds : ndarray, shape (k, 4)
         Mean time of each class of movement at each number of trial [s].
     dyads, performers, series, trials : int
@@ -113,28 +99,14 @@ class TeamLearning:
 
 @dataclass(frozen=True, slots=True)
 class Learning:
-    """How all teams learn.
-
-    Attributes
-    ----------
-    teams : tuple of TeamLearning
-        Those that have a trial that counts.
-    results : tuple of Result
-        What is reported.
-    """
+    """How all teams learn."""
 
     teams: tuple[TeamLearning, ...]
     results: tuple[Result, ...]
 
 
 def learning(study: Study) -> Learning:
-    """Find how people and dyads learn.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-    """
+    """Find how people and dyads learn."""
     trials = counted(study)
     own = {team: trials[trials["team"] == team] for team in teams(study)}
     found = tuple(_learning(study, team, rows) for team, rows in own.items() if len(rows))
@@ -142,15 +114,7 @@ def learning(study: Study) -> Learning:
 
 
 def series_of(study: Study, rows: pd.DataFrame) -> pd.Series:
-    """Number the series: a performer's trials that are numbered together, as the readings say.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-    rows : DataFrame
-        Its trials.
-    """
+    """Number the series: a performer's trials that are numbered together, as the readings say."""
     labels = ["dyad", "performer", "configuration"]
     if study.readings.summaries.numbering == "condition":
         labels.append("condition")

@@ -30,18 +30,10 @@ class Measure:
 
     Attributes
     ----------
-    name : str
-        In words.
-    unit : str
-        Its SI unit.
-    family : {"performance", "coordination", "forces"}
-        The family of tests that it belongs to.
     of : {"trial", "movement", "attempt"}
         What has a value: trials that count, cooperative movements in them, or attempts that succeeded or fell.
     values : callable
         Takes the rows of those; returns the value of each, NaN for none [its unit].
-    ratio : bool
-        Conditions are compared by their ratio, and means are geometric.
     weights : callable or None
         Takes the rows; returns how much each weighs in a performer's mean. None: all the same.
     level : callable or None
@@ -89,13 +81,7 @@ def _both(name: str) -> Callable[[pd.DataFrame], ArrayLike]:
 
 
 def column(name: str) -> Callable[[pd.DataFrame], ArrayLike]:
-    """Take the values that a column has.
-
-    Parameters
-    ----------
-    name : str
-        The column's.
-    """
+    """Take the values that a column has."""
     return lambda rows: rows[name]
 
 
@@ -149,15 +135,8 @@ def rows_of(study: Study, of: Of) -> pd.DataFrame:
 
     Parameters
     ----------
-    study : Study
-        The study.
     of : {"trial", "movement", "attempt"}
         Trials that count; their cooperative movements; or all attempts that succeeded or fell and are not excluded.
-
-    Returns
-    -------
-    DataFrame
-        Rows of the table of trials or of movements.
     """
     if of == "trial":
         return counted(study)
@@ -174,8 +153,6 @@ def levels(study: Study, measure: Measure) -> pd.DataFrame:
 
     Parameters
     ----------
-    study : Study
-        The study.
     measure : Measure
         What is measured. The reading of shares decides whether trials or seconds count the same in them.
 
@@ -207,11 +184,6 @@ def _people(measure: Measure, table: pd.DataFrame) -> pd.DataFrame:
 def as_read(study: Study) -> tuple[Measure, ...]:
     """Return the measures with what the study's readings make of them.
 
-    Parameters
-    ----------
-    study : Study
-        The study.
-
     Returns
     -------
     tuple of Measure
@@ -229,16 +201,8 @@ class Levels:
 
     Attributes
     ----------
-    measure : Measure
-        What is measured.
-    condition : Condition
-        The condition.
-    dyads : tuple of str
-        The dyads that have a level.
     values : ndarray of float64, shape (n,)
         Their levels; of a ratio measure, geometric means [the measure's].
-    rows : int
-        Of how many trials, movements or attempts they are [1].
     mean : Estimate
         Mean of the dyads, with its t interval; of a ratio measure all three through the logarithm.
     """
@@ -253,13 +217,7 @@ class Levels:
 
 @dataclass(frozen=True, slots=True)
 class Overview:
-    """All measures in all conditions.
-
-    Attributes
-    ----------
-    levels : tuple of Levels
-        By measure, then by condition.
-    """
+    """All measures in all conditions."""
 
     levels: tuple[Levels, ...]
 
@@ -278,13 +236,6 @@ def _note(one: Levels) -> str:
 
 def levels_of(study: Study, measures: Iterable[Measure]) -> tuple[Levels, ...]:
     """Find the levels of measures in every condition, and their means.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-    measures : iterable of Measure
-        What is measured.
 
     Returns
     -------
@@ -307,33 +258,11 @@ def levels_of(study: Study, measures: Iterable[Measure]) -> tuple[Levels, ...]:
 
 @kept
 def overview(study: Study) -> Overview:
-    """Find the level of every measure in every condition.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-
-    Returns
-    -------
-    Overview
-        Of all `MEASURES`.
-    """
+    """Find the level of every measure in every condition."""
     return Overview(levels_of(study, as_read(study)))
 
 
 def exponential(estimate: Estimate) -> Estimate:
-    """Take an estimate back from its logarithm.
-
-    Parameters
-    ----------
-    estimate : Estimate
-        Of a logarithm.
-
-    Returns
-    -------
-    Estimate
-        Of what it is the logarithm of.
-    """
+    """Take an estimate back from its logarithm."""
     value, low, high = (float(np.exp(x)) for x in (estimate.value, estimate.low, estimate.high))
     return replace(estimate, value=value, low=low, high=high)

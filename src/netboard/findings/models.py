@@ -28,14 +28,8 @@ class Fit:
 
     Attributes
     ----------
-    measure : str
-        What is modelled.
-    of : str
-        What was counted: trials or attempts.
     ratio, first : str
         What the exponentials of a coefficient, and of the intercept, are.
-    model : Model
-        The model, fitted or not.
     """
 
     measure: str
@@ -47,15 +41,7 @@ class Fit:
 
 @dataclass(frozen=True, slots=True)
 class Fits:
-    """All models.
-
-    Attributes
-    ----------
-    fits : tuple of Fit
-        Of completion times, velocity peaks and falls.
-    notes : tuple of str
-        What was left out of all of them.
-    """
+    """All models."""
 
     fits: tuple[Fit, ...]
     notes: tuple[str, ...]
@@ -159,15 +145,8 @@ def factors_of(rows: pd.DataFrame, others: Sequence[StudyFactor] = ()) -> tuple[
 
     Parameters
     ----------
-    rows : DataFrame
-        Rows of the table of trials.
     others : sequence of StudyFactor
         Factors of the study. Those that force, configuration and partner tell already are left out.
-
-    Returns
-    -------
-    tuple of Factor
-        What each row has of them.
     """
     found = list(paper_factors(rows["haptics"] == 1, rows["configuration"] == "dyadic"))
     felt = [force for force in FORCES if force in set(rows["force"])]

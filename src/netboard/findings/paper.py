@@ -36,14 +36,8 @@ class Reported:
 
     Attributes
     ----------
-    figure : str
-        Its figure.
-    line : int
-        Its line in the paper's source [1].
     kind : {"number", "count", "rises", "falls", "unchanged", "words"}
         What can be compared: a number, a count of so many, a direction of a difference, or only words.
-    said : str
-        What the paper says, shortened.
     topic, quantity, group : str
         The result, as in `Result`; ``{ends}`` is how many trials are the first and the last ones.
     value : float
@@ -172,18 +166,7 @@ COMPARISON = (
 
 
 def compare(study: Study) -> pd.DataFrame:
-    """Put a study's numbers beside those of the paper.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-
-    Returns
-    -------
-    DataFrame
-        The columns of `COMPARISON`, a row for each of `REPORTED`.
-    """
+    """Put a study's numbers beside those of the paper."""
     found = {(one.topic, one.quantity, one.group): one for find in PAPER for one in results_in(study, find)}
     ends = windows_of(study).ends
     rows = []

@@ -29,18 +29,10 @@ class Control:
 
     Attributes
     ----------
-    condition : Condition
-        What was felt, by two people.
     stiffness : int
         Of the passive partner's arm [N/m].
     friction : float
         Coulomb friction of the device in the passive hand; 0 for a hand alone [N].
-    dyads : tuple of str
-        Dyads with trials with and without forces.
-    effect, passive : ndarray of float64, shape (n,)
-        Of each dyad [1].
-    mean_effect, mean_passive : Estimate
-        Their means, with t intervals [1].
     share : Estimate
         Sum of the passive effects over that of the effects, by drawing whole dyads: 1 = all is mechanics [1].
     """
@@ -110,11 +102,6 @@ def _row(quantity: str, group: str, found: Estimate, note: str) -> Result:
 
 def controls(study: Study) -> Controls:
     """Put the effect of forces beside what a passive partner would show.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
 
     Returns
     -------

@@ -43,22 +43,16 @@ class Course:
 
     Attributes
     ----------
-    condition : Condition
-        The condition.
     quantity : {"ball", "near", "far"}
         Place of the ball, + = towards the target; height of the hand at the target's side; height of the other one.
     time : ndarray of float64, shape (m,)
         From the release on [s].
-    dyads : tuple of str
-        The dyads.
     each : ndarray of float64, shape (n, m)
         The mean of each dyad's trials [m].
     mean : ndarray of float64, shape (m,)
         The mean of those [m].
     low, high : ndarray of float64, shape (m,)
         Quantiles of all trials [m].
-    trials : int
-        How many there are [1].
     """
 
     condition: Condition
@@ -74,13 +68,7 @@ class Course:
 
 @dataclass(frozen=True, slots=True)
 class Courses:
-    """All of them.
-
-    Attributes
-    ----------
-    courses : tuple of Course
-        By condition, then by quantity.
-    """
+    """All of them."""
 
     courses: tuple[Course, ...]
 
@@ -99,18 +87,7 @@ def _rows(one: Course) -> Iterator[Result]:
 
 @kept
 def courses(study: Study) -> Courses:
-    """Average the paths of all conditions.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-
-    Returns
-    -------
-    Courses
-        Empty without paths.
-    """
+    """Average the paths of all conditions."""
     if not len(study.counted):
         return Courses(())
     samples = int(study.counted["duration"].quantile(GOING_ON) / PERIOD)
@@ -119,13 +96,6 @@ def courses(study: Study) -> Courses:
 
 def joined(trials: pd.DataFrame, paths: Mapping[str, pd.DataFrame]) -> Iterator[pd.DataFrame]:
     """Bring paths and their trials together, one recording after the other.
-
-    Parameters
-    ----------
-    trials : DataFrame
-        Some of a study's trials.
-    paths : mapping of DataFrame
-        Its paths.
 
     Yields
     ------

@@ -47,18 +47,7 @@ PEOPLE = (
 
 
 def people_of(study: Study) -> pd.DataFrame:
-    """Average the trials of each performer in each condition.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-
-    Returns
-    -------
-    DataFrame
-        The columns of `PEOPLE`, sorted by dyad, performer and condition.
-    """
+    """Average the trials of each performer in each condition."""
     factors = [field.name for field in study.factor_fields]
     keys = ["dyad", "performer", "configuration", "force", "condition", "role"]
     partners = _partners(study)

@@ -32,8 +32,6 @@ class Quality:
         mean completion time of what counts [1, s].
     reasons : dict of str to int
         Why attempts do not count, and how many of them [1].
-    dyads : tuple of str
-        The dyads that have a drift.
     drifts : tuple of float
         Of each, the change of the log completion time by a block [1].
     drift : Estimate
@@ -68,18 +66,7 @@ def _count(quantity: str, group: str, value: float, n: int) -> Result:
 
 
 def quality(study: Study) -> Quality:
-    """Say what was recorded.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-
-    Returns
-    -------
-    Quality
-        The counts, the reasons and the drift.
-    """
+    """Say what was recorded."""
     reasons = study.exclusions["why"].value_counts()
     drifts = _drifts(study.counted)
     return Quality(

@@ -20,24 +20,12 @@ class Result:
     ----------
     topic : str
         What it belongs to, such as ``learning``: one word, that of its picture.
-    quantity : str
-        What it is, such as ``completion time``.
-    group : str
-        Of whom and when, such as ``bimanual, first 30``.
     value : float
         The number; NaN where there is none [its unit].
     low, high : float
         Ends of its interval; NaN without one [its unit].
-    unit : str
-        Its SI unit.
     interval : str
         What the interval is, such as ``95 % t`` or ``SD``; empty without one.
-    n : int
-        Of how many it is made [1].
-    of : str
-        Of what, such as ``trial``, ``participant`` or ``dyad``.
-    note : str
-        What must be known to read it; may be empty.
     """
 
     topic: str
@@ -70,18 +58,7 @@ RESULTS = (
 
 
 def table_of(results: Iterable[Result]) -> pd.DataFrame:
-    """Make the tidy table.
-
-    Parameters
-    ----------
-    results : iterable of Result
-        The rows.
-
-    Returns
-    -------
-    DataFrame
-        The columns of `RESULTS`.
-    """
+    """Make the tidy table."""
     return pd.DataFrame([asdict(result) for result in results], columns=[field.name for field in RESULTS])
 
 

@@ -42,16 +42,8 @@ class Spread:
 
     Attributes
     ----------
-    quantity : str
-        What spreads.
-    unit : str
-        SI unit of its spread.
     dyads : DataFrame
         A row for each dyad, a column for each group [its unit].
-    means : tuple of Estimate
-        Means over dyads, one for each group.
-    change : Estimate
-        Last group less first one, over dyads.
     """
 
     quantity: str
@@ -67,12 +59,8 @@ class TeamStrategy:
 
     Attributes
     ----------
-    team : str
-        Bimanual, dyadic, dyadic with another partner, or all.
     first, last : ndarray of int64, shape (g,)
         Numbers of the first and the last trial of each group [1].
-    ellipses : tuple of Ellipse
-        One for each group, of everybody's trials.
     spreads : tuple of Spread
         Variance of distance and of velocity; or the generalised variance of both.
     """
@@ -92,8 +80,6 @@ class Strategy:
     ----------
     teams : tuple of TeamStrategy
         All together if there are several, then each that has trials with a first braking movement.
-    results : tuple of Result
-        What is reported.
     """
 
     teams: tuple[TeamStrategy, ...]
@@ -101,13 +87,7 @@ class Strategy:
 
 
 def strategy(study: Study) -> Strategy:
-    """Find how the strategy converges.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-    """
+    """Find how the strategy converges."""
     trials = counted(study).dropna(subset=POINT)
     own = {team: trials[trials["team"] == team] for team in teams(study)}
     filled = {team: rows for team, rows in own.items() if len(rows)}
@@ -185,11 +165,5 @@ def _results(found: TeamStrategy, windows: str) -> Iterator[Result]:
 
 
 def trials(first: int, last: int) -> str:
-    """Call a group of trials.
-
-    Parameters
-    ----------
-    first, last : int
-        Numbers of its first and its last trial [1].
-    """
+    """Call a group of trials."""
     return f"trials {first} to {last}"

@@ -13,8 +13,6 @@ class Unit:
 
     Attributes
     ----------
-    symbol : str
-        As it follows a number; empty for a pure number.
     scale : float
         What a number in the SI unit is multiplied by [1].
     finest : int
@@ -64,11 +62,6 @@ def read_in(unit: str, quantity: str = "", group: str = "") -> Unit:
         other pure numbers.
     group : str
         Of whom and when; differences of shares are in percentage points.
-
-    Returns
-    -------
-    Unit
-        The unit.
     """
     if unit == "s" and _SHORT.search(quantity):
         return MS

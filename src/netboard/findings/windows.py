@@ -16,10 +16,6 @@ class Windows:
 
     Attributes
     ----------
-    ends : int
-        First ones, and last ones [1].
-    group : int
-        In a group [1].
     ends_note, group_note : str
         Why they are not the paper's; empty if they are, or if they are set.
     """
@@ -36,13 +32,7 @@ class Windows:
 
 
 def windows_of(study: Study) -> Windows:
-    """Choose the windows of a study: the settings', or the paper's 30, or as many as short conditions have room for.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-    """
+    """Choose the windows of a study: the settings', or the paper's 30, or as many as short conditions have room for."""
     how = study.readings.summaries
     trials = counted(study)
     if not len(trials):

@@ -15,21 +15,7 @@ from netboard.errors import ConfigError
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """A column.
-
-    Attributes
-    ----------
-    name : str
-        Its name.
-    kind : str
-        ``number``; ``integer``; or ``word``, which are words.
-    unit : str
-        SI symbol, ``1`` for a pure number, empty for words.
-    text : str
-        What it is.
-    needed : bool
-        Whether there is nothing to import without it.
-    """
+    """A column."""
 
     name: str
     kind: Literal["number", "integer", "word"]
@@ -112,14 +98,8 @@ def mapped(source: str, names: Sequence[str], words: Sequence[str], known: Seque
 
     Parameters
     ----------
-    source : str
-        Name of the table, for messages.
-    names : sequence of str
-        Its columns.
     words : sequence of str
         What some are called there, as ``column=theirs``; the others have netboard's names.
-    known : sequence of str
-        Columns that need not be there.
 
     Returns
     -------
@@ -161,11 +141,6 @@ def scales(words: Sequence[str]) -> dict[str, tuple[float, float]]:
     -------
     dict of (float, float)
         What values of each column are to be multiplied with, and then divided by [1].
-
-    Raises
-    ------
-    ConfigError
-        If a unit is not known, or is of another quantity.
     """
     found: dict[str, tuple[float, float]] = dict.fromkeys(COLUMNS, (1.0, 1.0))
     for name, unit in _pairs("--unit", words, "left_z=mm").items():

@@ -30,10 +30,6 @@ class Wishes:
     ----------
     names, units : tuple of str
         What columns are called there, as ``column=theirs``, and their units, as ``column=unit``.
-    simulate : bool
-        Board, ball and trials are computed from the hands.
-    interpolation : str
-        How positions are interpolated between samples.
     gap : float
         Samples further apart have a gap between them [s].
     rate : float or None
@@ -50,19 +46,7 @@ class Wishes:
 
 @dataclass(frozen=True, slots=True)
 class Imported:
-    """What came of a table.
-
-    Attributes
-    ----------
-    path : Path
-        The recording.
-    what : str
-        ``measured``, ``simulated`` or ``ticks``.
-    ticks : int
-        Ticks written [1].
-    notes : tuple of str
-        What whoever imports it should know.
-    """
+    """What came of a table."""
 
     path: Path
     what: str
@@ -71,18 +55,7 @@ class Imported:
 
 
 def configuration_beside(path: Path) -> Path | None:
-    """Find the configuration that an export has written beside its table of ticks.
-
-    Parameters
-    ----------
-    path : Path
-        The table, ``ticks/NAME.csv`` or ``ticks/NAME.parquet``.
-
-    Returns
-    -------
-    Path or None
-        ``configurations/NAME.toml``, if it is there.
-    """
+    """Find the configuration that an export has written beside its table of ticks."""
     found = path.resolve().parent.parent / "configurations" / f"{path.stem}.toml"
     return found if found.is_file() else None
 
@@ -99,30 +72,8 @@ def import_table(
 
     Parameters
     ----------
-    path : Path
-        A .csv or .parquet file.
-    folder : Path
-        Where the recording goes.
     config : Config
         The experiment that it is of; that beside our own table of ticks goes before it.
-    wishes : Wishes
-        How.
-    utc_ns : int
-        Wall-clock time that its first tick is given [ns].
-    progress : callable
-        Is told how many ticks of how many are written.
-
-    Returns
-    -------
-    Imported
-        What came of it.
-
-    Raises
-    ------
-    ConfigError
-        If what is in the table cannot be imported.
-    RecordingError
-        If the recording exists or cannot be written.
     """
     said = {"imported_from": path.name, "imported_sha256": sha256_of(path)}
     if is_own(path) and not wishes.names:

@@ -54,18 +54,6 @@ class Manifest:
     ----------
     path : Path
         The file; the names of tables in it start from its folder.
-
-    Attributes
-    ----------
-    listed : list of Listed
-        What is in order.
-    problems : list of str
-        What is not.
-
-    Raises
-    ------
-    ConfigError
-        If it cannot be read, is not TOML, or lists nothing.
     """
 
     def __init__(self, path: Path) -> None:

@@ -27,12 +27,6 @@ class Portion:
 
     Attributes
     ----------
-    source : str
-        Name of the file.
-    what : str
-        What `places` count: ``line`` or ``row``.
-    places : sequence of int
-        Where each row is [1].
     cells : dict of sequences
         Columns: of text, or of whatever is in a Parquet file.
     """
@@ -43,25 +37,7 @@ class Portion:
     cells: dict[str, Any]
 
     def numbers(self, name: str, kind: type[np.generic] = np.float64) -> NDArray[Any]:
-        """Return a column of numbers.
-
-        Parameters
-        ----------
-        name : str
-            Its name in the file.
-        kind : type
-            float64 or int64.
-
-        Returns
-        -------
-        ndarray, shape (n,)
-            The numbers, in the file's unit.
-
-        Raises
-        ------
-        ConfigError
-            If a cell is no such number.
-        """
+        """Return a column of numbers."""
         cells = self.cells[name]
         if isinstance(cells, np.ndarray) and cells.dtype == kind:
             return cells
@@ -108,25 +84,7 @@ def _is_number(cell: Any, kind: type[np.generic]) -> bool:
 
 
 class TableFile:
-    """A table in a file.
-
-    Parameters
-    ----------
-    path : Path
-        A .csv or .parquet file.
-
-    Attributes
-    ----------
-    path : Path
-        The file.
-    names : list of str
-        Its columns.
-
-    Raises
-    ------
-    ConfigError
-        If it cannot be read, or is of neither kind.
-    """
+    """A table in a file."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -141,25 +99,7 @@ class TableFile:
             raise ConfigError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from error
 
     def portions(self, names: Sequence[str]) -> Iterator[Portion]:
-        """Yield its rows.
-
-        Parameters
-        ----------
-        names : sequence of str
-            The columns wanted.
-
-        Yields
-        ------
-        Portion
-            The next rows.
-
-        Raises
-        ------
-        ConfigError
-            If a row has too few or too many cells, or the file is damaged.
-        RecordingError
-            If it cannot be read any more.
-        """
+        """Yield its rows."""
         assert self._read is not None
         try:
             yield from self._read(list(dict.fromkeys(names)))

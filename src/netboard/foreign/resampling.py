@@ -35,12 +35,8 @@ class Stretch:
 
     Attributes
     ----------
-    first, stop : int
-        Its first sample, and the one after its last [1].
     ticks : ndarray of int64, shape (n,)
         Numbers of the ticks from there to there, the first sample of all being at tick 0 [1].
-    exact : bool
-        Whether the samples are these ticks.
     """
 
     first: int
@@ -50,20 +46,7 @@ class Stretch:
 
 
 def stretches(time: NDArray[np.float64], gap: float) -> list[Stretch]:
-    """Cut samples at their gaps.
-
-    Parameters
-    ----------
-    time : ndarray of float64, shape (n,)
-        When they were taken, increasing [s].
-    gap : float
-        Samples further apart have a gap between them [s].
-
-    Raises
-    ------
-    ConfigError
-        If every sample is alone.
-    """
+    """Cut samples at their gaps."""
     at = (time - time[0]) / TICK_SECONDS
     cuts = np.flatnonzero(np.diff(time) > gap) + 1
     found = []
@@ -86,14 +69,8 @@ def resampled(time: NDArray[np.float64], columns: Columns, stretch: Stretch, kin
 
     Parameters
     ----------
-    time : ndarray of float64, shape (n,)
-        When the samples were taken [s].
     columns : mapping of ndarray, shape (n,)
         The samples: int64 and words keep the newest value, float64 is interpolated [SI].
-    stretch : Stretch
-        Which of them.
-    kind : str
-        How positions are interpolated.
 
     Returns
     -------

@@ -58,22 +58,13 @@ def simulated(ticks: NDArray[np.int64], columns: Columns, config: Config) -> NDA
 
     Parameters
     ----------
-    ticks : ndarray of int64, shape (n,)
-        Numbers of the ticks that have samples, increasing [1].
     columns : mapping of ndarray, shape (n,)
         Heights and rates of the styluses, and what else is known of them, at these ticks [SI].
-    config : Config
-        The experiment.
 
     Returns
     -------
     ndarray of TICK, shape (m,)
         Every tick from the first to the last; in a gap there are no fresh samples, and the hands stay where they were.
-
-    Raises
-    ------
-    ConfigError
-        If the live tick cannot hold the scene.
     """
     every = np.arange(ticks[0], ticks[-1] + 1)
     newest = np.searchsorted(ticks, every, "right") - 1
@@ -94,20 +85,8 @@ def measured(ticks: NDArray[np.int64], columns: Columns) -> NDArray[Any]:
 
     Parameters
     ----------
-    ticks : ndarray of int64, shape (n,)
-        Numbers of the ticks, increasing [1].
     columns : mapping of ndarray, shape (n,)
         What is known at them, by the names of `netboard.foreign.columns.COLUMNS` [SI].
-
-    Returns
-    -------
-    ndarray of TICK, shape (n,)
-        The rows.
-
-    Raises
-    ------
-    ConfigError
-        If a phase or an outcome has an unknown name.
     """
     rows = _samples(ticks, columns)
     for name in (*_TAKEN, *_FORCES):

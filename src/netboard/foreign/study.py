@@ -55,22 +55,7 @@ class Plan:
 
 
 def examine(path: Path, folder: Path, tell: Tell) -> Plan:
-    """Read a manifest and the beginning of each of its tables; nothing is written.
-
-    Parameters
-    ----------
-    path : Path
-        The manifest.
-    folder : Path
-        Where the recordings go.
-    tell : callable
-        Hears how far it is.
-
-    Raises
-    ------
-    ConfigError
-        With a line for every problem, if there is one.
-    """
+    """Read a manifest and the beginning of each of its tables; nothing is written."""
     manifest = Manifest(path)
     problems, jobs, there = list(manifest.problems), [], []
     sources: dict[Path, str] = {}
@@ -138,30 +123,10 @@ def run(
 ) -> tuple[list[Imported], list[str]]:
     """Import what is to be done.
 
-    Parameters
-    ----------
-    plan : Plan
-        The jobs.
-    folder : Path
-        Where the recordings go.
-    workers : int
-        How many processes at most [1].
-    tell : callable
-        Hears of each recording that is done.
-    work : callable, optional
-        What a process does with a job, instead of `import_one`.
-
     Returns
     -------
     done : list of Imported
         What came of the tables, in the order of the manifest.
-    failed : list of str
-        A line for each table that could not be imported.
-
-    Raises
-    ------
-    NetboardError
-        If a process that imports is killed.
     """
     folder.mkdir(parents=True, exist_ok=True)
     done: dict[int, Imported] = {}

@@ -34,8 +34,6 @@ class Samples:
         When, increasing [s].
     columns : dict of ndarray, shape (n,)
         The other columns by netboard's names: float64, int64, or words [SI].
-    left_out : tuple of str
-        Columns of the file that were not asked for.
     """
 
     time: NDArray[np.float64]
@@ -50,24 +48,8 @@ def read_samples(
 
     Parameters
     ----------
-    path : Path
-        A .csv or .parquet file.
-    names : sequence of str
-        What columns are called there, as ``column=theirs``.
-    units : sequence of str
-        Their units there, as ``column=unit``.
     rate : float or None
         Samples a second, of which their times are to be; a table without times gets them from it [Hz].
-
-    Returns
-    -------
-    Samples
-        What is in it.
-
-    Raises
-    ------
-    ConfigError
-        If the file cannot be read, or what is in it cannot be hands.
     """
     table = TableFile(path)
     parts: dict[str, list[NDArray[Any]]] = {}
@@ -82,18 +64,7 @@ def read_samples(
 
 
 def probe(path: Path, names: Sequence[str], units: Sequence[str], rate: float | None) -> None:
-    """Look at the first rows of a table: raise what reading all of it would, if it shows there.
-
-    Parameters
-    ----------
-    path, names, units, rate
-        As of `read_samples`.
-
-    Raises
-    ------
-    ConfigError
-        If the file cannot be read, or what is in its first rows cannot be hands.
-    """
+    """Look at the first rows of a table: raise what reading all of it would, if it shows there."""
     first = next(_portions(TableFile(path), names, units, rate), {})
     _require_rate(path, first.get("time", np.empty(0)), rate)
 
@@ -165,18 +136,7 @@ def _check(portion: Portion, columns: Mapping[str, NDArray[Any]], newest: float)
 
 
 def is_own(path: Path) -> bool:
-    """Tell whether a table is one of ticks as netboard exports them: it has all their columns.
-
-    Parameters
-    ----------
-    path : Path
-        A .csv or .parquet file.
-
-    Raises
-    ------
-    ConfigError
-        If the file cannot be read.
-    """
+    """Tell whether a table is one of ticks as netboard exports them: it has all their columns."""
     return set(TICK.names or ()) <= set(TableFile(path).names)
 
 
@@ -192,11 +152,6 @@ def read_ticks(path: Path) -> Iterator[NDArray[Any]]:
     ------
     ndarray of TICK, shape (n,)
         The next rows, bit for bit (but for the payload of a NaN in CSV).
-
-    Raises
-    ------
-    ConfigError
-        If there is anything else in it.
     """
     newest = -1
     for portion in TableFile(path).portions(TICK.names or ()):

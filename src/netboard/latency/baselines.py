@@ -35,10 +35,6 @@ def echo(router: ends.Router, door: doors.Door | None, order: Order) -> Order:
 
     Parameters
     ----------
-    router : Router
-        Where they come in.
-    door : Door or None
-        Who asks for keys, if any are asked for.
     order : dict
         ``count``: how many [1]; ``greeting``: they are the first ones, so their senders are to be let in.
     """
@@ -68,15 +64,8 @@ def peer(socket: sockets.Socket, order: Order) -> Order:
 
     Parameters
     ----------
-    socket : zmq.Socket
-        Connected to an echo.
     order : dict
         ``count``: how often [1]; ``start_ns``: when to begin, by the monotonic clock [ns].
-
-    Returns
-    -------
-    dict
-        ``took_ns``: from waking to the answer, each time [ns].
     """
     frame, took = bytes(STYLUS.size), []
     pacer = Pacer(order["start_ns"])
@@ -91,11 +80,6 @@ def peer(socket: sockets.Socket, order: Order) -> Order:
 
 def timer(order: Order) -> Order:
     """Wake every millisecond.
-
-    Parameters
-    ----------
-    order : dict
-        As of `peer`.
 
     Returns
     -------
@@ -113,10 +97,6 @@ def main(role: str, name: str, file: Path) -> None:
 
     Parameters
     ----------
-    role : str
-        ``echo``, ``peer`` or ``timer``.
-    name : str
-        Which agent a peer is like: ``agent.left``.
     file : Path
         Configuration: where the sockets are, and what is asked of the machine.
     """

@@ -49,19 +49,7 @@ Transport = Literal["tcp", "ipc"]
 
 @dataclass(frozen=True)
 class Setting:
-    """In what setting netboard is measured.
-
-    Attributes
-    ----------
-    transport : str
-        ``tcp`` or ``ipc``.
-    curve, real_time : bool
-        With keys and encryption; with real-time scheduling.
-    displays : int
-        Displays of a dyad [1].
-    quick : bool
-        A short form.
-    """
+    """In what setting netboard is measured."""
 
     transport: Transport = "tcp"
     curve: bool = False
@@ -85,18 +73,7 @@ class Setting:
 
 
 def read_dyads(words: str | None) -> tuple[int, ...]:
-    """Read the numbers of dyads, as in ``1,2,4``.
-
-    Parameters
-    ----------
-    words : str or None
-        The numbers; None for none.
-
-    Raises
-    ------
-    ConfigError
-        If they are none.
-    """
+    """Read the numbers of dyads, as in ``1,2,4``."""
     try:
         numbers = tuple(int(word) for word in words.split(",")) if words else ()
     except ValueError:
@@ -108,19 +85,6 @@ def read_dyads(words: str | None) -> tuple[int, ...]:
 
 class Study:
     """A study under way: its results, and where they go.
-
-    Parameters
-    ----------
-    name : str
-        What it is called.
-    setting : Setting
-        In what setting.
-    folder : Folder
-        Where the results go.
-    console : Console
-        Where they are shown.
-    tell : callable
-        Hears how far it is.
 
     Attributes
     ----------
@@ -139,27 +103,13 @@ class Study:
         self._parts: list[Part] = []
 
     def add(self, part: Part) -> None:
-        """Add one part of the results, and show it.
-
-        Parameters
-        ----------
-        part : Part
-            The part.
-        """
+        """Add one part of the results, and show it."""
         self._parts.append(part)
         if part.on_screen:
             show(self._console, part)
 
     def write(self, about: dict[str, Any], json: Path | None) -> None:
-        """Write all results.
-
-        Parameters
-        ----------
-        about : dict
-            What was asked for.
-        json : Path or None
-            File that gets the results too.
-        """
+        """Write all results."""
         self.folder.write(self._parts, self._about | about)
         if json is not None:
             shutil.copyfile(self.folder.path / "results.json", json)
@@ -181,20 +131,10 @@ def loop(
 
     Parameters
     ----------
-    setting : Setting
-        In what setting.
     seconds : float or None
         For how long each thing is measured; None for the usual time [s].
     dyads : sequence of int
         Of how many dyads a server is measured; none to leave that out [1].
-    skips : bool
-        Measure what is saved where less is there.
-    output : Path or None
-        Folder of the results; None for a new one here.
-    json : Path or None
-        File that gets the results too.
-    force : bool
-        The folder may be there already.
 
     Returns
     -------
@@ -237,28 +177,7 @@ def _add_crowded(
 def soak(
     setting: Setting, minutes: float | None, dyads: int, output: Path | None, json: Path | None, *, force: bool
 ) -> int:
-    """Run ``netboard bench soak``.
-
-    Parameters
-    ----------
-    setting : Setting
-        In what setting.
-    minutes : float or None
-        For how long; None for the usual time [min].
-    dyads : int
-        How many [1].
-    output : Path or None
-        Folder of the results; None for a new one here.
-    json : Path or None
-        File that gets the results too.
-    force : bool
-        The folder may be there already.
-
-    Returns
-    -------
-    int
-        Exit code: 1 if anything that was recorded is lost.
-    """
+    """Run ``netboard bench soak``."""
     minutes = minutes or (QUICK_MINUTES if setting.quick else MINUTES)
     with _study("soak", setting, output, force=force) as study:
         found = measure_soak(setting.config, study.scratch, dyads, setting.displays, 60 * minutes, study.tell)
@@ -275,13 +194,7 @@ def soak(
 
 @contextmanager
 def _study(name: str, setting: Setting, output: Path | None, *, force: bool) -> Iterator[Study]:
-    """Begin a study: say where it runs, and show how far it is.
-
-    Raises
-    ------
-    NetboardError
-        If this system does not tell what processes use.
-    """
+    """Begin a study: say where it runs, and show how far it is."""
     if not Path("/proc/self/task").exists():
         raise NetboardError("what processes use is read from /proc, which this system does not have")
     folder = Folder(output or new_folder(f"bench-{name}"), force=force)

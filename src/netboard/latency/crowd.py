@@ -70,13 +70,7 @@ _RECORD_HEAD = encode(TickRecord(bytes(TICK.itemsize)))[: -TICK.itemsize]
 
 
 def sample_frames(count: int) -> NDArray[Any]:
-    """Return frames of samples, to be filled in field by field and sent as they are in memory.
-
-    Parameters
-    ----------
-    count : int
-        How many [1].
-    """
+    """Return frames of samples, to be filled in field by field and sent as they are in memory."""
     raw = np.zeros((count, fixed.STYLUS.size), np.uint8)
     for row in raw:
         fixed.write(row, *fixed.STYLUS[:2], np.zeros(len(fixed.STYLUS.markers), np.int64))
@@ -85,19 +79,7 @@ def sample_frames(count: int) -> NDArray[Any]:
 
 
 class LightAgent:
-    """An agent without a device.
-
-    Parameters
-    ----------
-    config : Config
-        Rig and experiment.
-    side : str
-        ``left`` or ``right``.
-    context : zmq.Context
-        Where the socket is made.
-    frame : record
-        Its sample.
-    """
+    """An agent without a device."""
 
     def __init__(self, config: Config, side: Side, context: sockets.Context, frame: Any) -> None:
         where = keys.reach(config.network, f"agent.{side}")
@@ -113,13 +95,7 @@ class LightAgent:
         sockets.send(self._socket, self._hello)
 
     def send(self, z: float, vz: float) -> None:
-        """Send a sample.
-
-        Parameters
-        ----------
-        z, vz : float
-            Where the hand is, and how fast [m, m/s].
-        """
+        """Send a sample."""
         frame = self._frame
         frame["seq"] += 1
         frame["stamp_ns"] = frame["sent_ns"] = now_ns()
@@ -127,13 +103,7 @@ class LightAgent:
         sockets.send(self._socket, frame.tobytes())
 
     def take(self, counts: Counter[str]) -> None:
-        """Take what has come.
-
-        Parameters
-        ----------
-        counts : Counter of str
-            Counts what it was; changed.
-        """
+        """Take what has come."""
         while (frame := sockets.receive(self._socket)) is not None:
             if len(frame) == fixed.FORCE.size and frame[1] == _FORCE_KIND:
                 tick, sent_ns, _, _, lead_ns = _FORCE.unpack(frame)
@@ -155,19 +125,7 @@ class LightAgent:
 
 
 class LightDyad:
-    """Two agents that move as one.
-
-    Parameters
-    ----------
-    config : Config
-        Rig and experiment.
-    context : zmq.Context
-        Where the sockets are made.
-    frames : ndarray of shape (2,)
-        Their samples.
-    moving : bool
-        Their hands move.
-    """
+    """Two agents that move as one."""
 
     def __init__(self, config: Config, context: sockets.Context, frames: NDArray[Any], *, moving: bool) -> None:
         self._agents = [LightAgent(config, side, context, frame) for side, frame in zip(SIDES, frames, strict=True)]
@@ -175,13 +133,7 @@ class LightDyad:
         self._greeted_ns = -HELLO_NS
 
     def send(self, at_ns: int) -> None:
-        """Send both samples.
-
-        Parameters
-        ----------
-        at_ns : int
-            The time [ns].
-        """
+        """Send both samples."""
         if at_ns - self._greeted_ns >= HELLO_NS and not all(agent.welcome for agent in self._agents):
             self._greeted_ns = at_ns
             for agent in self._agents:
@@ -193,13 +145,7 @@ class LightDyad:
                 agent.send(z, vz)
 
     def take(self, counts: Counter[str]) -> int:
-        """Take what has come for both; how much later the next samples shall be sent [ns].
-
-        Parameters
-        ----------
-        counts : Counter of str
-            Counts what it was; changed.
-        """
+        """Take what has come for both; how much later the next samples shall be sent [ns]."""
         for agent in self._agents:
             agent.take(counts)
         return phase_shift(min(agent.lead_ns for agent in self._agents))
@@ -210,17 +156,8 @@ def be_agents(configs: Iterable[Config], context: sockets.Context, order: dict[s
 
     Parameters
     ----------
-    configs : iterable of Config
-        One for each dyad.
-    context : zmq.Context
-        Where the sockets are made.
     order : dict
         ``from_ns``, ``until_ns``: from when to count, and when to end [ns]; ``moving``: their hands move.
-
-    Returns
-    -------
-    dict
-        ``counts``: what came; ``late_ns``: how late samples were sent [ns].
     """
     configs = list(configs)
     frames = sample_frames(len(SIDES) * len(configs)).reshape(len(configs), len(SIDES))
@@ -258,15 +195,7 @@ def _awaited(due_ns: int) -> int:
 
 
 class LightLogger:
-    """A logger that keeps nothing but how late ticks were.
-
-    Parameters
-    ----------
-    config : Config
-        Rig and experiment.
-    context : zmq.Context
-        Where the socket is made.
-    """
+    """A logger that keeps nothing but how late ticks were."""
 
     def __init__(self, config: Config, context: sockets.Context) -> None:
         where = keys.reach(config.network, "logger")
@@ -277,15 +206,7 @@ class LightLogger:
         self._greeted_ns = -HELLO_NS
 
     def look(self, now: int, counts: Counter[str]) -> None:
-        """Take what has come.
-
-        Parameters
-        ----------
-        now : int
-            The time [ns].
-        counts : Counter of str
-            Counts what it was; changed.
-        """
+        """Take what has come."""
         if not self._welcomed and now - self._greeted_ns >= HELLO_NS:
             self._greeted_ns = now
             sockets.send(self._socket, encode(self._hello))
@@ -314,10 +235,6 @@ def be_watchers(configs: Iterable[Config], context: sockets.Context, order: dict
 
     Parameters
     ----------
-    configs : iterable of Config
-        One for each dyad.
-    context : zmq.Context
-        Where the sockets are made.
     order : dict
         ``from_ns``, ``until_ns``: from when to count, and when to end [ns]; ``loggers``, ``displays``: whether there
         are any.
@@ -363,13 +280,7 @@ def _ticks_of(loggers: Iterable[LightLogger], from_ns: int) -> dict[str, Any]:
 
 
 def main(role: str) -> None:
-    """Be one of the two processes: each order is for other dyads.
-
-    Parameters
-    ----------
-    role : str
-        ``agents`` or ``watchers``.
-    """
+    """Be one of the two processes: each order is for other dyads."""
     speak(role)
     prepared: dict[str, str] | None = None
 

@@ -68,10 +68,6 @@ class Shown:
         When each frame was painted [ns].
     heights : ndarray of float64
         Where each showed the right end of the board [m].
-    busy : float
-        Share of a core that the display took [1].
-    dropped : int
-        Frames dropped [1].
     """
 
     sent_to_received: Times
@@ -118,22 +114,7 @@ def serve() -> None:
 
 
 def measure(config: Config, seconds: float, *, moving: bool) -> Shown:
-    """Run a display for a while, beside a process that sends it views.
-
-    Parameters
-    ----------
-    config : Config
-        How the window looks, and the port of the views.
-    seconds : float
-        For how long frames are noted [s].
-    moving : bool
-        Whether the board moves.
-
-    Returns
-    -------
-    Shown
-        What came to the screen.
-    """
+    """Run a display for a while, beside a process that sends it views."""
     application()
     order = {"config": resolve(config), "seconds": seconds + SPARE, "moving": moving}
     command = [sys.executable, "-c", f"from {__name__} import serve; serve()"]
@@ -194,11 +175,6 @@ def _shown(frames: list[Frame], sent: dict[int, int], busy: float, dropped: int)
 def lateness(shown: Shown) -> tuple[float, float]:
     """By what delay what was seen is explained best, and how far it was from the truth.
 
-    Parameters
-    ----------
-    shown : Shown
-        What came to the screen.
-
     Returns
     -------
     (float, float)
@@ -218,21 +194,8 @@ def main(
     ----------
     config : Config
         How the window looks; it is shown on this machine's screen, or drawn without one where there is none.
-    output : Path or None
-        Folder of the results; None for a new one here.
-    json_file : Path or None
-        File that gets the results too.
     seconds : float or None
         For how long each is measured; None for the usual time [s].
-    quick : bool
-        A short form.
-    force : bool
-        The folder may be there already.
-
-    Returns
-    -------
-    int
-        Exit code.
     """
     seconds = seconds or (QUICK_SECONDS if quick else SECONDS)
     folder = Folder(output or new_folder("bench-display"), force=force)

@@ -37,12 +37,8 @@ class Measured:
 
     Attributes
     ----------
-    played : Played
-        What netboard did.
     echo_ns : dict of str to ndarray of int64
         Of each peer of the echo: from waking to the answer [ns].
-    timer : Punctuality
-        Of a timer alone.
     costs, echo_costs : dict of str to Cost
         Of netboard's processes, and of those of the echo, by name.
     """
@@ -55,28 +51,7 @@ class Measured:
 
 
 def measure_loop(config: Config, folder: Path, displays: int, seconds: float, rounds: int, tell: Tell) -> Measured:
-    """Measure netboard and the baselines in turns.
-
-    Parameters
-    ----------
-    config : Config
-        Rig and experiment.
-    folder : Path
-        For what is recorded and said.
-    displays : int
-        How many displays there are [1].
-    seconds : float
-        For how long each is measured, in all [s].
-    rounds : int
-        In so many turns [1].
-    tell : callable
-        Hears how far it is.
-
-    Returns
-    -------
-    Measured
-        What was found.
-    """
+    """Measure netboard and the baselines in turns."""
     own, spare = own_configs(config, folder, 2)
     costs: Costs = {}
     times = []
@@ -108,24 +83,7 @@ def _progress(tell: Tell, number: int, rounds: int) -> Tell:
 
 
 class Baselines:
-    """An echo with a peer for each agent, and a timer; they sleep until it is their turn.
-
-    Parameters
-    ----------
-    config : Config
-        As netboard's, with a port of its own.
-    folder : Path
-        For what they say.
-    workers : Workers
-        Where they are started.
-    count : int
-        How many ticks a turn has [1].
-
-    Attributes
-    ----------
-    costs : dict of str to Cost
-        What the echo's processes used.
-    """
+    """An echo with a peer for each agent, and a timer; they sleep until it is their turn."""
 
     def __init__(self, config: Config, folder: Path, workers: Workers, count: int) -> None:
         (file,) = write_configs([config], folder)

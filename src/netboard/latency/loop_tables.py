@@ -30,13 +30,7 @@ LOOP_NAME, ECHO_NAME = "stylus to force", "echo"
 
 
 def loop_series(found: Measured) -> list[dict[str, Times]]:
-    """Return what is to be seen as histograms: the loop and the echo, the ticks and the timer.
-
-    Parameters
-    ----------
-    found : Measured
-        What was found.
-    """
+    """Return what is to be seen as histograms: the loop and the echo, the ticks and the timer."""
     late_ns = found.played.ticks.late_ns
     return [
         {LOOP_NAME: _together(found.played.took_ns), ECHO_NAME: _together(found.echo_ns)},
@@ -49,8 +43,6 @@ def latency_part(found: Measured, *, real_time: bool) -> Part:
 
     Parameters
     ----------
-    found : Measured
-        What was found.
     real_time : bool
         Real-time scheduling was asked for: then the loop should take less than a tick.
     """
@@ -87,8 +79,6 @@ def lateness_part(ticks: Punctuality, timer: Punctuality, *, real_time: bool) ->
 
     Parameters
     ----------
-    ticks, timer : Punctuality
-        Of the server's ticks, and of the timer.
     real_time : bool
         Real-time scheduling was asked for: then no more should be missed.
     """
@@ -112,15 +102,7 @@ def lateness_part(ticks: Punctuality, timer: Punctuality, *, real_time: bool) ->
 
 
 def costs_part(costs: Costs, *verdicts: Verdict) -> Part:
-    """Return what every process uses.
-
-    Parameters
-    ----------
-    costs : dict of str to Cost
-        By name.
-    *verdicts : Verdict
-        What follows.
-    """
+    """Return what every process uses."""
     rows: list[tuple[Value, ...]] = []
     for name, cost in costs.items():
         whole, percent = total(cost.spent.values()), 100 / cost.seconds
@@ -151,15 +133,7 @@ def costs_part(costs: Costs, *verdicts: Verdict) -> Part:
 
 
 def server_verdict(server: Cost, echo: Cost, displays: int) -> Verdict:
-    """Hold the server of one dyad against what it may use; what a bare echo uses is told beside it.
-
-    Parameters
-    ----------
-    server, echo : Cost
-        What they used.
-    displays : int
-        How many displays there were [1].
-    """
+    """Hold the server of one dyad against what it may use; what a bare echo uses is told beside it."""
     share, least = (total(cost.spent.values()).seconds / cost.seconds for cost in (server, echo))
     claim = f"the server uses at most {MOST_SERVER:.0%} of a core"
     found = f"{share:.1%}, with a logger, displays: {displays}; the bare echo {least:.1%}"

@@ -29,8 +29,6 @@ class Punctuality:
     ----------
     late_ns : ndarray of int64
         How late each began; negative: early [ns].
-    late : int
-        Ticks that began more than half a tick late [1].
     missed : int
         Ticks that began more than a whole tick late, and those that were passed over [1].
     """
@@ -45,38 +43,18 @@ class Punctuality:
         return self.late_ns.size
 
     def missed_of(self, many: int) -> float:
-        """How many of so many are missed [1].
-
-        Parameters
-        ----------
-        many : int
-            So many [1].
-        """
+        """How many of so many are missed [1]."""
         return self.missed * many / max(self.ticks, 1)
 
 
 def punctuality(late_ns: Times, passed_over: int) -> Punctuality:
-    """Count what was late.
-
-    Parameters
-    ----------
-    late_ns : ndarray of int64
-        How late each tick began [ns].
-    passed_over : int
-        Ticks that never were [1].
-    """
+    """Count what was late."""
     missed = int(np.count_nonzero(late_ns > TICK_NS)) + passed_over
     return Punctuality(late_ns, int(np.count_nonzero(late_ns > LATE_NS)), missed)
 
 
 def passed_over(time_ns: Times) -> int:
-    """Count the ticks that never were: their time passed while the loop stood still [1].
-
-    Parameters
-    ----------
-    time_ns : ndarray of int64
-        When each was due that was [ns].
-    """
+    """Count the ticks that never were: their time passed while the loop stood still [1]."""
     return int(np.sum(np.diff(time_ns) // TICK_NS - 1))
 
 
@@ -90,10 +68,6 @@ class Played:
         Of each side: stylus read to the force that reflects it handed to the device, each such pair once [ns].
     parts_ns : dict of str to ndarray of int64
         Of both sides: ways and waits that a loop is made of [ns].
-    ticks : Punctuality
-        Of the server.
-    answered : float
-        Loops closed for each sample that could have been [1].
     """
 
     took_ns: dict[str, Times]
@@ -103,15 +77,7 @@ class Played:
 
 
 def played(ticks: NDArray[Any], times: Sequence[tuple[int, int]]) -> Played:
-    """Read what a dyad did from its recording.
-
-    Parameters
-    ----------
-    ticks : ndarray of TICK, shape (n,)
-        The whole recording.
-    times : sequence of (int, int)
-        From when to when it was measured [ns].
-    """
+    """Read what a dyad did from its recording."""
     inside = within(ticks["time_ns"], times)
     felt = inside & np.isin(ticks["phase"], [phase for phase in Phase if is_active(phase)])
     closed: dict[str, NDArray[np.bool_]] = {side: closed_loops(ticks[f"{side}_loop_ns"]) & felt for side in SIDES}
@@ -128,15 +94,7 @@ def played(ticks: NDArray[Any], times: Sequence[tuple[int, int]]) -> Played:
 
 
 def within(time_ns: Times, times: Sequence[tuple[int, int]]) -> NDArray[np.bool_]:
-    """Tell what lies within some stretches of time.
-
-    Parameters
-    ----------
-    time_ns : ndarray of int64
-        Moments [ns].
-    times : sequence of (int, int)
-        The stretches [ns].
-    """
+    """Tell what lies within some stretches of time."""
     inside: NDArray[np.bool_] = np.zeros(time_ns.shape, np.bool_)
     for start, end in times:
         inside |= (time_ns >= start) & (time_ns < end)
@@ -144,13 +102,7 @@ def within(time_ns: Times, times: Sequence[tuple[int, int]]) -> NDArray[np.bool_
 
 
 def closed_loops(loop_ns: Times) -> NDArray[np.bool_]:
-    """Tell at which ticks a loop is told for the first time: an agent repeats the newest until the next is closed.
-
-    Parameters
-    ----------
-    loop_ns : ndarray of int64
-        As recorded, tick by tick [ns].
-    """
+    """Tell at which ticks a loop is told for the first time: an agent repeats the newest until the next is closed."""
     new: NDArray[np.bool_] = (np.diff(loop_ns, prepend=0) != 0) & (loop_ns > 0)
     return new
 
@@ -160,17 +112,8 @@ def loop_parts(ticks: NDArray[Any], side: str, closed: NDArray[np.bool_]) -> dic
 
     Parameters
     ----------
-    ticks : ndarray of TICK, shape (n,)
-        The whole recording.
-    side : str
-        ``left`` or ``right``.
     closed : ndarray of bool, shape (n,)
         Ticks at which a loop is told for the first time.
-
-    Returns
-    -------
-    dict of str to ndarray of int64
-        The parts [ns].
     """
     seq, loop_ns = ticks[f"{side}_seq"], ticks[f"{side}_loop_ns"]
     fresh = np.diff(seq, prepend=-1) == 1

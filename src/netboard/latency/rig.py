@@ -50,8 +50,6 @@ class Stretch:
     ----------
     start_ns, end_ns : int
         When, by the monotonic clock [ns].
-    before, after : dict of str to Usage
-        Each process then.
     """
 
     start_ns: int
@@ -61,17 +59,7 @@ class Stretch:
 
 
 class Rig:
-    """The processes of some dyads; on leaving, all are ended.
-
-    Parameters
-    ----------
-    configs : sequence of Config
-        One for each dyad.
-    folder : Path
-        For what is recorded and said.
-    displays : int
-        Displays of each dyad [1].
-    """
+    """The processes of some dyads; on leaving, all are ended."""
 
     def __init__(self, configs: Sequence[Config], folder: Path, displays: int) -> None:
         self._folder = folder
@@ -106,13 +94,7 @@ class Rig:
         self._pids[name] = self._launcher.process_id(name)
 
     def play(self) -> None:
-        """Wait until every dyad is in a trial, and has been for a while.
-
-        Raises
-        ------
-        NetboardError
-            If a process has ended, or it takes too long.
-        """
+        """Wait until every dyad is in a trial, and has been for a while."""
         with sockets.open_context() as context:
             operators = [Operator(config.network, context) for config in self._configs]
             for operator in operators:
@@ -130,15 +112,7 @@ class Rig:
             time.sleep(ANSWER_SECONDS)
 
     def measure(self, seconds: float, tell: Callable[[float], object]) -> Stretch:
-        """Let it run for a while.
-
-        Parameters
-        ----------
-        seconds : float
-            How long [s].
-        tell : callable
-            Hears the share that is done.
-        """
+        """Let it run for a while."""
         before, start_ns = self.usage(), now_ns()
         while (done := (now_ns() - start_ns) * 1e-9) < seconds:
             tell(done / seconds)
@@ -159,13 +133,7 @@ class Rig:
         self._signal(signal.SIGCONT)
 
     def finish(self) -> list[Path]:
-        """End the sessions in order, and return their recordings, in the order of the dyads.
-
-        Raises
-        ------
-        NetboardError
-            If a process ends badly, or there is not one recording of each session.
-        """
+        """End the sessions in order, and return their recordings, in the order of the dyads."""
         with sockets.open_context() as context:
             operators = [Operator(config.network, context) for config in self._configs]
             for operator in operators:
@@ -182,13 +150,7 @@ class Rig:
         return [path for (path,) in found]
 
     def look(self) -> None:
-        """Look after the processes.
-
-        Raises
-        ------
-        NetboardError
-            If one has ended.
-        """
+        """Look after the processes."""
         if (ended := self._launcher.ended()) is not None:
             raise NetboardError(str(ended))
 
@@ -199,17 +161,7 @@ class Rig:
 
 
 def own_configs(config: Config, folder: Path, count: int) -> list[Config]:
-    """Make configurations for some dyads on this machine, with their own ports and folders.
-
-    Parameters
-    ----------
-    config : Config
-        What they have in common.
-    folder : Path
-        For their recordings.
-    count : int
-        How many [1].
-    """
+    """Make configurations for some dyads on this machine, with their own ports and folders."""
     ports: set[int] = set()
     while len(ports) < count:
         ports.add(free_port())
@@ -229,13 +181,7 @@ def own_configs(config: Config, folder: Path, count: int) -> list[Config]:
 
 
 def make_keys(folder: Path) -> None:
-    """Make keys for a server and every peer that a dyad may have.
-
-    Parameters
-    ----------
-    folder : Path
-        Where they go.
-    """
+    """Make keys for a server and every peer that a dyad may have."""
     keys.init(folder)
     for side in SIDES:
         keys.add(folder, "agent", side, folder)
@@ -245,15 +191,7 @@ def make_keys(folder: Path) -> None:
 
 
 def write_configs(configs: Sequence[Config], folder: Path) -> list[Path]:
-    """Write configurations into files.
-
-    Parameters
-    ----------
-    configs : sequence of Config
-        One for each dyad.
-    folder : Path
-        Where.
-    """
+    """Write configurations into files."""
     files = []
     for config in configs:
         files.append(folder / f"{config.session.dyad}.toml")

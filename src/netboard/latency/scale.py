@@ -32,55 +32,23 @@ MOST_IDLE = 0.01
 
 
 def on_cores(config: Config) -> Config:
-    """Put the server on one core and its peers on another, where there are two.
-
-    Parameters
-    ----------
-    config : Config
-        Rig and experiment.
-    """
+    """Put the server on one core and its peers on another, where there are two."""
     cores = sorted(os.sched_getaffinity(0))
     return replace(config, realtime=replace(config.realtime, server_cpus=str(cores[0]), agent_cpus=str(cores[-1])))
 
 
 def holds(served: Served) -> bool:
-    """Tell whether a server held its dyads.
-
-    Parameters
-    ----------
-    served : Served
-        What it did.
-    """
+    """Tell whether a server held its dyads."""
     return served.ticks.late <= MOST_LATE * served.ticks.ticks and served.active >= LEAST_ACTIVE
 
 
 def core_share(served: Served) -> float:
-    """Return how much of a core a server used [1].
-
-    Parameters
-    ----------
-    served : Served
-        What it did.
-    """
+    """Return how much of a core a server used [1]."""
     return total(served.cost.spent.values()).seconds / served.cost.seconds
 
 
 def measure_scale(config: Config, crowd: Crowd, dyads: Sequence[int], seconds: float, tell: Tell) -> dict[int, Served]:
-    """Let more and more dyads play at one server, until it holds them no more.
-
-    Parameters
-    ----------
-    config : Config
-        What they have in common.
-    crowd : Crowd
-        Their peers.
-    dyads : sequence of int
-        How many, each time [1].
-    seconds : float
-        For how long each number is measured [s].
-    tell : callable
-        Hears how far it is.
-    """
+    """Let more and more dyads play at one server, until it holds them no more."""
     found: dict[int, Served] = {}
     for step, count in enumerate(sorted(dyads)):
         tell(f"dyads at one server: {count}", step / len(dyads))
@@ -91,13 +59,7 @@ def measure_scale(config: Config, crowd: Crowd, dyads: Sequence[int], seconds: f
 
 
 def scale_part(found: Mapping[int, Served]) -> Part:
-    """Return what many dyads cost.
-
-    Parameters
-    ----------
-    found : mapping of int to Served
-        By number of dyads.
-    """
+    """Return what many dyads cost."""
     rows: list[tuple[Value, ...]] = []
     for count, served in found.items():
         share, seconds = core_share(served), served.cost.seconds
@@ -162,21 +124,7 @@ WAITING = {
 
 
 def measure_waiting(config: Config, crowd: Crowd, dyads: int, seconds: float, tell: Tell) -> dict[str, Served]:
-    """Let dyads wait.
-
-    Parameters
-    ----------
-    config : Config
-        What they have in common.
-    crowd : Crowd
-        Their peers.
-    dyads : int
-        How many [1].
-    seconds : float
-        For how long each kind is measured [s].
-    tell : callable
-        Hears how far it is.
-    """
+    """Let dyads wait."""
     found = {}
     for step, (name, company) in enumerate(WAITING.items()):
         tell(f"dyads that wait: {name}", step / len(WAITING))
@@ -185,15 +133,7 @@ def measure_waiting(config: Config, crowd: Crowd, dyads: int, seconds: float, te
 
 
 def waiting_part(dyads: int, found: Mapping[str, Served]) -> Part:
-    """Return what dyads that wait cost.
-
-    Parameters
-    ----------
-    dyads : int
-        How many [1].
-    found : mapping of str to Served
-        By who is there.
-    """
+    """Return what dyads that wait cost."""
     rows: list[tuple[Value, ...]] = [
         (name, 100 * core_share(served), 100 * core_share(served) / dyads) for name, served in found.items()
     ]

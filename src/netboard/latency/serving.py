@@ -36,17 +36,7 @@ ANSWER_SECONDS = 0.2
 
 @dataclass(frozen=True)
 class Company:
-    """What is there besides the server.
-
-    Attributes
-    ----------
-    agents, loggers, displays : bool
-        Whether every dyad has these.
-    moving : bool
-        The hands move.
-    trial : bool
-        A block is begun as soon as all are there.
-    """
+    """What is there besides the server."""
 
     agents: bool = True
     loggers: bool = True
@@ -61,14 +51,8 @@ class Served:
 
     Attributes
     ----------
-    cost : Cost
-        What it used.
     counts : dict of str to float
         What its peers got, in a second [Hz].
-    ticks : Punctuality
-        Of all dyads, as far as there are loggers.
-    active : float
-        Share of the ticks that were in a trial [1].
     peers_late_ns : ndarray of int64
         How late the peers themselves sent their samples [ns].
     """
@@ -81,13 +65,7 @@ class Served:
 
 
 class Crowd:
-    """The two processes that are all peers of a server; on leaving, they are ended.
-
-    Parameters
-    ----------
-    folder : Path
-        For what is said.
-    """
+    """The two processes that are all peers of a server; on leaving, they are ended."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -105,19 +83,7 @@ class Crowd:
         self._workers.__exit__(kind, error, trace)
 
     def serve(self, config: Config, dyads: int, company: Company, seconds: float) -> Served:
-        """Run a server of some dyads, with these as its peers.
-
-        Parameters
-        ----------
-        config : Config
-            What the dyads have in common.
-        dyads : int
-            How many [1].
-        company : Company
-            Who is there.
-        seconds : float
-            For how long it is measured [s].
-        """
+        """Run a server of some dyads, with these as its peers."""
         configs = own_configs(config, self._folder, dyads)
         files = [str(file) for file in write_configs(configs, self._folder)]
         with Launcher(self._folder, {}) as launcher:
@@ -148,13 +114,7 @@ class Crowd:
 
 
 def _await_answer(launcher: Launcher, config: Config) -> None:
-    """Wait until a server answers an operator.
-
-    Raises
-    ------
-    NetboardError
-        If it has ended, or does not.
-    """
+    """Wait until a server answers an operator."""
     until = time.monotonic() + START_SECONDS
     with sockets.open_context() as context:
         operator = Operator(config.network, context)

@@ -53,28 +53,13 @@ def main(
 
     Parameters
     ----------
-    library : str
-        File of the vendor's library; empty to look for it.
-    output : Path or None
-        Folder of the results; None for a new one here.
-    json_file : Path or None
-        File that gets the results too.
     seconds : float or None
         For how long each is measured; None for the usual time [s].
-    quick : bool
-        A short form.
-    force : bool
-        The folder may be there already.
 
     Returns
     -------
     int
         Exit code: 0, also if verdicts fail, for that is a result.
-
-    Raises
-    ------
-    NetboardError
-        If the library, a device or a C compiler is missing.
     """
     load(library)
     shim()
@@ -141,41 +126,13 @@ def duration_part(found: Mapping[str, Times]) -> Part:
 
 
 def unsteadiness(times: Times) -> Times:
-    """Return how far from a tick's length after the one before each tick began [ns].
-
-    Parameters
-    ----------
-    times : ndarray of int64, shape (n, 2)
-        When each tick began and ended [ns].
-    """
+    """Return how far from a tick's length after the one before each tick began [ns]."""
     off: Times = np.abs(np.diff(times[:, 0]) - TICK_NS)
     return off
 
 
 def measure(library: str, kind: str, seconds: float, *, busy: bool) -> Times:
-    """Measure one callback in a process of its own.
-
-    Parameters
-    ----------
-    library : str
-        File of the vendor's library; empty to look for it.
-    kind : str
-        Which callback: one of `KINDS`.
-    seconds : float
-        For how long [s].
-    busy : bool
-        With a busy thread beside it.
-
-    Returns
-    -------
-    ndarray of int64, shape (n, 2)
-        When each tick began and ended [ns].
-
-    Raises
-    ------
-    NetboardError
-        If that fails.
-    """
+    """Measure one callback in a process of its own."""
     order = json.dumps({"library": library, "kind": kind, "seconds": seconds, "busy": busy})
     command = [sys.executable, "-m", "netboard.latency.servo", order]
     done = subprocess.run(command, capture_output=True, check=False)
@@ -186,23 +143,7 @@ def measure(library: str, kind: str, seconds: float, *, busy: bool) -> Times:
 
 
 def work(order: Mapping[str, Any]) -> NDArray[np.int64]:
-    """Be that process: let a watched servo run, with an agent's loop beside it.
-
-    Parameters
-    ----------
-    order : mapping
-        As of `measure`.
-
-    Returns
-    -------
-    ndarray of int64, shape (n, 2)
-        When each tick began and ended [ns].
-
-    Raises
-    ------
-    DeviceError
-        If there is no device, or its servo does not run.
-    """
+    """Be that process: let a watched servo run, with an agent's loop beside it."""
     rig = rig_of(order["library"])
     count = round(order["seconds"] * 1e9) // TICK_NS
     with rig.paused():

@@ -20,30 +20,14 @@ from netboard.tick import TICK, TICK_NS, TICK_SECONDS
 
 @dataclass(frozen=True)
 class Case:
-    """Something that may be there or not.
-
-    Attributes
-    ----------
-    company : Company
-        Who is there.
-    haptics : bool
-        The hands feel the board.
-    logger : bool
-        A trial needs a logger.
-    """
+    """Something that may be there or not."""
 
     company: Company
     haptics: bool = True
     logger: bool = True
 
     def of(self, config: Config) -> Config:
-        """Return what it makes of a configuration.
-
-        Parameters
-        ----------
-        config : Config
-            Rig and experiment.
-        """
+        """Return what it makes of a configuration."""
         return replace(
             config,
             block=replace(config.block, force="full" if self.haptics else "none"),
@@ -66,19 +50,7 @@ CASES = {
 
 
 def measure_skips(config: Config, crowd: Crowd, seconds: float, tell: Tell) -> dict[str, Served]:
-    """Run a server of one dyad in every case.
-
-    Parameters
-    ----------
-    config : Config
-        Rig and experiment.
-    crowd : Crowd
-        Its peers.
-    seconds : float
-        For how long each case is measured [s].
-    tell : callable
-        Hears how far it is.
-    """
+    """Run a server of one dyad in every case."""
     found = {}
     for step, (name, case) in enumerate(CASES.items()):
         tell(f"work done: {name}", step / len(CASES))
@@ -91,13 +63,7 @@ SENT = ("forces", "beats", "views", "records", "batches")
 
 
 def skips_part(found: dict[str, Served]) -> Part:
-    """Return the work done in every case.
-
-    Parameters
-    ----------
-    found : dict of str to Served
-        What was measured.
-    """
+    """Return the work done in every case."""
     rows: list[tuple[Value, ...]] = []
     for name, served in found.items():
         spent, seconds = served.cost.spent, served.cost.seconds
@@ -148,13 +114,7 @@ RUNS, TICKS = 30, 2000
 
 
 def tick_part(config: Config) -> Part:
-    """Return what the stage's part of a tick costs, with and without.
-
-    Parameters
-    ----------
-    config : Config
-        Rig and experiment.
-    """
+    """Return what the stage's part of a tick costs, with and without."""
     bare = replace(config, physics=replace(config.physics, balls=0))
     lone = replace(bare, physics=replace(bare.physics, coupling="left"))
     part, unfelt = _with_force(config, "environment_only"), _with_force(config, "none")
@@ -186,8 +146,6 @@ def stage_cost(config: Config, phase: Phase) -> float:
 
     Parameters
     ----------
-    config : Config
-        Rig and experiment.
     phase : Phase
         In which the trial is, and stays: the board is not level, and the ball at rest is far from target and edge.
     """
@@ -208,11 +166,5 @@ def stage_cost(config: Config, phase: Phase) -> float:
 
 
 def quickest(run: Callable[[], float]) -> float:
-    """Return the least of many runs [s].
-
-    Parameters
-    ----------
-    run : callable
-        Returns how long it took [s].
-    """
+    """Return the least of many runs [s]."""
     return min(run() for _ in range(RUNS))

@@ -52,22 +52,12 @@ class Kept:
 
     Attributes
     ----------
-    ticks : int
-        How many it has [1].
-    missing : int
-        Numbers missing in any of its streams [1].
-    lost : int
-        Records that the logger never got [1].
-    faults : int
-        Times a trial was paused by a fault [1].
     verified : bool
         Whether the stage makes the same of its inputs, to the bit.
     time_ns, late_ns : ndarray of int64
         When each tick was due, and how late it began [ns].
     loop_at_ns, loop_ns : ndarray of int64
         Of each loop from stylus to force, of both sides: the tick at which it was told, and how long it took [ns].
-    size : int
-        Size of the file, in bytes [1].
     """
 
     ticks: int
@@ -89,36 +79,14 @@ class Kept:
 
 @dataclass(frozen=True)
 class Soaked:
-    """What came of a soak.
-
-    Attributes
-    ----------
-    samples : list of dict of str to Usage
-        Every process, every second.
-    kept : list of Kept
-        Every dyad's recording.
-    """
+    """What came of a soak."""
 
     samples: list[dict[str, Usage]]
     kept: list[Kept]
 
 
 def measure_soak(config: Config, folder: Path, dyads: int, displays: int, seconds: float, tell: Tell) -> Soaked:
-    """Run dyads for a long time.
-
-    Parameters
-    ----------
-    config : Config
-        What they have in common.
-    folder : Path
-        For what is recorded and said.
-    dyads, displays : int
-        How many dyads, and displays of each [1].
-    seconds : float
-        For how long [s].
-    tell : callable
-        Hears how far it is.
-    """
+    """Run dyads for a long time."""
     small = replace(config, network=replace(config.network, log_ring_s=RING_SECONDS))
     with Rig(own_configs(small, folder, dyads), folder, displays) as rig:
         tell("waiting for trials", 0.0)
@@ -146,13 +114,7 @@ def _watch(rig: Rig, seconds: float, tell: Callable[[str, float], object]) -> li
 
 
 def read_kept(path: Path) -> Kept:
-    """Read and verify a recording.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-    """
+    """Read and verify a recording."""
     with Recording(path) as recording:
         ticks = recording.ticks()
         lost = sum(int(remark.details["count"]) for remark in recording.remarks() if remark.name == "log_lost")
@@ -177,13 +139,7 @@ def read_kept(path: Path) -> Kept:
 
 
 def records_part(kept: Sequence[Kept]) -> Part:
-    """Return what was recorded.
-
-    Parameters
-    ----------
-    kept : sequence of Kept
-        Every dyad's recording.
-    """
+    """Return what was recorded."""
     rows: list[tuple[Value, ...]] = [
         (number, one.ticks, one.missing, one.lost, one.faults, one.verified, one.size / 1e6)
         for number, one in enumerate(kept, start=1)
@@ -199,13 +155,7 @@ def records_part(kept: Sequence[Kept]) -> Part:
 
 
 def memory_part(samples: Sequence[dict[str, Usage]]) -> Part:
-    """Return what memory the processes held, and whether it grew.
-
-    Parameters
-    ----------
-    samples : sequence of dict of str to Usage
-        Every process, every second.
-    """
+    """Return what memory the processes held, and whether it grew."""
     rows: list[tuple[Value, ...]] = []
     verdicts = []
     for name in samples[0]:
@@ -233,26 +183,12 @@ def _flat(name: str, slope: float, seconds: float) -> Verdict:
 
 
 def growth(at: NDArray[np.float64], held: NDArray[np.float64]) -> float:
-    """Return how fast memory grows, by least squares, in bytes [1/s].
-
-    Parameters
-    ----------
-    at : ndarray of float64, shape (n,)
-        Times [s].
-    held : ndarray of float64, shape (n,)
-        Memory then, in bytes [1].
-    """
+    """Return how fast memory grows, by least squares, in bytes [1/s]."""
     return float(np.polyfit(at - at[0], held, 1)[0]) if at.size > 1 else 0.0
 
 
 def minutes_part(kept: Sequence[Kept]) -> Part:
-    """Return how late ticks were and how long loops took, as time went by.
-
-    Parameters
-    ----------
-    kept : sequence of Kept
-        Every dyad's recording.
-    """
+    """Return how late ticks were and how long loops took, as time went by."""
     start, end = min(one.time_ns[0] for one in kept), max(one.time_ns[-1] for one in kept) + 1
     count = max(STRETCHES, int((end - start) * 1e-9 / 60))
     edges = np.linspace(start, end, count + 1).astype(np.int64)
@@ -287,15 +223,7 @@ def _between(since: int, until: int, series: Sequence[tuple[Times, Times]]) -> T
 
 
 def steady(what: str, p99: Sequence[float]) -> Verdict:
-    """Hold the last third of some percentiles against the first.
-
-    Parameters
-    ----------
-    what : str
-        What happens.
-    p99 : sequence of float
-        Their 99 % as time went by [ms].
-    """
+    """Hold the last third of some percentiles against the first."""
     third = max(len(p99) // 3, 1)
     first, last = float(np.median(p99[:third])), float(np.median(p99[-third:]))
     claim = f"in the end {what} as promptly as in the beginning, at 99 %"

@@ -24,67 +24,30 @@ EDGES_NS: NDArray[np.float64] = np.geomspace(LEAST_NS, MOST_NS, 1 + PER_DECADE *
 
 
 def in_milliseconds(found: Spread) -> tuple[float, float, float, float]:
-    """Return what a table says of a spread.
-
-    Parameters
-    ----------
-    found : Spread
-        The spread.
-
-    Returns
-    -------
-    tuple of float
-        Percentiles 50, 99 and 99.9, and the largest [ms].
-    """
+    """Return what a table says of a spread."""
     return found.p50 * 1e3, found.p99 * 1e3, found.p999 * 1e3, found.largest * 1e3
 
 
 def spread_rows(named: Mapping[str, Times]) -> list[tuple[Value, ...]]:
-    """Return a row for each set of durations: its name, how many there are, `in_milliseconds`.
-
-    Parameters
-    ----------
-    named : mapping of str to ndarray of int64
-        Durations by name [ns].
-    """
+    """Return a row for each set of durations: its name, how many there are, `in_milliseconds`."""
     return [(name, times.size, *in_milliseconds(spread(times))) for name, times in named.items()]
 
 
 def ratio_row(name: str, above: Times, below: Times) -> tuple[Value, ...]:
-    """Return how many times as long some durations are as others: at percentiles 50, 99 and 99.9, and the largest [1].
-
-    Parameters
-    ----------
-    name : str
-        Head of the row.
-    above, below : ndarray of int64
-        Durations [ns].
-    """
+    """Return ratios of two samples of durations: at percentiles 50, 99 and 99.9, and of the largest [1]."""
     ours, theirs = in_milliseconds(spread(above)), in_milliseconds(spread(below))
     return (name, *(a / b if b > 0 else float("nan") for a, b in zip(ours, theirs, strict=True)))
 
 
 def histogram(times: Times) -> NDArray[np.int64]:
-    """Count durations between `EDGES_NS`; what is shorter or longer goes to the first or the last bin [1].
-
-    Parameters
-    ----------
-    times : ndarray of int64
-        Durations [ns].
-    """
+    """Count durations between `EDGES_NS`; what is shorter or longer goes to the first or the last bin [1]."""
     inside = np.clip(times, LEAST_NS, MOST_NS)
     counts: NDArray[np.int64] = np.histogram(inside, EDGES_NS)[0]
     return counts
 
 
 def histogram_part(named: Mapping[str, Times]) -> Part:
-    """Return the histograms as a table: a row for each bin that any of them fills.
-
-    Parameters
-    ----------
-    named : mapping of str to ndarray of int64
-        Durations by name [ns].
-    """
+    """Return the histograms as a table: a row for each bin that any of them fills."""
     counts = np.stack([histogram(times) for times in named.values()], axis=1)
     rows: list[tuple[Value, ...]] = [
         (float(EDGES_NS[i] * 1e-6), float(EDGES_NS[i + 1] * 1e-6), *map(int, counts[i]))
@@ -101,13 +64,6 @@ def draw_histograms(groups: Sequence[Mapping[str, Times]], title: str) -> Any:
     ----------
     groups : sequence of mapping of str to ndarray of int64
         Durations by name, those of a group over each other [ns].
-    title : str
-        Head of the figure.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        The figure.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure

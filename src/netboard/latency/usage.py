@@ -29,10 +29,6 @@ class Spent:
         Time on a core [s].
     waited : float
         Time in which they could have run and had no core; 0 where the system does not tell [s].
-    slept : int
-        Switches because they waited for something [1].
-    ousted : int
-        Switches because another was to run [1].
     """
 
     seconds: float = 0.0
@@ -41,15 +37,7 @@ class Spent:
     ousted: int = 0
 
     def plus(self, other: "Spent", sign: int = 1) -> "Spent":
-        """Return the sum with another, or with sign -1 the difference.
-
-        Parameters
-        ----------
-        other : Spent
-            What is added.
-        sign : int
-            1 or -1 [1].
-        """
+        """Return the sum with another, or with sign -1 the difference."""
         return Spent(
             self.seconds + sign * other.seconds,
             self.waited + sign * other.waited,
@@ -66,10 +54,6 @@ class Usage:
     ----------
     at_ns : int
         The moment, by the monotonic clock [ns].
-    threads : dict of (int, str) to Spent
-        By number and kind of each thread.
-    resident : int
-        Memory it holds, in bytes [1].
     """
 
     at_ns: int
@@ -77,13 +61,7 @@ class Usage:
     resident: int
 
     def since(self, before: "Usage") -> dict[str, Spent]:
-        """Return what was spent since an earlier moment, by kind of thread; what a thread had that has ended is lost.
-
-        Parameters
-        ----------
-        before : Usage
-            The same process, earlier.
-        """
+        """Return what was spent since an earlier moment, by kind of thread, without threads that have ended."""
         found = dict.fromkeys(KINDS, Spent())
         for thread, spent in self.threads.items():
             change = spent.plus(before.threads.get(thread, Spent()), -1)
@@ -92,13 +70,7 @@ class Usage:
 
 
 def total(parts: Iterable[Spent]) -> Spent:
-    """Return the sum.
-
-    Parameters
-    ----------
-    parts : iterable of Spent
-        Any number.
-    """
+    """Return the sum."""
     whole = Spent()
     for part in parts:
         whole = whole.plus(part)
@@ -111,8 +83,6 @@ class Cost:
 
     Attributes
     ----------
-    spent : dict of str to Spent
-        By kind of thread.
     seconds : float
         For how long it was measured [s].
     """
@@ -121,13 +91,7 @@ class Cost:
     seconds: float = 0.0
 
     def add(self, before: Usage, after: Usage) -> None:
-        """Add a measurement.
-
-        Parameters
-        ----------
-        before, after : Usage
-            The process at its beginning and its end.
-        """
+        """Add a measurement."""
         for kind, spent in after.since(before).items():
             self.spent[kind] = self.spent.get(kind, Spent()).plus(spent)
         self.seconds += (after.at_ns - before.at_ns) * 1e-9
@@ -137,29 +101,13 @@ Costs = dict[str, Cost]
 
 
 def add_costs(costs: Costs, before: Mapping[str, Usage], after: Mapping[str, Usage]) -> None:
-    """Add a measurement of some processes.
-
-    Parameters
-    ----------
-    costs : dict of str to Cost
-        What they used so far, by name; changed.
-    before, after : mapping of str to Usage
-        The processes at its beginning and its end.
-    """
+    """Add a measurement of some processes."""
     for name, usage in after.items():
         costs.setdefault(name, Cost()).add(before[name], usage)
 
 
 def kind_of(process: int, thread: int, name: str) -> str:
-    """Tell the kind of a thread.
-
-    Parameters
-    ----------
-    process, thread : int
-        Their numbers [1].
-    name : str
-        The thread's name.
-    """
+    """Tell the kind of a thread."""
     if name.startswith(_TRANSPORT_NAME):
         return TRANSPORT
     return LOOP if thread == process else OTHER
@@ -172,15 +120,6 @@ def parse_thread(stat: str, schedstat: str, status: str, clock_hz: int) -> tuple
     ----------
     stat, schedstat, status : str
         The three files; an empty `schedstat` where the system has none.
-    clock_hz : int
-        The scheduler's clock ticks in a second [Hz].
-
-    Returns
-    -------
-    str
-        The thread's name.
-    Spent
-        What it has used.
     """
     head, _, tail = stat.rpartition(")")
     fields = tail.split()
@@ -195,31 +134,12 @@ def parse_thread(stat: str, schedstat: str, status: str, clock_hz: int) -> tuple
 
 
 def resident_bytes(statm: str, page: int) -> int:
-    """Read how much memory a process holds, in bytes [1].
-
-    Parameters
-    ----------
-    statm : str
-        What /proc says.
-    page : int
-        Size of a page, in bytes [1].
-    """
+    """Read how much memory a process holds, in bytes [1]."""
     return int(statm.split()[1]) * page
 
 
 def read_usage(process: int) -> Usage:
-    """Look at a process now.
-
-    Parameters
-    ----------
-    process : int
-        Its number [1].
-
-    Raises
-    ------
-    NetboardError
-        If there is no such process, or no /proc.
-    """
+    """Look at a process now."""
     here = Path("/proc") / str(process)
     clock_hz, page = os.sysconf("SC_CLK_TCK"), os.sysconf("SC_PAGE_SIZE")
     try:

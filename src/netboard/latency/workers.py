@@ -19,17 +19,7 @@ END_SECONDS = 5.0
 
 
 class Worker:
-    """A worker as seen by who gives the orders.
-
-    Parameters
-    ----------
-    module : str
-        Full name of the module that the worker runs.
-    arguments : sequence of str
-        Its arguments.
-    said : Path
-        File for what it says on the way.
-    """
+    """A worker as seen by who gives the orders."""
 
     def __init__(self, module: str, *arguments: str, said: Path) -> None:
         self._name = f"{module.rpartition('.')[2]} {' '.join(arguments[:-1])}".strip()
@@ -50,18 +40,7 @@ class Worker:
         return self._process.pid
 
     def order(self, **order: Any) -> None:
-        """Tell it what to do next; its answer is to be taken before the next order.
-
-        Parameters
-        ----------
-        order : Any
-            Plain data.
-
-        Raises
-        ------
-        NetboardError
-            If it has ended.
-        """
+        """Tell it what to do next; its answer is to be taken before the next order."""
         try:
             _pipe(self._process.stdin).write(json.dumps(order) + "\n")
             _pipe(self._process.stdin).flush()
@@ -69,13 +48,7 @@ class Worker:
             raise self._gone() from error
 
     def answer(self) -> dict[str, Any]:
-        """Wait until it has done what it was told, and return what it found.
-
-        Raises
-        ------
-        NetboardError
-            If it has ended instead.
-        """
+        """Wait until it has done what it was told, and return what it found."""
         line = _pipe(self._process.stdout).readline()
         if not line:
             raise self._gone()
@@ -103,19 +76,7 @@ class Workers:
         self.all: dict[str, Worker] = {}
 
     def start(self, name: str, module: str, *arguments: str, folder: Path) -> Worker:
-        """Start one more.
-
-        Parameters
-        ----------
-        name : str
-            Its name here.
-        module : str
-            Full name of the module that it runs.
-        arguments : sequence of str
-            Its arguments.
-        folder : Path
-            Where what it says is kept.
-        """
+        """Start one more."""
         worker = Worker(module, *arguments, said=folder / f"{name.replace(' ', '-')}.log")
         self.all[name] = worker
         return worker

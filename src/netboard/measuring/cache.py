@@ -25,13 +25,6 @@ class Cache:
         The folder, which is made if need be; or its entries.
     limit : int
         What is kept and not in use is dropped from this size on, in bytes [1].
-
-    Raises
-    ------
-    RecordingError
-        If it cannot be made.
-    ConfigError
-        If pyarrow is not installed.
     """
 
     def __init__(self, folder: Path | Store, limit: int = LIMIT) -> None:
@@ -40,13 +33,7 @@ class Cache:
         self.trim = self._store.trim
 
     def get(self, key: str) -> Measured | None:
-        """Return the tables that are kept; None if there are none, or not as they were written.
-
-        Parameters
-        ----------
-        key : str
-            What `key_of` gives.
-        """
+        """Return the tables that are kept; None if there are none, or not as they were written."""
         content = self._store.get(f"{key}{TABLES}")
         if content is None:
             return None
@@ -54,20 +41,7 @@ class Cache:
         return Measured(**{name: self._streams.read(source, fields) for name, fields in FIELDS.items()})
 
     def put(self, key: str, measured: Measured) -> None:
-        """Keep the tables of a recording.
-
-        Parameters
-        ----------
-        key : str
-            What `key_of` gives.
-        measured : Measured
-            The tables.
-
-        Raises
-        ------
-        RecordingError
-            If they cannot be written.
-        """
+        """Keep the tables of a recording."""
         sink = BytesIO()
         for name, fields in FIELDS.items():
             self._streams.write(sink, getattr(measured, name), fields)
@@ -75,16 +49,6 @@ class Cache:
 
 
 def key_of(name: str, sha256: str, readings: Readings) -> str:
-    """Name the entry of a recording.
-
-    Parameters
-    ----------
-    name : str
-        What the recording is called, which its tables say.
-    sha256 : str
-        SHA-256 of its bytes, in hexadecimal.
-    readings : Readings
-        How it is measured.
-    """
+    """Name the entry of a recording."""
     parts = (name, sha256, measured_with(readings), fingerprint())
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()

@@ -10,13 +10,7 @@ NEAR = 1.5 / RATE
 
 
 def notes(study: Study) -> tuple[str, ...]:
-    """Say of how many successes the samples show no hold, or another completion time than the recording.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-    """
+    """Say of how many successes the samples show no hold, or another completion time than the recording."""
     done = study.trials[study.trials["outcome"] == "success"]
     from_recording = int((done["completion_source"] == "recording").sum())
     apart = np.abs(done["completion"] - done["recorded_completion"])

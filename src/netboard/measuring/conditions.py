@@ -37,12 +37,6 @@ class StudyFactor:
 
     Attributes
     ----------
-    name : str
-        Its name.
-    scope : {"dyad", "block", "trial"}
-        Where it has one level.
-    of : Declared
-        Its levels, those of all recordings.
     told : bool
         It is part of the names of conditions: configuration, force and partner do not tell it.
     """
@@ -70,23 +64,11 @@ class StudyFactor:
         return f"{self.name} [{self.of.unit}]" if self.of.values else self.name
 
     def text(self, level: str) -> str:
-        """Name and level in words, such as ``mass heavy (0.05 kg)``.
-
-        Parameters
-        ----------
-        level : str
-            A level.
-        """
+        """Name and level in words, such as ``mass heavy (0.05 kg)``."""
         return f"{self.name} {level_text(self.of, level)}"
 
     def values_of(self, levels: pd.Series) -> pd.Series:
-        """Value of each level; NaN where there is none [its unit].
-
-        Parameters
-        ----------
-        levels : Series
-            Levels.
-        """
+        """Value of each level; NaN where there is none [its unit]."""
         return levels.map(dict(zip(self.of.levels, self.of.values, strict=False))).astype(np.float64)
 
 
@@ -94,24 +76,12 @@ class StudyFactor:
 
 
 def factors_text(config: Config) -> str:
-    """Write the factors of a recording's block, for `study_factors`.
-
-    Parameters
-    ----------
-    config : Config
-        Its configuration.
-    """
+    """Write the factors of a recording's block, for `study_factors`."""
     return json.dumps([asdict(one) for one in factors_of(config)])
 
 
 def settings_text(config: Config) -> str:
-    """Write the settings of a recording that may differ without being a factor, for `study_factors`.
-
-    Parameters
-    ----------
-    config : Config
-        Its configuration.
-    """
+    """Write the settings of a recording that may differ without being a factor, for `study_factors`."""
     return json.dumps(
         {
             f"{table}.{key}": getattr(getattr(config, table), key)
@@ -122,13 +92,7 @@ def settings_text(config: Config) -> str:
 
 
 def kind_text(config: Config) -> str:
-    """Kind of block of a recording; empty if it is in no study.
-
-    Parameters
-    ----------
-    config : Config
-        Its configuration.
-    """
+    """Kind of block of a recording; empty if it is in no study."""
     return design_of(config).kind
 
 
@@ -141,8 +105,6 @@ class Levels:
 
     Attributes
     ----------
-    factors : tuple of StudyFactor
-        All factors of a study.
     sequences : mapping of str to sequence
         Of each factor's name, the levels of each block in the order of the table: one for a block, or one for each
         trial; empty where it has none.
@@ -156,8 +118,6 @@ class Levels:
 
         Parameters
         ----------
-        factor : StudyFactor
-            The factor.
         places, trials : iterable of int
             Number of each one's block in the table, from 0, and of the trial in the block, from 1 [1].
         """
@@ -255,29 +215,13 @@ def _unit_of(key: str) -> str:
 
 
 def partner_of(movers: Iterable[str]) -> str:
-    """Who the partner was if none of the two people, such as ``robot partner``; else empty.
-
-    Parameters
-    ----------
-    movers : iterable of str
-        Who moved the left and the right stylus.
-    """
+    """Who the partner was if none of the two people, such as ``robot partner``; else empty."""
     there = set(movers)
     return ", ".join(f"{kind} partner" for kind in ("robot", "still") if kind in there)
 
 
 def names_of(base: pd.DataFrame, told: Mapping[str, Sequence[str]], roles: Iterable[str] = ()) -> list[str]:
-    """Name conditions: configuration and force, the partner, the levels that must be told, and a role that is no test.
-
-    Parameters
-    ----------
-    base : DataFrame
-        Columns ``configuration``, ``force`` and ``partner``.
-    told : mapping of str to sequence of str
-        Levels by the names of the factors; empty for none.
-    roles : iterable of str
-        Roles; none for tests.
-    """
+    """Name conditions: configuration, force, partner, levels that distinguish them, and a role other than test."""
     extra = [[f"{name} {level}" if level else "" for level in levels] for name, levels in told.items()]
     columns = [*(base[name] for name in _BASE), *extra]
     said = [["" if role == "test" else role for role in roles]] if roles else []
@@ -286,13 +230,6 @@ def names_of(base: pd.DataFrame, told: Mapping[str, Sequence[str]], roles: Itera
 
 def value_columns(factor: StudyFactor, levels: Sequence[str]) -> dict[str, Any]:
     """Columns of a factor in a table.
-
-    Parameters
-    ----------
-    factor : StudyFactor
-        The factor.
-    levels : sequence of str
-        Level in each row; empty for none.
 
     Returns
     -------

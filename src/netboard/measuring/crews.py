@@ -33,13 +33,7 @@ def cores() -> int:
 
 
 def processes(workers: int) -> Crew:
-    """Let processes of this machine measure; this one alone, if one is enough.
-
-    Parameters
-    ----------
-    workers : int
-        How many at most [1].
-    """
+    """Let processes of this machine measure; this one alone, if one is enough."""
 
     @contextmanager
     def crew(recordings: Sequence[Path]) -> Iterator[Executor]:
@@ -68,15 +62,8 @@ def dask(address: str, patience: float = PATIENCE) -> Crew:
 
     Parameters
     ----------
-    address : str
-        Of its scheduler, such as ``tcp://10.0.0.5:8786``.
     patience : float
         How long to wait for the scheduler, and for a worker [s].
-
-    Raises
-    ------
-    ConfigError
-        If Dask is not installed.
     """
     distributed = library("distributed", "dask")
 

@@ -55,15 +55,8 @@ PATHS = (
 def delays_of(take: Take) -> tuple[Contributions, Delays, Delays]:
     """Find the delays in the movements of the board that begin in an attempt.
 
-    Parameters
-    ----------
-    take : Take
-        The attempt.
-
     Returns
     -------
-    moved : Contributions
-        What each side did in them.
     as_set, of_own : Delays
         Delays as set, and at portions of each side's own peak.
     """
@@ -85,18 +78,7 @@ def delays_of(take: Take) -> tuple[Contributions, Delays, Delays]:
 
 
 def movements(take: Take) -> Iterator[Mapping[str, Any]]:
-    """Yield the rows of the movements of the board that begin in an attempt, but for its place.
-
-    Parameters
-    ----------
-    take : Take
-        The attempt.
-
-    Yields
-    ------
-    dict
-        The next row [SI].
-    """
+    """Yield the rows of the movements of the board that begin in an attempt, but for its place."""
     own = take.own_turns
     moved, as_set, of_own = delays_of(take)
     for k in range(len(own)):
@@ -118,18 +100,7 @@ def movements(take: Take) -> Iterator[Mapping[str, Any]]:
 
 
 def path(take: Take) -> Columns:
-    """Return the rows of the path of an attempt, from the release to its end, but for its place.
-
-    Parameters
-    ----------
-    take : Take
-        The attempt.
-
-    Returns
-    -------
-    dict of ndarray, shape (n,)
-        The columns [SI].
-    """
+    """Return the rows of the path of an attempt, from the release to its end, but for its place."""
     trial, found = take.trial, take.found
     at = np.arange(trial.release, trial.stop, STEP)
     names = (*(f"{side}_z" for side in SIDES), *(f"{side}_vz" for side in SIDES), "theta", "p", "speed")

@@ -33,15 +33,7 @@ class Mechanics:
 
 
 def mechanics_of(config: Config, recording: Recording) -> dict[Side, Mechanics | None]:
-    """Find the mechanics of both devices of a recording.
-
-    Parameters
-    ----------
-    config : Config
-        Its configuration.
-    recording : Recording
-        The recording, open.
-    """
+    """Find the mechanics of both devices of a recording."""
     said = recording.metadata
     if said.get("imported") == "measured":
         return dict.fromkeys(SIDES)

@@ -27,18 +27,6 @@ def excluded(blocks: pd.DataFrame, trials: pd.DataFrame, rules: Exclusions) -> p
     ----------
     blocks, trials : DataFrame
         Tables of blocks and of trials, a row for a recording and for an attempt.
-    rules : Exclusions
-        The rules.
-
-    Returns
-    -------
-    DataFrame
-        The columns of `EXCLUSIONS`.
-
-    Raises
-    ------
-    ConfigError
-        If a trial is named that is not there.
     """
     named = named_trials(rules)
     there = set(zip(trials["recording"], trials["trial"], strict=True))
@@ -57,23 +45,7 @@ def excluded(blocks: pd.DataFrame, trials: pd.DataFrame, rules: Exclusions) -> p
 
 
 def named_trials(rules: Exclusions) -> dict[tuple[str, int], str]:
-    """Read the trials that an experimenter has excluded.
-
-    Parameters
-    ----------
-    rules : Exclusions
-        The rules.
-
-    Returns
-    -------
-    dict
-        Why each does not count, by recording and trial.
-
-    Raises
-    ------
-    ConfigError
-        If one is not written as ``RECORDING/TRIAL: why``.
-    """
+    """Read the trials that an experimenter has excluded."""
     named: dict[tuple[str, int], str] = {}
     for word in rules.trials:
         place, colon, why = word.partition(":")
@@ -85,20 +57,7 @@ def named_trials(rules: Exclusions) -> dict[tuple[str, int], str]:
 
 
 def require_recordings(rules: Exclusions, recordings: Collection[str]) -> None:
-    """Refuse to exclude trials of recordings that are not there, before any is measured.
-
-    Parameters
-    ----------
-    rules : Exclusions
-        The rules.
-    recordings : collection of str
-        Names of the recordings.
-
-    Raises
-    ------
-    ConfigError
-        If a trial is named in another one.
-    """
+    """Refuse to exclude trials of recordings that are not there, before any is measured."""
     for recording, trial in named_trials(rules):
         if recording not in recordings:
             raise ConfigError(f"[exclusions] trials: there is no trial {trial} in {recording!r}: no such recording")

@@ -33,13 +33,7 @@ def fingerprint() -> str:
 
 
 def sources() -> dict[str, Path]:
-    """Find the modules that take part in measuring.
-
-    Returns
-    -------
-    dict of Path
-        The file of each, by its name.
-    """
+    """Find the modules that take part in measuring."""
     found: dict[str, Path] = {}
     waiting = [ROOT]
     while waiting:

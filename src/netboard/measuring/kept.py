@@ -56,22 +56,7 @@ def _version(name: str) -> str:
 
 
 def key_of_analysis(recordings: Sequence[Path], settings: bytes, options: Sequence[str]) -> str:
-    """Name an analysis by all that decides what is in its folder.
-
-    Parameters
-    ----------
-    recordings : sequence of Path
-        The recordings, as they were named.
-    settings : bytes
-        The file of settings; nothing for the defaults.
-    options : sequence of str
-        What of the command's options changes what is written.
-
-    Raises
-    ------
-    RecordingError
-        If a recording cannot be read.
-    """
+    """Name an analysis by all that decides what is in its folder."""
     with ThreadPoolExecutor() as pool:
         digests = list(pool.map(digest_of, recordings))
     named = [[str(path), digest] for path, digest in zip(recordings, digests, strict=True)]
@@ -89,19 +74,7 @@ def digest_of(path: Path) -> str:
 
 
 def keep(store: Store, key: str, folder: Path, words: Sequence[str]) -> None:
-    """Keep an analysis.
-
-    Parameters
-    ----------
-    store : Store
-        Where.
-    key : str
-        What `key_of_analysis` gives.
-    folder : Path
-        Its folder, with all of its files.
-    words : sequence of str
-        What was said of it.
-    """
+    """Keep an analysis."""
     files = {}
     for path in sorted(path for path in folder.rglob("*") if path.is_file()):
         content = path.read_bytes()
@@ -115,15 +88,6 @@ def keep(store: Store, key: str, folder: Path, words: Sequence[str]) -> None:
 
 def take(store: Store, key: str, folder: Path) -> tuple[str, ...] | None:
     """Write an analysis that is kept whole into an empty folder.
-
-    Parameters
-    ----------
-    store : Store
-        Where it is kept.
-    key : str
-        What `key_of_analysis` gives.
-    folder : Path
-        Where its files go.
 
     Returns
     -------

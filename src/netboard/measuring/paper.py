@@ -14,15 +14,7 @@ from netboard.measuring.take import RATE, Take
 
 
 def peaks_of(take: Take, window: Window) -> Peaks:
-    """Find the velocity peaks of the ball, as set.
-
-    Parameters
-    ----------
-    take : Take
-        The attempt.
-    window : {"to_completion", "whole"}
-        Where.
-    """
+    """Find the velocity peaks of the ball, as set."""
     how = take.block.readings.peaks
     return velocity_peaks(
         take.found.speed[take.trial.window(window)],
@@ -34,18 +26,7 @@ def peaks_of(take: Take, window: Window) -> Peaks:
 
 
 def classes_of(take: Take) -> NDArray[np.int8]:
-    """Classify the movement of the styluses at each sample of the window that is set.
-
-    Parameters
-    ----------
-    take : Take
-        The attempt.
-
-    Returns
-    -------
-    ndarray of int8, shape (n,)
-        A `netboard.analysis.movements.Movement` each [1].
-    """
+    """Classify the movement of the styluses at each sample of the window that is set."""
     how = take.block.readings.movements
     window = take.trial.window(how.window)
     left, right = take.found.left_vz[window], take.found.right_vz[window]
@@ -53,15 +34,7 @@ def classes_of(take: Take) -> NDArray[np.int8]:
 
 
 def strategy_of(take: Take, braking: Braking) -> Strategy:
-    """Find the first braking movement.
-
-    Parameters
-    ----------
-    take : Take
-        The attempt.
-    braking : {"tilt", "rotation"}
-        What brakes.
-    """
+    """Find the first braking movement."""
     found = take.found
     return first_braking(take.turns, found.theta, found.p, found.vp, RATE, take.trial, braking=braking)
 

@@ -230,15 +230,6 @@ _ADAPTER: TypeAdapter[Readings] = TypeAdapter(Readings)
 def parse(text: str, source: str = "analysis.toml", overrides: Sequence[str] = ()) -> Readings:
     """Check a TOML text and turn it into `Readings`.
 
-    Parameters
-    ----------
-    text : str
-        The TOML text; missing tables and keys take their defaults.
-    source : str
-        Name of the file, for error messages.
-    overrides : sequence of str
-        Settings as ``table.key=value`` that go before those of the text.
-
     Raises
     ------
     ConfigError
@@ -253,22 +244,10 @@ def template() -> str:
 
 
 def resolve(readings: Readings) -> str:
-    """Write all settings, as TOML text.
-
-    Parameters
-    ----------
-    readings : Readings
-        The settings.
-    """
+    """Write all settings, as TOML text."""
     return write(readings)
 
 
 def measured_with(readings: Readings) -> str:
-    """Write the settings that decide what is measured in a trial: with the same ones a recording gives the same tables.
-
-    Parameters
-    ----------
-    readings : Readings
-        The settings.
-    """
+    """Write the settings that determine the tables of a recording."""
     return write(replace(readings, summaries=Summaries(), exclusions=Exclusions()))

@@ -102,25 +102,7 @@ FIELDS = {"blocks": BLOCKS, "trials": TRIALS, "movements": MOVEMENTS, "paths": P
 
 
 def measure(run: Run, readings: Readings) -> Measured:
-    """Measure a recording.
-
-    Parameters
-    ----------
-    run : Run
-        The recording, and whose it is.
-    readings : Readings
-        How it is measured.
-
-    Returns
-    -------
-    Measured
-        Its tables.
-
-    Raises
-    ------
-    RecordingError
-        If it cannot be read, or has no ticks or no ball.
-    """
+    """Measure a recording."""
     name = run.path.stem
     with Recording(run.path) as recording:
         columns, verdicts = _read(recording, run.config, readings)

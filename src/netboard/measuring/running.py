@@ -29,15 +29,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class LeftOut:
-    """A recording that could not be measured.
-
-    Attributes
-    ----------
-    file : str
-        Name of its file.
-    why : str
-        What is wrong with it.
-    """
+    """A recording that could not be measured."""
 
     file: str
     why: str
@@ -45,17 +37,7 @@ class LeftOut:
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """A recording that was measured.
-
-    Attributes
-    ----------
-    run : Run
-        The recording, and whose it is.
-    sha256 : str
-        SHA-256 of its bytes, in hexadecimal.
-    kept : bool
-        Its tables were kept from an earlier time.
-    """
+    """A recording that was measured."""
 
     run: Run
     sha256: str
@@ -68,14 +50,6 @@ class Harvest:
 
     Attributes
     ----------
-    sources : tuple of Source
-        Session by session, in the order of time within each.
-    left_out : tuple of LeftOut
-        Recordings that could not be measured, by name.
-    measured : tuple of Measured
-        The tables of each but for its paths.
-    paths : mapping of DataFrame
-        Those, by the recording's name.
     peak : float
         The most memory that a process held that measured, in bytes; 0 if none had to [1].
     """
@@ -101,32 +75,15 @@ def harvest(
 
     Parameters
     ----------
-    recordings : sequence of Path
-        The recordings, in any order.
-    readings : Readings
-        How they are measured.
-    crew : callable
-        Who measures: of `netboard.measuring.crews`.
     cache : Cache or None
         Where results are kept; None to measure all and keep nothing.
-    shelf : Shelf
-        Where the paths go.
     progress : callable
         Is told how many recordings are done, and of how many.
-    skip : bool
-        Leave out what cannot be measured.
-
-    Returns
-    -------
-    Harvest
-        The tables, and what was left out.
 
     Raises
     ------
     RecordingError
         If a recording cannot be measured and is not to be left out, or none is left.
-    ConfigError
-        If the configuration of one is not of this version, or nobody can measure.
     """
     runs, left_out = _readable(recordings) if skip else (runs_of(recordings), [])
     digests = _digests([run.path for run in runs])

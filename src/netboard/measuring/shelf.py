@@ -14,36 +14,14 @@ from netboard.measuring.streams import Streams
 
 
 class Shelf(Mapping[str, pd.DataFrame]):
-    """The paths of each recording by its name, read whenever they are asked for.
-
-    Parameters
-    ----------
-    folder : Path
-        An empty folder; who made it removes it.
-
-    Raises
-    ------
-    ConfigError
-        If pyarrow is not installed.
-    """
+    """The paths of each recording by its name, read whenever they are asked for."""
 
     def __init__(self, folder: Path) -> None:
         self._folder, self._streams = folder, Streams(None)
         self._places: dict[str, Path] = {}
 
     def put(self, measured: Measured) -> None:
-        """Take the paths of a recording.
-
-        Parameters
-        ----------
-        measured : Measured
-            Its tables.
-
-        Raises
-        ------
-        RecordingError
-            If they cannot be written.
-        """
+        """Take the paths of a recording."""
         place = self._folder / f"{len(self._places)}.paths"
         try:
             with place.open("wb") as file:

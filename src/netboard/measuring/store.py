@@ -42,15 +42,8 @@ class Store:
 
     Parameters
     ----------
-    folder : Path
-        The folder; it is made if need be.
     limit : int
         What is kept and not in use is dropped from this size on, in bytes [1].
-
-    Raises
-    ------
-    RecordingError
-        If it cannot be made.
     """
 
     def __init__(self, folder: Path, limit: int = LIMIT) -> None:
@@ -82,13 +75,7 @@ class Store:
         return content
 
     def put(self, name: str, content: bytes) -> None:
-        """Keep an entry.
-
-        Raises
-        ------
-        RecordingError
-            If it cannot be written.
-        """
+        """Keep an entry."""
         part = None
         try:
             with NamedTemporaryFile(dir=self._folder, suffix=".part", delete=False) as file:
@@ -103,13 +90,7 @@ class Store:
                 part.unlink(missing_ok=True)
 
     def trim(self) -> None:
-        """Drop what was not used for longest, down to the limit or what is in use, and what killed processes have left.
-
-        Raises
-        ------
-        RecordingError
-            If that is not allowed.
-        """
+        """Evict the least recently used entries down to the limit, and files that killed processes left."""
         try:
             for part in self._folder.glob("*.part"):
                 with suppress(FileNotFoundError):  # it got its name just now

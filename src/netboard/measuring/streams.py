@@ -11,35 +11,14 @@ from netboard.recording.channels import Field
 
 
 class Streams:
-    """Writes and reads tables, each a stream of its own.
-
-    Parameters
-    ----------
-    compression : {"zstd", None}
-        Of the values.
-
-    Raises
-    ------
-    ConfigError
-        If pyarrow is not installed.
-    """
+    """Writes and reads tables, each a stream of its own."""
 
     def __init__(self, compression: str | None) -> None:
         self._arrow, self._ipc = library("pyarrow", "analysis"), library("pyarrow.ipc", "analysis")
         self._options = self._ipc.IpcWriteOptions(compression=compression)
 
     def write(self, sink: BinaryIO, columns: Columns, fields: tuple[Field, ...]) -> None:
-        """Write a table where a file is.
-
-        Parameters
-        ----------
-        sink : file
-            An open one.
-        columns : dict of ndarray, shape (n,)
-            The columns.
-        fields : tuple of Field
-            What they are.
-        """
+        """Write a table where a file is."""
         arrow = self._arrow
         text = arrow.dictionary(arrow.int32(), arrow.string())
         kinds = {"integer": arrow.int64(), "number": arrow.float64(), "string": text}
@@ -49,24 +28,11 @@ class Streams:
             stream.write_table(table)
 
     def source(self, content: memoryview) -> Any:
-        """Return what `read` takes tables from, one after the other.
-
-        Parameters
-        ----------
-        content : memoryview
-            What was written.
-        """
+        """Return what `read` takes tables from, one after the other."""
         return self._arrow.BufferReader(content)
 
     def read(self, source: Any, fields: tuple[Field, ...]) -> Columns:
         """Read the next table.
-
-        Parameters
-        ----------
-        source : object
-            What `source` gave.
-        fields : tuple of Field
-            Its columns.
 
         Returns
         -------

@@ -50,16 +50,8 @@ class Study:
 
     Attributes
     ----------
-    readings : Readings
-        How it was measured, and what counts.
     blocks, trials, movements : DataFrame
         As in `netboard.measuring.recordings`; trials and movements with the columns of `PLACE_IN_STUDY`.
-    paths : mapping of DataFrame
-        Those of each recording by its name.
-    exclusions : DataFrame
-        As in `netboard.measuring.exclusions`.
-    levels : Levels
-        The factors of the study. All tables have their columns.
     """
 
     readings: Readings
@@ -81,25 +73,13 @@ class Study:
         return tuple(field for factor in self.factors for field in factor.fields)
 
     def fields(self, table: str) -> tuple[Field, ...]:
-        """Columns of a table.
-
-        Parameters
-        ----------
-        table : str
-            Name of a table of a recording.
-        """
+        """Columns of a table."""
         own = FIELDS_IN_STUDY[table]
         there = {field.name for field in own}
         return (*own, *(field for field in self.factor_fields if field.name not in there))
 
     def with_factors(self, rows: pd.DataFrame) -> pd.DataFrame:
-        """Add the columns of the factors to rows of trials.
-
-        Parameters
-        ----------
-        rows : DataFrame
-            With columns ``recording`` and ``trial``.
-        """
+        """Add the columns of the factors to rows of trials."""
         places = dict(zip(self.blocks["recording"], range(len(self.blocks)), strict=True))
         return rows.assign(**_factor_columns(self.levels, [places[one] for one in rows["recording"]], rows["trial"]))
 
@@ -132,16 +112,6 @@ def study_of(
         The readings they were measured with; their exclusions are applied here.
     paths : mapping of DataFrame, optional
         The paths of each recording by its name, if they are not in its tables.
-
-    Returns
-    -------
-    Study
-        The study.
-
-    Raises
-    ------
-    ConfigError
-        If the exclusions name a trial that is not there.
     """
     in_order = _in_order(measured)
     if paths is None:
@@ -161,20 +131,7 @@ def study_of(
 
 
 def pooled(study: Study, over: Collection[str]) -> Study:
-    """Pool the trials of a study over factors: their levels are no part of conditions any more.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-    over : collection of str
-        Names of the factors.
-
-    Returns
-    -------
-    Study
-        The same trials under fewer conditions.
-    """
+    """Pool the trials of a study over factors: their levels are no part of conditions any more."""
     factors = tuple(replace(one, told=one.told and one.name not in over) for one in study.factors)
     levels = replace(study.levels, factors=factors)
     blocks = study.blocks.assign(condition=_block_conditions(study.blocks, levels))

@@ -19,50 +19,24 @@ Columns = dict[str, NDArray[Any]]
 
 @dataclass(frozen=True, slots=True)
 class Group:
-    """Measures of an attempt that are computed together.
-
-    Attributes
-    ----------
-    fields : tuple of Field
-        Their columns.
-    measure : callable
-        Takes a `Take`; returns one value for each column.
-    """
+    """Measures of an attempt that are computed together."""
 
     fields: tuple[Field, ...]
     measure: Callable[[Take], Mapping[str, float | int | str]]
 
 
 def number(name: str, text: str, unit: str) -> Field:
-    """Describe a column of numbers.
-
-    Parameters
-    ----------
-    name, text, unit : str
-        Its name, meaning and SI unit.
-    """
+    """Describe a column of numbers."""
     return Field(name, "number", text, unit)
 
 
 def count(name: str, text: str) -> Field:
-    """Describe a column of integers.
-
-    Parameters
-    ----------
-    name, text : str
-        Its name and meaning.
-    """
+    """Describe a column of integers."""
     return Field(name, "integer", text, "1")
 
 
 def words(name: str, text: str) -> Field:
-    """Describe a column of texts.
-
-    Parameters
-    ----------
-    name, text : str
-        Its name and meaning.
-    """
+    """Describe a column of texts."""
     return Field(name, "string", text, "")
 
 
@@ -71,20 +45,7 @@ DTYPES = {"integer": np.dtype(np.int64), "number": np.dtype(np.float64), "string
 
 
 def columns_of(fields: tuple[Field, ...], rows: Sequence[Mapping[str, Any]]) -> Columns:
-    """Make columns of rows.
-
-    Parameters
-    ----------
-    fields : tuple of Field
-        The columns.
-    rows : sequence of dict
-        A value for each column in each row.
-
-    Returns
-    -------
-    dict of ndarray, shape (n,)
-        The columns [SI].
-    """
+    """Make columns of rows."""
     return {field.name: np.array([row[field.name] for row in rows], DTYPES[field.kind]) for field in fields}
 
 

@@ -35,13 +35,7 @@ _FILTERED = ("_seen", "placed", "fast", "slow", "whole", "forces", "_turns")
 
 
 def columns_for(readings: Readings) -> tuple[str, ...]:
-    """Name the columns of ticks that a `Block` is made of.
-
-    Parameters
-    ----------
-    readings : Readings
-        How the recording is to be measured.
-    """
+    """Name the columns of ticks that a `Block` is made of."""
     return ("tick", *_PLACES, *_FORCES, *(_RATES if readings.filters.velocity == "device" else ()))
 
 
@@ -57,32 +51,8 @@ class Block:
     ----------
     recording : Recording
         The recording, open; it is read here and not needed afterwards.
-    config : Config
-        Its configuration.
-    readings : Readings
-        How it is to be measured.
     columns : mapping of str to ndarray, optional
         Those of `columns_for`, if they have been read already; they are kept as they are [SI].
-
-    Attributes
-    ----------
-    config : Config
-        Its configuration.
-    readings : Readings
-        How it is measured.
-    attempts : tuple of Attempt
-        All attempts, with ticks counted from `first`.
-    first : int
-        Number of the first tick [1].
-    missing : int
-        Ticks that are not there, bridged or not [1].
-    mechanics : dict of Mechanics or None
-        What the devices of both sides are like to move.
-
-    Raises
-    ------
-    RecordingError
-        If it has no ticks, or no ball.
     """
 
     def __init__(
@@ -112,25 +82,7 @@ class Block:
         self.mechanics = mechanics_of(config, recording)
 
     def again(self, readings: Readings, **columns: NDArray[np.float64]) -> "Block":
-        """See the same recording by other readings, or with other columns; what stays the same is not filtered again.
-
-        Parameters
-        ----------
-        readings : Readings
-            How it is to be measured.
-        **columns : ndarray, shape (n,)
-            Columns in place of the recorded ones [SI].
-
-        Returns
-        -------
-        Block
-            The recording, seen so.
-
-        Raises
-        ------
-        ValueError
-            If the devices' velocities are to be measured and were not read.
-        """
+        """Return the same recording under other settings or columns; what stays the same is not filtered again."""
         if readings.filters.velocity == "device" and _RATES[0] not in self._columns:
             raise ValueError("the devices' velocities were not read: open the recording with filters.velocity=device")
         other = copy(self)
@@ -151,13 +103,7 @@ class Block:
         return self.raw("p").size
 
     def raw(self, name: str) -> NDArray[np.float64]:
-        """Return a column as recorded, but for short holes, which are bridged, shape (n,) [SI].
-
-        Parameters
-        ----------
-        name : str
-            Name of the column, as in the recording.
-        """
+        """Return a column as recorded, but for short holes, which are bridged, shape (n,) [SI]."""
         return self._seen[name]
 
     @cached_property
@@ -187,13 +133,7 @@ class Block:
         return LowPass(cutoff, how.order, how.order_of, how.cutoff_of, how.padding, how.pad)
 
     def filtered(self, part: slice) -> Motion:
-        """Filter a part of the recording.
-
-        Parameters
-        ----------
-        part : slice
-            Its samples.
-        """
+        """Filter a part of the recording."""
         how = self.readings.filters
         theta, p, left, right = (self.raw(name)[part] for name in _PLACES)
         rates = [self.raw(name)[part] for name in _RATES] if how.velocity == "device" else (None, None)
@@ -224,13 +164,7 @@ class Block:
         return left, right
 
     def segments(self, found: Motion) -> Segments:
-        """Movements of the board.
-
-        Parameters
-        ----------
-        found : Motion
-            The recording or a part of it, filtered.
-        """
+        """Movements of the board."""
         how = self.readings.segments
         return board_segments(
             found.omega,
@@ -248,13 +182,7 @@ class Block:
         return self.segments(self.whole)
 
     def takes(self) -> Iterator["Take"]:
-        """Yield the attempts that ended with a success, a fall or the end of their time, in order.
-
-        Yields
-        ------
-        Take
-            The next one.
-        """
+        """Yield the attempts that ended with a success, a fall or the end of their time, in order."""
         for attempt in self.attempts:
             if measurable(attempt):
                 yield self._take(attempt)
@@ -308,22 +236,8 @@ class Take:
 
     Attributes
     ----------
-    block : Block
-        The recording.
-    attempt : Attempt
-        The attempt, as the recording knows it.
-    part : slice
-        The samples of the recording that `found` is of.
-    trial : Trial
-        The attempt within these.
-    found : Motion
-        The filtered movement.
-    turns : Segments
-        Movements of the board in it.
     completion : float
         Completion time; NaN without one [s].
-    entries : float
-        How often the ball came into the target [1].
     source : str
         What the completion time is from: ``samples`` of the ball, or the ``recording`` where they do not show a hold;
         empty without one.
@@ -340,30 +254,11 @@ class Take:
     source: str
 
     def raw(self, name: str) -> NDArray[np.float64]:
-        """Return a column of `part`, as recorded, shape (n,) [SI].
-
-        Parameters
-        ----------
-        name : str
-            Name of the column.
-        """
+        """Return a column of `part`, as recorded, shape (n,) [SI]."""
         return self.block.raw(name)[self.part]
 
     def force(self, side: Literal["left", "right"], window: slice) -> NDArray[np.float64]:
-        """Force of a hand on the board, filtered [N].
-
-        Parameters
-        ----------
-        side : {"left", "right"}
-            Whose.
-        window : slice
-            Samples of `part`.
-
-        Returns
-        -------
-        ndarray, shape (n,)
-            The force, + = up [N].
-        """
+        """Force of a hand on the board, filtered [N]."""
         return self.block.forces[SIDES.index(side)][self.part][window]
 
     def knows(self, window: Window) -> bool:
@@ -371,11 +266,6 @@ class Take:
 
         A success without a completion time has none up to its completion: its samples show no hold by the readings, and
         the recording does not say when it was.
-
-        Parameters
-        ----------
-        window : {"to_completion", "whole"}
-            As for `netboard.analysis.motion.Trial.window`.
         """
         return window == "whole" or self.trial.completion is not None or self.attempt.outcome != "success"
 

@@ -71,21 +71,7 @@ class Companion(Protocol):
 
 
 class Agent:
-    """One device, its safety chain and its link to the server.
-
-    Parameters
-    ----------
-    config : Config
-        Rig and experiment.
-    side : str
-        ``left`` or ``right``.
-    device : Device
-        The open device.
-    context : zmq.Context
-        Where the socket is made.
-    companion : Companion or None
-        What lives with the device.
-    """
+    """One device, its safety chain and its link to the server."""
 
     def __init__(
         self,
@@ -111,13 +97,7 @@ class Agent:
         self._ring = RenderedRing()
 
     def run(self, stopping: Callable[[], bool]) -> None:
-        """Serve the device until told to stop; its owner closes it.
-
-        Parameters
-        ----------
-        stopping : callable
-            Whether the process has been asked to stop.
-        """
+        """Serve the device until told to stop; its owner closes it."""
         self._link.warm()
         steady_loop()
         while not stopping():

@@ -33,13 +33,7 @@ Event = tuple[str, dict[str, str]]
 
 
 class Alarm:
-    """Remembers whether everything is stopped, and what has tripped.
-
-    Attributes
-    ----------
-    halted : str
-        Why no device may have a force, or empty.
-    """
+    """Remembers whether everything is stopped, and what has tripped."""
 
     def __init__(self) -> None:
         self.halted = ""
@@ -60,17 +54,7 @@ class Alarm:
         return [(RELEASE, {})]
 
     def look(self, found: int, safeguards: dict[Side, int], now_ns: int) -> list[Event]:
-        """Look at what the samples of a tick say; what is to be recorded.
-
-        Parameters
-        ----------
-        found : int
-            What `netboard.nodes.seats.fill` has found.
-        safeguards : dict of int
-            `Safeguard` bits of each side in this tick.
-        now_ns : int
-            The time [ns].
-        """
+        """Look at what the samples of a tick say; what is to be recorded."""
         events: list[Event] = []
         for place, side in enumerate(SIDES):
             if found & (seats.TRIPPED << place):

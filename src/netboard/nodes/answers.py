@@ -31,13 +31,7 @@ _TRACED = ("left_used_z", "right_used_z", "z", "theta", "p", "left_rendered", "r
 
 
 class SessionAnswers:
-    """Answers for a session.
-
-    Parameters
-    ----------
-    session : Session
-        The session, as it is whenever somebody asks.
-    """
+    """Answers for a session."""
 
     def __init__(self, session: "Session") -> None:
         self._session = session
@@ -116,16 +110,6 @@ class SessionAnswers:
 
 
 def trace_of(rows: NDArray[Any], numbers: Iterable[int], *, ball: bool) -> Trace:
-    """Say what has happened in some ticks.
-
-    Parameters
-    ----------
-    rows : ndarray of TICK, shape (n,)
-        The ticks.
-    numbers : iterable of int
-        Their numbers [1].
-    ball : bool
-        Whether there is a ball.
-    """
+    """Say what has happened in some ticks."""
     values = (rows[name].tolist() if ball or name != "p" else [nan] * len(rows) for name in _TRACED)
     return Trace(tuple(zip(numbers, *values, strict=True)))

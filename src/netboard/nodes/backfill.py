@@ -32,8 +32,6 @@ class Gaps:
 
     Attributes
     ----------
-    open : deque of BackfillRequest
-        What is still to be asked, oldest first.
     asked_ns : int or None
         When the first of them was asked for; None if it was not, or is answered [ns].
     """
@@ -70,24 +68,7 @@ class Backfiller:
         self._records = 0
 
     def attend(self, motion: MotionPort, rows: Any, number: int, now_ns: int) -> list[BackfillRecord]:
-        """Take the answers that have come, look at the new ticks, and ask what is due.
-
-        Parameters
-        ----------
-        motion : MotionPort
-            Where the agents are.
-        rows : ndarray of netboard.tick.TICK, shape (n,)
-            The ring of rows.
-        number : int
-            Number of the next tick [1].
-        now_ns : int
-            The time [ns].
-
-        Returns
-        -------
-        list of BackfillRecord
-            What is to be recorded.
-        """
+        """Take the answers that have come, look at the new ticks, and ask what is due."""
         taken = [self.take(side, answer, motion.seats[side].clock.offset_ns) for side, answer in motion.backfills]
         motion.backfills.clear()
         self.look(rows, number)
@@ -97,15 +78,7 @@ class Backfiller:
         return [record for record in taken if record is not None]
 
     def look(self, rows: Any, number: int) -> None:
-        """Look at the ticks done since the last time.
-
-        Parameters
-        ----------
-        rows : ndarray of netboard.tick.TICK, shape (n,)
-            The ring of rows.
-        number : int
-            Number of the next tick [1].
-        """
+        """Look at the ticks done since the last time."""
         places = np.arange(max(self._looked, number - len(rows)), number) % len(rows)
         self._looked = number
         for side, gaps in self._gaps.items():
@@ -125,12 +98,8 @@ class Backfiller:
 
         Parameters
         ----------
-        side : str
-            Whose.
         answer : Backfill
             The answer; one that was not asked for, or that breaks the rules, is ignored.
-        offset_ns : int
-            The agent's clock minus the server's [ns].
         """
         gaps = self._gaps[side]
         asked = gaps.open[0] if gaps.open and gaps.asked_ns is not None else None

@@ -24,20 +24,7 @@ SUMMED = "stood_still"
 
 
 class Chronicle:
-    """Numbers what is recorded, and brings it to the loggers.
-
-    Parameters
-    ----------
-    port : LogPort
-        Where the loggers are.
-
-    Attributes
-    ----------
-    opened : bool
-        Whether the session is open.
-    probes : int
-        Clock probes recorded so far [1].
-    """
+    """Numbers what is recorded, and brings it to the loggers."""
 
     def __init__(self, port: LogPort) -> None:
         self.opened = False
@@ -49,17 +36,7 @@ class Chronicle:
         self._stalled_ms = 0
 
     def note(self, tick: int, name: str, details: dict[str, str]) -> None:
-        """Record an event, or hold it until the session is open, and tell whoever runs the server.
-
-        Parameters
-        ----------
-        tick : int
-            Number of the tick at which it takes effect [1].
-        name : str
-            What has happened.
-        details : dict of str
-            Anything worth knowing.
-        """
+        """Record an event, or hold it until the session is open, and tell whoever runs the server."""
         if self.opened:
             self._record_event(tick, name, details)
         else:
@@ -113,17 +90,7 @@ class Chronicle:
 
 
 def change_of(cause: Cause, row: Any, state: Any) -> dict[str, str]:
-    """Write what the trial machine has decided at a tick, as details of an event.
-
-    Parameters
-    ----------
-    cause : Cause
-        Why.
-    row : netboard.tick.TICK record
-        The tick.
-    state : netboard.tick.STATE record
-        How the trial is after it.
-    """
+    """Write what the trial machine has decided at a tick, as details of an event."""
     details = {
         "from": PHASE_NAMES[int(row["phase"])],
         "to": PHASE_NAMES[int(state["phase"])],

@@ -11,13 +11,7 @@ News = list[tuple[str, dict[str, str]]]
 
 
 class Comings:
-    """The comings and goings on one channel.
-
-    Parameters
-    ----------
-    news : list
-        Where they are noted.
-    """
+    """The comings and goings on one channel."""
 
     def __init__(self, news: News) -> None:
         self._news = news

@@ -98,12 +98,6 @@ class Person:
 
     Parameters
     ----------
-    config : Config
-        Rig and experiment.
-    device : Held
-        The device in the own hand.
-    context : zmq.Context
-        Where the sockets are made.
     nerve : zmq.Socket or None
         Where the other hand is told what to do, if it is this person's too.
     """
@@ -165,17 +159,7 @@ class Limb:
 
 
 class Player:
-    """A person at the display of this side, who points at where the stylus shall go.
-
-    Parameters
-    ----------
-    config : Config
-        Where the display is to be met.
-    device : Pointed
-        The stylus.
-    context : zmq.Context
-        Where the sockets are made.
-    """
+    """A person at the display of this side, who points at where the stylus shall go."""
 
     def __init__(self, config: Config, device: Pointed, context: sockets.Context) -> None:
         where = channels.addresses(config.network)
@@ -211,17 +195,7 @@ def _possible(move: Move) -> bool:
 
 
 class Life:
-    """Whoever is simulated at a device, made anew for each block.
-
-    Parameters
-    ----------
-    config : Config
-        Rig, person, and the block that it begins with.
-    device : Held
-        The device in the hand.
-    context : zmq.Context
-        Where the sockets are made.
-    """
+    """Whoever is simulated at a device, made anew for each block."""
 
     def __init__(self, config: Config, device: Held, context: sockets.Context) -> None:
         self._config, self._device, self._context = config, device, context

@@ -69,17 +69,7 @@ class Answers(Protocol):
 
 
 class Wish(NamedTuple):
-    """A command, and who gave it.
-
-    Attributes
-    ----------
-    who : bytes
-        By which the sender is answered.
-    name : str
-        By which people know the sender.
-    command : Command
-        What is wished.
-    """
+    """A command, and who gave it."""
 
     who: bytes
     name: str
@@ -87,17 +77,7 @@ class Wish(NamedTuple):
 
 
 class ControlPort:
-    """Who is on the control channel, what they wish and what they have shown.
-
-    Parameters
-    ----------
-    router : ends.Router
-        Server end of the control channel.
-    welcome : Welcome
-        What a peer is told first.
-    answers : Answers
-        Who is asked for what operators want to know.
-    """
+    """Who is on the control channel, what they wish and what they have shown."""
 
     def __init__(self, router: ends.Router, welcome: Welcome, answers: Answers) -> None:
         self.wishes: list[Wish] = []
@@ -213,13 +193,7 @@ class ControlPort:
         return True
 
     def _hear(self, name: bytes, peer: Peer | None, frame: bytes, now_ns: int) -> None:
-        """Take what a peer says.
-
-        Raises
-        ------
-        WireError
-            If it may not say that.
-        """
+        """Take what a peer says."""
         role, kind = "" if peer is None else peer.hello.role, kind_of(frame)
         if kind not in MAY_SAY[role]:
             raise WireError(f"a {role} may not send {kind.__name__}" if role else HELLO_FIRST)
@@ -276,13 +250,7 @@ class ControlPort:
         self._router.owe(name, self._welcome)
 
     def _make_room(self, role: str, now_ns: int) -> None:
-        """Forget a peer of a role that is silent, or cannot be sent anything, if there are too many.
-
-        Raises
-        ------
-        WireError
-            If all of them are there: each keeps its place.
-        """
+        """Forget a peer of a role that is silent, or cannot be sent anything, if there are too many."""
         same = [name for name, peer in self._peers.items() if peer.hello.role == role]
         if len(same) < MOST_PEERS:
             return
@@ -307,13 +275,7 @@ class ControlPort:
         self._comings.tell(f"{hello.role}_{happened}", details, now_ns)
 
     def _note(self, name: bytes, side: str, frames: Frames) -> None:
-        """Let a report wait to be recorded.
-
-        Raises
-        ------
-        WireError
-            If it is for another station, or too many wait.
-        """
+        """Let a report wait to be recorded."""
         if frames.station != side:
             raise WireError(f"the {side} display may not report for the {frames.station} station")
         if self._reporting[side] != name:

@@ -55,17 +55,6 @@ def keep(crowd: Any, fast: Any, frame: Any, now_ns: int) -> None:
 
     Each name is heard once in a while, its greetings apart from all else: so a peer that says hello is heard however
     much others send.
-
-    Parameters
-    ----------
-    crowd : ndarray of CROWD, shape (1,)
-        Where it is kept.
-    fast : ndarray of netboard.fastpath.FAST_PATH, shape (1,)
-        The router's fast path, which has just received it.
-    frame : ndarray of uint8
-        Room with the frame in it.
-    now_ns : int
-        The time [ns].
     """
     us, them = fast[0], crowd[0]
     size = us["size"]

@@ -50,15 +50,7 @@ DELAY_LIMIT = "delay_limit"
 
 
 def loops_of(config: Config, device: Mechanism) -> list[Loop]:
-    """Return what a hand's loop can be like: at a board that a partner holds fast, and on the free board.
-
-    Parameters
-    ----------
-    config : Config
-        The scene.
-    device : Mechanism
-        The device.
-    """
+    """Return what a hand's loop can be like: at a board that a partner holds fast, and on the free board."""
     physics = config.physics
     ends = [FIXED, *ends_of(physics).values()] if physics.coupling != "none" else []
     plain = Loop(
@@ -74,15 +66,7 @@ def loops_of(config: Config, device: Mechanism) -> list[Loop]:
 
 
 def limit_ns(loops: Sequence[Loop], gain: float = 1.0) -> int:
-    """Return the largest delay there and back with which all of some loops are stable.
-
-    Parameters
-    ----------
-    loops : sequence of Loop
-        The loops.
-    gain : float
-        Of what the hand feels [1].
-    """
+    """Return the largest delay there and back with which all of some loops are stable."""
     softened = [replace(loop, gain=gain) for loop in loops]
     return 1_000_000 * max(min((largest_round_trip(loop) for loop in softened), default=LONGEST), 0)
 
@@ -99,21 +83,12 @@ def _limits(loops: Sequence[Loop], first_ns: int) -> list[int]:
 class Delays:
     """The watch over the loops of both hands.
 
-    Parameters
-    ----------
-    config : Config
-        Scene, device, and what is to be done.
-
     Attributes
     ----------
     limit_ns : int
         The largest stable delay [ns].
-    gains : ndarray of float64, shape (2,)
-        What each hand feels is scaled by these [1].
     notice, trouble : str
         What the operator should know, and why a trial cannot go on; or empty.
-    news : list of (str, dict)
-        Events to be recorded.
     """
 
     def __init__(self, config: Config) -> None:
@@ -137,15 +112,7 @@ class Delays:
         self._tell()
 
     def know(self, side: Side, details: Mapping[str, str]) -> None:
-        """Take what an agent says of its own device when it joins.
-
-        Parameters
-        ----------
-        side : {"left", "right"}
-            Whose agent.
-        details : mapping of str to str
-            Of its `Hello`.
-        """
+        """Take what an agent says of its own device when it joins."""
         said = re.fullmatch(r"([0-9]{1,4}(?:[.][0-9]+)?) ms", details.get(DELAY_LIMIT, ""))
         self._limits_ns[side] = round(float(said[1]) * 1e6) if said else self._own_ns
         limit_ns = min(self._limits_ns.values())

@@ -38,19 +38,7 @@ _UNDER_WAY = (Phase.RUNNING, Phase.HOLDING)
 
 @dataclass(frozen=True, slots=True)
 class Situation:
-    """How things stand when a command comes.
-
-    Attributes
-    ----------
-    phase : Phase
-        Where the trial is.
-    missing : tuple of str
-        What a block needs and is not there.
-    last : bool
-        Whether the block is the last one.
-    plan : bool
-        Whether the session follows a plan.
-    """
+    """How things stand when a command comes."""
 
     phase: Phase
     missing: tuple[str, ...]
@@ -60,17 +48,7 @@ class Situation:
 
 @dataclass(frozen=True, slots=True)
 class Decision:
-    """What becomes of a command.
-
-    Attributes
-    ----------
-    accepted : bool
-        Whether it is, or will be, carried out.
-    reason : str
-        Why not; or what will be done.
-    cause : Cause
-        What the trial machine is told at this tick.
-    """
+    """What becomes of a command."""
 
     accepted: bool
     reason: str = ""
@@ -80,23 +58,10 @@ class Decision:
 class Desk:
     """Remembers who commands, and what was asked for later.
 
-    Parameters
-    ----------
-    opened : bool
-        Whether the session's form is complete.
-    armed : bool
-        Whether devices may have forces from the start.
-
     Attributes
     ----------
-    commander : bytes
-        Whose commands count; empty: the next one's.
-    name : str
-        What people call the commander.
     pause_after : bool
         The trial that is under way is to be the last one before a pause.
-    end_after : bool
-        The block is to be the last one.
     """
 
     def __init__(self, *, opened: bool, armed: bool) -> None:
@@ -115,19 +80,7 @@ class Desk:
         self.commander, self.name = b"", ""
 
     def decide(self, command: str, who: bytes, name: str, now: Situation) -> Decision:
-        """Decide on a command.
-
-        Parameters
-        ----------
-        command : str
-            Its name.
-        who : bytes
-            Who gives it.
-        name : str
-            What people call whoever gives it.
-        now : Situation
-            How things stand.
-        """
+        """Decide on a command."""
         if command in REPLAY_COMMANDS:
             return Decision(False, f"cannot {command}: this is a live session, not a replay")
         if command == "take" or (command not in ANYBODYS and not self.commander):
@@ -201,13 +154,6 @@ def _not_now(command: str, phase: Phase) -> str:
 def form_of(text: str, known: Session) -> Session:
     """Read the form of a session: a JSON object with keys of the configuration's table ``[session]``.
 
-    Parameters
-    ----------
-    text : str
-        The form.
-    known : Session
-        What counts where the form has no key.
-
     Raises
     ------
     ConfigError
@@ -220,20 +166,7 @@ def form_of(text: str, known: Session) -> Session:
 
 
 def note_of(text: str, tick: int) -> tuple[str, int]:
-    """Read a note: a JSON object with ``text`` and the ``tick`` at which its writing began, or a plain text.
-
-    Parameters
-    ----------
-    text : str
-        The note.
-    tick : int
-        The present tick, for a note without one [1].
-
-    Raises
-    ------
-    ConfigError
-        If it is neither.
-    """
+    """Read a note: a JSON object with ``text`` and the ``tick`` at which its writing began, or a plain text."""
     if not text.lstrip().startswith("{"):
         return text, tick
     note = _object(text, "the note")

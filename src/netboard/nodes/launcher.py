@@ -32,17 +32,7 @@ _guards: list[net.socket] = []
 
 @dataclass(frozen=True)
 class Ended:
-    """A process that has ended.
-
-    Attributes
-    ----------
-    name : str
-        Its name.
-    code : int
-        Its exit code, negative for a signal.
-    last_words : str
-        The last line it said.
-    """
+    """A process that has ended."""
 
     name: str
     code: int
@@ -60,8 +50,6 @@ class Launcher:
     ----------
     folder : Path or None
         Where what they say is kept, one file each; None lets them speak where this process speaks.
-    environment : dict of str
-        Environment variables on top of this process's own.
     """
 
     def __init__(self, folder: Path | None, environment: dict[str, str]) -> None:

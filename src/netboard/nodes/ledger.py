@@ -61,15 +61,9 @@ class Ledger:
     ----------
     begin_journal : callable or None
         Makes the journal of a session whose form is complete, from its configuration; None for a session without one.
-    journal : Journal or None
-        The journal of a session that is resumed.
-    progress : Progress or None
-        Where that session stands.
 
     Attributes
     ----------
-    attempts : list of Row
-        What has become of all attempts, as in `netboard.wire.control.Outcomes`.
     completions : list of float
         Completion times of the block so far [s].
     wanted : int
@@ -113,20 +107,7 @@ class Ledger:
         return f"the journal cannot be written: {said}" if said else ""
 
     def open(self, config: Config, run: str) -> None:
-        """The session is open: from now on everything counts.
-
-        Parameters
-        ----------
-        config : Config
-            With the session's form.
-        run : str
-            Id of this run of the server.
-
-        Raises
-        ------
-        NetboardError
-            If there is a journal of this session already.
-        """
+        """The session is open: from now on everything counts."""
         if self._journal is None and self._begin_journal is not None:
             self._journal = self._begin_journal(config)
         self._run = run
@@ -136,18 +117,7 @@ class Ledger:
             self._write(Opened(run, {name: str(value) for name, value in asdict(config.session).items()}))
 
     def place(self, block: int) -> dict[str, int]:
-        """Where a block begins: its beginning, or where an earlier run of the server has left it.
-
-        Parameters
-        ----------
-        block : int
-            Its number [1].
-
-        Returns
-        -------
-        dict of int
-            As `netboard.stage.Stage.initial` takes it.
-        """
+        """Where a block begins: its beginning, or where an earlier run of the server has left it."""
         so_far = self._progress
         if so_far is None or so_far.block != block:
             return {}
@@ -176,15 +146,7 @@ class Ledger:
     # --- what is seen ----------------------------------------------------------------------------------------------
 
     def look(self, rows: Any, following: int) -> None:
-        """See all ticks before one.
-
-        Parameters
-        ----------
-        rows : ndarray of TICK, shape (n,)
-            The ring of rows.
-        following : int
-            Number of the tick after the newest [1].
-        """
+        """See all ticks before one."""
         if self._referee is not None and following > self._seen:
             verdicts = self._referee.watch(rows, self._seen, following - self._seen)
             self._verdict = verdicts[-1] if verdicts else None
@@ -196,21 +158,7 @@ class Ledger:
             self._referee.paint(frame.station, frame.tick, frame.painted_ns)
 
     def happened(self, cause: Cause, row: Any, state: Any, rows: Any, number: int) -> list[Event]:
-        """Hear what the trial machine has decided; what is to be recorded of it.
-
-        Parameters
-        ----------
-        cause : Cause
-            The edge it took.
-        row : TICK record
-            The tick, as it found it.
-        state : STATE record
-            The state after it.
-        rows : ndarray of TICK, shape (n,)
-            The ring of rows.
-        number : int
-            Number of the tick [1].
-        """
+        """Hear what the trial machine has decided; what is to be recorded of it."""
         self._verdict = None
         self.look(rows, number + 1)
         events = []
@@ -278,27 +226,7 @@ class Ledger:
         return int(counted["lost"][place]), int(counted["clipped"][place])
 
     def ask(self, wish: str, argument: str, present: int) -> int:
-        """Have a trial done once more, or take that back.
-
-        Parameters
-        ----------
-        wish : {"repeat", "veto"}
-            Which.
-        argument : str
-            Number of the trial; empty for the last one.
-        present : int
-            Number of the trial that goes on [1].
-
-        Returns
-        -------
-        int
-            The trial [1].
-
-        Raises
-        ------
-        NetboardError
-            If that cannot be.
-        """
+        """Have a trial done once more, or take that back."""
         if argument and not argument.isdigit():
             raise NetboardError(f'{wish}: found "{argument}", expected the number of a trial')
         if wish == "repeat":

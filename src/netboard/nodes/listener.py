@@ -55,19 +55,8 @@ class Listener:
 
     Parameters
     ----------
-    link : Link
-        The log channel.
-    ear : Ear
-        Who is told.
-    purpose : str
-        What for: the server records it.
     clock : callable
         Monotonic time [ns].
-
-    Attributes
-    ----------
-    lost : int
-        Records that were not heard [1].
     """
 
     def __init__(self, link: Link, ear: Ear, purpose: str, clock: Callable[[], int] = now_ns) -> None:
@@ -84,13 +73,7 @@ class Listener:
         self._nonsense = Seldom(log)
 
     def run(self, stopping: Callable[[], bool]) -> None:
-        """Listen until told to stop.
-
-        Parameters
-        ----------
-        stopping : callable
-            Whether the process has been asked to stop.
-        """
+        """Listen until told to stop."""
         log.info("waiting for the server")
         while not stopping():
             self.step()

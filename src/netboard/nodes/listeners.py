@@ -36,17 +36,7 @@ class _Listener:
 
 
 class Listeners:
-    """The listeners of a session.
-
-    Parameters
-    ----------
-    router : ends.Router
-        Server end of the log channel.
-    ring : LogRing
-        The records.
-    comings : Comings
-        Where it is noted who comes and goes.
-    """
+    """The listeners of a session."""
 
     def __init__(self, router: ends.Router, ring: LogRing, comings: Comings) -> None:
         self._router = router
@@ -70,13 +60,7 @@ class Listeners:
         return [(*listener.peer.link(now_ns)[:-1], listener.lost) for listener in self._listeners.values()]
 
     def greet(self, name: bytes, hello: Hello, welcome: Welcome, now_ns: int) -> None:
-        """Let one in that may come in; one that is known goes on where it was.
-
-        Raises
-        ------
-        WireError
-            If there are too many.
-        """
+        """Let one in that may come in; one that is known goes on where it was."""
         known = self._listeners.get(name)
         if known is None and len(self._listeners) >= MOST_LISTENERS:
             raise WireError("too many listeners")

@@ -30,17 +30,7 @@ class Link(Protocol):
 
 
 class SocketLink:
-    """The log channel over a real socket.
-
-    Parameters
-    ----------
-    network : Network
-        Where the server is.
-    role : str
-        What the peer is: ``logger`` or ``listener``.
-    context : zmq.Context
-        Where the socket is made.
-    """
+    """The log channel over a real socket."""
 
     def __init__(self, network: Network, role: str, context: sockets.Context) -> None:
         endpoint = keys.reach(network, role).reach(channels.LOG)

@@ -75,27 +75,13 @@ class LogPort:
 
     Parameters
     ----------
-    router : ends.Router
-        Server end of the log channel.
-    welcome : Welcome
-        What a logger is told first.
-    capacity : int
-        Records the ring holds.
-    spill : Spill
-        Takes what the ring must let go.
     clock : callable
         Monotonic time [ns].
 
     Attributes
     ----------
-    append : callable
-        Keeps a record, given as its frame, for the loggers.
     trouble : str
         Why a trial that is to be recorded cannot go on, or nothing; as of the last `pump`.
-    free_bytes : int
-        Free space where a logger writes [1].
-    news : list
-        What has happened: name and details of an event.
     listeners : Listeners
         Who hears the records, and has no part in keeping them.
     """
@@ -277,13 +263,7 @@ class LogPort:
             self.refusals.refuse(name, str(error), now_ns)
 
     def _hear(self, name: bytes, frame: bytes, now_ns: int) -> None:
-        """Take what a peer says.
-
-        Raises
-        ------
-        WireError
-            If it may not say that.
-        """
+        """Take what a peer says."""
         logger = self._loggers.get(name)
         if logger is not None:
             logger.peer.hear(now_ns)
@@ -329,13 +309,7 @@ class LogPort:
         logger.cursor = None  # it asks again, now that it is welcome again
 
     def _make_room(self, now_ns: int) -> None:
-        """Forget a logger that cannot be sent anything: its connection has ended, or it does not read.
-
-        Raises
-        ------
-        WireError
-            If all of them are there.
-        """
+        """Forget a logger that cannot be sent anything: its connection has ended, or it does not read."""
         ping = encode(Ping(now_ns))
         gone = next((name for name in self._loggers if not self._router.send(name, ping)), None)
         if gone is None:

@@ -44,8 +44,6 @@ def place(batch: LogBatch, expected: int | None) -> tuple[int, int] | None:
 
     Parameters
     ----------
-    batch : LogBatch
-        What came.
     expected : int or None
         Number of the next record; None if any is welcome [1].
 
@@ -69,21 +67,12 @@ class Logger:
 
     Parameters
     ----------
-    settings : Recording
-        Where and how to write.
-    link : Link
-        The log channel.
     once : bool
         True: end with the session; False: wait for the next one.
     clock : callable
         Monotonic time [ns].
     wall_clock : callable
         UTC, read once for each file [ns].
-
-    Attributes
-    ----------
-    finished : list of Path
-        The recordings finished so far.
     """
 
     def __init__(
@@ -117,11 +106,6 @@ class Logger:
 
     def run(self, stopping: Callable[[], bool]) -> int:
         """Record until told to stop, or with `once` until the session is over.
-
-        Parameters
-        ----------
-        stopping : callable
-            Whether the process has been asked to stop.
 
         Returns
         -------

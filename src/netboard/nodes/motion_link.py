@@ -43,14 +43,6 @@ def hear(fast: Any, frame: Any, head: Any, markers: Any, words: Any, point: Any)
 
     Parameters
     ----------
-    fast : ndarray of netboard.fastpath.FAST_PATH, shape (1,)
-        The fast path to the server.
-    frame : ndarray of uint8
-        Room for the frame.
-    head, markers : ndarray of uint8
-        The form of a `Force`.
-    words : ndarray of int64, shape (5,)
-        Room for its numbers.
     point : tuple of ndarray
         The form of a `Point`, head and markers, and room for its numbers.
     """
@@ -65,19 +57,7 @@ def hear(fast: Any, frame: Any, head: Any, markers: Any, words: Any, point: Any)
 
 @kernel
 def say(fast: Any, frame: Any, head: Any, markers: Any, words: Any) -> int:
-    """Send a sample, as `netboard.fastpath.say` does.
-
-    Parameters
-    ----------
-    fast : ndarray of netboard.fastpath.FAST_PATH, shape (1,)
-        The fast path to the server.
-    frame : ndarray of uint8
-        Room for the frame, and no more.
-    head, markers : ndarray of uint8
-        The form of a `Stylus`.
-    words : ndarray of int64
-        Its numbers.
-    """
+    """Send a sample, as `netboard.fastpath.say` does."""
     fixed.write(frame, head, markers, words)
     return fastpath.say(fast, frame)
 
@@ -87,19 +67,11 @@ class Link:
 
     Parameters
     ----------
-    socket : zmq.Socket
-        DEALER of the motion channel.
-    hello : Hello
-        How the agent introduces itself.
     timeout_ns : int
         An answer to an older sample than this is not fresh [ns].
 
     Attributes
     ----------
-    sample : ndarray of int64
-        What `send` sends: the words of a `Stylus`.
-    newest : Force or Point or Beat or None
-        What the server said last.
     heard_ns : int
         When that was received, 0 for never [ns].
     received_ns : int or None

@@ -57,15 +57,7 @@ _PACK = fixed.packer_of(Stylus)
 
 
 class Seat:
-    """One side's agent as the server sees it.
-
-    Parameters
-    ----------
-    side : str
-        ``left`` or ``right``.
-    words : ndarray of int64, shape (netboard.nodes.seats.WORDS,)
-        Where its numbers are.
-    """
+    """One side's agent as the server sees it."""
 
     def __init__(self, side: Side, words: Any) -> None:
         self.side = side
@@ -134,21 +126,12 @@ class MotionPort:
 
     Parameters
     ----------
-    router : ends.Router
-        Server end of the motion channel.
-    welcome : Welcome
-        What an agent is told first.
     timeout_ns : int
         Age at which a sample no longer counts [ns].
     bound_ns : int
         A device may be armed only while its agent's clock is known to this bound [ns].
     ends : ndarray of float64, shape (2, 3), or None
         What agents that compute their own forces are told (`netboard.nodes.seats.ends_of`); else None.
-
-    Attributes
-    ----------
-    gains : ndarray of float64, shape (2,)
-        What each hand feels is scaled by these [1].
     """
 
     def __init__(self, router: ends.Router, welcome: Welcome, timeout_ns: int, bound_ns: int, ends: Any = None) -> None:
@@ -198,10 +181,6 @@ class MotionPort:
 
         Parameters
         ----------
-        clock : callable
-            Returns the time [ns].
-        due_ns : int
-            Deadline of the next tick [ns].
         signalled : bool
             Something has come: take it quickly, and no more than completes the tick.
         """
@@ -246,8 +225,6 @@ class MotionPort:
 
         Parameters
         ----------
-        row : ndarray of int64
-            The words of the tick's row.
         told : ndarray of int64
             The words of the row whose forces are told: the same, or an earlier one (`netboard.stage.Stage.told`).
         """
@@ -322,15 +299,7 @@ class MotionPort:
         return [link for seat in self.seats.values() if (link := seat.link(now_ns)) is not None]
 
     def renew(self, welcome: Welcome, ends: Any) -> None:
-        """Another block: tell both agents what counts now.
-
-        Parameters
-        ----------
-        welcome : Welcome
-            With the configuration of the block.
-        ends : ndarray of float64, shape (2, 3), or None
-            As for the port itself.
-        """
+        """Another block: tell both agents what counts now."""
         self._welcome, self._ends = encode(welcome), ends
         for seat in self.seats.values():
             if seat.hello is not None:

@@ -36,21 +36,10 @@ log = logging.getLogger(__name__)
 class Operator:
     """Talks to one server; nothing here waits longer than it is told to.
 
-    Parameters
-    ----------
-    network : Network
-        Where the server is.
-    context : zmq.Context
-        Where the socket is made.
-
     Attributes
     ----------
-    status : Status or None
-        The newest status; None before the first.
     attempts : list of tuple
         What has become of all attempts of the session so far, as in `Outcomes`.
-    points : deque of tuple
-        The newest of the trace, as in `Trace`.
     """
 
     def __init__(self, network: Network, context: sockets.Context) -> None:
@@ -67,13 +56,7 @@ class Operator:
         self._heard_ns = 0
 
     def ask(self, seconds: float) -> Status | None:
-        """Ask for the status and wait for an answer at most so long [s]; None without an answer.
-
-        Raises
-        ------
-        NetboardError
-            If the server refuses.
-        """
+        """Ask for the status and wait for an answer at most so long [s]; None without an answer."""
         self.poll(trace=False)
         answered = None
         while answered is None and waiting.wait_readable(self._socket, seconds):
@@ -81,18 +64,7 @@ class Operator:
         return answered
 
     def poll(self, *, trace: bool = True) -> Status | None:
-        """Take what has come, and ask for what is new: the status, outcomes, and the trace if wanted; never waits.
-
-        Returns
-        -------
-        Status or None
-            The newest one, if one has come.
-
-        Raises
-        ------
-        NetboardError
-            If the server refuses.
-        """
+        """Take what has come, and ask for what is new: the status, outcomes, and the trace if wanted; never waits."""
         newest = self._take()
         if self._welcomed and now_ns() - self._heard_ns > SILENT_NS:
             log.info("the server has been silent for %g s: connecting anew", SILENT_NS * 1e-9)
@@ -125,13 +97,7 @@ class Operator:
         return self._replies.pop(number, None)
 
     def do(self, name: str, argument: str = "", seconds: float = ANSWER_SECONDS) -> Reply:
-        """Tell the server what to do, and wait for its answer at most so long [s].
-
-        Raises
-        ------
-        NetboardError
-                If it does not answer.
-        """
+        """Tell the server what to do, and wait for its answer at most so long [s]."""
         number = self.command(name, argument)
         until_ns = now_ns() + int(seconds * 1e9)
         while (left_ns := until_ns - now_ns()) > 0:

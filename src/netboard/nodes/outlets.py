@@ -43,13 +43,7 @@ MOST_WAITING = 10_000
 
 
 def library() -> Any:
-    """Load what speaks to the layer.
-
-    Raises
-    ------
-    ConfigError
-        If it is missing.
-    """
+    """Load what speaks to the layer."""
     try:
         return import_module("pylsl")
     except (ImportError, RuntimeError) as error:
@@ -60,13 +54,6 @@ def library() -> Any:
 
 def compare(layer_clock: Callable[[], float], clock: Callable[[], int] = now_ns) -> tuple[int, int]:
     """Compare the layer's clock with this machine's monotonic one.
-
-    Parameters
-    ----------
-    layer_clock : callable
-        The layer's clock [s].
-    clock : callable
-        Monotonic time [ns].
 
     Returns
     -------
@@ -86,25 +73,7 @@ def compare(layer_clock: Callable[[], float], clock: Callable[[], int] = now_ns)
 
 
 class Outlets:
-    """The streams of one server.
-
-    Parameters
-    ----------
-    name : str
-        First part of the streams' names.
-    port : int
-        First port of the server, which tells it from others.
-
-    Attributes
-    ----------
-    ticks, events : int
-        Sent so far [1].
-
-    Raises
-    ------
-    ConfigError
-        If the library is missing.
-    """
+    """The streams of one server."""
 
     def __init__(self, name: str, port: int) -> None:
         self.ticks = self.events = 0

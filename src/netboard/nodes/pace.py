@@ -29,8 +29,6 @@ class Pace:
         Deadline of the next tick [ns].
     wake_ns : int
         When the session wants to go on, if nothing comes before [ns].
-    late_ticks : int
-        Ticks that began more than half a tick late [1].
     gap : str
         That the deadlines have been moved, in words, until it is taken: a trial is spoiled by it; else empty.
     """
@@ -61,15 +59,7 @@ class Pace:
         self.late_ticks += late_ns > LATE_NS
 
     def catch_up(self, now_ns: int, idle: bool) -> int:
-        """Move the deadlines if the loop was held up for too long; by how much [ns].
-
-        Parameters
-        ----------
-        now_ns : int
-            The time [ns].
-        idle : bool
-            Whether ticks are done together.
-        """
+        """Move the deadlines if the loop was held up for too long; by how much [ns]."""
         behind_ns = now_ns - self.due_ns
         if behind_ns <= (CATCH_UP_TICKS + (IDLE_TICKS if idle else 0)) * TICK_NS:
             return 0
@@ -84,15 +74,7 @@ class Pace:
         return gap
 
     def sleep(self, idle: bool, complete: bool) -> None:
-        """Decide when to go on.
-
-        Parameters
-        ----------
-        idle : bool
-            Whether there is nothing to be quick for.
-        complete : bool
-            Whether both sides' new samples are in.
-        """
+        """Decide when to go on."""
         if idle:
             self.wake_ns = self.due_ns + (IDLE_TICKS - 1) * TICK_NS
         elif complete:

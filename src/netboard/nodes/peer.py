@@ -115,17 +115,8 @@ class Peer:
 
     Parameters
     ----------
-    hello : Hello
-        How it introduced itself.
     now_ns : int
         When [ns].
-
-    Attributes
-    ----------
-    connection : str
-        Name of its connection, as `Probes` gives it.
-    probe : (int, int, int, int) or None
-        The stamps of the newest answer, until they are recorded.
     """
 
     def __init__(self, hello: Hello, now_ns: int) -> None:

@@ -27,27 +27,11 @@ class Ports:
 
     Parameters
     ----------
-    config : Config
-        Where they listen, and how peers are watched.
-    welcome : Welcome
-        What every peer is told first.
-    answers : Answers
-        Answers operators.
-    context : zmq.Context
-        Where the sockets are made.
     door : doors.Door or None
         Where peers show their keys; None where no keys are asked for.
 
     Attributes
     ----------
-    motion : MotionPort
-        To the agents.
-    control : ControlPort
-        To the operators, and from the displays.
-    log : LogPort
-        To the loggers.
-    views : ViewPort
-        To the displays.
     inlets : (zmq.Socket, zmq.Socket)
         Where something may come that the session wants to know at once: motion, control.
     """
@@ -70,15 +54,7 @@ class Ports:
         self.inlets = (motion.socket, control.socket)
 
     def renew(self, welcome: Welcome, ends: Any) -> None:
-        """Another block: tell everybody what counts now.
-
-        Parameters
-        ----------
-        welcome : Welcome
-            With the block's configuration.
-        ends : ndarray of float64, shape (2, 3), or None
-            What agents that compute their own forces are told.
-        """
+        """Another block: tell everybody what counts now."""
         self.motion.renew(welcome, ends)
         self.control.renew(welcome)
         self.log.renew(welcome)

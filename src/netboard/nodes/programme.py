@@ -23,24 +23,8 @@ class Ready:
 
     Attributes
     ----------
-    config : Config
-        Rig and block.
-    text : str
-        The same, resolved, as TOML.
-    stage : Stage
-        Its rules; compiled.
-    curtain : Curtain
-        Who may see what.
     delays : Delays
         The watch over the loops of both hands; blocks of one scene share it.
-    ends : ndarray of float64, shape (2, 3), or None
-        What agents that compute their own forces are told.
-    people : tuple of {"left", "right"}
-        Sides whose hand is a person's: their agents are needed.
-    robots : tuple of Robot
-        What moves the other hands.
-    unrelated : Unrelated or None
-        Forces that have nothing to do with the board.
     """
 
     config: Config
@@ -54,21 +38,7 @@ class Ready:
     unrelated: Unrelated | None
 
     def stand_in(self, row: Any, words: Any, number: int, due_ns: int, state: Any) -> int:
-        """Put what does not come from an agent into the row of a tick; the bits of the sides that it stands for [1].
-
-        Parameters
-        ----------
-        row : netboard.tick.TICK record
-            The row.
-        words : ndarray of int64
-            Its words.
-        number : int
-            Number of the tick [1].
-        due_ns : int
-            Its deadline [ns].
-        state : netboard.tick.STATE record
-            The board before it.
-        """
+        """Put what does not come from an agent into the row of a tick; the bits of the sides that it stands for [1]."""
         found = 0
         for robot in self.robots:
             robot.fill(words, number, due_ns)
@@ -83,17 +53,8 @@ class Programme:
 
     Parameters
     ----------
-    configs : sequence of Config
-        One for each block.
     remake : callable or None
         Makes them anew for a form of the session; None for a session without one.
-    place : int
-        Which one is the first to begin, from 0 [1].
-
-    Attributes
-    ----------
-    block : Ready
-        The one that is on.
     """
 
     def __init__(
@@ -150,13 +111,7 @@ def _ready(config: Config, watches: dict[Any, Delays]) -> Ready:
 
 
 def _unrelated(path: str) -> Unrelated:
-    """Read the forces of another session.
-
-    Raises
-    ------
-    ConfigError
-        If that cannot be read, or nothing was felt in it.
-    """
+    """Read the forces of another session."""
     try:
         with Recording(Path(path)) as recording:
             return unrelated_of(recording.ticks(), path)

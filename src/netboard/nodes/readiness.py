@@ -13,19 +13,7 @@ from netboard.nodes.programme import Ready
 
 
 class Readiness:
-    """Knows what a session must have.
-
-    Parameters
-    ----------
-    ports : Ports
-        Who is there.
-    desk : Desk
-        Whether the operator lets devices have forces.
-    warned : Alarm
-        Whether everything is stopped, and what has tripped.
-    pace : Pace
-        Whether the loop was held up.
-    """
+    """Knows what a session must have."""
 
     def __init__(self, ports: Ports, desk: Desk, warned: Alarm, pace: Pace) -> None:
         self._motion, self._log = ports.motion, ports.log
@@ -36,12 +24,8 @@ class Readiness:
 
         Parameters
         ----------
-        block : Ready
-            The block.
         resting : bool
             Whether it waits for the rest before it to be over.
-        now_ns : int
-            The time [ns].
         """
         lacking = [*self._motion.lacks(now_ns, block.people), *block.delays.lacking]
         if block.config.network.require_logger and not self._log.loggers:
@@ -53,17 +37,7 @@ class Readiness:
         return tuple(lacking)
 
     def trouble(self, block: Ready, found: int, now_ns: int) -> str:
-        """Why a running trial cannot go on, or nothing.
-
-        Parameters
-        ----------
-        block : Ready
-            The block.
-        found : int
-            What `netboard.nodes.seats.fill` has found.
-        now_ns : int
-            The time [ns].
-        """
+        """Why a running trial cannot go on, or nothing."""
         if self._alarm.halted:
             return self._alarm.halted
         if not self._desk.armed:

@@ -21,15 +21,7 @@ CROWDED = "too many messages"
 
 
 class Refusals:
-    """The refusals on one channel.
-
-    Parameters
-    ----------
-    router : ends.Router
-        Server end of the channel.
-    news : list
-        Where they are noted: name and details of an event.
-    """
+    """The refusals on one channel."""
 
     def __init__(self, router: ends.Router, news: News) -> None:
         self._router = router

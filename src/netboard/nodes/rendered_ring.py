@@ -17,13 +17,7 @@ assert _ROW.size == RENDERED.itemsize
 
 
 class RenderedRing:
-    """Remembers what was rendered at each sample.
-
-    Parameters
-    ----------
-    capacity : int
-        How many samples are remembered [1].
-    """
+    """Remembers what was rendered at each sample."""
 
     def __init__(self, capacity: int = CAPACITY) -> None:
         self._capacity = capacity

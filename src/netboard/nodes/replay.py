@@ -12,19 +12,7 @@ NAP = 0.05
 
 
 def narrate(path: Path, speed: float, stopping: Callable[[], bool], say: Callable[[str], None]) -> None:
-    """Tell the events of a recording.
-
-    Parameters
-    ----------
-    path : Path
-        The recording.
-    speed : float
-        Times real time.
-    stopping : callable
-        Whether to stop.
-    say : callable
-        Takes each line.
-    """
+    """Tell the events of a recording."""
     with Recording(path) as recording:
         events = recording.events()
     if not events:

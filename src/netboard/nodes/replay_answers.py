@@ -29,13 +29,7 @@ _LIMITED = int(Safeguard.CLAMPED)
 
 
 class ReplayAnswers:
-    """Answers for a replay.
-
-    Parameters
-    ----------
-    server : ReplayServer
-        The replay, as it is whenever somebody asks.
-    """
+    """Answers for a replay."""
 
     def __init__(self, server: "ReplayServer") -> None:
         self._server = server

@@ -43,15 +43,7 @@ MOST_REFUSED = 16
 
 
 class ClosedPort:
-    """A channel on which there is nothing to be had; whoever comes is told why.
-
-    Parameters
-    ----------
-    router : ends.Router
-        Server end of the channel.
-    reason : str
-        Why.
-    """
+    """A channel on which there is nothing to be had; whoever comes is told why."""
 
     def __init__(self, router: ends.Router, reason: str) -> None:
         self.news: list[tuple[str, dict[str, str]]] = []
@@ -77,16 +69,10 @@ class ReplayServer:
 
     Parameters
     ----------
-    reel : Reel
-        The recording.
     network : Network
         Where it listens, and how often a view may be sent.
-    context : zmq.Context
-        Where the sockets are made.
     door : doors.Door or None
         Where peers show their keys; None where no keys are asked for.
-    speed : float
-        Seconds of the recording per second to begin with [1].
     at : float or None
         Where to begin; None for the start of the block [s].
 
@@ -94,8 +80,6 @@ class ReplayServer:
     ----------
     session : str
         Id of this run: not that of the recording, for everything is counted anew.
-    playback : Playback
-        Where the replay is.
     """
 
     def __init__(
@@ -139,8 +123,6 @@ class ReplayServer:
 
         Parameters
         ----------
-        stopping : callable
-            Whether the process has been asked to stop.
         keys : callable
             A key that was pressed at this terminal, if one was.
         say : callable

@@ -25,18 +25,6 @@ class Robot:
     config : Config
         Rig and experiment; ``[block] left`` or ``right`` says ``robot`` or ``still``, and the robot's parameters are
         those of ``[participant]``.
-    side : {"left", "right"}
-        Which hand.
-
-    Attributes
-    ----------
-    side : {"left", "right"}
-        Which hand.
-
-    Raises
-    ------
-    ConfigError
-        If ``[virtual]`` asks for flaws that this hand does not have.
     """
 
     def __init__(self, config: Config, side: Side) -> None:
@@ -55,22 +43,12 @@ class Robot:
         ----------
         words : ndarray of int64, shape (n,)
             The row of the tick as words; what the other side has sent may be there already.
-        tick : int
-            Number of the tick [1].
-        time_ns : int
-            Its time [ns].
         """
         words[_TICK], words[_TIME] = tick, time_ns
         self._body.fill(words)
 
     def take(self, words: NDArray[np.int64]) -> None:
-        """See and feel a tick that is done, and perhaps decide on a movement.
-
-        Parameters
-        ----------
-        words : ndarray of int64, shape (n,)
-            The row of the tick as words.
-        """
+        """See and feel a tick that is done, and perhaps decide on a movement."""
         if self._mind is None:
             return
         told = self._body.tell(words)

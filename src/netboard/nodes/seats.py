@@ -125,19 +125,7 @@ def empty(seat: Any) -> None:
 
 @kernel
 def take(seat: Any, sample: Any, now_ns: int, due_ns: int) -> bool:
-    """Take a sample: the newest wins. False if it is not newer, or its stamps are nonsense.
-
-    Parameters
-    ----------
-    seat : ndarray of int64, shape (WORDS,)
-        The seat.
-    sample : ndarray of int64, shape (SAMPLE_WORDS,)
-        The sample.
-    now_ns : int
-        When it came, server time [ns].
-    due_ns : int
-        Deadline of the next tick [ns].
-    """
+    """Take a sample: the newest wins. False if it is not newer, or its stamps are nonsense."""
     for k in (STAMPED, FORCE_SENT, FORCE_RECEIVED, SENT):
         if not -SANE_NS <= sample[k] <= SANE_NS:
             return False
@@ -160,21 +148,7 @@ def take(seat: Any, sample: Any, now_ns: int, due_ns: int) -> bool:
 
 @kernel
 def take_frame(seat: Any, frame: Any, head: Any, markers: Any, sample: Any, now_ns: int, due_ns: int) -> int:
-    """Read a sample in its fixed form and take it: -1 if the frame is anything else, else whether it was taken.
-
-    Parameters
-    ----------
-    seat : ndarray of int64, shape (WORDS,)
-        The seat.
-    frame : ndarray of uint8
-        What came in.
-    head, markers : ndarray of uint8
-        The form of a `Stylus`.
-    sample : ndarray of int64, shape (SAMPLE_WORDS,)
-        Room for the sample.
-    now_ns, due_ns : int
-        As for `take` [ns].
-    """
+    """Read a sample in its fixed form and take it: -1 if the frame is anything else, else whether it was taken."""
     if not fixed.read(frame, head, markers, sample):
         return -1
     return 1 if take(seat, sample, now_ns, due_ns) else 0
@@ -208,27 +182,6 @@ def drain(
 
     What arrives meanwhile must not seem to come before it was sent, so each has a time of its own. What peers without a
     seat send is kept for later.
-
-    Parameters
-    ----------
-    seats : ndarray of int64, shape (2, WORDS)
-        The seats.
-    fast : ndarray of netboard.fastpath.FAST_PATH, shape (1,)
-        The router's fast path.
-    frame : ndarray of uint8
-        Room for a frame.
-    head, markers : ndarray of uint8
-        The form of a `Stylus`.
-    sample : ndarray of int64, shape (SAMPLE_WORDS,)
-        Room for a sample.
-    due_ns : int
-        Deadline of the next tick [ns].
-    eager : bool
-        Take no more than completes the tick.
-    most : int
-        Take no more frames than so many [1].
-    crowd : ndarray of CROWD, shape (1,)
-        Where frames of peers without a seat are kept.
 
     Returns
     -------
@@ -268,19 +221,6 @@ def fill(row: Any, seats: Any, number: int, due_ns: int, late_ns: int, timeout_n
     """Begin the row of a tick with the newest samples; which sides are live, armed, stopped, and tripped just now.
 
     The force that a device has rendered is NaN where the newest sample is too old, or too new, to say so.
-
-    Parameters
-    ----------
-    row : ndarray of int64
-        The words of a row of `netboard.tick.TICK`.
-    seats : ndarray of int64, shape (2, WORDS)
-        The seats.
-    number : int
-        Number of the tick [1].
-    due_ns, late_ns : int
-        Its deadline, and how much later it is [ns].
-    timeout_ns : int
-        Age at which a sample no longer counts [ns].
 
     Returns
     -------
@@ -323,20 +263,8 @@ def tell_force(words: Any, row: Any, told: Any, seats: Any, gains: Any, place: i
 
     Parameters
     ----------
-    words : ndarray of int64, shape (5,)
-        Room for its numbers.
-    row : ndarray of int64
-        The words of the tick's row.
     told : ndarray of int64
         The words of the row whose force is told: the same, or an earlier one (`netboard.stage.Stage.told`).
-    seats : ndarray of int64, shape (2, WORDS)
-        The seats.
-    gains : ndarray of float64, shape (2,)
-        What each hand feels is scaled by these [1].
-    place : int
-        Which side [1].
-    now_ns : int
-        When it is sent [ns].
     """
     words[0], words[1], words[2] = row[_TICK], now_ns, seats[place, SEQ]
     words.view(np.float64)[3] = told.view(np.float64)[_ROW_FORCE[place]] * gains[place]
@@ -349,20 +277,8 @@ def tell_point(words: Any, row: Any, seats: Any, gains: Any, place: int, ends: A
 
     Parameters
     ----------
-    words : ndarray of int64, shape (9,)
-        Room for its numbers.
-    row : ndarray of int64
-        The words of the tick's row.
-    seats : ndarray of int64, shape (2, WORDS)
-        The seats.
-    gains : ndarray of float64, shape (2,)
-        What each hand feels is scaled by these [1].
-    place : int
-        Which side [1].
     ends : ndarray of float64, shape (2, 3)
         For each side: board's centre to control point, + = right; stiffness and damping of the coupling [SI].
-    now_ns : int
-        When it is sent [ns].
     """
     values, numbers = row.view(np.float64), words.view(np.float64)
     s, c = sincos(values[_TILT])
@@ -382,22 +298,8 @@ def send_forces(
 
     Parameters
     ----------
-    fast : ndarray of netboard.fastpath.FAST_PATH, shape (1,)
-        The router's fast path.
-    frame : ndarray of uint8
-        Room for the frame, and no more.
-    row : ndarray of int64
-        The words of the tick's row.
     told : ndarray of int64
         The words of the row whose forces are told: the same, or an earlier one (`netboard.stage.Stage.told`).
-    seats : ndarray of int64, shape (2, WORDS)
-        The seats.
-    gains : ndarray of float64, shape (2,)
-        What each hand feels is scaled by these [1].
-    head, markers : ndarray of uint8
-        The form of a `Force`.
-    words : ndarray of int64, shape (5,)
-        Room for its numbers.
 
     Returns
     -------
@@ -426,22 +328,8 @@ def send_points(
 
     Parameters
     ----------
-    fast : ndarray of netboard.fastpath.FAST_PATH, shape (1,)
-        The router's fast path.
-    frame : ndarray of uint8
-        Room for the frame, and no more.
-    row : ndarray of int64
-        The words of the tick's row.
-    seats : ndarray of int64, shape (2, WORDS)
-        The seats.
-    gains : ndarray of float64, shape (2,)
-        What each hand feels is scaled by these [1].
     ends : ndarray of float64, shape (2, 3)
         For each side: board's centre to control point, + = right; stiffness and damping of the coupling [SI].
-    head, markers : ndarray of uint8
-        The form of a `Point`.
-    words : ndarray of int64, shape (9,)
-        Room for its numbers.
 
     Returns
     -------
@@ -461,18 +349,7 @@ def send_points(
 
 
 def ends_of(physics: Physics) -> Any:
-    """Return what `send_points` needs of the scene: the couplings' control points, stiffness and damping.
-
-    Parameters
-    ----------
-    physics : Physics
-        The configuration's table.
-
-    Returns
-    -------
-    ndarray of float64, shape (2, 3)
-        A row for each side.
-    """
+    """Return what `send_points` needs of the scene: the couplings' control points, stiffness and damping."""
     ends = np.zeros((2, 3))
     for end, side, arm in zip(ends, SIDES, (-physics.l, physics.l), strict=True):
         end[:] = (arm, physics.k_h, physics.c_h) if physics.coupling in (side, "both") else (arm, 0.0, 0.0)

@@ -27,14 +27,8 @@ class Server:
 
     Parameters
     ----------
-    sessions : sequence of (Programme, Ledger)
-        One for each dyad, on ports of their own.
-    context : zmq.Context
-        Where the sockets are made.
     doors : sequence of doors.Door or None
         Where the peers of each dyad show their keys; None where no keys are asked for.
-    autostart : bool
-        Start each block as soon as everything is there.
     """
 
     def __init__(
@@ -61,8 +55,6 @@ class Server:
 
         Parameters
         ----------
-        stopping : callable
-            Whether the process has been asked to stop.
         machine : dict of str
             What the process was given by its machine, to be recorded.
         """

@@ -78,21 +78,13 @@ class Session:
 
     Parameters
     ----------
-    programme : Programme
-        The blocks.
     ledger : Ledger
         What has become of the attempts so far, in an earlier run of the session.
-    context : zmq.Context
-        Where the sockets are made.
     door : doors.Door or None
         Where peers show their keys; None where no keys are asked for.
-    autostart : bool
-        Start each block as soon as everything is there.
 
     Attributes
     ----------
-    pace : Pace
-        When its ticks are done.
     inlets : (zmq.Socket, zmq.Socket)
         Where something may come that it wants to know at once: motion, control.
     """
@@ -181,15 +173,8 @@ class Session:
 
         Parameters
         ----------
-        due_ns : int
-            Its deadline [ns].
         machine : dict of str
             What the process was given by its machine, to be recorded.
-
-        Raises
-        ------
-        NetboardError
-            If the session is complete as it is, and has been held already.
         """
         self.pace.begin(due_ns)
         self._note("session_started", {"session": self.session, **machine})
@@ -255,11 +240,6 @@ class Session:
 
         The motion channel is read when all else is done, until nothing is left: only then it signals again. If more
         comes than can be taken in a tick, it is read at the next one, signalled or not.
-
-        Parameters
-        ----------
-        motion, control : bool
-            Whether these channels have signalled.
         """
         if self.ending:
             self._go_on_ending()
@@ -303,15 +283,7 @@ class Session:
         return bool(_FIRST_ACTIVE <= self._phase_word[0] <= _LAST_ACTIVE)
 
     def tick(self, due_ns: int, late_ns: int) -> None:
-        """Do one tick.
-
-        Parameters
-        ----------
-        due_ns : int
-            Its deadline [ns].
-        late_ns : int
-            How much later it began; negative before the deadline [ns].
-        """
+        """Do one tick."""
         number = self.number
         if 0 <= self._page_at <= number:
             self._turn_page()
@@ -550,13 +522,7 @@ class Session:
         self.pace.wake_ns = now + TICK_NS
 
     def close(self) -> None:
-        """Close what is still open, and say what is not known to be on disk.
-
-        Raises
-        ------
-        NetboardError
-            If the journal is not on disk: only now, for the records come first.
-        """
+        """Close what is still open, and say what is not known to be on disk."""
         self._ports.close()
         if self.log.shortfall:
             log.error("%s", self.log.shortfall)

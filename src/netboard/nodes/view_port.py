@@ -29,10 +29,6 @@ class ViewPort:
     ----------
     network : Network
         Where they listen, and how often a view may be sent.
-    context : zmq.Context
-        Where the sockets are made.
-    door : doors.Door or None
-        Where peers show their keys.
     """
 
     def __init__(self, network: Network, context: sockets.Context, door: doors.Door | None) -> None:
@@ -57,16 +53,6 @@ class ViewPort:
         ----------
         following : int
             Milliseconds that have gone by, by which turns are taken: live, the number of the following tick [1].
-        curtain : Curtain
-            Who may see what.
-        row : netboard.tick.TICK record
-            The newest tick.
-        words : ndarray of int64
-            The words of that row.
-        best : float or None
-            Best completion time of the block so far [s].
-        rest : float or None
-            What is left of the rest before the block [s].
         """
         for side, turn in self._turn.items():
             if following > turn:

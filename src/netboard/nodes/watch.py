@@ -23,8 +23,6 @@ class Watch:
     ----------
     autostart : bool
         Start when everything is ready, and go on after a fault when everything is ready again.
-    notice : str
-        What the operator should know.
     """
 
     autostart: bool
@@ -41,22 +39,6 @@ class Watch:
         """Command for this tick.
 
         While a trial goes on and nothing is wrong, it need not be asked.
-
-        Parameters
-        ----------
-        tick : int
-            Number of the tick [1].
-        phase : Phase
-            Where the trial is.
-        missing : tuple of str
-            What a block needs and is not there.
-        trouble : str
-            Why a running trial cannot go on, or empty.
-
-        Returns
-        -------
-        Cause
-            `Cause.NONE` if there is nothing to do.
         """
         if missing or trouble:
             self._ready_since = None

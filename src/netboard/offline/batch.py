@@ -40,18 +40,7 @@ def _short(x: float) -> tuple[float, float]:
 
 @inlined
 def anywhere(x: float) -> tuple[float, float]:
-    """Return sine and cosine, with the same work for every angle.
-
-    Parameters
-    ----------
-    x : float
-        Angle [rad].
-
-    Returns
-    -------
-    s, c : float
-        Sine and cosine up to `LARGEST_ANGLE`, NaN beyond [1].
-    """
+    """Return sine and cosine, with the same work for every angle."""
     y, tail, n = _reduced(x)
     s, c = _small(y, tail)
     half = np.floor(0.5 * n)
@@ -74,15 +63,7 @@ _Numbers = NamedTuple("_Numbers", [(name, float) for name in _NAMES])  # type: i
 
 
 def numbers_at(scenes: Array, b: int, j: int) -> Any:
-    """Return the numbers of a simulation's scene, by name.
-
-    Parameters
-    ----------
-    scenes : ndarray of float64, shape (blocks, numbers, LANES) or (1, numbers, 1)
-        What `scene_blocks` returns [SI].
-    b, j : int
-        Its block, and which it is in that [1].
-    """
+    """Return the numbers of a simulation's scene, by name."""
     return dict(zip(_NAMES, scenes[b, :, j].tolist(), strict=True))
 
 
@@ -107,17 +88,8 @@ def column_at(a: Array, b: int, j: int, length: int) -> tuple[float, ...]:
 
     Parameters
     ----------
-    a : ndarray of float64, shape (blocks, k, LANES)
-        Such as states [SI].
-    b, j : int
-        Its block, and which it is in that [1].
     length : int
         The first so many of the k; a constant at the call [1].
-
-    Returns
-    -------
-    tuple of float
-        As many as asked for [SI].
     """
     return tuple(a[b, :length, j].tolist())
 
@@ -147,10 +119,6 @@ def make_batch(PARTS: Parts, LENGTH: int, OWN: bool) -> Callable[[Array, Array, 
 
     Parameters
     ----------
-    PARTS : Parts
-        What the scenes have.
-    LENGTH : int
-        Length of a state [1].
     OWN : bool
         Every simulation has numbers of its own; otherwise all share those of one scene.
 
@@ -188,11 +156,6 @@ def make_batch(PARTS: Parts, LENGTH: int, OWN: bool) -> Callable[[Array, Array, 
 def in_blocks(values: Array) -> Array:
     """Return values for each simulation as the kernels here take them.
 
-    Parameters
-    ----------
-    values : ndarray of float64, shape (n, k)
-        Such as states; n is a multiple of `LANES` [SI].
-
     Returns
     -------
     ndarray of float64, shape (n / LANES, k, LANES)
@@ -202,18 +165,7 @@ def in_blocks(values: Array) -> Array:
 
 
 def out_of_blocks(blocks: Array) -> Array:
-    """Return the values for each simulation: the inverse of `in_blocks`.
-
-    Parameters
-    ----------
-    blocks : ndarray of float64, shape (blocks, k, LANES)
-        As the kernels here leave them [SI].
-
-    Returns
-    -------
-    ndarray of float64, shape (blocks * LANES, k)
-        A row for each simulation [SI].
-    """
+    """Return the values for each simulation: the inverse of `in_blocks`."""
     return np.ascontiguousarray(blocks.transpose(0, 2, 1)).reshape(-1, blocks.shape[1])
 
 
@@ -224,11 +176,6 @@ def scene_blocks(scenes: NDArray[Any]) -> Array:
     ----------
     scenes : ndarray of SCENE, shape (n,)
         One for each simulation, or a single one that all share.
-
-    Returns
-    -------
-    ndarray of float64, shape (n / LANES, numbers, LANES) or (1, numbers, 1)
-        In the order of SCENE [SI].
     """
     values = np.ascontiguousarray(scenes).view(np.float64).reshape(len(scenes), -1)
     return in_blocks(values) if len(scenes) > 1 else values.reshape(1, -1, 1)

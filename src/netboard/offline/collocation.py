@@ -159,15 +159,6 @@ _remainder = loosened(remainder, {sincos: _turned})
 def make_collocation(PARTS: Parts, LENGTH: int, NODES: int) -> Callable[..., int]:
     """Compile collocation for a kind of scene.
 
-    Parameters
-    ----------
-    PARTS : Parts
-        What the scene has.
-    LENGTH : int
-        Length of a state [1].
-    NODES : int
-        Nodes in a step: 4, 8 or 16 [1].
-
     Returns
     -------
     callable
@@ -247,26 +238,7 @@ class Tables:
 
 
 def make_tables(parts: Parts, scene: Any, length: int, h: float, count: int) -> Tables:
-    """Return what collocation multiplies with.
-
-    Parameters
-    ----------
-    parts : Parts
-        What the scene has.
-    scene : SCENE record
-        The scene.
-    length : int
-        Length of its state [1].
-    h : float
-        Length of the step [s].
-    count : int
-        Nodes in a step [1].
-
-    Returns
-    -------
-    Tables
-        For `make_collocation`.
-    """
+    """Return what collocation multiplies with."""
     known = known_of(parts)
     rows, kicks, width = needed_rows(length, known), kicked_rows(length, known), width_of(length)
     a, nodes = scene_matrix(parts, scene, length), gauss_nodes(count)
@@ -308,19 +280,9 @@ def prepare_collocation(
 
     Parameters
     ----------
-    x : tuple of float
-        The first state [SI].
     hands : ndarray of float64, shape (n, nodes, 2)
         Drives of the left and of the right hand at the nodes (`netboard.methods.phi.gauss_nodes`) of every step; there
         are 4, 8 or 16 of them [N].
-    h : float
-        Length of a step [s].
-    parts : Parts
-        What the scene has.
-    scene : ndarray of SCENE, shape (1,)
-        The scene.
-    every : int
-        A state is kept after every so many steps [1].
     tolerance : float
         Sweeps end when what still changes of the accelerations would move nothing by more in a step [m, rad].
 
@@ -355,25 +317,10 @@ def run_collocation(
 
     Parameters
     ----------
-    x : tuple of float
-        The first state [SI].
     hands : ndarray of float64, shape (n, nodes, 2)
         Drives of the left and of the right hand at the nodes (`netboard.methods.phi.gauss_nodes`) of every step; there
         are 4, 8 or 16 of them [N].
-    h : float
-        Length of a step [s].
-    parts : Parts
-        What the scene has.
-    scene : ndarray of SCENE, shape (1,)
-        The scene.
-    every : int
-        A state is kept after every so many steps [1].
     tolerance : float
         Sweeps end when what still changes of the accelerations would move nothing by more in a step [m, rad].
-
-    Returns
-    -------
-    ndarray of float64, shape (n // every + 1, length)
-        The first state and the others that are kept [SI].
     """
     return prepare_collocation(x, hands, h, parts, scene, every, tolerance)()

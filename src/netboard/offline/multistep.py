@@ -42,10 +42,6 @@ class Multistep:
 
     Attributes
     ----------
-    name : str
-        What it is called.
-    order : int
-        Order of convergence [1].
     past : int
         Values of N that it predicts from, the newest included [1].
     corrector : int
@@ -211,30 +207,13 @@ def prepare_multistep(
 
     Parameters
     ----------
-    name : str
-        Name of the method.
-    x : tuple of float
-        The first state [SI].
     hands : ndarray of float64, shape (n + 1, 2)
         Drives of the left and of the right hand at the ends of the steps, the first at the start [N].
-    h : float
-        Length of a step [s].
-    parts : Parts
-        What the scene has.
-    scene : ndarray of SCENE, shape (1,)
-        The scene.
-    every : int
-        A state is kept after every so many steps [1].
 
     Returns
     -------
     callable
         Does the run, and returns the states; every call returns the same array.
-
-    Raises
-    ------
-    ValueError
-        If the scene has stops, or the run is too short.
     """
     method = next(m for m in MULTISTEP if m.name == name)
     if parts.stops:
@@ -262,29 +241,7 @@ def run_multistep(
 
     Parameters
     ----------
-    name : str
-        Name of the method.
-    x : tuple of float
-        The first state [SI].
     hands : ndarray of float64, shape (n + 1, 2)
         Drives of the left and of the right hand at the ends of the steps, the first at the start [N].
-    h : float
-        Length of a step [s].
-    parts : Parts
-        What the scene has.
-    scene : ndarray of SCENE, shape (1,)
-        The scene.
-    every : int
-        A state is kept after every so many steps [1].
-
-    Returns
-    -------
-    ndarray of float64, shape (n // every + 1, length)
-        The first state and the others that are kept [SI].
-
-    Raises
-    ------
-    ValueError
-        If the scene has stops, or the run is too short.
     """
     return prepare_multistep(name, x, hands, h, parts, scene, every)()

@@ -39,10 +39,6 @@ class Offline:
 
     Attributes
     ----------
-    name : str
-        What it is called.
-    order : int
-        Order of convergence [1].
     nodes : tuple of float
         Where in a step it asks for the hands, in lengths of the step [1].
     prepare : callable
@@ -61,13 +57,6 @@ class Offline:
     def times(self, n: int, h: float) -> Array:
         """Return the times at which it needs the hands.
 
-        Parameters
-        ----------
-        n : int
-            Number of steps [1].
-        h : float
-            Length of a step [s].
-
         Returns
         -------
         ndarray of float64, shape (n, nodes) or (n + 1,)
@@ -77,13 +66,7 @@ class Offline:
         return np.asarray(h * (starts if self.chained else starts[:-1, np.newaxis] + self.nodes), np.float64)
 
     def suits(self, parts: Parts) -> bool:
-        """Return whether it can run a scene.
-
-        Parameters
-        ----------
-        parts : Parts
-            What the scene has.
-        """
+        """Return whether it can run a scene."""
         return not (self.chained and parts.stops) and not (self.name == "exact" and parts.tilts)
 
 

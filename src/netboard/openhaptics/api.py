@@ -251,10 +251,6 @@ class Fault(NamedTuple):
     ----------
     code, internal : int
         Code of the library, and of what is below it [1].
-    handle : int
-        Whose error it is, if the library knows [1].
-    text : str
-        What the library says of it.
     """
 
     code: int
@@ -274,20 +270,6 @@ class Library:
     ----------
     path : str
         Its file, or a name by which the system finds it.
-
-    Attributes
-    ----------
-    calls : CDLL
-        Its functions, for every thread of ours.
-    ticks : CDLL
-        The same, for callbacks of the servo thread.
-
-    Raises
-    ------
-    OSError
-        If it cannot be loaded.
-    AttributeError
-        If a function is missing.
     """
 
     def __init__(self, path: str) -> None:
@@ -345,11 +327,6 @@ def places() -> list[str]:
 
 def load(path: str = "") -> Library:
     """Load the library.
-
-    Parameters
-    ----------
-    path : str
-        Its file; empty to look for it.
 
     Raises
     ------

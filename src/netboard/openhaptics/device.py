@@ -79,20 +79,7 @@ SERVOS: dict[str, type[PythonServo] | type[ShimServo]] = {"python": PythonServo,
 
 @final
 class OpenHaptics(Device):
-    """A device of OpenHaptics.
-
-    Parameters
-    ----------
-    side : {"left", "right"}
-        Whose device it is.
-    config : Config
-        The whole configuration; of it the table ``agents``.
-
-    Raises
-    ------
-    ConfigError
-        If an option is unknown or wrong.
-    """
+    """A device of OpenHaptics."""
 
     def __init__(self, side: Side, config: Config) -> None:
         super().__init__(side, config)

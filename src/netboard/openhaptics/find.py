@@ -71,13 +71,7 @@ MANUAL = {
 
 
 def candidates(name: str) -> list[str]:
-    """Return the names by which a device may be known, the likeliest first.
-
-    Parameters
-    ----------
-    name : str
-        The one in the options; empty for none.
-    """
+    """Return the names by which a device may be known, the likeliest first."""
     configured = sorted(at.stem for folder in config_folders() if folder.is_dir() for at in folder.iterdir())
     return list(dict.fromkeys([*([name] if name else []), *USUAL_NAMES, *configured, *OTHER_NAMES]))
 
@@ -97,17 +91,8 @@ def find(rig: Rig, serial: str, name: str) -> Seat:
 
     Parameters
     ----------
-    rig : Rig
-        The library.
-    serial : str
-        Its serial number; empty for any.
     name : str
         Its name. With a serial number, it is tried first; without, it is the only one tried. Empty for the usual ones.
-
-    Raises
-    ------
-    DeviceNotFound
-        If it is not there; the message lists what is.
     """
     tried: dict[str, str] = {}
     there: dict[str, str] = {}
@@ -142,8 +127,6 @@ def present(rig: Rig, names: list[str]) -> tuple[Found, ...]:
 
     Parameters
     ----------
-    rig : Rig
-        The library.
     names : list of str
         By which devices may be known; one that another program uses is not seen.
     """
@@ -166,17 +149,8 @@ def describe(library: Library, seat: Seat, resolution: float) -> DeviceInfo:
 
     Parameters
     ----------
-    library : Library
-        The vendor's.
-    seat : Seat
-        The device.
     resolution : float
         Size of one encoder step, which the library does not tell [m].
-
-    Raises
-    ------
-    DeviceError
-        If it says nothing of what must be known: serial number, forces, usable workspace.
     """
     must = (Parameter.DEVICE_SERIAL_NUMBER, Parameter.DEVICE_MODEL_TYPE)
     serial, model = (_required(library, what, library.string) for what in must)
@@ -238,24 +212,7 @@ def _listed(faults: list[Fault]) -> str:
 
 
 def calibrate(rig: Rig, seat: Seat, pause: Callable[[float], None] = time.sleep) -> None:
-    """Make sure that a device is calibrated, while its servo runs and it has no force.
-
-    Parameters
-    ----------
-    rig : Rig
-        The library.
-    seat : Seat
-        The device.
-    pause : callable
-        Waits for so many seconds.
-
-    Raises
-    ------
-    DeviceError
-        If somebody has to do something for it; the message says what.
-    DeviceTimeout
-        If the servo does not run.
-    """
+    """Make sure that a device is calibrated, while its servo runs and it has no force."""
     hd = rig.library.ticks
     state = _state(rig, seat)
     styles = Style(rig.ask(seat, "asking how it is calibrated", lambda: _style(rig.library)))
@@ -286,25 +243,7 @@ def _style(library: Library) -> int:
 
 
 def enable(rig: Rig, seat: Seat) -> dict[str, str]:
-    """Switch on the force and the library's own safeguards, while the scheduler is paused.
-
-    Parameters
-    ----------
-    rig : Rig
-        The library.
-    seat : Seat
-        The device.
-
-    Returns
-    -------
-    dict of str to str
-        What became of each safeguard.
-
-    Raises
-    ------
-    DeviceError
-        If the device takes no force.
-    """
+    """Switch on the force and the library's own safeguards, while the scheduler is paused."""
     hd = rig.library
     hd.calls.hdMakeCurrentDevice(seat.handle)
     came = {}

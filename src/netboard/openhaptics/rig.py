@@ -49,14 +49,6 @@ class Seat:
     ----------
     name : str
         By which the library knows it; empty for its default device.
-    handle : int
-        By which it is called [1].
-    servo : Servo or None
-        Its callback, once it has one.
-    scheduled : int or None
-        Handle of that in the scheduler.
-    faults : deque of Fault
-        Errors that are for it, and not yet taken.
     """
 
     name: str
@@ -69,15 +61,8 @@ class Seat:
 class Rig:
     """The devices of a process, and their scheduler.
 
-    Parameters
-    ----------
-    library : Library
-        The vendor's.
-
     Attributes
     ----------
-    library : Library
-        The same.
     since_ns : int or None
         Since when the scheduler runs; None while it stands still [ns].
     """
@@ -114,11 +99,6 @@ class Rig:
         ----------
         name : str
             By which the library knows it; empty for its default device.
-
-        Raises
-        ------
-        DeviceNotFound
-            If the library has no such device for us; the message is its error.
         """
         hd = self.library
         self._note(hd.drain())
@@ -139,17 +119,8 @@ class Rig:
 
         Parameters
         ----------
-        seat : Seat
-            The device.
-        servo : Servo
-            Its callback.
         entry : Entry or None
             What to schedule in its place, such as a watch over it.
-
-        Raises
-        ------
-        DeviceError
-            If the library refuses.
         """
         with self.paused():
             function, data = entry or servo.entry
@@ -158,40 +129,12 @@ class Rig:
             seat.servo, seat.scheduled = servo, scheduled
 
     def check(self, what: str) -> None:
-        """Raise if anything is on the error stack, while the scheduler is paused.
-
-        Raises
-        ------
-        DeviceError
-            With what was being done, and the errors.
-        """
+        """Raise if anything is on the error stack, while the scheduler is paused."""
         if faults := self.library.drain():
             raise DeviceError(f"{what} failed: {'; '.join(map(str, faults))}")
 
     def ask(self, seat: Seat, what: str, work: Callable[[], int]) -> int:
-        """Have something done in the servo thread, with this device as the current one.
-
-        Parameters
-        ----------
-        seat : Seat
-            The device.
-        what : str
-            What is being done, for the message if it fails.
-        work : callable
-            Short; it calls the library, and raises nothing.
-
-        Returns
-        -------
-        int
-            What it returned.
-
-        Raises
-        ------
-        DeviceTimeout
-            If the servo does not run.
-        DeviceError
-            If the library reports an error.
-        """
+        """Have something done in the servo thread, with this device as the current one."""
         hd, done = self.library, threading.Event()
         found: list[int] = []
         faults: list[Fault] = []
@@ -224,11 +167,6 @@ class Rig:
 
     def release(self, seat: Seat) -> bool:
         """Let a device go; nothing happens if that has been done.
-
-        Parameters
-        ----------
-        seat : Seat
-            The device.
 
         Returns
         -------
@@ -288,18 +226,7 @@ _making = threading.Lock()
 
 
 def rig_of(path: str) -> Rig:
-    """Return what this process has of a library; it is loaded once.
-
-    Parameters
-    ----------
-    path : str
-        Its file; empty to look for it.
-
-    Raises
-    ------
-    DeviceNotFound
-        If it is not there.
-    """
+    """Return what this process has of a library; it is loaded once."""
     library = load(path)
     with _making:
         known = library.calls._handle  # the same for the same library, however it was named

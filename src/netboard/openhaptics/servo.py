@@ -33,18 +33,10 @@ class Shot(NamedTuple):
 
     Attributes
     ----------
-    tick : int
-        Its number, from 1 [1].
     stamp_ns : int
         When the position was read [ns].
     position, velocity : tuple of float
         In the vendor's frame [mm, mm/s].
-    buttons : int
-        Bit mask of pressed buttons [1].
-    docked : bool
-        The stylus is in its inkwell.
-    cut : bool
-        The force was too old, so it is zero.
     """
 
     tick: int
@@ -57,15 +49,7 @@ class Shot(NamedTuple):
 
 
 class Entry(NamedTuple):
-    """A callback as it is scheduled; whoever made it keeps it alive.
-
-    Attributes
-    ----------
-    function : CALLBACK
-        What is called.
-    data : c_void_p
-        With what.
-    """
+    """A callback as it is scheduled; whoever made it keeps it alive."""
 
     function: Any
     data: c_void_p
@@ -93,10 +77,6 @@ class PythonServo:
 
     Parameters
     ----------
-    library : Library
-        The vendor's.
-    handle : int
-        Of the device.
     timeout_ns : int
         An older force is cut to zero [ns].
     """
@@ -175,22 +155,7 @@ class PythonServo:
 
 
 def wait_ticks(servo: Servo, count: int, patience_ns: int) -> bool:
-    """Wait until a servo has ticked so often.
-
-    Parameters
-    ----------
-    servo : Servo
-        The servo.
-    count : int
-        How many ticks from now on [1].
-    patience_ns : int
-        For how long at most [ns].
-
-    Returns
-    -------
-    bool
-        Whether it has.
-    """
+    """Wait until a servo has ticked so often."""
     until_ns = monotonic_ns() + patience_ns
     first = ticks_of(servo)
     while ticks_of(servo) < first + count:

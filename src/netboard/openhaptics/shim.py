@@ -77,18 +77,7 @@ class WatchRoom(ctypes.Structure):
 
 @cache
 def shim() -> ctypes.PyDLL:
-    """Compile the shim, or take the one kept.
-
-    Returns
-    -------
-    PyDLL
-        Its functions; none of them waits.
-
-    Raises
-    ------
-    DeviceNotFound
-        If it cannot be had here.
-    """
+    """Compile the shim, or take the one kept."""
     if sys.platform == "win32":
         raise DeviceNotFound('the servo callback in C is for Linux and the like; set the option servo = "python"')
     library = ctypes.PyDLL(str(build(compiled.folder())))
@@ -105,23 +94,7 @@ def shim() -> ctypes.PyDLL:
 
 
 def build(folder: Path) -> Path:
-    """Compile the shim into a folder, if it is not there yet.
-
-    Parameters
-    ----------
-    folder : Path
-        Where it is kept.
-
-    Returns
-    -------
-    Path
-        The shared library.
-
-    Raises
-    ------
-    DeviceNotFound
-        If there is no compiler, it fails, or the folder cannot be written to.
-    """
+    """Compile the shim into a folder, if it is not there yet."""
     command = [*_compiler(), *FLAGS]
     state = hashlib.sha256(SOURCE.read_bytes() + " ".join((*command, platform.machine())).encode())
     kept = folder / f"servo_shim-{state.hexdigest()[:16]}.so"
@@ -161,17 +134,8 @@ class ShimServo:
 
     Parameters
     ----------
-    library : Library
-        The vendor's.
-    handle : int
-        Of the device.
     timeout_ns : int
         An older force is cut to zero [ns].
-
-    Raises
-    ------
-    DeviceNotFound
-        If the shim cannot be had here.
     """
 
     def __init__(self, library: Library, handle: int, timeout_ns: int) -> None:
@@ -218,8 +182,6 @@ class Watch:
     ----------
     entry : Entry or None
         The callback; None for a tick in which nothing is done.
-    room : int
-        So many ticks are noted [1].
     """
 
     def __init__(self, entry: Entry | None, room: int) -> None:

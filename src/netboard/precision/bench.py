@@ -40,14 +40,8 @@ class Peer:
 
     Attributes
     ----------
-    package : str
-        What it is called where it is installed from.
-    available : callable
-        Says whether it is installed.
     contenders : callable
         Makes its contenders, of a problem and of whether a few are enough.
-    quick : bool
-        It takes part in quick runs.
     """
 
     package: str
@@ -85,14 +79,8 @@ class Wanted:
 
     Attributes
     ----------
-    problems : tuple of Problem
-        The test problems.
     peers : tuple of str
         Names of the peers that take part, all of them installed.
-    quick : bool
-        A short form.
-    repeats : int
-        Turns of each contender [1].
     budget : float
         Who has taken this long has no further turn [s].
     """
@@ -117,23 +105,8 @@ def main(
 
     Parameters
     ----------
-    output : Path or None
-        The folder; None for a new one here.
-    quick : bool
-        A short form.
-    force : bool
-        Write into a folder that is already there.
     peers : sequence of str or None
         Who else takes part; None for all that are installed and quick enough.
-    model : str or None
-        Whose equations; None for both.
-    repeats : int or None
-        Turns of each contender; None for the usual number [1].
-
-    Returns
-    -------
-    int
-        Exit code.
 
     Raises
     ------
@@ -177,18 +150,6 @@ def choose_peers(asked: Sequence[str] | None, quick: bool) -> tuple[str, ...]:
     ----------
     asked : sequence of str or None
         Names; None for all that are installed and, in a quick run, quick.
-    quick : bool
-        It is a quick run.
-
-    Returns
-    -------
-    tuple of str
-        Names of peers that are installed.
-
-    Raises
-    ------
-    ConfigError
-        If there is no such peer, or one asked for is not installed.
     """
     for name in asked or ():
         if name not in PEERS:
@@ -201,22 +162,7 @@ def choose_peers(asked: Sequence[str] | None, quick: bool) -> tuple[str, ...]:
 
 
 def study(wanted: Wanted, say: Say = lambda stage: None) -> tuple[list[Row], list[Part]]:
-    """Do everything.
-
-    Parameters
-    ----------
-    wanted : Wanted
-        What is asked for.
-    say : callable
-        Gets what is being done.
-
-    Returns
-    -------
-    rows : list of Row
-        All runs.
-    parts : list of Part
-        The tables.
-    """
+    """Do everything."""
     references, rows = {}, []
     for problem in wanted.problems:
         say(f"{problem.name}: reference")
@@ -253,11 +199,6 @@ def study(wanted: Wanted, say: Say = lambda stage: None) -> tuple[list[Row], lis
 
 def find_reference(problem: Problem) -> Checked:
     """Solve a problem as well as can be, and once more.
-
-    Parameters
-    ----------
-    problem : Problem
-        The problem.
 
     Returns
     -------
@@ -302,18 +243,7 @@ def _who(wanted: Wanted) -> list[str]:
 
 
 def about(wanted: Wanted) -> dict[str, object]:
-    """Say what was asked for, for the head of the results.
-
-    Parameters
-    ----------
-    wanted : Wanted
-        What is asked for.
-
-    Returns
-    -------
-    dict
-        Plain data.
-    """
+    """Say what was asked for, for the head of the results."""
     return {
         "study": "physics",
         "quick": wanted.quick,

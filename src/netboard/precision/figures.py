@@ -30,17 +30,7 @@ _MARKS = "osD^v<>pXP*h"
 
 
 def draw(rows: Sequence[Row], folder: Folder, signals: bool = True) -> None:
-    """Draw each problem: E against both costs, and each signal's error against the physics' cost.
-
-    Parameters
-    ----------
-    rows : sequence of Row
-        Runs of any problems.
-    folder : Folder
-        Where the figures go.
-    signals : bool
-        Each signal's error too.
-    """
+    """Draw each problem: E against both costs, and each signal's error against the physics' cost."""
     for problem in dict.fromkeys(row.problem for row in rows):
         here = [row for row in rows if row.problem == problem and row.scaled < _LARGEST]
         here.sort(key=lambda row: (row.family != OURS, row.family, row.method))

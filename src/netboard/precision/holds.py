@@ -38,20 +38,7 @@ class HoldRow:
 
 
 def hold_rows(problem: Problem, reference: Reference) -> list[HoldRow]:
-    """Run a problem from samples: through the server's own ticks with each hold, and offline.
-
-    Parameters
-    ----------
-    problem : Problem
-        The problem.
-    reference : Reference
-        Its solution.
-
-    Returns
-    -------
-    list of HoldRow
-        From the worst hold to the best.
-    """
+    """Run a problem from samples: through the server's own ticks with each hold, and offline."""
     rows = [
         _row(problem, reference, hold, "the server's tick", *live_run(problem, hold)) for hold in ("zoh", "cv", "ca")
     ]

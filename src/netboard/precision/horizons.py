@@ -37,8 +37,6 @@ class Expectation:
 
     Attributes
     ----------
-    name : str
-        What it is.
     horizon : float
         How long the run was [s].
     errors : tuple of float
@@ -51,22 +49,7 @@ class Expectation:
 
 
 def sampled_hands(problem: Problem, hold: Hold, age: float = 0.0) -> Array:
-    """Return the drives through each tick as a hold makes them up from samples.
-
-    Parameters
-    ----------
-    problem : Problem
-        The problem.
-    hold : str
-        Which hold; ``hermite`` knows the next sample too.
-    age : float
-        How old a sample is at its tick [s].
-
-    Returns
-    -------
-    ndarray of float64, shape (n, 8)
-        Polynomials of both drives [N, N/s, N/s2, N/s3].
-    """
+    """Return the drives through each tick as a hold makes them up from samples."""
     ticks = np.arange(round(problem.duration / TICK_SECONDS) + 1) * TICK_SECONDS
     z, vz = styluses_at(ticks - age)
     _, before = styluses_at(ticks - age - TICK_SECONDS)
@@ -92,23 +75,11 @@ def sampled_run(
 
     Parameters
     ----------
-    problem : Problem
-        The problem.
-    hold : str
-        How the hands move between samples.
-    method : str
-        Name of a one-step method.
-    substeps : int
-        Its steps in a tick [1].
-    age : float
-        How old a sample is at its tick [s].
     nudge : float
         The ball starts so far from where the problem has it [m].
 
     Returns
     -------
-    states : ndarray of float64, shape (n, 6)
-        At every tick but the last [SI].
     forces : ndarray of float64, shape (n, 2)
         That a server would have sent then, on the board [N].
     """
@@ -132,20 +103,7 @@ def _largest(states: Array, forces: Array, horizon: float) -> tuple[float, ...]:
 
 
 def expectations(problem: Problem, reference: Reference) -> list[Expectation]:
-    """Return what to expect of the live tick with each hold, and of a run offline.
-
-    Parameters
-    ----------
-    problem : Problem
-        The problem.
-    reference : Reference
-        Its solution.
-
-    Returns
-    -------
-    list of Expectation
-        For each way and horizon.
-    """
+    """Return what to expect of the live tick with each hold, and of a run offline."""
     ways: list[tuple[str, Hold, str, int, float]] = [
         ("live, zoh", "zoh", "rk4", 1, 0.0),
         ("live, cv", "cv", "rk4", 1, 0.0),
@@ -166,18 +124,7 @@ def expectations(problem: Problem, reference: Reference) -> list[Expectation]:
 
 
 def left_out(problem: Problem) -> list[Expectation]:
-    """Return how far scenes that leave less out get from the paper's, from the same start under the same hands.
-
-    Parameters
-    ----------
-    problem : Problem
-        The paper's problem.
-
-    Returns
-    -------
-    list of Expectation
-        For each scene and horizon, the differences.
-    """
+    """Return how far scenes that leave less out get from the paper's, from the same start under the same hands."""
     scenes = {
         "Lagrange's equations": Physics(model="lagrangian"),
         "Lagrange's, and the ball rolls (solid sphere)": Physics(model="lagrangian", ball_inertia=0.4),
@@ -195,11 +142,6 @@ def left_out(problem: Problem) -> list[Expectation]:
 
 def growth(problem: Problem) -> list[tuple[float, float, float]]:
     """Return how a ball put a little elsewhere gets away, beside what the saddle alone would make of it.
-
-    Parameters
-    ----------
-    problem : Problem
-        The problem.
 
     Returns
     -------
@@ -224,8 +166,6 @@ def expect_parts(problem: Problem, reference: Reference) -> list[Part]:
     ----------
     problem : Problem
         The problem; what is left out is told of the paper's alone.
-    reference : Reference
-        Its solution.
 
     Returns
     -------

@@ -34,19 +34,7 @@ _ERRORS = tuple(f"{name} [{unit}]" for name, unit in zip(SIGNALS, ("m", "rad", "
 
 @dataclass(frozen=True)
 class Checked:
-    """A reference, and how far another solution is from it.
-
-    Attributes
-    ----------
-    problem : Problem
-        The problem.
-    reference : Reference
-        What is taken for the truth.
-    check : str
-        The other solution.
-    apart : float
-        E of that [1].
-    """
+    """A reference, and how far another solution is from it."""
 
     problem: Problem
     reference: Reference
@@ -55,13 +43,7 @@ class Checked:
 
 
 def reference_part(found: Sequence[Checked]) -> Part:
-    """Say what is taken for the truth, and how far another solution is from it.
-
-    Parameters
-    ----------
-    found : sequence of Checked
-        One for each problem.
-    """
+    """Say what is taken for the truth, and how far another solution is from it."""
     worst = max(one.apart for one in found)
     return Part(
         "reference",
@@ -76,13 +58,7 @@ def reference_part(found: Sequence[Checked]) -> Part:
 
 
 def runs_part(rows: Iterable[Row]) -> Part:
-    """List all runs.
-
-    Parameters
-    ----------
-    rows : iterable of Row
-        The runs.
-    """
+    """List all runs."""
     return Part(
         "runs",
         "All runs",
@@ -104,15 +80,7 @@ def _all_of(row: Row) -> tuple[Value, ...]:
 
 
 def steps_part(rows: Iterable[Row], setting: str = "1 ms") -> Part:
-    """List our methods at the length of a tick.
-
-    Parameters
-    ----------
-    rows : iterable of Row
-        The runs.
-    setting : str
-        The length of step.
-    """
+    """List our methods at the length of a tick."""
     return Part(
         "steps",
         f"Our methods in steps of {setting}",
@@ -126,13 +94,7 @@ def steps_part(rows: Iterable[Row], setting: str = "1 ms") -> Part:
 
 
 def frontier_part(rows: Sequence[Row]) -> Part:
-    """List the runs that no other beats in both error and cost.
-
-    Parameters
-    ----------
-    rows : sequence of Row
-        The runs.
-    """
+    """List the runs that no other beats in both error and cost."""
     best = [
         row
         for problem in dict.fromkeys(row.problem for row in rows)
@@ -151,13 +113,7 @@ def frontier_part(rows: Sequence[Row]) -> Part:
 
 
 def costs_parts(rows: Sequence[Row]) -> list[Part]:
-    """Tell what errors cost with each method, problem by problem.
-
-    Parameters
-    ----------
-    rows : sequence of Row
-        The runs.
-    """
+    """Tell what errors cost with each method, problem by problem."""
     parts = []
     for problem in dict.fromkeys(row.problem for row in rows):
         table: list[tuple[Value, ...]] = []
@@ -196,11 +152,6 @@ WHAT = {
 
 def ratios_parts(comparisons: Sequence[Comparison]) -> list[Part]:
     """Tell how many times cheaper the best of ours is than the best of each peer.
-
-    Parameters
-    ----------
-    comparisons : sequence of Comparison
-        All of them.
 
     Returns
     -------
@@ -259,15 +210,7 @@ def _least(comparisons: Sequence[Comparison]) -> str:
 
 
 def mujoco_part(rows: Sequence[Row], comparisons: Sequence[Comparison]) -> Part:
-    """Compare us with MuJoCo, in the problems that it takes part in.
-
-    Parameters
-    ----------
-    rows : sequence of Row
-        The runs.
-    comparisons : sequence of Comparison
-        All of them.
-    """
+    """Compare us with MuJoCo, in the problems that it takes part in."""
     table: list[tuple[Value, ...]] = []
     held = []
     for problem in dict.fromkeys(row.problem for row in rows if row.family == MUJOCO):
@@ -300,13 +243,7 @@ def mujoco_part(rows: Sequence[Row], comparisons: Sequence[Comparison]) -> Part:
 
 
 def holds_part(rows: Sequence[HoldRow]) -> Part:
-    """Tell what sampling costs.
-
-    Parameters
-    ----------
-    rows : sequence of HoldRow
-        The runs.
-    """
+    """Tell what sampling costs."""
     verdicts = []
     for problem in dict.fromkeys(row.problem for row in rows):
         live = next(row for row in rows if row.problem == problem and row.hold == "ca")
@@ -329,13 +266,7 @@ def _force(row: HoldRow) -> float:
 
 
 def tick_part(costs: Sequence[TickCost]) -> Part:
-    """Tell what a live tick costs.
-
-    Parameters
-    ----------
-    costs : sequence of TickCost
-        One for each model.
-    """
+    """Tell what a live tick costs."""
     lines: list[tuple[str, list[float]]] = [
         ("sine and cosine, each waiting for the last", [cost.sincos_latency_ns for cost in costs]),
         ("sine and cosine, side by side", [cost.sincos_ns for cost in costs]),
@@ -385,13 +316,7 @@ def tick_part(costs: Sequence[TickCost]) -> Part:
 
 
 def skips_part(rows: Sequence[SkipRow]) -> Part:
-    """Tell what is saved where a scene needs less.
-
-    Parameters
-    ----------
-    rows : sequence of SkipRow
-        For each model, what it lacks.
-    """
+    """Tell what is saved where a scene needs less."""
     level = min(row.times for row in rows if row.method == "exact")
     worst = max(row.difference for row in rows)
     return Part(

@@ -37,28 +37,14 @@ class Skip:
 
     Attributes
     ----------
-    name : str
-        What it lacks.
-    proof : str
-        The full scene in which that does nothing.
     scene : mapping
         How it is configured, where that differs from the full scene.
     inert : mapping
         Numbers of the full scene that make the part do nothing [SI].
-    method, proof_method : str
-        How each is stepped.
-    free : bool
-        The ball rolls.
-    forces : bool
-        The forces of the couplings are wanted.
     limp : tuple of bool
         The left hand, the right one follow the board in the full scene, so that they do not pull.
     carried : bool
         In the full scene the hands also carry what a hinge would.
-    still : tuple of int
-        What of the first state is 0.
-    ticks : int
-        Length of the run [1].
     """
 
     name: str
@@ -179,11 +165,6 @@ def _make_inert(PARTS: Parts, LEFT: bool, RIGHT: bool, CARRIED: bool) -> Callabl
 def samples_of(ticks: int) -> Array:
     """Return what the hands of the test problem do, as a live tick knows it.
 
-    Parameters
-    ----------
-    ticks : int
-        How many ticks [1].
-
     Returns
     -------
     ndarray of float64, shape (ticks, 6)
@@ -242,13 +223,6 @@ def _full(model: Model, skip: Skip) -> Callable[[Array, Array], object]:
 def difference(model: Model, skip: Skip) -> float:
     """Return the largest difference between a lesser scene and the full one in which that part does nothing.
 
-    Parameters
-    ----------
-    model : str
-        Whose equations.
-    skip : Skip
-        What the lesser scene lacks.
-
     Returns
     -------
     float
@@ -264,20 +238,7 @@ def difference(model: Model, skip: Skip) -> float:
 
 
 def skip_rows(model: Model, repeats: int) -> list[SkipRow]:
-    """Measure what leaving things out saves, in turns, and prove that nothing else changes.
-
-    Parameters
-    ----------
-    model : str
-        Whose equations.
-    repeats : int
-        Turns of each [1].
-
-    Returns
-    -------
-    list of SkipRow
-        The full scene first.
-    """
+    """Measure what leaving things out saves, in turns, and prove that nothing else changes."""
     runs = [
         partial(_lesser(model, skip), np.empty((skip.ticks, 2)), np.empty((0, 6 if "balls" not in skip.scene else 4)))
         for skip in SKIPS

@@ -52,8 +52,6 @@ class TickCost:
 
     Attributes
     ----------
-    model : str
-        Whose equations.
     sincos_latency_ns, sincos_ns : float
         Sine and cosine of one angle: each waiting for the last, and side by side [ns].
     right_side_latency_ns, right_side_ns : float
@@ -68,10 +66,6 @@ class TickCost:
         A tick called from Python: median, 99th percentile, and worst of many [ns].
     first_call_ns : float
         The first tick after warming up [ns].
-    compiled_late : bool
-        The first tick after warming up had something compiled.
-    many : int
-        Simulations side by side [1].
     many_ns : float
         A tick of all of them, in one call [ns].
     """
@@ -137,20 +131,7 @@ def _make_right_sides(PARTS: Parts) -> tuple[Callable[..., float], Callable[...,
 
 
 def measure_tick(problem: Problem, repeats: int) -> TickCost:
-    """Measure a model's tick and its floor, in turns.
-
-    Parameters
-    ----------
-    problem : Problem
-        A problem with the model.
-    repeats : int
-        Turns of each [1].
-
-    Returns
-    -------
-    TickCost
-        The costs.
-    """
+    """Measure a model's tick and its floor, in turns."""
     chain, beside = _make_right_sides(problem.parts)
     states, out = np.tile(np.array(problem.first), (COUNT, 1)), np.empty(COUNT)
     stage, first_call, late = _first_tick(problem)
@@ -234,20 +215,7 @@ def _calls(stage: Stage, problem: Problem) -> list[int]:
 
 
 def live_stage(problem: Problem, hold: str = "ca") -> Stage:
-    """Return the server's ticks for a problem, in a trial that the ball can neither win nor lose.
-
-    Parameters
-    ----------
-    problem : Problem
-        The problem.
-    hold : str
-        How a stylus moves after its sample.
-
-    Returns
-    -------
-    Stage
-        The ticks.
-    """
+    """Return the server's ticks for a problem, in a trial that the ball can neither win nor lose."""
     physics: Any = {"model": problem.model, "hold": hold}
     return make_stage(
         Config(physics=Physics(**physics), geometry=Geometry(target_distance=2.0), task=Task(fall_distance=5.0))
@@ -255,18 +223,7 @@ def live_stage(problem: Problem, hold: str = "ca") -> Stage:
 
 
 def live_rows(problem: Problem) -> NDArray[Any]:
-    """Return a problem as ticks: a fresh sample of each hand for every one, read at the tick.
-
-    Parameters
-    ----------
-    problem : Problem
-        The problem.
-
-    Returns
-    -------
-    ndarray of TICK, shape (n,)
-        Their inputs.
-    """
+    """Return a problem as ticks: a fresh sample of each hand for every one, read at the tick."""
     rows = np.zeros(round(problem.duration / TICK_SECONDS) + 1, TICK)
     number = np.arange(len(rows))
     z, vz = styluses_at(number * TICK_SECONDS)
@@ -280,20 +237,7 @@ def live_rows(problem: Problem) -> NDArray[Any]:
 
 
 def live_state(stage: Stage, problem: Problem) -> NDArray[Any]:
-    """Return the state in which a stage begins a problem: in the middle of a trial, the ball rolling.
-
-    Parameters
-    ----------
-    stage : Stage
-        The stage.
-    problem : Problem
-        The problem.
-
-    Returns
-    -------
-    ndarray of STATE, shape (1,)
-        The state.
-    """
+    """Return the state in which a stage begins a problem: in the middle of a trial, the ball rolling."""
     state = stage.initial()
     state["phase"] = Phase.RUNNING
     for name, value in zip(("z", "vz", "theta", "omega", "p", "vp"), problem.first, strict=True):
@@ -307,17 +251,8 @@ def live_state(stage: Stage, problem: Problem) -> NDArray[Any]:
 def live_run(problem: Problem, hold: str) -> tuple[Array, Array]:
     """Run a problem through the server's own ticks, from samples at 1 kHz.
 
-    Parameters
-    ----------
-    problem : Problem
-        The problem.
-    hold : str
-        How a stylus moves after its sample.
-
     Returns
     -------
-    states : ndarray of float64, shape (n, 6)
-        At every tick [SI].
     forces : ndarray of float64, shape (n, 2)
         Of the left and the right hand on the board, as sent [N].
     """

@@ -35,20 +35,12 @@ class Row:
 
     Attributes
     ----------
-    problem, family, method, setting : str
-        Which.
-    held : bool
-        Its hands did not change in a step.
-    steps : int
-        Steps taken; 0 where the library does not say [1].
     calls : int
         How often the hands were evaluated or read; 0 where it cannot be counted [1].
     errors : tuple of float
         Largest error of each of `SIGNALS` [m, rad, m, N].
     scaled : float
         E: the worst of them over the signal's largest value [1].
-    turns : int
-        How often it was timed [1].
     warm_up : float
         The first run, with whatever it compiled [s].
     physics, physics_median : float
@@ -90,18 +82,7 @@ Cost = Callable[[Row], float]
 
 
 def input_cost(problem: Problem) -> float:
-    """Return what it costs compiled code to evaluate the hands once.
-
-    Parameters
-    ----------
-    problem : Problem
-        The problem.
-
-    Returns
-    -------
-    float
-        Of the quickest of many [ns].
-    """
+    """Return what it costs compiled code to evaluate the hands once."""
     times = np.linspace(0.0, problem.duration, _EVALUATIONS)
     drives_at(problem.waves, times)
     return min(timed(lambda: drives_at(problem.waves, times)) for _ in range(20)) / _EVALUATIONS * 1e9
@@ -115,28 +96,7 @@ def measure(
     budget: float,
     progress: Callable[[str], object] = lambda name: None,
 ) -> list[Row]:
-    """Let contenders solve a problem, and time them in turns.
-
-    Parameters
-    ----------
-    problem : Problem
-        The problem.
-    reference : Reference
-        Its solution.
-    contenders : sequence of Contender
-        Who takes part.
-    repeats : int
-        Turns of each [1].
-    budget : float
-        Who has taken this long has no further turn [s].
-    progress : callable
-        Gets the name of who is on.
-
-    Returns
-    -------
-    list of Row
-        One for each contender.
-    """
+    """Let contenders solve a problem, and time them in turns."""
     solutions, warm_ups = [], []
     for contender in contenders:
         progress(f"{problem.name}: {contender.family} {contender.method}")
@@ -176,22 +136,7 @@ def _of_some(runs: Sequence[Callable[[], object] | None], repeats: int, budget: 
 
 
 def in_turns(runs: Sequence[Callable[[], object]], repeats: int, budget: float) -> list[list[float]]:
-    """Time runs, each once before any is timed again.
-
-    Parameters
-    ----------
-    runs : sequence of callable
-        What to time.
-    repeats : int
-        Turns of each [1].
-    budget : float
-        What has taken this long has no further turn [s].
-
-    Returns
-    -------
-    list of list of float
-        Wall times of each [s].
-    """
+    """Time runs, each once before any is timed again."""
     times: list[list[float]] = [[] for _ in runs]
     for turn in range(repeats):
         for run_, taken in zip(runs, times, strict=True):
@@ -253,44 +198,17 @@ def _row(
 
 
 def physics_cost(row: Row) -> float:
-    """Return what a run costs without evaluating the hands.
-
-    Parameters
-    ----------
-    row : Row
-        The run.
-
-    Returns
-    -------
-    float
-        For a second of simulated time [us].
-    """
+    """Return what a run costs without evaluating the hands."""
     return row.physics
 
 
 def whole_cost(row: Row) -> float:
-    """Return what a run costs with evaluating the hands.
-
-    Parameters
-    ----------
-    row : Row
-        The run.
-
-    Returns
-    -------
-    float
-        For a second of simulated time [us].
-    """
+    """Return what a run costs with evaluating the hands."""
     return row.whole
 
 
 def dense_cost(row: Row) -> float:
     """Return what a run costs that also keeps the states 2 ms apart, without evaluating the hands.
-
-    Parameters
-    ----------
-    row : Row
-        The run.
 
     Returns
     -------
@@ -305,20 +223,7 @@ COSTS: dict[str, Cost] = {"physics": physics_cost, "whole": whole_cost, "dense":
 
 
 def frontier(rows: Iterable[Row], cost: Cost = physics_cost) -> list[Row]:
-    """Return the runs that no other beats in both error and cost (Pareto).
-
-    Parameters
-    ----------
-    rows : iterable of Row
-        Runs of one problem.
-    cost : callable
-        What a run costs.
-
-    Returns
-    -------
-    list of Row
-        From the cheapest to the most exact.
-    """
+    """Return the runs that no other beats in both error and cost (Pareto)."""
     best: list[Row] = []
     for row in sorted(rows, key=lambda row: (cost(row), row.scaled)):
         if cost(row) < inf and row.scaled < (best[-1].scaled if best else inf):
@@ -328,15 +233,6 @@ def frontier(rows: Iterable[Row], cost: Cost = physics_cost) -> list[Row]:
 
 def cost_at(rows: Iterable[Row], error: float, cost: Cost = physics_cost) -> float:
     """Return what an error costs with one method, between its settings by a straight line of logarithms.
-
-    Parameters
-    ----------
-    rows : iterable of Row
-        Runs of one method on one problem.
-    error : float
-        E [1].
-    cost : callable
-        What a run costs.
 
     Returns
     -------
@@ -356,22 +252,7 @@ def cost_at(rows: Iterable[Row], error: float, cost: Cost = physics_cost) -> flo
 
 
 def least_cost(rows: Iterable[Row], error: float, cost: Cost = physics_cost) -> float:
-    """Return what an error costs with the best of several methods.
-
-    Parameters
-    ----------
-    rows : iterable of Row
-        Runs of any methods on one problem.
-    error : float
-        E [1].
-    cost : callable
-        What a run costs.
-
-    Returns
-    -------
-    float
-        The least of `cost_at` [us].
-    """
+    """Return what an error costs with the best of several methods."""
     ordered = sorted(rows, key=lambda row: (row.family, row.method))
     curves = (list(curve) for _, curve in groupby(ordered, key=lambda row: (row.family, row.method)))
     return min((cost_at(curve, error, cost) for curve in curves), default=inf)
@@ -383,12 +264,6 @@ class Comparison:
 
     Attributes
     ----------
-    problem, family : str
-        Which problem, and which library.
-    what : str
-        Which of `COSTS`.
-    errors : tuple of float
-        The values of E [1].
     ours, theirs : tuple of float
         Least costs; infinite where that error is not reached [us].
     """
@@ -414,18 +289,7 @@ class Comparison:
 
 
 def compare(rows: Sequence[Row]) -> list[Comparison]:
-    """Compare our methods with each peer, problem by problem, with and without the cost of the hands.
-
-    Parameters
-    ----------
-    rows : sequence of Row
-        All runs.
-
-    Returns
-    -------
-    list of Comparison
-        Peers in their order.
-    """
+    """Compare our methods with each peer, problem by problem, with and without the cost of the hands."""
     found = []
     for problem in dict.fromkeys(row.problem for row in rows):
         here = [row for row in rows if row.problem == problem]

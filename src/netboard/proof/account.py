@@ -33,8 +33,6 @@ class Stretch(NamedTuple):
 
     Attributes
     ----------
-    first, last : int
-        The first and the last of them [1].
     cause : str
         Why they are missing; empty for what is there, or if nobody knows.
     """
@@ -45,15 +43,7 @@ class Stretch(NamedTuple):
 
 
 class Pause(NamedTuple):
-    """A trial was paused.
-
-    Attributes
-    ----------
-    tick : int
-        Tick at which it was [1].
-    cause : str
-        Why; empty if nobody knows.
-    """
+    """A trial was paused."""
 
     tick: int
     cause: str
@@ -64,14 +54,10 @@ class Part(NamedTuple):
 
     Attributes
     ----------
-    path : Path
-        The file.
     first_record, next_record : int
         Number of its first record on the log channel, and the one after its last [1].
     ended : str
         ``complete``, or why it ends before its block; empty for a file that was recovered because it never ended.
-    damage : str
-        What could not be recovered.
     """
 
     path: Path
@@ -87,24 +73,8 @@ class Account:
 
     Attributes
     ----------
-    session : str
-        Its id.
-    parts : tuple of Part
-        The files, in order.
-    present : tuple of Stretch
-        Ticks that are there.
-    lost : tuple of Stretch
-        Ticks that are not, and why.
-    unexplained : tuple of Stretch
-        Ticks that are not, and nobody knows why.
     lost_records : tuple of Stretch
         Records of any kind that no part holds, and why, by their numbers on the log channel.
-    unexplained_records : tuple of Stretch
-        Likewise, and nobody knows why.
-    pauses : tuple of Pause
-        Every pause of a trial.
-    events : tuple of EventRecord
-        The events of all parts.
     """
 
     session: str
@@ -130,13 +100,7 @@ class Account:
 
 
 def parts_of(path: Path) -> list[Path]:
-    """Find all files of the session of a recording, in its folder, by their names.
-
-    Parameters
-    ----------
-    path : Path
-        One of them.
-    """
+    """Find all files of the session of a recording, in its folder, by their names."""
     own = _NAME.fullmatch(path.stem)
     if own is None:
         return [path]
@@ -163,11 +127,6 @@ class _Read(NamedTuple):
 
 def account_of(paths: Sequence[Path]) -> Account:
     """Account for every tick of a session.
-
-    Parameters
-    ----------
-    paths : sequence of Path
-        All its parts, in any order.
 
     Raises
     ------
@@ -255,15 +214,7 @@ def _losses(found: _Read, causes: Sequence[EventRecord]) -> Iterator[_Loss]:
 
 
 def cause_of_loss(records: Stretch, causes: Sequence[EventRecord]) -> str:
-    """Find what the server said about losing some records, if anything.
-
-    Parameters
-    ----------
-    records : Stretch
-        Numbers of the records on the log channel.
-    causes : sequence of EventRecord
-        The events named ``log_lost``.
-    """
+    """Find what the server said about losing some records, if anything."""
     for event in causes:
         first, count = int(event.details["first"]), int(event.details["count"])
         if first <= records.last and records.first < first + count and event.details["cause"]:

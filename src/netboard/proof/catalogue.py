@@ -38,16 +38,8 @@ class Entry:
 
     Attributes
     ----------
-    path : Path
-        The file.
-    kind : str
-        ``recording``, ``unfinished``, ``spill`` or ``journal``.
-    size : int
-        Bytes [1].
     dyad, session, study : str
         Pseudonymous id of the dyad, label of the session, name of the study; empty where it is not known.
-    pilot : bool
-        Whether it is a pilot run.
     opened : str
         When it was begun, UTC, in ISO 8601; empty where it is not known.
     block, blocks : int
@@ -56,18 +48,10 @@ class Entry:
         What its trials are for; empty for what is no recording.
     factors : dict of str
         Level of each factor of its study, with value and unit.
-    condition : str
-        What people call the block.
     done, trials : int
         Trials done, and planned in the block or, for a journal, done only [1].
     duration : float or None
         From its beginning to its end; None where one of them is not known [s].
-    lost : int
-        Records that the logger never got [1].
-    verdict : str
-        One of `netboard.proof.grade.VERDICTS`.
-    why : str
-        Why it is not complete.
     """
 
     path: Path
@@ -93,17 +77,7 @@ class Entry:
 
 @dataclass(frozen=True, slots=True)
 class Filter:
-    """What is wanted of a catalogue; None for anything.
-
-    Attributes
-    ----------
-    dyad, study, verdict : str or None
-        Exactly this; of a verdict the beginning is enough.
-    since : date or None
-        Begun on this day (UTC) or later.
-    pilot : bool or None
-        Pilot runs only, or none.
-    """
+    """What is wanted of a catalogue; None for anything."""
 
     dyad: str | None = None
     study: str | None = None
@@ -112,13 +86,7 @@ class Filter:
     pilot: bool | None = None
 
     def takes(self, entry: Entry) -> bool:
-        """Tell whether a file is wanted, as far as its ends can tell: whatever its verdict.
-
-        Parameters
-        ----------
-        entry : Entry
-            The file.
-        """
+        """Tell whether a file is wanted, as far as its ends can tell: whatever its verdict."""
         return (
             self.dyad in (None, entry.dyad)
             and self.study in (None, entry.study)
@@ -127,38 +95,20 @@ class Filter:
         )
 
     def likes(self, entry: Entry) -> bool:
-        """Tell whether a file has the verdict that is wanted.
-
-        Parameters
-        ----------
-        entry : Entry
-            The file, with its verdict.
-        """
+        """Tell whether a file has the verdict that is wanted."""
         if self.verdict is None:
             return True
         return entry.verdict == self.verdict if self.verdict in VERDICTS else entry.verdict.startswith(self.verdict)
 
 
 def files_in(folder: Path) -> list[Path]:
-    """List the files that a catalogue is of, below a folder.
-
-    Parameters
-    ----------
-    folder : Path
-        The folder.
-    """
+    """List the files that a catalogue is of, below a folder."""
     endings = (".mcap", ".mcap.part", ".spill", JOURNAL)
     return sorted(path for path in folder.rglob("*") if path.name.endswith(endings) and path.is_file())
 
 
 def entry_of(path: Path) -> Entry:
-    """Say what a file is, from its ends.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-    """
+    """Say what a file is, from its ends."""
     try:
         size = path.stat().st_size
         if path.name.endswith(JOURNAL):
@@ -279,13 +229,7 @@ def _journal(path: Path, size: int, lines: Lines) -> Entry:
 
 
 def with_trials(entry: Entry) -> Entry:
-    """Count the trials of a finished recording; one that has less than planned is complete with a loss.
-
-    Parameters
-    ----------
-    entry : Entry
-        Any file.
-    """
+    """Count the trials of a finished recording; one that has less than planned is complete with a loss."""
     if entry.kind != "recording" or entry.verdict == VERDICTS[Grade.DAMAGE]:
         return entry
     try:
@@ -300,13 +244,7 @@ def with_trials(entry: Entry) -> Entry:
 
 
 def with_check(entry: Entry) -> Entry:
-    """Give a file the verdict of a full check.
-
-    Parameters
-    ----------
-    entry : Entry
-        Any file; a journal keeps its own verdict.
-    """
+    """Give a file the verdict of a full check."""
     if entry.kind == "journal":
         return entry
     report = check(entry.path)
@@ -315,18 +253,7 @@ def with_check(entry: Entry) -> Entry:
 
 
 def in_order(entries: Iterable[Entry]) -> Iterator[tuple[tuple[str, str], list[Entry]]]:
-    """Group files by dyad and session, in order of blocks and of time; a journal comes first.
-
-    Parameters
-    ----------
-    entries : iterable of Entry
-        The files.
-
-    Yields
-    ------
-    (str, str), list of Entry
-        Dyad and session, and their files.
-    """
+    """Group files by dyad and session, in order of blocks and of time; a journal comes first."""
     groups: dict[tuple[str, str], list[Entry]] = {}
     for entry in entries:
         groups.setdefault((entry.dyad, entry.session), []).append(entry)

@@ -50,10 +50,6 @@ def check(path: Path, replay: bool = False, tell: Tell = lambda ticks: None) -> 
     ----------
     path : Path
         A recording, an unfinished one (``.part``) or what a server wrote down (``.spill``).
-    replay : bool
-        Compute every tick again, and compare it to the bit.
-    tell : callable
-        Hears how far it is.
 
     Returns
     -------
@@ -160,10 +156,6 @@ def check_numbers(recording: Recording, seen: Walk, streams: Streams) -> Iterato
 
     Parameters
     ----------
-    recording : Recording
-        The file.
-    seen : Walk
-        What was seen of its ticks.
     streams : (events, clock probes, remarks)
         Its other streams that are numbered by the server or the logger.
     """
@@ -213,13 +205,7 @@ def _wrong_totals(recording: Recording, seen: Walk) -> Iterator[str]:
 
 
 def check_frames(frames: Sequence[FrameRecord]) -> Iterator[Finding]:
-    """Check the numbers of frames, which displays tell, and whose reports may be lost on the way.
-
-    Parameters
-    ----------
-    frames : sequence of FrameRecord
-        The frames of all stations.
-    """
+    """Check the numbers of frames, which displays tell, and whose reports may be lost on the way."""
     for station in sorted({frame.station for frame in frames}):
         numbers = np.array([frame.seq for frame in frames if frame.station == station], np.int64)
         if missing := sum(gap.count for gap in find_gaps(numbers)):
@@ -230,15 +216,7 @@ def check_frames(frames: Sequence[FrameRecord]) -> Iterator[Finding]:
 def check_losses(
     recording: Recording, events: Sequence[EventRecord], remarks: Sequence[EventRecord]
 ) -> Iterator[Finding]:
-    """List what the file itself says is not there.
-
-    Parameters
-    ----------
-    recording : Recording
-        The file.
-    events, remarks : sequence of EventRecord
-        Its events, and the remarks of its logger.
-    """
+    """List what the file itself says is not there."""
     causes = [event for event in events if event.name == "log_lost"]
     for remark in remarks:
         if remark.name == "log_lost":
@@ -258,13 +236,7 @@ def check_losses(
 
 
 def check_rendered(recording: Recording) -> Iterator[Finding]:
-    """Say how many ticks there are of which nobody knows what a device rendered: in a trial that is a loss.
-
-    Parameters
-    ----------
-    recording : Recording
-        The file.
-    """
+    """Say how many ticks there are of which nobody knows what a device rendered: in a trial that is a loss."""
     columns = recording.columns("phase", *(f"{side}_rendered" for side in SIDES))
     active = ACTIVE[np.clip(columns["phase"], 0, len(Phase) - 1)]
     for side in SIDES:
@@ -280,17 +252,7 @@ def check_rendered(recording: Recording) -> Iterator[Finding]:
 
 
 def check_configuration(recording: Recording, config: Config, events: Sequence[EventRecord]) -> Iterator[Finding]:
-    """Check that the attached configuration is the one that the metadata, and the server's own event, speak of.
-
-    Parameters
-    ----------
-    recording : Recording
-        The file; it has compared the checksum of the configuration.
-    config : Config
-        The attached configuration.
-    events : sequence of EventRecord
-        Its events.
-    """
+    """Check that the attached configuration is the one that the metadata, and the server's own event, speak of."""
     said, session = recording.metadata, config.session
     told = [event.details["config"] for event in events if event.name == BLOCK_BEGAN and "config" in event.details]
     expected = {"dyad": session.dyad, "name": session.name, "study": session.study, "block": str(config.block.number)}
@@ -308,13 +270,7 @@ def check_configuration(recording: Recording, config: Config, events: Sequence[E
 
 
 def replayed(seen: Walk) -> Iterator[Finding]:
-    """Say what came of computing every tick again.
-
-    Parameters
-    ----------
-    seen : Walk
-        What was seen of the ticks.
-    """
+    """Say what came of computing every tick again."""
     verdict = seen.verdict
     if verdict is None:
         return

@@ -57,12 +57,8 @@ def check_clocks(
 
     Parameters
     ----------
-    probes : sequence of ClockRecord
-        Everything recorded of clocks.
     bound_ms : float
         An agent's clock must be known so well while trials go on [ms].
-    active_ns : (int, int) or None
-        First and last moment of a trial, server time [ns].
     """
     if not probes:
         yield Finding("clocks", Grade.SOUND, "no clock probe was recorded")
@@ -75,11 +71,6 @@ def check_clocks(
 
 def connections_of(probes: Sequence[ClockRecord]) -> list[list[ClockRecord]]:
     """Tell the connections apart of which an older server recorded the probes under one name.
-
-    Parameters
-    ----------
-    probes : sequence of ClockRecord
-        All probes with one name, in order.
 
     Returns
     -------
@@ -110,17 +101,7 @@ def connections_of(probes: Sequence[ClockRecord]) -> list[list[ClockRecord]]:
 def check_connection(
     peer: str, probes: Sequence[ClockRecord], bound_ms: float, active_ns: tuple[int, int] | None
 ) -> Iterator[Finding]:
-    """Check the clock of a peer by the probes of one of its connections.
-
-    Parameters
-    ----------
-    peer : str
-        Its name.
-    probes : sequence of ClockRecord
-        The probes, in order.
-    bound_ms, active_ns
-        As for `check_clocks`.
-    """
+    """Check the clock of a peer by the probes of one of its connections."""
     impossible = sum(not is_possible(probe) for probe in probes)
     if impossible:
         yield Finding("clocks", Grade.DAMAGE, f"{peer}: {impossible} probes have stamps that are not possible")
@@ -168,13 +149,7 @@ def is_possible(probe: ClockRecord) -> bool:
 
 
 def contradicts(probe: ClockRecord) -> bool:
-    """Tell whether an estimate cannot be that of its probe: outside its limits, or worse than the probe by itself.
-
-    Parameters
-    ----------
-    probe : ClockRecord
-        The probe, and the estimate recorded with it.
-    """
+    """Tell whether an estimate cannot be that of its probe: outside its limits, or worse than the probe by itself."""
     alone = ClockEstimator()
     alone.add(probe.t0_ns, probe.t1_ns, probe.t2_ns, probe.t3_ns)
     apart = abs(probe.offset_ns - alone.offset_ns)
@@ -189,13 +164,7 @@ def _counts(probe: ClockRecord, bound_ms: float, active_ns: tuple[int, int] | No
 
 
 def stepped(probes: Sequence[ClockRecord]) -> int:
-    """Count the probes of which the limits go with those before for no drift up to `LARGEST_DRIFT_PPM`.
-
-    Parameters
-    ----------
-    probes : sequence of ClockRecord
-        Of one peer, in order.
-    """
+    """Count the probes of which the limits go with those before for no drift up to `LARGEST_DRIFT_PPM`."""
     sent, received, answered, back = _stamps(probes)[:4]
     upper, lower = received - sent, answered - back
     rate = LARGEST_DRIFT_PPM * 1e-6
@@ -205,13 +174,7 @@ def stepped(probes: Sequence[ClockRecord]) -> int:
 
 
 def line_through(probes: Sequence[ClockRecord]) -> Fit | None:
-    """Fit a straight line through the middles of the quicker half of some probes; None for too few of them.
-
-    Parameters
-    ----------
-    probes : sequence of ClockRecord
-        Of one peer, in order; of a minute or so.
-    """
+    """Fit a straight line through the middles of the quicker half of some probes; None for too few of them."""
     if len(probes) < _AT_LEAST:
         return None
     sent, received, answered, back, offsets, bounds = _stamps(probes)

@@ -35,10 +35,6 @@ class Finding:
     part : str
         What was looked at: ``file``, ``numbers``, ``forces``, ``time``, ``clocks``, ``configuration``, ``trials``,
         ``plan``, ``journal`` or ``replay``.
-    grade : Grade
-        What it means.
-    text : str
-        What was found, for people.
     """
 
     part: str
@@ -52,10 +48,6 @@ class Report:
 
     Attributes
     ----------
-    path : Path
-        The file.
-    findings : tuple of Finding
-        Everything that was looked at.
     ticks : int
         Ticks in it, or that can be recovered of it [1].
     replay : Verdict or None
@@ -87,12 +79,6 @@ def worst(findings: Sequence[Finding]) -> Grade:
 
 
 def numbers_in_words(numbers: NDArray[np.int64]) -> str:
-    """Name the first numbers of what may be many.
-
-    Parameters
-    ----------
-    numbers : ndarray of int64, shape (n,)
-        The numbers [1].
-    """
+    """Name the first numbers of what may be many."""
     shown = ", ".join(str(number) for number in numbers[:3])
     return shown if len(numbers) <= 3 else f"{shown} and {len(numbers) - 3} more"

@@ -23,21 +23,7 @@ _BY_REPORTS = {"frozen_display"}
 def check_journal(
     entries: Sequence[Entry], run: str, block: int, seen: Walk, verdicts: Sequence[Verdict]
 ) -> Iterator[Finding]:
-    """Check the journal's attempts against those of the recording.
-
-    Parameters
-    ----------
-    entries : sequence of Entry
-        The journal's.
-    run : str
-        Id of the server's run that the recording is of.
-    block : int
-        Number of its block [1].
-    seen : Walk
-        What was seen of its ticks.
-    verdicts : sequence of Verdict
-        What the rules of its configuration say of its attempts.
-    """
+    """Check the journal's attempts against those of the recording."""
     if not seen.count:
         return
     first, last = int(seen.first["tick"][0]), int(seen.last["tick"][0])

@@ -27,34 +27,13 @@ from netboard.tables.experiment import Design
 
 
 def journal_of(path: Path, config: Config) -> Lines | None:
-    """Read the journal that lies beside a recording; None if there is none.
-
-    Parameters
-    ----------
-    path : Path
-        The recording.
-    config : Config
-        Its configuration.
-
-    Raises
-    ------
-    RecordingError
-        If the journal is damaged.
-    """
+    """Read the journal that lies beside a recording; None if there is none."""
     beside = journal_path(path.parent, config)
     return read_lines(beside.read_bytes(), beside.name) if beside.is_file() else None
 
 
 def plan_findings(path: Path, config: Config) -> Iterator[Finding]:
-    """Check a block of a study against its plan.
-
-    Parameters
-    ----------
-    path : Path
-        The recording.
-    config : Config
-        Its configuration.
-    """
+    """Check a block of a study against its plan."""
     if not config.session.study:
         return
     try:
@@ -80,15 +59,7 @@ def plan_findings(path: Path, config: Config) -> Iterator[Finding]:
 
 
 def plan_in(header: Header, config: Config) -> Plan | None:
-    """Make the plan that a journal is about again, as its digest proves; None if its study or dyad cannot be told.
-
-    Parameters
-    ----------
-    header : Header
-        The journal's.
-    config : Config
-        Of a block of it.
-    """
+    """Make the plan that a journal is about again, as its digest proves; None if its study or dyad cannot be told."""
     number = re.search(r"\d+$", header.dyad)
     if header.study not in library.NAMES or number is None:
         return None
@@ -108,17 +79,7 @@ def _shortened(plan: Plan, config: Config) -> Iterator[str]:
 
 
 def journal_findings(recording: Recording, config: Config, seen: Walk) -> Iterator[Finding]:
-    """Check a recording against the journal beside it.
-
-    Parameters
-    ----------
-    recording : Recording
-        The recording.
-    config : Config
-        Its configuration.
-    seen : Walk
-        What was seen of its ticks.
-    """
+    """Check a recording against the journal beside it."""
     try:
         lines = journal_of(recording.path, config)
     except RecordingError as error:

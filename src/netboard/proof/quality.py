@@ -19,25 +19,7 @@ _PORTION = 100
 
 
 def judged(recording: Recording) -> tuple[Verdict, ...]:
-    """Judge every attempt that has ended in a recording.
-
-    Parameters
-    ----------
-    recording : Recording
-        The recording, open.
-
-    Returns
-    -------
-    tuple of Verdict
-        In order.
-
-    Raises
-    ------
-    RecordingError
-        If its configuration was lost when it was damaged.
-    ConfigError
-        If that is not one of this version.
-    """
+    """Judge every attempt that has ended in a recording."""
     config = parse(recording.config_text, f"{recording.path} (its configuration)")
     return judged_along(recording, config, recording.batches(names=SEEN, as_sent=True))
 
@@ -47,17 +29,8 @@ def judged_along(recording: Recording, config: Config, portions: Iterable[NDArra
 
     Parameters
     ----------
-    recording : Recording
-        The recording, open.
-    config : Config
-        Its configuration.
     portions : iterable of ndarray of TICK, shape (n,)
         All its ticks in order, with the fields of `netboard.experiment.quality.SEEN` at least.
-
-    Returns
-    -------
-    tuple of Verdict
-        In order.
     """
     referee = Referee(config, Safeguard.CLAMPED)
     frames = sorted(recording.frames(), key=attrgetter("tick"))

@@ -24,15 +24,6 @@ def check_time(
 
     Where records were lost, what the server said may be among them. A what-if has the times of its source, without the
     events of that.
-
-    Parameters
-    ----------
-    recording : Recording
-        The file.
-    seen : Walk
-        What was seen of its ticks.
-    events, remarks : sequence of EventRecord
-        Its events, and the remarks of its logger.
     """
     problems = []
     stood_ms: Counter[int] = Counter()

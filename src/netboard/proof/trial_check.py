@@ -22,19 +22,7 @@ _ENDS = (Cause.LAST, Cause.STOP)
 
 
 def check_trials(config: Config, seen: Walk, listed: Sequence[Attempt], goes_on: bool) -> Iterator[Finding]:
-    """Check the trials by the rules of the configuration.
-
-    Parameters
-    ----------
-    config : Config
-        The recording's own.
-    seen : Walk
-        What was seen of its ticks.
-    listed : sequence of Attempt
-        The attempts that the file lists.
-    goes_on : bool
-        The block goes on in another file.
-    """
+    """Check the trials by the rules of the configuration."""
     if not seen.count:
         yield Finding("trials", Grade.LOSS, "no tick, so no trial")
         return
@@ -53,15 +41,7 @@ def check_trials(config: Config, seen: Walk, listed: Sequence[Attempt], goes_on:
 
 
 def check_measured(seen: Walk, listed: Sequence[Attempt]) -> Iterator[Finding]:
-    """Check the trials of an imported table: they followed other rules than the configuration's, and may lack columns.
-
-    Parameters
-    ----------
-    seen : Walk
-        What was seen of its ticks.
-    listed : sequence of Attempt
-        The attempts that the file lists.
-    """
+    """Check the trials of an imported table, which followed other rules and may lack columns."""
     attempts = seen.attempts() if seen.count else ()
     problems = list(_wrong_list(attempts, listed))
     yield from (Finding("trials", Grade.DAMAGE, problem) for problem in problems)
@@ -138,15 +118,7 @@ def _done(config: Config, seen: Walk, goes_on: bool) -> Finding:
 
 
 def check_plan(config: Config, planned: Config) -> Iterator[Finding]:
-    """Check the block's condition against what the plan makes of the same rig.
-
-    Parameters
-    ----------
-    config : Config
-        The recording's own.
-    planned : Config
-        The same rig's, with this block of the plan.
-    """
+    """Check the block's condition against what the plan makes of the same rig."""
     wrong = [
         f"[{table.name}] {key.name}: found {getattr(has, key.name)!r}, planned {getattr(wants, key.name)!r}"
         for table in fields(config)

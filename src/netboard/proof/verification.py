@@ -27,14 +27,10 @@ class Verdict:
 
     Attributes
     ----------
-    checked : int
-        Ticks computed again and compared [1].
     gaps : int
         Places where ticks are missing and the comparison started afresh [1].
     tick : int or None
         First tick that is not identical to the bit; None if all are [1].
-    field : str
-        Its first field that differs.
     recorded, computed : float
         The two values of that field, in its own unit [SI].
     """
@@ -62,15 +58,8 @@ def verify(stage: Stage, ticks: NDArray[Any]) -> Verdict:
 
     Parameters
     ----------
-    stage : Stage
-        Made from the recording's own configuration.
     ticks : ndarray of TICK, shape (n,)
         The recorded ticks, in order. After a gap the recorded state is taken over.
-
-    Returns
-    -------
-    Verdict
-        Identical, or where and how not.
     """
     return verify_portions(stage, (ticks,))
 
@@ -80,8 +69,6 @@ def verify_portions(stage: Stage, portions: Iterable[NDArray[Any]]) -> Verdict:
 
     Parameters
     ----------
-    stage : Stage
-        Made from the recording's own configuration.
     portions : iterable of ndarray of TICK
         The recorded ticks, in order. After a gap, within a portion or between two, the recorded state is taken over.
 
@@ -98,18 +85,7 @@ def verify_portions(stage: Stage, portions: Iterable[NDArray[Any]]) -> Verdict:
 
 
 class Verifier:
-    """Computes recorded ticks again as they come.
-
-    Parameters
-    ----------
-    stage : Stage
-        Made from the recording's own configuration.
-
-    Attributes
-    ----------
-    verdict : Verdict
-        On the ticks so far.
-    """
+    """Computes recorded ticks again as they come."""
 
     def __init__(self, stage: Stage) -> None:
         self.verdict = Verdict(0, 0)
@@ -119,13 +95,7 @@ class Verifier:
         self._computed = np.zeros(SLICE, TICK)
 
     def take(self, rows: NDArray[Any]) -> bool:
-        """Compute the next ticks; False if there was a difference, now or before.
-
-        Parameters
-        ----------
-        rows : ndarray of TICK, shape (n,)
-            The next rows as recorded.
-        """
+        """Compute the next ticks; False if there was a difference, now or before."""
         for first, stop in runs(rows["tick"]):
             if self._next != rows["tick"][first]:
                 known = self._next is not None
@@ -160,18 +130,7 @@ class Verifier:
 
 
 def state_of(row: NDArray[Any]) -> NDArray[Any]:
-    """State found by a tick, from its row.
-
-    Parameters
-    ----------
-    row : ndarray of TICK, shape (1,)
-        The row.
-
-    Returns
-    -------
-    ndarray of STATE, shape (1,)
-        The state at that tick.
-    """
+    """State found by a tick, from its row."""
     state = np.zeros(1, STATE)
     for name in _STATE:
         state[name] = row[name]
@@ -180,11 +139,6 @@ def state_of(row: NDArray[Any]) -> NDArray[Any]:
 
 def runs(numbers: NDArray[np.int64]) -> list[tuple[int, int]]:
     """Split numbers where they do not go up by one.
-
-    Parameters
-    ----------
-    numbers : ndarray of int64, shape (n,)
-        Numbers of ticks, in order [1].
 
     Returns
     -------
@@ -200,11 +154,6 @@ def runs(numbers: NDArray[np.int64]) -> list[tuple[int, int]]:
 
 def as_words(rows: NDArray[Any]) -> NDArray[np.int64]:
     """Look at rows as words of 64 bits, so that NaN equals NaN and -0 is not 0.
-
-    Parameters
-    ----------
-    rows : ndarray of TICK, shape (n,)
-        The rows.
 
     Returns
     -------
@@ -222,25 +171,7 @@ def _first_difference(recorded: NDArray[Any], computed: NDArray[Any]) -> tuple[i
 
 
 def verify_recording(recording: Recording) -> Verdict:
-    """Compute every tick of an open recording again and compare it to the bit.
-
-    Parameters
-    ----------
-    recording : Recording
-        The recording.
-
-    Returns
-    -------
-    Verdict
-        Identical, or where and how not.
-
-    Raises
-    ------
-    RecordingError
-        If it cannot be read or has no tick: nothing would be proved.
-    ConfigError
-        If its configuration is not one of this version.
-    """
+    """Compute every tick of an open recording again and compare it to the bit."""
     stage = make_stage(parse(recording.config_text, f"{recording.path} (its configuration)"))
     verdict = verify_portions(stage, recording.batches(as_sent=True))
     if not verdict.checked:

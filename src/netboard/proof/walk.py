@@ -32,14 +32,6 @@ class Walk:
 
     Attributes
     ----------
-    count : int
-        Ticks [1].
-    first, last : ndarray of TICK, shape (n,)
-        The first and the last row; empty before them.
-    gaps : list of Gap
-        Missing ticks.
-    missing : int
-        How many they are [1].
     disordered : list of int
         Ticks with a number that is not above the one before [1].
     jumps : list of (int, int)
@@ -52,8 +44,6 @@ class Walk:
         Largest force that a hand was to feel [N].
     turns : list of ndarray of TICK
         The rows at which anything of a trial changes, and those before.
-    verdict : Verdict or None
-        Outcome of computing every tick again.
     computing : float
         Time that this took [s].
     """
@@ -82,8 +72,6 @@ def walk(portions: Iterable[NDArray[Any]], block: Block | None, stage: Stage | N
 
     Parameters
     ----------
-    portions : iterable of ndarray of TICK
-        The ticks, in order.
     block : Block, optional
         The block's configuration, which says where no force may be; None if it is lost.
     stage : Stage, optional

@@ -22,18 +22,7 @@ _MOST_A_TICK = KNOWN_NS // TICK_NS
 
 
 class Backfilled:
-    """Everything that the agents of a recording have told of ticks without a sample.
-
-    Parameters
-    ----------
-    records : iterable of BackfillRecord
-        What they told.
-
-    Raises
-    ------
-    RecordingError
-        If a record is not made of whole rows.
-    """
+    """Everything that the agents of a recording have told of ticks without a sample."""
 
     def __init__(self, records: Iterable[BackfillRecord]) -> None:
         told: dict[str, list[NDArray[Any]]] = {side: [] for side in SIDES}
@@ -79,8 +68,6 @@ def unknown_ticks(rendered: NDArray[np.float64], within: NDArray[np.bool_] | Non
     ----------
     rendered : ndarray, shape (n,)
         The rendered force of one side at every tick, filled in as far as agents have told it [N].
-    within : ndarray of bool, shape (n,), optional
-        Only these ticks count.
 
     Returns
     -------

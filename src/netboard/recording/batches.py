@@ -42,13 +42,7 @@ _KEYS = ("phase", "trial", "attempt")
 
 
 def pack(rows: NDArray[Any]) -> bytes:
-    """Turn ticks into the columns of a batch.
-
-    Parameters
-    ----------
-    rows : ndarray of TICK, shape (n,)
-        The ticks.
-    """
+    """Turn ticks into the columns of a batch."""
     words = words_of(rows).T.copy()
     for smooth in _rounds(_ORDERS):
         words[smooth, 1:] = np.diff(words[smooth], axis=1)
@@ -78,18 +72,7 @@ _ORDERS = np.array([field.differences for field in TICK_FIELDS])
 
 
 class Layout:
-    """How the batches of a file become ticks.
-
-    Parameters
-    ----------
-    schema : bytes
-        The schema of its channel.
-
-    Raises
-    ------
-    RecordingError
-        If it does not say what the columns are, or one has another type than here.
-    """
+    """How the batches of a file become ticks."""
 
     def __init__(self, schema: bytes) -> None:
         try:
@@ -104,13 +87,7 @@ class Layout:
                 raise RecordingError(f"its column {name} has the type {kind}, expected {TICK[name].str}")
 
     def planes(self, message: bytes) -> NDArray[np.uint8]:
-        """Read a message: the planes of its columns, shape (columns, 8, n).
-
-        Raises
-        ------
-        RecordingError
-            If it is no batch, or not one of this layout.
-        """
+        """Read a message: the planes of its columns, shape (columns, 8, n)."""
         values = unpack(message)
         data, count = values.get("columns"), values.get("count")
         if not isinstance(data, bytes) or not isinstance(count, int) or len(data) != len(self._names) * _WORD * count:
@@ -122,17 +99,7 @@ class Layout:
         return np.array([self._names.index(name) if name in self._names else -1 for name in names], np.int64)
 
     def read(self, planes: NDArray[np.uint8], places: NDArray[np.int64], out: NDArray[np.int64]) -> None:
-        """Turn planes into values; a column that the file does not have is left as it is.
-
-        Parameters
-        ----------
-        planes : ndarray of uint8, shape (columns, 8, n)
-            A batch.
-        places : ndarray of int64, shape (k,)
-            Which columns [1].
-        out : ndarray of int64, shape (n, k)
-            Where the bits of their values go.
-        """
+        """Turn planes into values; a column that the file does not have is left as it is."""
         if np.array_equal(places, np.arange(len(planes))):
             # All columns, which are many, need not be picked out first.
             out[:] = self._summed(planes, self._orders).T
@@ -160,20 +127,7 @@ def heard(values: dict[str, Any]) -> Attempt:
 
 
 class TickStream:
-    """Ticks on their way into a file.
-
-    Parameters
-    ----------
-    file : PartFile
-        The file.
-    chunk_bytes : int
-        Largest size of its chunks, in bytes [1].
-
-    Attributes
-    ----------
-    last : int
-        Number of the last tick, -1 before the first [1].
-    """
+    """Ticks on their way into a file."""
 
     def __init__(self, file: PartFile, chunk_bytes: int) -> None:
         self.last = -1
@@ -187,13 +141,6 @@ class TickStream:
 
     def add(self, row: bytes, log_time_ns: int) -> None:
         """Take a tick.
-
-        Parameters
-        ----------
-        row : bytes
-            A row of `netboard.tick.TICK`.
-        log_time_ns : int
-            Log time [ns].
 
         Raises
         ------
@@ -255,13 +202,7 @@ class TickStream:
         return find_attempts(edges)
 
     def finish(self, log_time_ns: int) -> None:
-        """Attach what helps to find a tick and a trial.
-
-        Parameters
-        ----------
-        log_time_ns : int
-            Log time [ns].
-        """
+        """Attach what helps to find a tick and a trial."""
         self.close_batch()
         self._file.close_chunk()
         listed = json.dumps([told(attempt) for attempt in self.attempts()]).encode()

@@ -35,14 +35,8 @@ class Field:
 
     Attributes
     ----------
-    name : str
-        Key in the message.
     kind : str
         ``integer``, ``number``, ``string``, ``texts`` (a map from string to string) or ``bytes``.
-    text : str
-        What it is.
-    unit : str
-        SI symbol, ``1`` for a pure number, empty for text.
     differences : int
         In a batch, so many times over each value is replaced by its difference to the one before [1].
     """
@@ -72,16 +66,6 @@ class Channel:
 
     Attributes
     ----------
-    topic : str
-        Name of the MCAP channel.
-    schema_name : str
-        Name of its schema.
-    about : str
-        What it carries, in one line.
-    sequence, publish_time : str
-        What these two stamps of a message are.
-    fields : tuple of Field
-        The fields of a message, in order.
     columns : tuple of Field
         The columns of a message that is a batch of rows, in order.
     """
@@ -334,13 +318,7 @@ IDS = {channel.topic: number for number, channel in enumerate(CHANNELS, start=1)
 
 
 def unpack(message: bytes) -> dict[str, Any]:
-    """Decode any message of a recording into its map.
-
-    Raises
-    ------
-    RecordingError
-        If it is not a msgpack map.
-    """
+    """Decode any message of a recording into its map."""
     try:
         values = msgpack.unpackb(message)
     except (ValueError, msgpack.exceptions.UnpackException) as error:
@@ -356,14 +334,8 @@ class Stamped:
 
     Attributes
     ----------
-    topic : str
-        Topic of the channel.
-    sequence : int
-        The source's number of it [1].
     publish_time_ns : int
         The source's stamp [ns].
-    data : bytes
-        The msgpack map.
     """
 
     topic: str
@@ -381,13 +353,7 @@ def _map(record: Other) -> bytes:
 
 
 def stamped(record: Other) -> Stamped:
-    """Turn a record of the log channel that is no tick into what is written.
-
-    Parameters
-    ----------
-    record : EventRecord, ClockRecord, FrameRecord or BackfillRecord
-        The record.
-    """
+    """Turn a record of the log channel that is no tick into what is written."""
     match record:
         case EventRecord():
             return Stamped("/event", record.seq, record.time_ns, _map(record))
@@ -402,18 +368,7 @@ def stamped(record: Other) -> Stamped:
 
 
 def record_of(frame: bytes) -> Record:
-    """Read a record as it came over the log channel.
-
-    Parameters
-    ----------
-    frame : bytes
-        An encoded record message.
-
-    Raises
-    ------
-    WireError
-        If it is not one.
-    """
+    """Read a record as it came over the log channel."""
     record = decode(frame)
     if not isinstance(record, Record):
         raise WireError(f"a {type(record).__name__} is not a record")
@@ -421,28 +376,10 @@ def record_of(frame: bytes) -> Record:
 
 
 def begun(record: Record) -> str:
-    """Tell the configuration of the block that begins with a record; empty if none does.
-
-    Parameters
-    ----------
-    record : Record
-        The record.
-    """
+    """Tell the configuration of the block that begins with a record; empty if none does."""
     return record.details.get("config", "") if isinstance(record, EventRecord) and record.name == BLOCK_BEGAN else ""
 
 
 def remark(seq: int, name: str, details: dict[str, str], log_time_ns: int) -> Stamped:
-    """Make a message of the ``/logger`` channel: the logger's own remark.
-
-    Parameters
-    ----------
-    seq : int
-        Number of the remark, from 0 [1].
-    name : str
-        What, in snake case.
-    details : dict of str
-        Anything worth knowing.
-    log_time_ns : int
-        Log time [ns].
-    """
+    """Make a message of the ``/logger`` channel: the logger's own remark."""
     return Stamped("/logger", seq, log_time_ns, _map(EventRecord(seq, -1, log_time_ns, name, details)))

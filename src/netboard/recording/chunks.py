@@ -39,14 +39,8 @@ class Entry(NamedTuple):
 
     Attributes
     ----------
-    channel_id : int
-        Id of its channel [1].
-    sequence : int
-        Source's number, 32 bits of it [1].
     log_time_ns, publish_time_ns : int
         Logger's and source's stamp [ns].
-    data : bytes
-        The msgpack map.
     """
 
     channel_id: int
@@ -57,23 +51,7 @@ class Entry(NamedTuple):
 
 
 def unpack_chunk(body: bytes) -> bytes:
-    """Decompress a chunk and check it.
-
-    Parameters
-    ----------
-    body : bytes
-        The chunk record without opcode and length.
-
-    Returns
-    -------
-    bytes
-        The records in it, as `messages` walks them.
-
-    Raises
-    ------
-    RecordingError
-        If it is cut short, cannot be decompressed, or fails its checksum.
-    """
+    """Decompress a chunk and check it."""
     try:
         size, crc, compression, packed = _parts(body)
         if compression == b"zstd":
@@ -114,15 +92,7 @@ def messages(data: bytes) -> Iterator[Entry]:
 
 
 def payloads(data: bytes, channel_id: int) -> list[bytes]:
-    """Collect the data of one channel's messages in a decompressed chunk, in the order of the file.
-
-    Parameters
-    ----------
-    data : bytes
-        What `unpack_chunk` gave.
-    channel_id : int
-        The channel [1].
-    """
+    """Collect the data of one channel's messages in a decompressed chunk, in the order of the file."""
     found = []
     position = 0
     while position < len(data):

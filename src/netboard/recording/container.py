@@ -26,27 +26,7 @@ _DATA_END = struct.Struct("<BQI")
 
 
 class Container:
-    """A finished MCAP file, open for reading by any number of threads.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-
-    Attributes
-    ----------
-    path : Path
-        The file.
-    profile : str
-        What it says it is.
-    metadata : dict of dict of str
-        Its metadata records, by name.
-
-    Raises
-    ------
-    RecordingError
-        If it is not a finished, sound MCAP file.
-    """
+    """A finished MCAP file, open for reading by any number of threads."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -127,13 +107,7 @@ class Container:
         return {topic: told.get(number, 0) for topic, number in self.channels.items()}
 
     def attachment(self, name: str) -> bytes | None:
-        """Read the attachment of a name, or None if there is none.
-
-        Raises
-        ------
-        RecordingError
-            If its checksum is wrong.
-        """
+        """Read the attachment of a name, or None if there is none."""
         with self.sound():
             for index in self._index.get(Opcode.ATTACHMENT_INDEX, ()):
                 at = AttachmentIndex.read(_stream(index))
@@ -146,13 +120,7 @@ class Container:
         return None
 
     def chunk(self, offset: int) -> bytes:
-        """Read and check the chunk at a place: the records in it.
-
-        Raises
-        ------
-        RecordingError
-            If it is damaged.
-        """
+        """Read and check the chunk at a place: the records in it."""
         with self.sound():
             return unpack_chunk(self._record(offset))
 
@@ -172,13 +140,7 @@ class Container:
         return sorted(found, key=lambda chunk: chunk.chunk_start_offset)
 
     def check(self) -> None:
-        """Verify the checksum of the whole file, metadata included (as far as its writer made one).
-
-        Raises
-        ------
-        RecordingError
-            If one bit of it has changed since it was written.
-        """
+        """Verify the checksum of the whole file, metadata included (as far as its writer made one)."""
         with self.sound():
             data_end = self._check_index()[0] - _DATA_END.size
             opcode, length, crc = _DATA_END.unpack(self._read(data_end, _DATA_END.size))

@@ -41,8 +41,6 @@ class Space(NamedTuple):
 
     Attributes
     ----------
-    free : int
-        Free space, in bytes [1].
     seconds : float
         How long it will do [s].
     """
@@ -72,17 +70,7 @@ class Consumption:
         self._sizes: deque[tuple[int, int]] = deque(maxlen=MEMORY_NS // STEP_NS)
 
     def judge(self, now_ns: int, written: int, free: int) -> Space:
-        """Say how much space there is.
-
-        Parameters
-        ----------
-        now_ns : int
-            Present time [ns].
-        written : int
-            Size of the recording [1].
-        free : int
-            Free space [1].
-        """
+        """Say how much space there is."""
         sizes = self._sizes
         if not sizes or now_ns - sizes[-1][0] >= STEP_NS:
             sizes.append((now_ns, written))
@@ -94,26 +82,14 @@ class Consumption:
 
 
 def require_space(folder: Path, free: int) -> None:
-    """Refuse to begin a recording that could not go on for long.
-
-    Raises
-    ------
-    RecordingError
-        If the free space is less than the least.
-    """
+    """Refuse to begin a recording that could not go on for long."""
     space = Space(free, float("inf"))
     if space.out:
         raise RecordingError(f"{folder}: only {space}, and a recording stops at {LEAST_BYTES / 1e6:.0f} MB")
 
 
 def sync_directory(directory: Path) -> None:
-    """Make a new name in a directory survive a power cut, where the system offers it.
-
-    Raises
-    ------
-    OSError
-        If the disk refuses.
-    """
+    """Make a new name in a directory survive a power cut, where the system offers it."""
     if not hasattr(os, "O_DIRECTORY"):
         return
     handle = os.open(directory, os.O_RDONLY | os.O_DIRECTORY)
@@ -124,20 +100,7 @@ def sync_directory(directory: Path) -> None:
 
 
 def allocate(handle: int, start: int, count: int) -> bool:
-    """Keep space for a file behind its end, so that nobody else can take it; False where systems do not offer that.
-
-    Parameters
-    ----------
-    handle : int
-        The open file.
-    start, count : int
-        First byte, and how many [1].
-
-    Raises
-    ------
-    OSError
-        If the disk has no such space any more.
-    """
+    """Keep space for a file behind its end, so that nobody else can take it; False where systems do not offer that."""
     if sys.platform != "linux" or sys.maxsize < 2**32:
         return False
     fallocate = ctypes.CDLL(None, use_errno=True).fallocate
@@ -152,20 +115,7 @@ def allocate(handle: int, start: int, count: int) -> bool:
 
 
 def require_writable(folder: Path, key: str) -> None:
-    """Refuse a folder in which no file can be written, or that cannot be made where it is to be; nothing is left there.
-
-    Parameters
-    ----------
-    folder : Path
-        The folder.
-    key : str
-        The setting that names it.
-
-    Raises
-    ------
-    ConfigError
-        If the folder, or the one that it would be made in, takes no file.
-    """
+    """Raise an error if a folder cannot be made or written to; nothing is left there."""
     place = next(parent for parent in (folder, *folder.absolute().parents) if parent.exists())
     try:
         with TemporaryFile(dir=place):

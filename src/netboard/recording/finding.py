@@ -9,11 +9,6 @@ from netboard.errors import RecordingError
 def find_recordings(paths: Sequence[Path]) -> tuple[Path, ...]:
     """Find the recordings that are meant.
 
-    Parameters
-    ----------
-    paths : sequence of Path
-        Recordings, and folders for every ``.mcap`` file in them.
-
     Returns
     -------
     tuple of Path

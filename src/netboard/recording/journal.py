@@ -33,36 +33,15 @@ log = logging.getLogger(__name__)
 
 
 def journal_path(directory: Path, config: Config) -> Path:
-    """Name of the journal of a session.
-
-    Parameters
-    ----------
-    directory : Path
-        Folder of the recordings.
-    config : Config
-        Whose session it is.
-    """
+    """Name of the journal of a session."""
     return directory / f"{config.session.dyad}_{config.session.name}.journal.jsonl"
 
 
 class Journal:
     """An open journal. Make it with `create` or `reopen`.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-    handle : int
-        The file, open for writing.
-    end : int
-        Where the next line goes [1].
-    durable : int
-        How many entries there are [1].
-
     Attributes
     ----------
-    path : Path
-        The file.
     durable : int
         How many entries, the header not counted, are on disk [1].
     trouble : str
@@ -89,13 +68,6 @@ class Journal:
         ----------
         path : Path
             The file; its folder is made if it is not there.
-        header : Header
-            What it is about.
-
-        Raises
-        ------
-        RecordingError
-            If the file exists, or cannot be written.
         """
         line = line_of(header, _now())
         try:
@@ -112,20 +84,10 @@ class Journal:
     def reopen(cls, path: Path) -> tuple[Self, Header, tuple[Entry, ...], bytes]:
         """Go on with a journal; a last line that was torn stays until the next entry takes its place.
 
-        Parameters
-        ----------
-        path : Path
-            The file.
-
         Returns
         -------
         (Journal, Header, tuple of Entry, bytes)
             The journal, what it says, and the torn line, empty without one.
-
-        Raises
-        ------
-        RecordingError
-            If it is not there, or damaged, or cannot be written.
         """
         try:
             lines = read_lines(path.read_bytes(), str(path))
@@ -144,25 +106,13 @@ class Journal:
         return self._appended
 
     def append(self, entry: Entry) -> None:
-        """Add an entry; returns at once.
-
-        Parameters
-        ----------
-        entry : Entry
-            What has happened.
-        """
+        """Add an entry; returns at once."""
         line = line_of(entry, _now())
         self._appended += 1
         self._waiting.put(line)
 
     def close(self) -> None:
-        """Wait until everything is on disk, and close; a second time does nothing.
-
-        Raises
-        ------
-        RecordingError
-            If the disk does not take it.
-        """
+        """Wait until everything is on disk, and close; a second time does nothing."""
         if not self._closing.is_set():
             self._waiting.put(None)
             self._closing.set()

@@ -25,37 +25,17 @@ _FORCE = {"true": 'force = "full"', "false": 'force = "none"'}
 
 
 def config_of(text: str, version: str) -> str:
-    """Say in today's words what a configuration of an older format says.
-
-    Parameters
-    ----------
-    text : str
-        The resolved configuration, as TOML.
-    version : str
-        Version of the format.
-    """
+    """Say in today's words what a configuration of an older format says."""
     return _HAPTICS.sub(lambda found: _FORCE[found[1]], text) if version == "1" else text
 
 
 def ticks_of(messages: Sequence[bytes], version: str) -> NDArray[Any]:
     """Turn messages of the ``/tick`` channel into rows.
 
-    Parameters
-    ----------
-    messages : sequence of bytes
-        The messages' data.
-    version : str
-        Version of the format.
-
     Returns
     -------
     ndarray of TICK, shape (n,)
         The rows, bit for bit as they were written; a column that the format does not have is 0.
-
-    Raises
-    ------
-    RecordingError
-        If a message is not a tick.
     """
     missing = _SINCE_2 if version == "1" else frozenset[str]()
     template, places, columns = _layout(missing)

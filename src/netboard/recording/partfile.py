@@ -70,17 +70,8 @@ class PartFile:
 
     Parameters
     ----------
-    path : Path
-        Final name, ending in ``.mcap``.
-    library : str
-        What writes it, for the header.
     chunk_bytes : int
         Largest size of a chunk before compression, in bytes [1]. A longer message has a chunk of its own.
-
-    Raises
-    ------
-    RecordingError
-        If the file or its part exists, or cannot be made.
     """
 
     def __init__(self, path: Path, library: str, chunk_bytes: int) -> None:
@@ -155,15 +146,6 @@ class PartFile:
 
     def add(self, channel_id: int, message: Stamped, log_time_ns: int) -> int:
         """Put a message into the chunk in memory; when it is full, the chunk before is closed.
-
-        Parameters
-        ----------
-        channel_id : int
-            Id of the message's channel [1].
-        message : Stamped
-            The message.
-        log_time_ns : int
-            Log time [ns].
 
         Returns
         -------
@@ -246,13 +228,7 @@ class PartFile:
             self.part.unlink(missing_ok=True)
 
     def _require_name(self) -> None:
-        """Find out whether the file still has its name.
-
-        Raises
-        ------
-        RecordingError
-            If it was deleted or moved.
-        """
+        """Find out whether the file still has its name."""
         if astray := self._astray():
             raise RecordingError(f"{self.part}: {astray} while it was being written")
 

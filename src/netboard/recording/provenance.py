@@ -51,16 +51,8 @@ def provenance(welcome: Welcome, config: Config, part: int, utc_ns: int, monoton
 
     Parameters
     ----------
-    welcome : Welcome
-        The server's answer to the logger.
-    config : Config
-        The configuration in it, parsed.
-    part : int
-        Number of the file within its block, from 1 [1].
     utc_ns : int
         Wall-clock time of opening the file, which is the log time then [ns].
-    monotonic_ns : int
-        The logger's monotonic clock at the same moment [ns].
     """
     return {
         "format": FORMAT_VERSION,
@@ -111,26 +103,7 @@ def _short(session: str) -> str:
 
 
 def next_recording(directory: Path, config: Config, session: str, utc_ns: int) -> tuple[Path, int]:
-    """Name the next file of a session.
-
-    Parameters
-    ----------
-    directory : Path
-        Folder of the recordings.
-    config : Config
-        The session's configuration.
-    session : str
-        Id of the session.
-    utc_ns : int
-        Wall-clock time [ns].
-
-    Returns
-    -------
-    Path
-        A name that no file has, finished or not.
-    int
-        Number of the file within its block, from 1 [1].
-    """
+    """Name the next file of a session."""
     stem, short = f"{config.session.name}_{config.session.dyad}", _short(session)
     block = f"_block{config.block.number:02d}" if config.block.blocks > 1 else ""
     pattern = re.compile(

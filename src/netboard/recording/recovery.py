@@ -52,13 +52,7 @@ _LAYOUT = Layout(CHANNELS[0].schema())
 
 
 class Span(NamedTuple):
-    """Some bytes of a file.
-
-    Attributes
-    ----------
-    start, stop : int
-        First byte, and the one after the last [1].
-    """
+    """Some bytes of a file."""
 
     start: int
     stop: int
@@ -66,15 +60,7 @@ class Span(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Damage:
-    """A part of a file that could not be used.
-
-    Attributes
-    ----------
-    offset, length : int
-        Where it is, in bytes [1].
-    reason : str
-        What is wrong with it.
-    """
+    """A part of a file that could not be used."""
 
     offset: int
     length: int
@@ -83,29 +69,7 @@ class Damage:
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """What was recovered, and what was not.
-
-    Attributes
-    ----------
-    source, output : Path
-        The file read and the file written.
-    source_bytes : int
-        Size of the source [1].
-    chunks : int
-        Sound chunks [1].
-    messages : dict of int
-        Messages recovered, by topic [1].
-    first_tick, last_tick : int or None
-        First and last tick recovered [1].
-    missing : tuple of Gap
-        Ticks missing between these two [1].
-    damage : tuple of Damage
-        What could not be used.
-    finished : bool
-        Whether the source had been written to its end.
-    has_config : bool
-        Whether the configuration was recovered.
-    """
+    """What was recovered, and what was not."""
 
     source: Path
     output: Path
@@ -133,13 +97,6 @@ def recovered_path(path: Path) -> Path:
 
 def recover(path: Path, output: Path | None = None) -> Report:
     """Write a whole recording with everything that is sound in an unfinished or damaged one.
-
-    Parameters
-    ----------
-    path : Path
-        The file to read; it is not changed.
-    output : Path, optional
-        The file to write; by default `recovered_path`.
 
     Raises
     ------

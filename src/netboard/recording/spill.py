@@ -77,13 +77,6 @@ class Spill:
         What the session's loggers are told first, just made; it goes into the file.
     most_bytes : int
         Largest size of the file, in bytes; 0: no file [1].
-
-    Attributes
-    ----------
-    path : Path
-        The file.
-    trouble : str
-        What the disk said if it refused the last time.
     """
 
     def __init__(self, path: Path, welcome: Welcome, most_bytes: int) -> None:
@@ -141,11 +134,6 @@ class Spill:
         ----------
         cursor : int
             Number of the first record it has not been sent; less than `next` [1].
-
-        Returns
-        -------
-        LogBatch or None
-            None while it is being read.
         """
         while len(self._loaded) > MOST_LOADED:
             used = self._loaded.popleft()
@@ -312,11 +300,6 @@ class Spill:
 
 def read_spill(data: "mmap | bytes") -> Iterator[tuple[int, int, Message | None]]:
     """Walk the blocks of a spill.
-
-    Parameters
-    ----------
-    data : bytes
-        The whole file.
 
     Yields
     ------

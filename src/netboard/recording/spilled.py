@@ -31,8 +31,6 @@ def recover_any(path: Path, output: Path | None = None) -> tuple[Report, ...]:
 
     Parameters
     ----------
-    path : Path
-        The file to read; it is not changed.
     output : Path, optional
         The file to write; by default `recovered_path`. Of a spill it is the first block's.
 

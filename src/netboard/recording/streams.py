@@ -58,18 +58,8 @@ class Stream:
 
     Attributes
     ----------
-    name : str
-        Its name, behind that of the rig and a point.
-    type : str
-        What kind of data it has, in the layer's words.
     rate_hz : float
         Nominal rate of the samples, 0 for one that is not regular [Hz].
-    format : str
-        `NUMBERS` or `TEXT`.
-    text : str
-        What it is, for people.
-    channels : tuple of Field
-        Its channels.
     """
 
     name: str
@@ -112,18 +102,7 @@ STREAMS = (TICKS, MARKERS, EVENTS)
 
 
 def samples(ticks: NDArray[Any]) -> NDArray[np.float64]:
-    """Samples of the ticks.
-
-    Parameters
-    ----------
-    ticks : ndarray of TICK, shape (n,)
-        The ticks.
-
-    Returns
-    -------
-    ndarray, shape (n, channels)
-        The values of `COLUMNS` [SI].
-    """
+    """Samples of the ticks."""
     values = np.empty((len(ticks), len(COLUMNS)))
     for place, name in enumerate(COLUMNS):
         values[:, place] = ticks[name]
@@ -131,13 +110,7 @@ def samples(ticks: NDArray[Any]) -> NDArray[np.float64]:
 
 
 def event_text(event: EventRecord) -> str:
-    """Write an event as a sample of `EVENTS`.
-
-    Parameters
-    ----------
-    event : EventRecord
-        The event.
-    """
+    """Write an event as a sample of `EVENTS`."""
     return remark_text(event.name, event.details, event.seq, event.tick)
 
 
@@ -146,10 +119,6 @@ def remark_text(name: str, details: Mapping[str, str], seq: int = -1, tick: int 
 
     Parameters
     ----------
-    name : str
-        What, in snake case.
-    details : dict of str
-        Anything worth knowing.
     seq, tick : int
         Numbers of the event and of the tick at which it took effect; -1 for none [1].
     """
@@ -158,31 +127,12 @@ def remark_text(name: str, details: Mapping[str, str], seq: int = -1, tick: int 
 
 
 def seconds(times_ns: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Time stamps of the layer: rounded once.
-
-    Parameters
-    ----------
-    times_ns : ndarray of int64, shape (n,)
-        Times [ns].
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        The same [s].
-    """
+    """Time stamps of the layer: rounded once."""
     return np.asarray(times_ns, np.int64) / 1e9
 
 
 def description(stream: Stream, notes: Mapping[str, Mapping[str, str]]) -> Element:
-    """Describe a stream, as the element ``desc`` of its information.
-
-    Parameters
-    ----------
-    stream : Stream
-        The stream.
-    notes : dict of dict of str
-        What else is to be known: the clock, say.
-    """
+    """Describe a stream, as the element ``desc`` of its information."""
     desc = Element("desc")
     _add(desc, "manufacturer", "netboard")
     _add(desc, "description", stream.text)

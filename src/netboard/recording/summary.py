@@ -22,28 +22,14 @@ from netboard.wire.records import ClockRecord, EventRecord, FrameRecord, kind_of
 
 @dataclass(frozen=True, slots=True)
 class Gap:
-    """Consecutive numbers that are missing.
-
-    Attributes
-    ----------
-    first : int
-        First missing number [1].
-    count : int
-        How many [1].
-    """
+    """Consecutive numbers that are missing."""
 
     first: int
     count: int
 
 
 def find_gaps(numbers: NDArray[np.int64]) -> tuple[Gap, ...]:
-    """Holes between the smallest and the largest of some numbers.
-
-    Parameters
-    ----------
-    numbers : ndarray of int64, shape (n,)
-        In any order, repeats allowed [1].
-    """
+    """Holes between the smallest and the largest of some numbers."""
     present = np.unique(numbers)
     steps = np.diff(present)
     holes = np.flatnonzero(steps > 1)
@@ -56,8 +42,6 @@ class Spread:
 
     Attributes
     ----------
-    count : int
-        Number of values [1].
     p50, p99, p999, largest : float
         Percentiles 50, 99 and 99.9, and the largest value [s].
     """
@@ -70,13 +54,7 @@ class Spread:
 
 
 def spread(values_ns: NDArray[np.int64]) -> Spread:
-    """Distribution of durations.
-
-    Parameters
-    ----------
-    values_ns : ndarray of int64, shape (n,)
-        The durations [ns].
-    """
+    """Distribution of durations."""
     if values_ns.size == 0:
         return Spread(0, *[float("nan")] * 4)
     seconds = values_ns * 1e-9
@@ -92,8 +70,6 @@ class Attempt:
     ----------
     trial, attempt : int
         Number of the trial in the block and of the attempt at it, from 1 [1].
-    target : int
-        Side of the target: -1 left, +1 right [1].
     outcome : str
         ``success``, ``fell``, ``timed_out``, or the operator's or server's cause in lower case; ``unfinished`` if the
         recording ends first.
@@ -101,8 +77,6 @@ class Attempt:
         First tick of the levelling before it; the same as `tick` if the recording does not have it [1].
     tick : int
         Tick at which the ball was released, or at which the recording begins [1].
-    stop : int
-        Tick after its last one [1].
     duration : float
         From there to the end, holding included [s].
     completion : float
@@ -130,13 +104,7 @@ _ROW_BYTES = np.dtype((np.void, TICK.itemsize))
 
 
 def find_attempts(ticks: NDArray[Any]) -> tuple[Attempt, ...]:
-    """All attempts of a recording, in order.
-
-    Parameters
-    ----------
-    ticks : ndarray of TICK, shape (n,)
-        The ticks, in order.
-    """
+    """All attempts of a recording, in order."""
     if ticks.size == 0:
         return ()
     # Trial and attempt count too, so that a hole in the recording does not join two attempts.
@@ -168,18 +136,7 @@ def find_attempts(ticks: NDArray[Any]) -> tuple[Attempt, ...]:
 
 
 def attempts_along(portions: Iterable[NDArray[Any]]) -> tuple[Attempt, ...]:
-    """All attempts of a recording that does not have to be in memory.
-
-    Parameters
-    ----------
-    portions : iterable of ndarray of TICK, shape (n,)
-        The ticks, in order, in any portions.
-
-    Returns
-    -------
-    tuple of Attempt
-        As `find_attempts` would say of all the ticks.
-    """
+    """All attempts of a recording that does not have to be in memory."""
     kept: list[NDArray[Any]] = []
     for rows in portions:
         # An attempt, and the levelling before it, is known by its first row and its last.
@@ -220,8 +177,6 @@ class SideSummary:
         Ticks at which each action of the safety chain was reported, by its lower-case name; others are left out [1].
     limited_ticks : int
         Ticks at which the force was clamped or its change limited [1].
-    stale_ticks : int
-        Ticks without a fresh sample [1].
     skipped_samples : int
         Samples that no tick used, because a newer one was there or they were lost [1].
     """
@@ -236,15 +191,7 @@ class SideSummary:
 
 
 def summarise_side(ticks: NDArray[Any], side: str) -> SideSummary:
-    """Sum up one side.
-
-    Parameters
-    ----------
-    ticks : ndarray of TICK, shape (n,)
-        The ticks, in order.
-    side : str
-        ``left`` or ``right``.
-    """
+    """Sum up one side."""
     loop, bits, seqs = ticks[f"{side}_loop_ns"], ticks[f"{side}_safeguards"], ticks[f"{side}_seq"]
     rendered = ticks[f"{side}_rendered"]
     known = rendered[~np.isnan(rendered)]
@@ -273,8 +220,6 @@ class DisplaySummary:
 
     Attributes
     ----------
-    frames : int
-        Frames shown [1].
     dropped : int
         Views replaced by a newer one before they were painted, or painted late [1].
     """
@@ -289,28 +234,12 @@ class Summary:
 
     Attributes
     ----------
-    ticks : int
-        Number of ticks [1].
     duration : float
         First to last tick, both included [s].
-    missing : tuple of Gap
-        Ticks that are not there [1].
-    lost_records : int
-        Records of any kind that the logger never got [1].
-    attempts : tuple of Attempt
-        Every attempt at a trial.
-    late_ticks : int
-        Ticks that began more than half a tick late [1].
     lateness : Spread
         How late ticks began [s].
-    left, right : SideSummary
-        The two sides.
     round_trips : dict of Spread
         Network round trip of the clock probes by kind of peer, the peer's own time taken off [s].
-    displays : dict of DisplaySummary
-        The displays, by station.
-    events : int
-        Number of events [1].
     """
 
     ticks: int
@@ -349,21 +278,7 @@ def summarise(
     frames: Sequence[FrameRecord] = (),
     remarks: Sequence[EventRecord] = (),
 ) -> Summary:
-    """Sum up a recording.
-
-    Parameters
-    ----------
-    ticks : ndarray of TICK, shape (n,)
-        The ticks, in order.
-    events : sequence of EventRecord
-        The events.
-    clocks : sequence of ClockRecord
-        The clock probes.
-    frames : sequence of FrameRecord
-        The frames shown.
-    remarks : sequence of EventRecord
-        The logger's remarks.
-    """
+    """Sum up a recording."""
     trips: dict[str, list[int]] = {}
     for probe in clocks:
         trips.setdefault(kind_of_peer(probe.peer), []).append(probe.t3_ns - probe.t0_ns - (probe.t2_ns - probe.t1_ns))

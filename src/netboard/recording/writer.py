@@ -31,12 +31,6 @@ class RecordingWriter:
     ----------
     path : Path
         Final name, ending in ``.mcap``; until `finish` the file is ``NAME.mcap.part``.
-    metadata : mapping of str
-        The ``netboard`` metadata record (`netboard.recording.provenance.provenance`).
-    config_text : str
-        The resolved configuration, attached as it is.
-    settings : Recording
-        Sizes and times of chunks.
     opened_ns : int
         Log time of opening [ns].
     recovery : mapping of str, optional
@@ -44,19 +38,8 @@ class RecordingWriter:
 
     Attributes
     ----------
-    path : Path
-        Final name.
-    next_record : int or None
-        Number of the next record; None before the first [1].
     durable : int or None
         All records before this one are on disk; None before the first [1].
-    lost : int
-        Records that the server could not give any more [1].
-
-    Raises
-    ------
-    RecordingError
-        If the file exists or cannot be made; nothing is left of it then.
     """
 
     def __init__(
@@ -105,13 +88,7 @@ class RecordingWriter:
         return self._file.size
 
     def space(self, now_ns: int) -> Space:
-        """Tell how much space there is where the recording is written.
-
-        Parameters
-        ----------
-        now_ns : int
-            Log time [ns].
-        """
+        """Tell how much space there is where the recording is written."""
         return self._consumption.judge(now_ns, self._file.size, self._file.free_bytes())
 
     def write(self, record: Record, number: int, log_time_ns: int) -> None:
@@ -119,12 +96,8 @@ class RecordingWriter:
 
         Parameters
         ----------
-        record : Record
-            The record.
         number : int
             Its number on the log channel; records come in order and without a hole (`note_lost` fills holes) [1].
-        log_time_ns : int
-            Log time [ns].
         """
         self._begin(number)
         if isinstance(record, TickRecord):
@@ -136,17 +109,7 @@ class RecordingWriter:
         self._written += 1
 
     def note_lost(self, first: int, count: int, log_time_ns: int) -> None:
-        """Note that records are missing for good.
-
-        Parameters
-        ----------
-        first : int
-            Number of the first lost record [1].
-        count : int
-            How many [1].
-        log_time_ns : int
-            Log time [ns].
-        """
+        """Note that records are missing for good."""
         self._begin(first)
         details = {"first": str(first), "count": str(count), "after_tick": str(self._ticks.last)}
         self.remark("log_lost", details, log_time_ns)
@@ -154,19 +117,7 @@ class RecordingWriter:
         self.lost += count
 
     def note_unreadable(self, frame: bytes, number: int, reason: str, log_time_ns: int) -> None:
-        """Note a record that cannot be read, as it came; it counts as lost.
-
-        Parameters
-        ----------
-        frame : bytes
-            What came.
-        number : int
-            Its number on the log channel [1].
-        reason : str
-            What is wrong with it.
-        log_time_ns : int
-            Log time [ns].
-        """
+        """Note a record that cannot be read, as it came; it counts as lost."""
         self._begin(number)
         self.remark("log_unreadable", {"number": str(number), "reason": reason, "hex": frame.hex()}, log_time_ns)
         self.note_lost(number, 1, log_time_ns)
@@ -180,37 +131,16 @@ class RecordingWriter:
             raise ValueError(f"record {number} where {self.next_record} is next")
 
     def remark(self, name: str, details: dict[str, str], log_time_ns: int) -> None:
-        """Write a remark of the logger's own.
-
-        Parameters
-        ----------
-        name : str
-            What, in snake case.
-        details : dict of str
-            Anything worth knowing.
-        log_time_ns : int
-            Log time [ns].
-        """
+        """Write a remark of the logger's own."""
         self._file.add(IDS["/logger"], remark(self._remarks, name, details, log_time_ns), log_time_ns)
         self._remarks += 1
 
     def is_due(self, now_ns: int) -> bool:
-        """Tell whether something written has waited long enough for a `flush`.
-
-        Parameters
-        ----------
-        now_ns : int
-            Log time [ns].
-        """
+        """Tell whether something written has waited long enough for a `flush`."""
         return self.durable != self.next_record and now_ns - self._flushed_ns >= self._flush_ns
 
     def flush(self, now_ns: int) -> int | None:
         """Put everything written on disk and return `durable`.
-
-        Parameters
-        ----------
-        now_ns : int
-            Log time [ns].
 
         Raises
         ------
@@ -229,15 +159,8 @@ class RecordingWriter:
 
         Parameters
         ----------
-        now_ns : int
-            Log time [ns].
         ended : str
             ``complete`` when the server said that the session is over; otherwise why the file ends here.
-
-        Raises
-        ------
-        RecordingError
-            If the disk refuses, or the final name is taken by now; the part stays.
         """
         self._ticks.finish(now_ns)
         end = {"ended": ended, "log_ns": str(now_ns), "records": str(self._written), "lost": str(self.lost)}

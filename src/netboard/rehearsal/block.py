@@ -88,12 +88,6 @@ class Summary:
     ----------
     completions : tuple of float
         Completion times of the successful trials [s].
-    failures : int
-        Failed attempts [1].
-    ticks : int
-        Ticks it took [1].
-    given_up : bool
-        It was stopped because of `PATIENCE`.
     """
 
     completions: tuple[float, ...]
@@ -112,15 +106,8 @@ class Rehearsal:
 
     Parameters
     ----------
-    config : Config
-        Rig and experiment, of this block.
     people : mapping of str to Participant
         Participants A and B. A robot is the one of ``[participant]``.
-
-    Raises
-    ------
-    ConfigError
-        If the block cannot be rehearsed.
     """
 
     def __init__(self, config: Config, people: Mapping[str, Participant]) -> None:
@@ -162,11 +149,6 @@ class Rehearsal:
 
     def pieces(self, size: int = PIECE) -> Iterator[NDArray[Any]]:
         """Do the block.
-
-        Parameters
-        ----------
-        size : int
-            How many ticks are done in one piece [1].
 
         Yields
         ------
@@ -224,22 +206,7 @@ class Rehearsal:
 
 
 def person_at(config: Config, side: Side, people: Mapping[str, Participant]) -> Participant | None:
-    """Who moves a hand.
-
-    Parameters
-    ----------
-    config : Config
-        Rig and experiment.
-    side : {"left", "right"}
-        Which hand.
-    people : mapping of str to Participant
-        Participants A and B.
-
-    Returns
-    -------
-    Participant or None
-        A participant, the robot of ``[participant]``, or None for nobody.
-    """
+    """Who moves a hand."""
     block = config.block
     match block.left if side == "left" else block.right:
         case "still":

@@ -90,16 +90,8 @@ def fill(body: Any, side: int, white: NDArray[np.float64], words: Any, numbers: 
 
     Parameters
     ----------
-    body : tuple of ndarray
-        `Body.parts`.
-    side : int
-        0 left, 1 right [1].
-    white : ndarray, shape (STEPS, 3)
-        Standard normal numbers that drive the tremor [1].
     words : ndarray of int64, shape (n,)
         The row as words; its ``tick`` and ``time_ns`` are there, ``time_ns`` one tick after that of the row before.
-    numbers : ndarray of float64, shape (n,)
-        The same memory as numbers.
     """
     hand, _, _, _, _, device, stamps, places, _ = body
     d = device[0]
@@ -128,17 +120,6 @@ def fill(body: Any, side: int, white: NDArray[np.float64], words: Any, numbers: 
 def tell(body: Any, side: int, words: Any, numbers: Any) -> float:
     """Let a body know what force came out of a tick; with a delay of the block, it acts so much later.
 
-    Parameters
-    ----------
-    body : tuple of ndarray
-        `Body.parts`.
-    side : int
-        0 left, 1 right [1].
-    words : ndarray of int64, shape (n,)
-        The row of the tick as words.
-    numbers : ndarray of float64, shape (n,)
-        The same memory as numbers.
-
     Returns
     -------
     float
@@ -159,22 +140,8 @@ class Body:
     ----------
     config : Config
         Rig and experiment; of the rig the simulated device, the fixture and the largest force.
-    side : {"left", "right"}
-        Which hand.
     person : Participant or None
         Whose hand; None for a stylus that is held still at height 0.
-    rng : numpy.random.Generator
-        Source of its tremor.
-
-    Attributes
-    ----------
-    parts : tuple of ndarray
-        What `fill` and `tell` know it by.
-
-    Raises
-    ------
-    ConfigError
-        If the simulated device is asked for flaws that are not simulated here.
     """
 
     def __init__(self, config: Config, side: Side, person: Participant | None, rng: np.random.Generator) -> None:
@@ -214,59 +181,20 @@ class Body:
         self.tell(words)
 
     def noise(self, ticks: int) -> NDArray[np.float64]:
-        """Take what drives the tremor in the next ticks.
-
-        Parameters
-        ----------
-        ticks : int
-            How many [1].
-
-        Returns
-        -------
-        ndarray of float64, shape (ticks * STEPS, 3)
-            Standard normal numbers [1].
-        """
+        """Take what drives the tremor in the next ticks."""
         return self._hand.noise(ticks * STEPS)
 
     def fill(self, words: NDArray[np.int64]) -> None:
-        """Live for a millisecond, and put the stylus into a tick's row.
-
-        Parameters
-        ----------
-        words : ndarray of int64, shape (n,)
-            The row as words; its ``tick`` and ``time_ns`` are there.
-        """
+        """Live for a millisecond, and put the stylus into a tick's row."""
         fill(self.parts, self._place, self.noise(1), words, words.view(np.float64))
 
     def tell(self, words: NDArray[np.int64]) -> float:
-        """Hear what force came out of a tick.
-
-        Parameters
-        ----------
-        words : ndarray of int64, shape (n,)
-            The row of the tick as words.
-
-        Returns
-        -------
-        float
-            The force that acts next [N].
-        """
+        """Hear what force came out of a tick."""
         return tell(self.parts, self._place, words, words.view(np.float64))
 
 
 def refuse_flaws(config: Config) -> None:
-    """Refuse flaws of a simulated device that are not simulated here.
-
-    Parameters
-    ----------
-    config : Config
-        Rig and experiment.
-
-    Raises
-    ------
-    ConfigError
-        If there are any.
-    """
+    """Refuse flaws of a simulated device that are not simulated here."""
     virtual, own = config.virtual, resolved(config.virtual)
     flaws = {
         "thermal_time": own.thermal_time,

@@ -26,16 +26,6 @@ class Job:
 
     Attributes
     ----------
-    config : Config
-        Rig and experiment.
-    people : dict of str to Participant
-        Participants A and B.
-    session : str
-        Id of the session.
-    folder : Path or None
-        Where its recording goes; None for none.
-    fast : bool
-        False: at the pace of the clock.
     begun_ns : int or None
         When it was begun, as its recording says; None for when it is [ns].
     """
@@ -54,24 +44,10 @@ class Sheet:
 
     Attributes
     ----------
-    session : str
-        Name of the session.
-    block : int
-        Its number [1].
-    label, configuration, force : str
-        What it is called, and the condition.
-    successes, failures : int
-        Successful trials and failed attempts [1].
     mean_completion : float or None
         Mean completion time of the successful ones; None without one [s].
-    ticks : int
-        How many it took [1].
     seconds : float
         How long it took here [s].
-    given_up : bool
-        Nobody could do it.
-    recording : str
-        Its file; empty without one.
     """
 
     session: str
@@ -94,21 +70,7 @@ class Sheet:
 
 
 def jobs_of(blocks: Sequence[Config], seed: int, dyad: int, folder: Path | None, fast: bool = True) -> list[Job]:
-    """Say what is to be done; sessions of the dyad have ids that depend on their blocks and the seed alone.
-
-    Parameters
-    ----------
-    blocks : sequence of Config
-        The blocks of the dyad.
-    seed : int
-        Seed of the study: who the people are [1].
-    dyad : int
-        Number of the dyad [1].
-    folder : Path or None
-        Where recordings go; None for none.
-    fast : bool
-        False: at the pace of the clock.
-    """
+    """Say what is to be done; sessions of the dyad have ids that depend on their blocks and the seed alone."""
     ids = {
         name: hashlib.sha256(" ".join([str(seed), *(digest(b) for b in blocks if b.session.name == name)]).encode())
         for name in dict.fromkeys(block.session.name for block in blocks)
@@ -126,15 +88,7 @@ def jobs_of(blocks: Sequence[Config], seed: int, dyad: int, folder: Path | None,
 
 
 def rehearse(job: Job, tell: Callable[[int], object] = lambda successes: None) -> Sheet:
-    """Rehearse one block.
-
-    Parameters
-    ----------
-    job : Job
-        The block.
-    tell : callable
-        Hears now and then how many trials have succeeded.
-    """
+    """Rehearse one block."""
     began = time.perf_counter()
     rehearsal = Rehearsal(job.config, job.people)
     begun_ns = time.time_ns() if job.begun_ns is None else job.begun_ns
@@ -169,22 +123,7 @@ def rehearse(job: Job, tell: Callable[[int], object] = lambda successes: None) -
 def rehearse_all(
     jobs: Sequence[Job], workers: int, done: Callable[[Sheet], object] = lambda sheet: None
 ) -> list[Sheet]:
-    """Rehearse blocks.
-
-    Parameters
-    ----------
-    jobs : sequence of Job
-        The blocks.
-    workers : int
-        How many processes; 1 for this one [1].
-    done : callable
-        Hears of each that has ended, as it ends.
-
-    Returns
-    -------
-    list of Sheet
-        In the order of the blocks.
-    """
+    """Rehearse blocks."""
     if workers == 1:
         sheets = []
         for job in jobs:

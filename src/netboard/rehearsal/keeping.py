@@ -35,28 +35,10 @@ class Keeper:
 
     Parameters
     ----------
-    folder : Path
-        Where it is written.
-    config : Config
-        Rig and experiment of the block.
-    session : str
-        Id of the session.
     utc_ns : int
         Wall-clock time that the first tick is given [ns].
-    said : mapping of str
-        What its metadata say besides, above all what it is.
     start_ns : int
         Server time of the first tick [ns].
-
-    Attributes
-    ----------
-    path : Path
-        The recording.
-
-    Raises
-    ------
-    RecordingError
-        If it exists or cannot be made.
     """
 
     def __init__(
@@ -80,13 +62,7 @@ class Keeper:
         self._note(0, start_ns, "session_started", {"session": session, **said})
 
     def take(self, rows: NDArray[Any]) -> None:
-        """Write the next ticks, and what happened in them.
-
-        Parameters
-        ----------
-        rows : ndarray of TICK, shape (n,)
-            The ticks.
-        """
+        """Write the next ticks, and what happened in them."""
         happened = set(np.flatnonzero(is_edge(rows)).tolist())
         for place, row in enumerate(rows):
             self._time_ns = int(row["time_ns"])
@@ -117,27 +93,13 @@ class Keeper:
 
 
 def name_of(config: Config, session: str) -> str:
-    """Name of a block's recording.
-
-    Parameters
-    ----------
-    config : Config
-        Rig and experiment of the block.
-    session : str
-        Id of the session.
-    """
+    """Name of a block's recording."""
     who = config.session
     return f"{who.name}_{who.dyad}_block{config.block.number:02d}_{session[:8]}.mcap"
 
 
 def is_edge(rows: NDArray[Any]) -> NDArray[np.bool_]:
-    """Tell which ticks have an event that the machine knows in their phase.
-
-    Parameters
-    ----------
-    rows : ndarray of TICK, shape (n,)
-        The ticks.
-    """
+    """Tell which ticks have an event that the machine knows in their phase."""
     phases, causes = HAS_EDGE.shape
     phase, cause = rows["phase"], rows["event"]
     known = (phase >= 0) & (phase < phases) & (cause > 0) & (cause < causes)
@@ -146,20 +108,7 @@ def is_edge(rows: NDArray[Any]) -> NDArray[np.bool_]:
 
 
 def event_of(row: Any) -> tuple[str, dict[str, str]]:
-    """Say what the stage has decided in a tick, as a live session does.
-
-    Parameters
-    ----------
-    row : netboard.tick.TICK record
-        A tick with an event.
-
-    Returns
-    -------
-    name : str
-        What happened.
-    details : dict of str
-        In which trial, and with what outcome.
-    """
+    """Say what the stage has decided in a tick, as a live session does."""
     phase, cause = Phase(int(row["phase"])), Cause(int(row["event"]))
     details = {
         "from": PHASE_NAMES[phase],

@@ -29,21 +29,7 @@ _FIRST_ACTIVE, _LAST_ACTIVE = int(Phase.LEVELLING), int(Phase.FAILED)
 
 
 class Mind:
-    """One person's eyes, sense of force and brain.
-
-    Parameters
-    ----------
-    config : Config
-        Rig and experiment.
-    person : Participant
-        The person's parameters.
-    station : {"left", "right"}
-        The display looked at.
-    sides : tuple of {"left", "right"}
-        The hands of this person.
-    rng : numpy.random.Generator
-        Source of the person's variability.
-    """
+    """One person's eyes, sense of force and brain."""
 
     def __init__(
         self, config: Config, person: Participant, station: Side, sides: tuple[Side, ...], rng: np.random.Generator
@@ -62,11 +48,6 @@ class Mind:
     def shown(self, tick: int) -> int:
         """Newest tick that has been seen when a tick is done.
 
-        Parameters
-        ----------
-        tick : int
-            Number of the tick [1].
-
         Returns
         -------
         int
@@ -75,13 +56,7 @@ class Mind:
         return tick - 1 - (tick - 1 - self._turn) % self._view_ticks
 
     def look(self, row: NDArray[Any] | np.void) -> None:
-        """Look at what is shown.
-
-        Parameters
-        ----------
-        row : netboard.tick.TICK record
-            A tick that is shown, see `shown`.
-        """
+        """Look at what is shown."""
         time_ns = int(row["time_ns"])
         view = view_of(self._curtain, row, self._station, None, time_ns)
         when = (time_ns + TICK_NS) * 1e-9
@@ -92,15 +67,8 @@ class Mind:
 
         Parameters
         ----------
-        row : netboard.tick.TICK record
-            The tick that has just been done.
         force : float
             Vertical force on the own hand that acts since then [N].
-
-        Returns
-        -------
-        tuple of Submovement
-            What to do, empty most of the time.
         """
         scale = self._scale_in(row)
         felt = force / scale if scale else None
@@ -116,11 +84,6 @@ class Mind:
 
 def seats_of(config: Config) -> tuple[tuple[Side, tuple[Side, ...]], ...]:
     """Who decides in a block: at which station, with which hands.
-
-    Parameters
-    ----------
-    config : Config
-        Rig and experiment.
 
     Returns
     -------

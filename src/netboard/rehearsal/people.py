@@ -29,24 +29,7 @@ LETTERS = ("A", "B")
 
 
 def person_of(usual: Participant, seed: int, dyad: int, letter: str) -> Participant:
-    """Make one person of a dyad.
-
-    Parameters
-    ----------
-    usual : Participant
-        The person that all are variations of.
-    seed : int
-        Seed of the study [1].
-    dyad : int
-        Number of the dyad [1].
-    letter : {"A", "B"}
-        Which of the two.
-
-    Returns
-    -------
-    Participant
-        The same for the same arguments.
-    """
+    """Make one person of a dyad."""
     rng = np.random.default_rng((seed, dyad, LETTERS.index(letter)))
     factors = {
         name: float(factor)

@@ -18,22 +18,7 @@ _ROW_BYTES = np.dtype((np.void, TICK.itemsize))
 
 
 def load(path: Path, tell: Callable[[int], None] = lambda ticks: None) -> Reel:
-    """Read a recording, all of it.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-    tell : callable
-        Told now and then how many ticks have been read.
-
-    Raises
-    ------
-    RecordingError
-        If it cannot be read, or has no tick.
-    ConfigError
-        If its configuration cannot be read.
-    """
+    """Read a recording, all of it."""
     with Recording(path) as recording:
         parts = [np.empty(0, TICK)]
         for rows in recording.batches():
@@ -45,11 +30,6 @@ def load(path: Path, tell: Callable[[int], None] = lambda ticks: None) -> Reel:
 
 def drawable(ticks: NDArray[Any]) -> NDArray[Any]:
     """Put at 0 what cannot be drawn: of what was imported, not all need be known.
-
-    Parameters
-    ----------
-    ticks : ndarray of TICK, shape (n,)
-        The recorded ticks.
 
     Returns
     -------

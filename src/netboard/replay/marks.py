@@ -41,14 +41,6 @@ class Mark:
     ----------
     time : float
         When, from the start of the recording [s].
-    tick : int
-        At which tick [1].
-    kind : str
-        One of `KINDS`.
-    label : str
-        What it is, for people.
-    trial : int
-        The trial that was on [1].
     """
 
     time: float
@@ -59,18 +51,7 @@ class Mark:
 
 
 def seconds(ticks: NDArray[Any]) -> NDArray[np.float64]:
-    """Time of each tick from the start of the recording.
-
-    Parameters
-    ----------
-    ticks : ndarray of netboard.tick.TICK, shape (n,)
-        The recorded ticks.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Times [s].
-    """
+    """Time of each tick from the start of the recording."""
     return np.asarray((ticks["time_ns"] - ticks["time_ns"][0]) * 1e-9, dtype=np.float64)
 
 
@@ -80,24 +61,7 @@ def marks(
     gaps: Sequence[Gap] = (),
     events: Sequence[EventRecord] = (),
 ) -> tuple[Mark, ...]:
-    """What is worth a mark.
-
-    Parameters
-    ----------
-    ticks : ndarray of netboard.tick.TICK, shape (n,)
-        The recorded ticks, at least one.
-    attempts : sequence of Attempt
-        The attempts in them.
-    gaps : sequence of Gap
-        The ticks that are missing.
-    events : sequence of EventRecord
-        What else was recorded.
-
-    Returns
-    -------
-    tuple of Mark
-        In order of time.
-    """
+    """What is worth a mark."""
     times = seconds(ticks)
 
     def mark(tick: int, kind: str, label: str) -> Mark:
@@ -123,13 +87,7 @@ def _attempt_in_words(attempt: Attempt) -> str:
 
 
 def gap_in_words(gap: Gap) -> str:
-    """Name ticks that are missing.
-
-    Parameters
-    ----------
-    gap : Gap
-        The ticks.
-    """
+    """Name ticks that are missing."""
     last = gap.first + gap.count - 1
     return f"tick {gap.first} is missing" if gap.count == 1 else f"ticks {gap.first} to {last} are missing"
 
@@ -160,17 +118,6 @@ ANY = "mark"
 
 def near(found: Sequence[Mark], position: float, kind: str, *, back: bool) -> Mark | None:
     """Find the next mark, or the one before.
-
-    Parameters
-    ----------
-    found : sequence of Mark
-        Marks in order of time.
-    position : float
-        From where [s].
-    kind : str
-        One of `KINDS`, or `ANY`.
-    back : bool
-        Whether to look back.
 
     Returns
     -------

@@ -25,15 +25,7 @@ MOST = 2**53
 
 @dataclass(frozen=True, slots=True)
 class Order:
-    """A command that has been given.
-
-    Attributes
-    ----------
-    name : str
-        Its name.
-    argument : str
-        What it needs to know.
-    """
+    """A command that has been given."""
 
     name: str
     argument: str
@@ -58,29 +50,7 @@ KEYS: dict[str, Order] = {
 
 
 def obey(playback: Playback, reel: Reel, now: float, order: Order) -> Playback:
-    """Carry out a command.
-
-    Parameters
-    ----------
-    playback : Playback
-        The replay.
-    reel : Reel
-        What is played.
-    now : float
-        The moment [s].
-    order : Order
-        The command.
-
-    Returns
-    -------
-    Playback
-        The replay from now on.
-
-    Raises
-    ------
-    NetboardError
-        If a replay knows no such command, or not with such an argument.
-    """
+    """Carry out a command."""
     deed = _DEEDS.get(order.name)
     if deed is None:
         known = ", ".join(sorted(KNOWN))
@@ -89,17 +59,7 @@ def obey(playback: Playback, reel: Reel, now: float, order: Order) -> Playback:
 
 
 def in_words(playback: Playback, reel: Reel, now: float) -> str:
-    """Say where a replay is and how it goes on.
-
-    Parameters
-    ----------
-    playback : Playback
-        The replay.
-    reel : Reel
-        What is played.
-    now : float
-        The moment [s].
-    """
+    """Say where a replay is and how it goes on."""
     here = playback.now(now)
     told = [f"{'playing' if here.playing else 'paused'} at {clock(here.position)} of {clock(here.length)}"]
     told.append(f"{here.speed:g} times real time")

@@ -44,13 +44,7 @@ class Pairing:
         return self.common[1]
 
     def at(self, position: float) -> tuple[float, ...]:
-        """Position in each recording.
-
-        Parameters
-        ----------
-        position : float
-            On the common time line [s].
-        """
+        """Position in each recording."""
         part = min(max(bisect_right(self.common, position) - 1, 0), len(self.common) - 2)
         begin, end = self.common[part : part + 2]
         if part == 0:
@@ -58,15 +52,7 @@ class Pairing:
         return tuple(min(own[part] + (position - begin), _last(own, part)) for own in self.own)
 
     def of(self, which: int, position: float) -> float:
-        """Position on the common time line of a position in one of the recordings [s].
-
-        Parameters
-        ----------
-        which : int
-            Number of the recording, from 0 [1].
-        position : float
-            From its start [s].
-        """
+        """Position on the common time line of a position in one of the recordings [s]."""
         own = self.own[which]
         part = min(max(bisect_right(own, position) - 1, 0), len(own) - 2)
         if part == 0:
@@ -80,15 +66,7 @@ def _last(own: Sequence[float], part: int) -> float:
 
 
 def pair(reels: Sequence[Reel], sync: Sync) -> Pairing:
-    """Put recordings side by side.
-
-    Parameters
-    ----------
-    reels : sequence of Reel
-        The recordings.
-    sync : {"time", "trial"}
-        What they have in common.
-    """
+    """Put recordings side by side."""
     return divide([_divisions(reel, _shared(reels) if sync == "trial" else ()) for reel in reels])
 
 

@@ -24,10 +24,6 @@ class Playback:
         Position in the recording [s].
     since : float
         Moment at which it was there, on any steady clock [s].
-    speed : float
-        Seconds of the recording per second [1].
-    playing : bool
-        Whether it goes on.
     loop : (float, float) or None
         From the second position it goes on at the first; one that is beyond goes on to the end [s].
     """
@@ -40,18 +36,7 @@ class Playback:
     loop: tuple[float, float] | None = None
 
     def at(self, now: float) -> float:
-        """Position at a moment.
-
-        Parameters
-        ----------
-        now : float
-            The moment [s].
-
-        Returns
-        -------
-        float
-            Position in the recording, never outside it [s].
-        """
+        """Position at a moment."""
         moved = (now - self.since) * self.speed if self.playing else 0.0
         return self._inside(self._looped(self.position + moved))
 
@@ -69,113 +54,44 @@ class Playback:
         return min(max(position, 0.0), self.length)
 
     def now(self, now: float) -> "Playback":
-        """Hold the replay at a moment, from which it goes on unless it is at the end.
-
-        Parameters
-        ----------
-        now : float
-            The moment [s].
-        """
+        """Hold the replay at a moment, from which it goes on unless it is at the end."""
         position = self.at(now)
         return replace(self, position=position, since=now, playing=self.playing and position < self.length)
 
     def play(self, now: float) -> "Playback":
-        """Go on; at the end, from the start, or from that of the loop.
-
-        Parameters
-        ----------
-        now : float
-            The moment [s].
-        """
+        """Go on; at the end, from the start, or from that of the loop."""
         here = self.now(now)
         if here.position >= here.length:
             here = replace(here, position=0.0 if here.loop is None else here.loop[0])
         return replace(here, playing=True)
 
     def pause(self, now: float) -> "Playback":
-        """Stand still.
-
-        Parameters
-        ----------
-        now : float
-            The moment [s].
-        """
+        """Stand still."""
         return replace(self.now(now), playing=False)
 
     def toggle(self, now: float) -> "Playback":
-        """Play or pause.
-
-        Parameters
-        ----------
-        now : float
-            The moment [s].
-        """
+        """Play or pause."""
         return self.pause(now) if self.now(now).playing else self.play(now)
 
     def seek(self, now: float, position: float) -> "Playback":
-        """Go to a position; whether it plays stays as it is.
-
-        Parameters
-        ----------
-        now : float
-            The moment [s].
-        position : float
-            Where to; kept inside the recording [s].
-        """
+        """Go to a position; whether it plays stays as it is."""
         return replace(self.now(now), position=self._inside(position), playing=self.playing)
 
     def move(self, now: float, by: float) -> "Playback":
-        """Go forward or back.
-
-        Parameters
-        ----------
-        now : float
-            The moment [s].
-        by : float
-            How far, negative for back [s].
-        """
+        """Go forward or back."""
         return self.seek(now, self.at(now) + by)
 
     def pace(self, now: float, speed: float) -> "Playback":
-        """Take a speed.
-
-        Parameters
-        ----------
-        now : float
-            The moment [s].
-        speed : float
-            Seconds of the recording per second [1].
-        """
+        """Take a speed."""
         return replace(self.now(now), speed=speed)
 
     def faster(self, now: float, steps: int) -> "Playback":
-        """Take another of the `SPEEDS`.
-
-        Parameters
-        ----------
-        now : float
-            The moment [s].
-        steps : int
-            How many speeds up, negative for down [1].
-        """
+        """Take another of the `SPEEDS`."""
         rank = bisect_right(SPEEDS, self.speed) - 1 if steps > 0 else bisect_left(SPEEDS, self.speed)
         return self.pace(now, SPEEDS[min(max(rank + steps, 0), len(SPEEDS) - 1)])
 
     def repeat(self, now: float, loop: tuple[float, float] | None) -> "Playback":
-        """Play one part again and again, or no more.
-
-        Parameters
-        ----------
-        now : float
-            The moment [s].
-        loop : (float, float) or None
-            The part, kept inside the recording [s].
-
-        Raises
-        ------
-        ValueError
-            If nothing of it is inside.
-        """
+        """Play one part again and again, or no more."""
         if loop is not None:
             loop = self._inside(loop[0]), self._inside(loop[1])
             if not loop[0] < loop[1]:
@@ -184,17 +100,6 @@ class Playback:
 
 
 def clock(position: float) -> str:
-    """Write a position as people read it.
-
-    Parameters
-    ----------
-    position : float
-        From the start [s].
-
-    Returns
-    -------
-    str
-        Minutes, seconds and tenths.
-    """
+    """Write a position as people read it."""
     tenths = round(position * 10)
     return f"{tenths // 600}:{tenths // 10 % 60:02d}.{tenths % 10}"

@@ -28,19 +28,7 @@ Row = tuple[int, int, int, str, float, str, int]
 
 @dataclass(frozen=True, slots=True)
 class Material:
-    """What a recording holds.
-
-    Attributes
-    ----------
-    name : str
-        What people call it.
-    config_text : str
-        Its configuration, as TOML.
-    ticks : ndarray of netboard.tick.TICK, shape (n,)
-        Its ticks.
-    events : tuple of EventRecord
-        Its events.
-    """
+    """What a recording holds."""
 
     name: str
     config_text: str
@@ -51,38 +39,14 @@ class Material:
 class Reel:
     """A recording that is ready to be played.
 
-    Parameters
-    ----------
-    material : Material
-        What it holds.
-
     Attributes
     ----------
-    name, text : str
-        What people call it; its configuration.
-    config : Config
-        The same.
-    ticks : ndarray of netboard.tick.TICK, shape (n,)
-        Its ticks.
     times : ndarray, shape (n,)
         Their times from the start [s].
-    attempts : tuple of Attempt
-        Its attempts.
-    marks : tuple of Mark
-        What is worth a mark.
-    gaps : tuple of Gap
-        Ticks that are missing.
     begin : float
         When its block starts, for nothing happens before; 0 if the recording began later [s].
     length : float
         Time of its last tick [s].
-
-    Raises
-    ------
-    RecordingError
-        If it has no tick to show.
-    ConfigError
-        If its configuration cannot be read.
     """
 
     def __init__(self, material: Material) -> None:
@@ -103,44 +67,19 @@ class Reel:
         self._judged = _judged(material.events, self.attempts, self.config.block.number)
 
     def at(self, position: float) -> int:
-        """Index of the row that holds at a position: the last one that is not later [1].
-
-        Parameters
-        ----------
-        position : float
-            From the start [s].
-        """
+        """Index of the row that holds at a position: the last one that is not later [1]."""
         return max(int(np.searchsorted(self.times, position + ROUNDING, side="right")) - 1, 0)
 
     def stepped(self, position: float, count: int) -> float:
-        """Position of the tick so many ticks from the one at a position [s].
-
-        Parameters
-        ----------
-        position : float
-            From the start [s].
-        count : int
-            How many, negative for back [1].
-        """
+        """Position of the tick so many ticks from the one at a position [s]."""
         return float(self.times[min(max(self.at(position) + count, 0), len(self.times) - 1)])
 
     def time_of(self, tick: int) -> float:
-        """Position of a tick, or of the last one before it if that is missing [s].
-
-        Parameters
-        ----------
-        tick : int
-            Its number [1].
-        """
+        """Position of a tick, or of the last one before it if that is missing [s]."""
         return float(self.times[max(int(np.searchsorted(self.ticks["tick"], tick, side="right")) - 1, 0)])
 
     def trial(self, number: int) -> tuple[float, float] | None:
         """When a trial begins, with the levelling before its first attempt, and when its last attempt ends [s].
-
-        Parameters
-        ----------
-        number : int
-            Its number in the block, from 1 [1].
 
         Returns
         -------
@@ -156,77 +95,35 @@ class Reel:
         return tuple(dict.fromkeys(attempt.trial for attempt in self.attempts))
 
     def best(self, index: int) -> float | None:
-        """Best completion time so far, None before the first [s].
-
-        Parameters
-        ----------
-        index : int
-            Of the row [1].
-        """
+        """Best completion time so far, None before the first [s]."""
         best = float(self._best[index])
         return best if best < np.inf else None
 
     def rest(self, index: int) -> float | None:
-        """What is left of the rest before the block; None without one [s].
-
-        Parameters
-        ----------
-        index : int
-            Of the row [1].
-        """
+        """What is left of the rest before the block; None without one [s]."""
         row = self.ticks[index]
         left = (self._rest_until_ns - int(row["time_ns"])) * 1e-9
         return left if left > 0 and row["phase"] == Phase.IDLE else None
 
     def view(self, index: int, station: Side, sent_ns: int = 0, seq: int = 0) -> View:
-        """What a station could see.
-
-        Parameters
-        ----------
-        index : int
-            Of the row [1].
-        station : str
-            ``left`` or ``right``.
-        sent_ns : int
-            When it is sent [ns].
-        seq : int
-            Number of the view at its station [1].
-        """
+        """What a station could see."""
         row, best, rest = self.ticks[index], self.best(index), self.rest(index)
         return view_of(self.curtain, row, station, best, sent_ns, seq, rest)
 
     def outcomes(self, index: int) -> list[Row]:
-        """What had become of the attempts so far, in order.
-
-        Parameters
-        ----------
-        index : int
-            Of the row [1].
-        """
+        """What had become of the attempts so far, in order."""
         tick = int(self.ticks["tick"][index])
         return [row for at, row in self._judged if at <= tick]
 
     def gap_at(self, position: float) -> str:
-        """Name the missing ticks at a position, in words; empty where none are missing.
-
-        Parameters
-        ----------
-        position : float
-            From the start [s].
-        """
+        """Name the missing ticks at a position, in words; empty where none are missing."""
         index = self.at(position)
         tick, after = int(self.ticks["tick"][index]), position - float(self.times[index])
         gap = next((gap for gap in self.gaps if gap.first == tick + 1), None)
         return gap_in_words(gap) if gap is not None and after >= TICK_LENGTH else ""
 
     def where(self, position: float) -> str:
-        """What is on at a position, in words.
-
-        Parameters
-        ----------
-        position : float
-            From the start [s].
-        """
+        """What is on at a position, in words."""
         row = self.ticks[self.at(position)]
         told = [f"tick {int(row['tick'])}", PHASE_NAMES[int(row["phase"])], f"trial {int(row['trial'])}"]
         if row["attempt"] > 1:
@@ -250,18 +147,7 @@ TICK_LENGTH = 1e-3 - ROUNDING
 
 
 def best_so_far(ticks: NDArray[Any]) -> NDArray[np.float64]:
-    """Best completion time up to each tick, a success at this tick included.
-
-    Parameters
-    ----------
-    ticks : ndarray of netboard.tick.TICK, shape (n,)
-        The recorded ticks.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Completion times; infinite before the first success [s].
-    """
+    """Best completion time up to each tick, a success at this tick included."""
     known = ticks["completion"].copy()
     held = np.flatnonzero(ticks["event"][:-1] == Cause.HELD)
     known[held] = known[held + 1]

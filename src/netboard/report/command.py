@@ -14,15 +14,7 @@ PLACEHOLDER = "@command-of-this-analysis@"
 
 
 def name_command(folder: Path, command: Sequence[str]) -> None:
-    """Write the words of the command into provenance and report.
-
-    Parameters
-    ----------
-    folder : Path
-        The folder of the analysis.
-    command : sequence of str
-        The words.
-    """
+    """Write the words of the command into provenance and report."""
     text = shlex.join(command)
     written = {"provenance.json": json.dumps(text, ensure_ascii=False)[1:-1], "report.html": str(escape(visible(text)))}
     for name, shown in written.items():

@@ -12,13 +12,7 @@ from netboard.terminal import FittedTable
 
 
 def comparison_table(compared: pd.DataFrame) -> FittedTable:
-    """Make the table.
-
-    Parameters
-    ----------
-    compared : DataFrame
-        From `netboard.findings.paper.compare`.
-    """
+    """Make the table."""
     table = FittedTable(
         "Fig.", "quantity", "of", "paper", "this study", "n", "", title="The paper and this study", caption=REMINDER
     )

@@ -23,12 +23,6 @@ class Step:
 
     Attributes
     ----------
-    who : str
-        Who performed: the participant, or ``both``.
-    configuration, force : str
-        What was done, and what the hands felt.
-    haptics : bool
-        Whether they felt something.
     levels : tuple of str
         Levels of other factors, and the role if it is not test.
     """
@@ -46,12 +40,6 @@ class Design:
 
     Attributes
     ----------
-    steps : tuple of (str, tuple of Step or None)
-        Each dyad with its blocks; None where one is missing.
-    numbers : tuple of int
-        Numbers of the blocks [1].
-    sentences : tuple of str
-        What the order is, in words.
     factors, conditions, beginnings : Grid
         What varied by plan, how much of each condition there is, and how often each force came first.
     """
@@ -65,13 +53,7 @@ class Design:
 
 
 def design(study: Study) -> Design:
-    """Say what was done, and in which order.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-    """
+    """Say what was done, and in which order."""
     blocks = study.blocks.drop_duplicates(["dyad", "block"])
     numbers = tuple(sorted({int(block) for block in blocks["block"]}))
     found = {(row["dyad"], row["block"]): _step(row, study.factors) for row in blocks.to_dict("records")}
@@ -178,15 +160,7 @@ def _beginnings(blocks: pd.DataFrame) -> Grid:
 
 
 def participants(study: Study, handedness: Mapping[str, str]) -> Grid:
-    """List the people.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-    handedness : mapping of str to str
-        The dominant hand by pseudonym, as far as known.
-    """
+    """List the people."""
     people: dict[tuple[str, str], list[dict[Any, Any]]] = {}
     for row in study.blocks.to_dict("records"):
         for who in sorted({row["left_by"], row["right_by"]} - set(_NOBODY)):

@@ -22,17 +22,7 @@ _DROPPED = {f"{{{_SVG}}}metadata", f"{{{_SVG}}}style", f"{{{_SVG}}}title"}
 
 @dataclass(frozen=True, slots=True)
 class Drawing:
-    """A picture as the page takes it.
-
-    Attributes
-    ----------
-    name, title, caption : str
-        As those of the `Picture`.
-    svg : str
-        An element of SVG; empty without one.
-    png : str
-        A data URI of a PNG; empty without one.
-    """
+    """A picture as the page takes it."""
 
     name: str
     title: str
@@ -42,18 +32,7 @@ class Drawing:
 
 
 def drawing(picture: Picture) -> Drawing:
-    """Make a picture ready for a page.
-
-    Parameters
-    ----------
-    picture : Picture
-        The picture; one without a figure has its words only.
-
-    Returns
-    -------
-    Drawing
-        The same picture always gives the same.
-    """
+    """Make a picture ready for a page."""
     words = picture.name, visible(picture.title), visible(picture.caption)
     if picture.figure is None:
         return Drawing(*words)

@@ -48,17 +48,7 @@ PORTION = 20_000
 
 @dataclass(frozen=True, slots=True)
 class Kind:
-    """A table of an analysis.
-
-    Attributes
-    ----------
-    name : str
-        What it is called.
-    about : str
-        What a row is.
-    fields : tuple of Field
-        Its columns.
-    """
+    """A table of an analysis."""
 
     name: str
     about: str
@@ -92,35 +82,7 @@ def write_analysis(
     *,
     beside_the_paper: bool = False,
 ) -> tuple[str, ...]:
-    """Write all of an analysis: the tables first, then what is made of them.
-
-    Parameters
-    ----------
-    folder : Path
-        An empty folder.
-    study : Study
-        The study.
-    harvest : Harvest
-        What it was made of.
-    command : sequence of str
-        The words of the command that asked for it.
-    progress : callable
-        Is told what is being done.
-    beside_the_paper : bool
-        Put the study beside what the paper reported.
-
-    Returns
-    -------
-    tuple of str
-        What could not be computed or drawn, in words.
-
-    Raises
-    ------
-    ConfigError
-        If a library is missing.
-    NetboardError
-        If the report cannot be written.
-    """
+    """Write all of an analysis: the tables first, then what is made of them."""
     progress("numbers", 0, 3)
     results = results_of(study)
     comparison = compare(study) if beside_the_paper else None
@@ -149,21 +111,7 @@ def write_tables(
     left_out: Sequence[LeftOut],
     comparison: pd.DataFrame | None = None,
 ) -> None:
-    """Write every table as Parquet and CSV, and the data dictionary.
-
-    Parameters
-    ----------
-    folder : Path
-        The new folder.
-    study : Study
-        The study.
-    results : DataFrame
-        The columns of `netboard.findings.results.RESULTS`.
-    left_out : sequence of LeftOut
-        Recordings that could not be measured.
-    comparison : DataFrame, optional
-        The columns of `netboard.findings.paper.COMPARISON`.
-    """
+    """Write every table as Parquet and CSV, and the data dictionary."""
     folder.mkdir()
     others = {
         "results": results,
@@ -229,13 +177,6 @@ def _write_pictures(folder: Path, drawn: Sequence[Picture]) -> None:
 
 def provenance(harvest: Harvest, command: Sequence[str]) -> dict[str, Any]:
     """Say where an analysis comes from, without time and machine.
-
-    Parameters
-    ----------
-    harvest : Harvest
-        What it was made of.
-    command : sequence of str
-        The words of the command that asked for it.
 
     Returns
     -------

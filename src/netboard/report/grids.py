@@ -12,15 +12,7 @@ Kind = Literal["text", "name", "number", "code"]
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """A column.
-
-    Attributes
-    ----------
-    title : str
-        Its heading.
-    kind : str
-        What it holds.
-    """
+    """A column."""
 
     title: str
     kind: Kind = "text"
@@ -28,15 +20,7 @@ class Column:
 
 @dataclass(frozen=True, slots=True)
 class Link:
-    """A cell that leads to another place of the report.
-
-    Attributes
-    ----------
-    text : str
-        What is read.
-    to : str
-        The id of the place.
-    """
+    """A cell that leads to another place of the report."""
 
     text: str
     to: str
@@ -47,19 +31,7 @@ Cell = str | Link
 
 @dataclass(frozen=True, slots=True)
 class Grid:
-    """A table.
-
-    Attributes
-    ----------
-    caption : str
-        What it shows, in a sentence.
-    columns : tuple of Column
-        The columns; the first one names the row.
-    rows : tuple of tuple of Cell
-        The rows.
-    marked : frozenset of int
-        Rows that stand out, from 0 [1].
-    """
+    """A table."""
 
     caption: str
     columns: tuple[Column, ...]
@@ -68,54 +40,21 @@ class Grid:
 
 
 def grid(caption: str, columns: Sequence[Column], rows: Sequence[Sequence[Cell | float]]) -> Grid:
-    """Make a table.
-
-    Parameters
-    ----------
-    caption : str
-        What it shows, in a sentence.
-    columns : sequence of Column
-        The columns.
-    rows : sequence of sequence of str, Link, int or float
-        The rows; numbers are written here.
-
-    Returns
-    -------
-    Grid
-        The table.
-    """
+    """Make a table."""
     written = tuple(tuple(cell if isinstance(cell, str | Link) else amount(cell) for cell in row) for row in rows)
     return Grid(caption, tuple(columns), written)
 
 
 def number(title: str) -> Column:
-    """Describe a column of numbers.
-
-    Parameters
-    ----------
-    title : str
-        Its heading, with the unit.
-    """
+    """Describe a column of numbers."""
     return Column(title, "number")
 
 
 def name(title: str) -> Column:
-    """Describe a column of words that others have chosen.
-
-    Parameters
-    ----------
-    title : str
-        Its heading.
-    """
+    """Describe a column of words that others have chosen."""
     return Column(title, "name")
 
 
 def code(title: str) -> Column:
-    """Describe a column of what a machine reads.
-
-    Parameters
-    ----------
-    title : str
-        Its heading.
-    """
+    """Describe a column of what a machine reads."""
     return Column(title, "code")

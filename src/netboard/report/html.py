@@ -43,10 +43,6 @@ def write_report(
 
     Parameters
     ----------
-    folder : Path
-        Where to; ``tables/`` is said to lie beside it.
-    study : Study
-        The study.
     results : DataFrame
         The tidy table of all results, with the columns of `netboard.findings.results.RESULTS`.
     pictures : sequence of Picture
@@ -60,18 +56,6 @@ def write_report(
         The study beside the paper, a row for a statement: ``figure``, ``quantity``, ``group``, what is ``said``, the
         number ``reported``, its ``reported_sd`` and ``reported_of`` how many, the study's ``value`` with the columns of
         a result, and the ``verdict``.
-
-    Returns
-    -------
-    Path
-        The report.
-
-    Raises
-    ------
-    NetboardError
-        If it is there already, or cannot be written; nothing of it is left then.
-    ValueError
-        If the provenance lacks a recording of the study.
     """
     known = provenance["recordings"]
     unknown = sorted(set(study.blocks["recording"]) - set(known))

@@ -10,13 +10,7 @@ from netboard.wire.control import Status
 
 
 def status_tables(status: Status) -> RenderableType:
-    """Where the session is, and how each of its peers is connected.
-
-    Parameters
-    ----------
-    status : Status
-        What the server has answered.
-    """
+    """Where the session is, and how each of its peers is connected."""
     return Group(*_lines(status), _links(status), *_loops(status))
 
 

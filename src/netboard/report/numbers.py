@@ -28,13 +28,7 @@ def unit_of(row: Mapping[str, Any]) -> Unit:
 
 
 def after(unit: Unit) -> str:
-    """Write a unit as it follows a number, on the same line: nothing for a pure number.
-
-    Parameters
-    ----------
-    unit : Unit
-        The unit.
-    """
+    """Write a unit as it follows a number, on the same line: nothing for a pure number."""
     return "\N{NO-BREAK SPACE}" + unit.symbol.replace(" ", "\N{NO-BREAK SPACE}") if unit.symbol else ""
 
 
@@ -97,10 +91,6 @@ class Topic:
 
     Attributes
     ----------
-    title : str
-        Its title.
-    table : Grid
-        The results.
     notes : tuple of str
         What must be known to read them; the table has their numbers, from 1.
     """
@@ -111,20 +101,7 @@ class Topic:
 
 
 def topics(results: pd.DataFrame, titles: Mapping[str, str]) -> tuple[Topic, ...]:
-    """Put all results into tables.
-
-    Parameters
-    ----------
-    results : DataFrame
-        The tidy table of results.
-    titles : mapping of str to str
-        Titles of pictures by their names.
-
-    Returns
-    -------
-    tuple of Topic
-        The topics in the order of the table.
-    """
+    """Put all results into tables."""
     groups = results.groupby("topic", sort=False)
     return tuple(_topic(titles.get(str(topic), str(topic)), records(rows)) for topic, rows in groups)
 
@@ -156,24 +133,12 @@ def _result(row: Mapping[str, Any], notes: list[str]) -> list[Cell | float]:
 
 
 def records(table: pd.DataFrame) -> list[dict[str, Any]]:
-    """Return the rows of a table.
-
-    Parameters
-    ----------
-    table : DataFrame
-        The table.
-    """
+    """Return the rows of a table."""
     return [{str(key): value for key, value in row.items()} for row in table.to_dict("records")]
 
 
 def comparison_grid(comparison: pd.DataFrame) -> Grid:
-    """Put a study's numbers beside those of the paper.
-
-    Parameters
-    ----------
-    comparison : DataFrame
-        As in `netboard.report.html.write_report`.
-    """
+    """Put a study's numbers beside those of the paper."""
     columns = [
         Column("Figure"),
         Column("Quantity"),
@@ -200,13 +165,7 @@ def _compared(row: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def reported(row: Mapping[str, Any]) -> str:
-    """Write the paper's number, with its standard deviation or of how many it is.
-
-    Parameters
-    ----------
-    row : mapping
-        A row of the comparison.
-    """
+    """Write the paper's number, with its standard deviation or of how many it is."""
     unit = unit_of(row)
     parts = [amount(row["reported"] * unit.scale)]
     if isfinite(row["reported_sd"]):

@@ -16,17 +16,7 @@ from netboard.settings import Table, tables, to_toml
 
 @dataclass(frozen=True, slots=True)
 class Head:
-    """What a study is, in a few lines.
-
-    Attributes
-    ----------
-    title : str
-        Its name.
-    facts : tuple of (str, str)
-        What, and how many or when.
-    warnings : tuple of str
-        What must be known before anything is believed.
-    """
+    """What a study is, in a few lines."""
 
     title: str
     facts: tuple[tuple[str, str], ...]
@@ -34,15 +24,7 @@ class Head:
 
 
 def head(study: Study, provenance: Mapping[str, Any]) -> Head:
-    """Say what a study is.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-    provenance : mapping
-        As in `netboard.report.html.write_report`.
-    """
+    """Say what a study is."""
     blocks, trials = study.blocks, study.trials
     days = sorted({str(when)[:10] for when in blocks["opened_utc"]})
     successes = int((trials["outcome"] == "success").sum())
@@ -77,13 +59,7 @@ def _warnings(blocks: pd.DataFrame) -> list[str]:
 
 
 def settings_grids(readings: Readings) -> tuple[Grid, ...]:
-    """Put all settings of an analysis into tables; those that differ from their defaults are marked.
-
-    Parameters
-    ----------
-    readings : Readings
-        The settings.
-    """
+    """Put all settings of an analysis into tables; those that differ from their defaults are marked."""
     return tuple(_settings(table, readings) for table in tables(Readings) if table.keys)
 
 
@@ -103,15 +79,7 @@ def _settings(table: Table, readings: Readings) -> Grid:
 
 
 def software_grid(study: Study, versions: Mapping[str, str]) -> Grid:
-    """List the software.
-
-    Parameters
-    ----------
-    study : Study
-        The study, whose recordings name the version that recorded them.
-    versions : mapping of str to str
-        Versions of what analysed them.
-    """
+    """List the software."""
     recorded = sorted(study.blocks["netboard"].unique())
     rows: list[tuple[Cell, ...]] = [("netboard, which recorded", ", ".join(recorded))]
     rows += [(package, str(version)) for package, version in versions.items()]
@@ -119,15 +87,7 @@ def software_grid(study: Study, versions: Mapping[str, str]) -> Grid:
 
 
 def recordings_grid(study: Study, known: Mapping[str, Mapping[str, Any]]) -> Grid:
-    """List the recordings with their SHA-256.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-    known : mapping of str to mapping
-        Files by the names of recordings, as in `netboard.report.html.write_report`.
-    """
+    """List the recordings with their SHA-256."""
     rows = []
     for recording, opened in study.blocks[["recording", "opened_utc"]].itertuples(index=False, name=None):
         file = known[recording]

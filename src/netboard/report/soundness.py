@@ -29,12 +29,8 @@ class Soundness:
 
     Attributes
     ----------
-    sentences : tuple of str
-        The whole, in words.
     recordings, flags, causes, excluded, unusual : Grid
         Of each recording, of each mark of quality, of each reason; the attempts excluded, and those unusual.
-    left_out : Grid
-        Files that are not in the study.
     """
 
     sentences: tuple[str, ...]
@@ -47,15 +43,7 @@ class Soundness:
 
 
 def soundness(study: Study, left_out: Sequence[Mapping[str, str]]) -> Soundness:
-    """Say what is sound in a study.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-    left_out : sequence of mapping
-        Files that are not in it: ``file`` and ``why``.
-    """
+    """Say what is sound in a study."""
     table = grid(
         "Files that were found and are not part of this study",
         [code("File"), Column("Why")],

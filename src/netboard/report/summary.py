@@ -30,15 +30,11 @@ class Saying:
 
     Attributes
     ----------
-    quantity : str
-        What it is, as in the table of results.
     group : str
         The groups that it is said of: a regular expression, whose named parts the words may use; a ``team`` becomes
         trials of that team.
     lead : str
         How the sentence begins; groups with the same beginning share it.
-    clause : str
-        What is said of each group, with ``{value}``.
     none : str
         What no effect is called, such as ``no change``; empty for a level, which is said only where a study has no
         difference of the quantity.
@@ -60,12 +56,8 @@ class Heading:
 
     Attributes
     ----------
-    title : str
-        Its heading.
     quantities : tuple of str
         What is in it, as in the table of results; no two of them have the same group.
-    is_count : bool
-        Its values are how many of the dyads.
     """
 
     title: str
@@ -75,19 +67,7 @@ class Heading:
 
 @dataclass(frozen=True, slots=True)
 class Theme:
-    """What the summary says of a topic.
-
-    Attributes
-    ----------
-    topic : str
-        As in the table of results.
-    picture : str
-        The picture that shows it.
-    sayings : tuple of Saying
-        Its sentences.
-    headings : tuple of Heading
-        The columns of its table.
-    """
+    """What the summary says of a topic."""
 
     topic: str
     picture: str
@@ -235,12 +215,6 @@ class Main:
 
     Attributes
     ----------
-    picture : str
-        The picture that shows them.
-    title : str
-        What they are about.
-    sentences : tuple of str
-        What the data show, and how sure it is.
     table : Grid
         The numbers: a row for each group, a column for each quantity.
     """
@@ -252,15 +226,7 @@ class Main:
 
 
 def summary(results: pd.DataFrame, titles: Mapping[str, str]) -> tuple[Main, ...]:
-    """Sum up the main results, topic by topic; a topic of which a study has nothing is left out.
-
-    Parameters
-    ----------
-    results : DataFrame
-        The tidy table of results.
-    titles : mapping of str to str
-        Titles of pictures by their names.
-    """
+    """Sum up the main results, topic by topic; a topic of which a study has nothing is left out."""
     found = []
     for theme in THEMES:
         mine = results[(results["topic"] == theme.topic) & results["value"].notna()]
@@ -363,13 +329,7 @@ def _caption(title: str, rows: Sequence[Mapping[str, Any]]) -> str:
 
 
 def few(dyads: int) -> str:
-    """Say what so many dyads can show.
-
-    Parameters
-    ----------
-    dyads : int
-        How many there are [1].
-    """
+    """Say what so many dyads can show."""
     least = min(1.0, 2.0 / 2**dyads)
     said = (
         f"The dyad is the unit of replication: {counted(dyads, 'dyad')}, however many trials. "

@@ -20,24 +20,12 @@ def summary_of(recording: Recording) -> Summary:
 
 
 def summary_tables(summary: Summary) -> RenderableType:
-    """Tables of trials, of timing and of losses.
-
-    Parameters
-    ----------
-    summary : Summary
-        What the recording amounts to.
-    """
+    """Tables of trials, of timing and of losses."""
     return Group(_trials(summary.attempts), _timing(summary), _counts(summary))
 
 
 def verdict_line(verdict: Verdict) -> str:
-    """One line on a verification, with rich's markup.
-
-    Parameters
-    ----------
-    verdict : Verdict
-        Its outcome.
-    """
+    """One line on a verification, with rich's markup."""
     gaps = f", across {verdict.gaps} gaps" if verdict.gaps else ""
     if verdict.identical:
         return f"[green]verified: all {verdict.checked} ticks are identical to the bit{gaps}[/green]"
@@ -104,13 +92,7 @@ def _counts(summary: Summary) -> FittedTable:
 
 
 def marks_table(reel: Reel) -> FittedTable:
-    """Trials and events of a recording, with their times.
-
-    Parameters
-    ----------
-    reel : Reel
-        The recording.
-    """
+    """Trials and events of a recording, with their times."""
     table = FittedTable(*numbers("time", "tick", "trial"), "kind", "what", title=f"{reel.name}: {clock(reel.length)}")
     for mark in reel.marks:
         style = "bold" if mark.kind == "trial" else ""

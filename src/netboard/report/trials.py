@@ -42,10 +42,6 @@ class Sparkline:
 
     Attributes
     ----------
-    d : str
-        The path, as that of an element of SVG.
-    extent : int
-        Its width in its own units [1].
     width : int
         Its width on the page [px].
     squeezed : bool
@@ -64,16 +60,8 @@ class Row:
 
     Attributes
     ----------
-    anchor : str
-        Its id in the page.
-    trial, attempt : int
-        Which it is [1].
     target, outcome, completion, peaks : str
         Side of the target, how it ended, completion time [s], number of velocity peaks [1].
-    flags, why : str
-        Its marks of quality, and why it does not count.
-    path : Sparkline
-        Where the ball went.
     replay, explain : str
         The commands that show it again, and that draw how each of its numbers is computed.
     """
@@ -94,19 +82,7 @@ class Row:
 
 @dataclass(frozen=True, slots=True)
 class Listing:
-    """The attempts of a recording.
-
-    Attributes
-    ----------
-    anchor : str
-        Its id in the page.
-    recording, dyad, performer : str
-        What it is called, whose it is, and who performed.
-    heading : str
-        What was done, and how much of it.
-    rows : tuple of Row
-        The attempts.
-    """
+    """The attempts of a recording."""
 
     anchor: str
     recording: str
@@ -117,32 +93,13 @@ class Listing:
 
 
 def anchors(study: Study) -> dict[Key, str]:
-    """Give every attempt its place in the page.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-
-    Returns
-    -------
-    dict
-        The id by recording, trial and attempt.
-    """
+    """Give every attempt its place in the page."""
     place = {recording: number for number, recording in enumerate(study.blocks["recording"], start=1)}
     return {key: f"r{place[key[0]]}t{key[1]}a{key[2]}" for key in _keys(study.trials)}
 
 
 def listings(study: Study, files: Mapping[str, str]) -> tuple[Listing, ...]:
-    """List all attempts of all recordings.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-    files : mapping of str to str
-        The file of each recording, as a command takes it.
-    """
+    """List all attempts of all recordings."""
     known, paths, why = anchors(study), sparklines(study), reasons(study)
     last = study.trials.groupby(["recording", "trial"])["attempt"].max().to_dict()
     rows: dict[str, list[Row]] = {}
@@ -177,29 +134,12 @@ def _explain(file: str, key: Key, last: int) -> str:
 
 
 def flag_words(words: str) -> str:
-    """Write marks of quality.
-
-    Parameters
-    ----------
-    words : str
-        Words of `netboard.experiment.quality.WORDS` with spaces between.
-    """
+    """Write marks of quality."""
     return ", ".join(word.replace("_", " ") for word in str(words).split())
 
 
 def reasons(study: Study) -> dict[Key, list[str]]:
-    """Find out why attempts do not count.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-
-    Returns
-    -------
-    dict
-        Every reason, by recording, trial and attempt.
-    """
+    """Find out why attempts do not count."""
     found: dict[Key, list[str]] = {}
     for key, why in zip(_keys(study.exclusions), study.exclusions["why"], strict=True):
         found.setdefault(key, []).append(why)
@@ -233,11 +173,6 @@ _NOTHING = Sparkline("", 1, 1, False)
 def reach(study: Study) -> float:
     """Say how far from the board's middle paths are drawn.
 
-    Parameters
-    ----------
-    study : Study
-        The study.
-
     Returns
     -------
     float
@@ -248,18 +183,7 @@ def reach(study: Study) -> float:
 
 
 def sparklines(study: Study) -> dict[Key, Sparkline]:
-    """Draw the path of the ball in every attempt: up is right, and time goes to the right.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-
-    Returns
-    -------
-    dict
-        The paths by recording, trial and attempt.
-    """
+    """Draw the path of the ball in every attempt: up is right, and time goes to the right."""
     far = reach(study)
     return {key: line for own in study.paths.values() for key, line in _sparklines(own, far)}
 

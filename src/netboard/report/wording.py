@@ -20,11 +20,6 @@ _PLURALS = {"person": "people", "": ""}
 def visible(text: str) -> str:
     """Show what would not be seen, or would change what is.
 
-    Parameters
-    ----------
-    text : str
-        Any text, also one that no encoding takes.
-
     Returns
     -------
     str
@@ -40,15 +35,8 @@ def decimals(*values: float, digits: int = 3) -> int:
 
     Parameters
     ----------
-    *values : float
-        The numbers; the largest decides [any].
     digits : int
         How many digits that one is to have at least [1].
-
-    Returns
-    -------
-    int
-        Decimals, 0 to 6 [1].
     """
     largest = max((abs(value) for value in values if isfinite(value)), default=0.0)
     if largest == 0.0:
@@ -61,15 +49,8 @@ def amount(value: float, places: int | None = None) -> str:
 
     Parameters
     ----------
-    value : float
-        The number; NaN is none [any].
     places : int, optional
         Decimals; of a whole number none, of another as many as make three digits [1].
-
-    Returns
-    -------
-    str
-        The number.
     """
     if not isfinite(value):
         return NONE if value != value else "∞" if value > 0 else "−∞"  # noqa: PLR0124  # NaN differs from itself
@@ -85,31 +66,13 @@ def amount(value: float, places: int | None = None) -> str:
 
 
 def counted(n: int, of: str) -> str:
-    """Write how many of something.
-
-    Parameters
-    ----------
-    n : int
-        How many [1].
-    of : str
-        Of what, one of them.
-
-    Returns
-    -------
-    str
-        Such as ``1 dyad`` or ``4 dyads``.
-    """
+    """Write how many of something."""
     word = of if n == 1 else _PLURALS.get(of, f"{of}s")
     return f"{amount(n)} {word}".strip()
 
 
 def command(*words: str) -> str:
     """Write a command that a shell takes as it is meant.
-
-    Parameters
-    ----------
-    *words : str
-        Its words.
 
     Returns
     -------
@@ -126,16 +89,5 @@ def _escaped(word: str) -> str:
 
 
 def css_text(text: str) -> str:
-    """Write a text as a string of a style sheet, which nothing in it can end.
-
-    Parameters
-    ----------
-    text : str
-        The text.
-
-    Returns
-    -------
-    str
-        The string, quoted.
-    """
+    """Write a text as a string of a style sheet, which nothing in it can end."""
     return '"' + re.sub(r"[^A-Za-z0-9 ]", lambda found: f"\\{ord(found[0]):x} ", visible(text)) + '"'

@@ -25,18 +25,7 @@ Point = tuple[float, float, float]
 
 
 def held_at(track: Track) -> Point:
-    """Where the stylus was held: the medians.
-
-    Parameters
-    ----------
-    track : Track
-        Some second of readings.
-
-    Raises
-    ------
-    NetboardError
-        If it was not held still.
-    """
+    """Where the stylus was held: the medians."""
     moved = float(np.ptp(track.place, axis=0).max())
     if moved > STILL:
         raise NetboardError(
@@ -48,13 +37,7 @@ def held_at(track: Track) -> Point:
 
 
 def box_between(one: Point, other: Point) -> Box:
-    """Make the box that has these two corners opposite each other.
-
-    Raises
-    ------
-    NetboardError
-        If one of its sides is shorter than a centimetre.
-    """
+    """Make the box that has these two corners opposite each other."""
     low, high = np.minimum(one, other), np.maximum(one, other)
     for axis, side in zip("xyz", high - low, strict=True):
         if side < LEAST_SIDE:
@@ -70,17 +53,8 @@ def scale_for(zero_z: float, box: Box, needed: float) -> float:
 
     Parameters
     ----------
-    zero_z : float
-        Neutral height [m].
-    box : Box
-        The workspace.
     needed : float
         Height above and below the neutral one that the task needs, ``task.stylus_range`` [m].
-
-    Raises
-    ------
-    NetboardError
-        If the neutral height is not in the box, or hardly.
     """
     room = min(zero_z - box.z_min, box.z_max - zero_z)
     if room < 0.5 * LEAST_SIDE:
@@ -98,14 +72,8 @@ def placed(before: Placement, zero: Point, box: Box | None, needed: float, words
     ----------
     before : Placement
         What there was; without a box, workspace and scale stay as they were.
-    zero : tuple of float
-        Where the stylus is at the neutral height [m].
-    box : Box or None
-        The workspace.
     needed : float
         Height above and below the neutral one that the task needs [m].
-    words : str
-        When and how this was found.
     """
     x, y, z = zero
     after = replace(before, zero_x=x, zero_y=y, zero_z=z, calibrated=words)
@@ -119,17 +87,8 @@ def with_values(before: Placement, given: Mapping[str, str], words: str) -> Plac
 
     Parameters
     ----------
-    before : Placement
-        What there was.
     given : mapping of str to str
         Names of keys of a profile's table ``placement``, and their values as written.
-    words : str
-        When and how this was set.
-
-    Raises
-    ------
-    ConfigError
-        If a key is unknown, or a value no number or out of range.
     """
     values: dict[str, object] = {**asdict(before), "calibrated": words}
     for key, word in given.items():

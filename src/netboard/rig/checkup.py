@@ -56,8 +56,6 @@ class Pushes(NamedTuple):
     ----------
     delays : tuple of float
         From handing a push over to the first reading in which the stylus has moved; one each that moved it [s].
-    tried : int
-        How many there were [1].
     mechanical : float
         What of it the mass needs for that way at least, nan if the device has not been identified [s].
     """
@@ -68,15 +66,7 @@ class Pushes(NamedTuple):
 
 
 def examine(track: Track, info: DeviceInfo) -> tuple[Finding, ...]:
-    """Judge the readings of a device.
-
-    Parameters
-    ----------
-    track : Track
-        What was read, each millisecond, without a force.
-    info : DeviceInfo
-        What the device says of itself.
-    """
+    """Judge the readings of a device."""
     return (
         _rate(track),
         _answer(track),
@@ -90,15 +80,7 @@ def examine(track: Track, info: DeviceInfo) -> tuple[Finding, ...]:
 
 
 def push_force(level: float, t: float) -> Vector:
-    """Force of the pushes at a time: short, up and down in turn.
-
-    Parameters
-    ----------
-    level : float
-        Size of a push [N].
-    t : float
-        Time since the device was armed [s].
-    """
+    """Force of the pushes at a time: short, up and down in turn."""
     turn, since = divmod(t - 0.5 * APART, APART)
     if 0.0 <= turn < PULSES and since < PULSE:
         return 0.0, 0.0, level if turn % 2 == 0 else -level
@@ -106,17 +88,7 @@ def push_force(level: float, t: float) -> Vector:
 
 
 def pushes(track: Track, info: DeviceInfo, mechanics: Mechanics | None) -> Pushes:
-    """Find how late the stylus moves after each push.
-
-    Parameters
-    ----------
-    track : Track
-        Of the pushes.
-    info : DeviceInfo
-        What the device says of itself.
-    mechanics : Mechanics or None
-        What is known of its mass and friction.
-    """
+    """Find how late the stylus moves after each push."""
     fz, height = track.force[:, 2], track.place[:, 2]
     starts = np.flatnonzero((np.abs(fz[1:]) > 0.0) & (fz[:-1] == 0.0)) + 1
     delays = []
@@ -246,32 +218,13 @@ def _ready(track: Track) -> Finding:
 
 
 def smallest_step(values: Floats) -> float:
-    """Smallest difference between two values that were seen; infinite if there was but one.
-
-    Parameters
-    ----------
-    values : ndarray, shape (n,)
-        The values.
-    """
+    """Smallest difference between two values that were seen; infinite if there was but one."""
     steps = np.diff(np.unique(values))
     return float(steps[steps > 1e-9].min(initial=inf))
 
 
 def noise_at_rest(track: Track) -> tuple[NDArray[np.float64], float]:
-    """Standard deviations of the positions, and of the speed, in the quietest second.
-
-    Parameters
-    ----------
-    track : Track
-        The readings.
-
-    Returns
-    -------
-    spread : ndarray, shape (3,)
-        Of the positions [m].
-    speed : float
-        Of the velocity, root mean square of all axes [m/s].
-    """
+    """Standard deviations of the positions, and of the speed, in the quietest second."""
     size = min(round(QUIET * 1e3), len(track.time))
     starts: Sequence[int] = range(0, len(track.time) - size + 1, max(size // 4, 1))
     best = min(starts, key=lambda k: float(track.place[k : k + size].std(axis=0).max()))

@@ -81,19 +81,6 @@ def limits_of(chirp: Chirp, own: Limits) -> Limits:
 def run(device: Device, beats: Beats, chirp: Chirp, own: Limits, progress: Progress = lambda _: None) -> Track:
     """Lead the stylus of an open device along the chirp.
 
-    Parameters
-    ----------
-    device : Device
-        The device, opened in its own frame.
-    beats : Beats
-        The milliseconds.
-    chirp : Chirp
-        How it is led.
-    own : netboard.tables.rig.Safety
-        The rig's own limits.
-    progress : callable
-        Is told how far it has come.
-
     Raises
     ------
     DeviceError
@@ -137,11 +124,5 @@ def motion_of(track: Track, axis: int = AXIS) -> Motion:
 
 
 def identified(track: Track, held: bool) -> Identified:
-    """Identify the stylus from a run.
-
-    Raises
-    ------
-    NetboardError
-        If it hardly moved.
-    """
+    """Identify the stylus from a run."""
     return identify(motion_of(track), held)

@@ -88,8 +88,6 @@ class Estimate(NamedTuple):
 
     Attributes
     ----------
-    value : float
-        The best one, in its SI unit.
     half_width : float
         Half the width of its 95 % confidence interval, in the same unit.
     """
@@ -110,8 +108,6 @@ class Identified:
         Root mean square of what the model leaves unexplained of the positions [m].
     travel : float
         Way between the extreme positions of the run [m].
-    windows : int
-        Windows that were fitted [1].
     """
 
     mass: Estimate
@@ -130,20 +126,8 @@ def identify(motion: Motion, held: bool) -> Identified:
 
     Parameters
     ----------
-    motion : Motion
-        The run.
     held : bool
         A hand holds the stylus: it has a stiffness, and mass and damping are those of both.
-
-    Returns
-    -------
-    Identified
-        The estimates.
-
-    Raises
-    ------
-    NetboardError
-        If the stylus hardly moved, or was not watched for long enough.
     """
     windows = _Windows(motion)
     travel = float(np.ptp(motion.place))

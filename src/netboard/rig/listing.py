@@ -31,12 +31,6 @@ class Listed:
         What it is, and its serial number if it is known.
     usb : str
         USB vendor and product, empty for what is not on the USB.
-    place : str
-        Where it is plugged in.
-    seen_by : tuple of str
-        Who shows it: /sys, pyusb, hidapi, and backends by name.
-    shut : tuple of str
-        Files in /dev that this user may not open.
     """
 
     model: str
@@ -56,15 +50,7 @@ class Listed:
 
 
 class Backend(NamedTuple):
-    """One device backend.
-
-    Attributes
-    ----------
-    name : str
-        Its name in the configuration.
-    trouble : str
-        Why it cannot be used here, empty if it can.
-    """
+    """One device backend."""
 
     name: str
     trouble: str
@@ -72,17 +58,7 @@ class Backend(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Listing:
-    """All of it.
-
-    Attributes
-    ----------
-    devices : tuple of Listed
-        The devices.
-    backends : tuple of Backend
-        The backends.
-    remarks : tuple of str
-        Who could not be asked, and why.
-    """
+    """All of it."""
 
     devices: tuple[Listed, ...]
     backends: tuple[Backend, ...]
@@ -96,15 +72,7 @@ def udev_rule(vendor: str, product: str) -> str:
 
 
 def listing(config: Config, root: Path = ROOT) -> Listing:
-    """Look at everything.
-
-    Parameters
-    ----------
-    config : Config
-        The whole configuration, for the backends.
-    root : Path
-        Root of the file system.
-    """
+    """Look at everything."""
     devices, remarks = [], []
     if (root / "sys/bus/usb/devices").is_dir():
         devices = by_sysfs(root)
@@ -136,15 +104,6 @@ def by_sysfs(root: Path = ROOT) -> list[Listed]:
 
 def joined(devices: list[Listed], backend: str, found: Iterable[Found]) -> list[Listed]:
     """Join what a backend's library shows with what is there already, by serial number.
-
-    Parameters
-    ----------
-    devices : list of Listed
-        What is there already.
-    backend : str
-        Name of the backend.
-    found : iterable of Found
-        What its library shows.
 
     Returns
     -------

@@ -69,10 +69,6 @@ class Track:
         What time each position belongs to [s].
     place, velocity : ndarray, shape (n, 3)
         Where the stylus was, and how fast, in the device's own frame [m, m/s].
-    buttons : ndarray, shape (n,)
-        Bit masks [1].
-    ready : ndarray, shape (n,)
-        Whether forces could have been rendered.
     written : ndarray, shape (n,)
         When each force was handed over [s].
     force : ndarray, shape (n, 3)
@@ -116,24 +112,7 @@ def track_of(rows: list[Row]) -> Track:
 
 
 def watch(device: Device, beats: Beats, seconds: float, progress: Progress = lambda _: None) -> Track:
-    """Read a device each millisecond, and give it nothing.
-
-    Parameters
-    ----------
-    device : Device
-        The open device.
-    beats : Beats
-        The milliseconds.
-    seconds : float
-        For how long [s].
-    progress : callable
-        Is told how far it has come.
-
-    Raises
-    ------
-    DeviceError
-        If the device fails.
-    """
+    """Read a device each millisecond, and give it nothing."""
     rows: list[Row] = []
     total = round(seconds * 1e9 / TICK_NS)
     for k in range(total):
@@ -147,17 +126,7 @@ def watch(device: Device, beats: Beats, seconds: float, progress: Progress = lam
 
 
 class Driver:
-    """Moves a device through the safety chain.
-
-    Parameters
-    ----------
-    device : Device
-        The open device.
-    beats : Beats
-        The milliseconds.
-    limits : netboard.tables.rig.Safety
-        The limits.
-    """
+    """Moves a device through the safety chain."""
 
     def __init__(self, device: Device, beats: Beats, limits: Limits) -> None:
         self._device, self._beats = device, beats
@@ -171,22 +140,8 @@ class Driver:
 
         Parameters
         ----------
-        seconds : float
-            For how long, once it is armed [s].
         force : callable
             Wanted force on the hand for the time since then [s] and a reading [N].
-        progress : callable
-            Is told how far it has come.
-
-        Returns
-        -------
-        Track
-            Of the time in which it was armed.
-
-        Raises
-        ------
-        DeviceError
-            If the device fails, cannot be armed, or the safety chain takes the force away.
         """
         rows: list[Row] = []
         total = round(seconds * 1e9 / TICK_NS)

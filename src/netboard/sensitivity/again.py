@@ -39,21 +39,7 @@ _NEEDED = tuple(
 
 @dataclass(frozen=True, slots=True)
 class Wish:
-    """What is to be measured of one recording.
-
-    Attributes
-    ----------
-    run : Run
-        The recording.
-    base : Readings
-        The readings that the others are compared with.
-    others : tuple of Readings
-        Other readings.
-    disturbances : tuple of Disturbance
-        What is done to it, and the readings for that.
-    disturbed_by : tuple of Readings
-        The readings of each disturbance.
-    """
+    """What is to be measured of one recording."""
 
     run: Run
     base: Readings
@@ -68,14 +54,8 @@ class Fulfilled:
 
     Attributes
     ----------
-    base : Measured
-        By the base's readings, without paths.
-    others : tuple of Measured
-        By each of the others.
     calm, disturbed : tuple of dict of ndarray
         Measures of each attempt without and with each disturbance [SI].
-    forms : tuple of Form
-        The ball's place by other forms of the filter.
     """
 
     base: Measured
@@ -86,37 +66,14 @@ class Fulfilled:
 
 
 def opened(run: Run, readings: Readings) -> Block:
-    """Read a recording, with everything that a reading may ask for.
-
-    Parameters
-    ----------
-    run : Run
-        The recording.
-    readings : Readings
-        How it is measured at first.
-    """
+    """Read a recording, with everything that a reading may ask for."""
     everything = replace(readings, filters=replace(readings.filters, velocity="device"))
     with Recording(run.path) as recording:
         return Block(recording, run.config, everything).again(readings)
 
 
 def again(base: Measured, takes: Sequence[Take], groups: tuple[Group, ...] = PAPER) -> Measured:
-    """Measure the paper's measures anew; all else is that of the base.
-
-    Parameters
-    ----------
-    base : Measured
-        The tables of the recording.
-    takes : sequence of Take
-        Its attempts, seen by other readings or disturbed.
-    groups : tuple of Group
-        Measures of an attempt.
-
-    Returns
-    -------
-    Measured
-        The tables, of movements only the columns that delays need.
-    """
+    """Measure the paper's measures anew; all else is that of the base."""
     fields = tuple(field for group in groups for field in group.fields)
     rows = [{name: value for group in groups for name, value in group.measure(take).items()} for take in takes]
     turns = [
@@ -128,28 +85,12 @@ def again(base: Measured, takes: Sequence[Take], groups: tuple[Group, ...] = PAP
 
 
 def in_windows_of(takes: Sequence[Take], calm: Sequence[Take]) -> list[Take]:
-    """See attempts in the windows of others, so that a disturbed completion time disturbs nothing else.
-
-    Parameters
-    ----------
-    takes, calm : sequence of Take
-        The same attempts, disturbed and undisturbed.
-
-    Returns
-    -------
-    list of Take
-        The disturbed ones.
-    """
+    """See attempts in the windows of others, so that a disturbed completion time disturbs nothing else."""
     return [replace(one, trial=other.trial) for one, other in zip(takes, calm, strict=True)]
 
 
 def of_attempts(measured: Measured) -> Columns:
     """Bring what is measured to one value an attempt.
-
-    Parameters
-    ----------
-    measured : Measured
-        The tables of a recording.
 
     Returns
     -------
@@ -175,13 +116,7 @@ def of_attempts(measured: Measured) -> Columns:
 
 
 def fulfil(wish: Wish) -> Fulfilled:
-    """Measure one recording.
-
-    Parameters
-    ----------
-    wish : Wish
-        Which, and how.
-    """
+    """Measure one recording."""
     whole = measure(wish.run, wish.base)
     base = replace(whole, paths={name: values[:0].copy() for name, values in whole.paths.items()})
     block = opened(wish.run, wish.base)
@@ -227,18 +162,7 @@ def _in_order(wish: Wish) -> list[int]:
 
 
 def recorded(block: Block) -> Columns:
-    """Return the columns that a disturbance may change.
-
-    Parameters
-    ----------
-    block : Block
-        The recording.
-
-    Returns
-    -------
-    dict of ndarray, shape (n,)
-        Heights and velocities of the styluses, tilt and ball [SI].
-    """
+    """Return the columns that a disturbance may change."""
     names = ("theta", "p", *(f"{side}_used_{what}" for side in SIDES for what in ("z", "vz")))
     return {name: block.raw(name) for name in names}
 
@@ -246,22 +170,7 @@ def recorded(block: Block) -> Columns:
 def fulfil_all(
     wishes: Sequence[Wish], workers: int, tell: Callable[[int], object] = lambda done: None
 ) -> Iterator[Fulfilled]:
-    """Measure recordings, several at once, each in a process of its own.
-
-    Parameters
-    ----------
-    wishes : sequence of Wish
-        What is to be measured.
-    workers : int
-        How many processes; 1 for this one [1].
-    tell : callable
-        Hears how many are done.
-
-    Yields
-    ------
-    Fulfilled
-        The next one, in the order of the wishes.
-    """
+    """Measure recordings, several at once, each in a process of its own."""
     if workers == 1:
         for done, wish in enumerate(wishes, start=1):
             yield fulfil(wish)

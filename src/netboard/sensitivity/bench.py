@@ -45,18 +45,8 @@ class Asked:
 
     Attributes
     ----------
-    runs : tuple of Run
-        The recordings.
     settings : tuple of str
         Settings of all readings: how many trials the first and the last are.
-    base : Readings
-        The default readings.
-    singles : tuple of tuple
-        Question and alternative.
-    pairs : tuple of tuple
-        Two questions.
-    paths : Paths
-        Paths through all questions.
     """
 
     runs: tuple[Run, ...]
@@ -83,20 +73,7 @@ class Asked:
 
 
 def asked(recordings: Sequence[Path], *, quick: bool) -> Asked:
-    """Say what is measured.
-
-    Parameters
-    ----------
-    recordings : sequence of Path
-        The recordings.
-    quick : bool
-        The short form: fewer paths.
-
-    Raises
-    ------
-    RecordingError
-        If one of the paper's conditions is missing.
-    """
+    """Say what is measured."""
     runs = runs_of(recordings)
     trials: dict[tuple[str, ...], int] = {}
     for run in runs:
@@ -124,24 +101,13 @@ def sizes(trials: int) -> tuple[str, ...]:
     ----------
     trials : int
         How many there are in a condition at the least [1].
-
-    Returns
-    -------
-    tuple of str
-        Settings.
     """
     ends, group = window_sizes(trials)
     return f"summaries.ends={ends}", f"summaries.group={group}"
 
 
 def chosen(runs: Sequence[Run]) -> set[Path]:
-    """Choose the recordings that are disturbed: the first of each condition of the first dyads.
-
-    Parameters
-    ----------
-    runs : sequence of Run
-        The recordings.
-    """
+    """Choose the recordings that are disturbed: the first of each condition of the first dyads."""
     dyads = sorted({run.config.session.dyad for run in runs})[:DISTURBED_DYADS]
     first: dict[tuple[str, str, str], Path] = {}
     for run in runs:
@@ -152,24 +118,7 @@ def chosen(runs: Sequence[Run]) -> set[Path]:
 
 
 def study(recordings: Sequence[Path], folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
-    """Run the parts of the study, one after the other.
-
-    Parameters
-    ----------
-    recordings : sequence of Path
-        The recordings.
-    folder : Folder
-        Where figures go.
-    tell : callable
-        Hears how far it is.
-    quick : bool
-        The short form.
-
-    Yields
-    ------
-    Part
-        What was found.
-    """
+    """Run the parts of the study, one after the other."""
     wanted = asked(recordings, quick=quick)
     found = _measured(wanted, tell)
     base = study_of([one.base for one in found], wanted.base)
@@ -254,17 +203,7 @@ def _paths(wanted: Asked, found: Sequence[Fulfilled], default: Numbers, tell: Te
 
 
 def about_part(wanted: Asked, base: Study, found: Sequence[Fulfilled]) -> Part:
-    """Say of what all of it is.
-
-    Parameters
-    ----------
-    wanted : Asked
-        What was asked for.
-    base : Study
-        By the default readings.
-    found : sequence of Fulfilled
-        What was measured.
-    """
+    """Say of what all of it is."""
     attempts = sum(len(one.calm[0]["completion"]) for one in found if one.calm)
     rows: list[tuple[Value, ...]] = [
         ("dyads", len(base.dyads)),

@@ -83,10 +83,6 @@ class Setting:
 
     Attributes
     ----------
-    dyads : int
-        How many [1].
-    errors : str
-        A key of `ERRORS`.
     slopes : float
         Standard deviation of the haptic effect, of dyads and of performers [log of the time].
     """
@@ -103,15 +99,6 @@ def settings() -> tuple[Setting, ...]:
 
 def simulated(setting: Setting, studies: int, seed: tuple[int, ...]) -> Array:
     """Simulate studies, and test both terms by every method without and with an effect.
-
-    Parameters
-    ----------
-    setting : Setting
-        The kind of study.
-    studies : int
-        How many [1].
-    seed : tuple of int
-        Of the random generator [1].
 
     Returns
     -------
@@ -134,17 +121,6 @@ def simulated(setting: Setting, studies: int, seed: tuple[int, ...]) -> Array:
 
 def differences_alone(dyads: int, errors: str, studies: int, seed: tuple[int, ...]) -> Array:
     """Test differences of dyads that are drawn from one distribution each, without any trials.
-
-    Parameters
-    ----------
-    dyads : int
-        How many [1].
-    errors : str
-        A key of `ERRORS`.
-    studies : int
-        How many samples [1].
-    seed : tuple of int
-        Of the random generator [1].
 
     Returns
     -------
@@ -230,18 +206,7 @@ def _signs(n: int) -> Array:
 
 
 def flipped(differences: Array) -> Array:
-    """Return p of the permutation test of many studies: as `netboard.analysis.exact_tests.permutation_test`, all flips.
-
-    Parameters
-    ----------
-    differences : ndarray of float64, shape (studies, n)
-        One for each dyad [any].
-
-    Returns
-    -------
-    ndarray of float64, shape (studies,)
-        p of two sides [1].
-    """
+    """Return p of many permutation tests at once, equal to `netboard.analysis.exact_tests.permutation_test`."""
     signs = _signs(differences.shape[1])
     found = np.empty(len(differences))
     for place, own in enumerate(differences):

@@ -41,22 +41,7 @@ Counts = dict[Setting, Array]
 
 
 def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
-    """Simulate, and write the tables.
-
-    Parameters
-    ----------
-    folder : Folder
-        Where results go; there are no figures.
-    tell : callable
-        Hears how far it is.
-    quick : bool
-        The short form, of few simulated studies.
-
-    Yields
-    ------
-    Part
-        What was found.
-    """
+    """Simulate, and write the tables."""
     del folder
     studies = QUICK if quick else STUDIES
     counts = rejected(studies, tell)
@@ -68,15 +53,7 @@ def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
 
 
 def rejected(studies: int, tell: Tell) -> Counts:
-    """Simulate all kinds of studies, on all cores, and count what each test rejects.
-
-    Parameters
-    ----------
-    studies : int
-        How many of each kind [1].
-    tell : callable
-        Hears how far it is.
-    """
+    """Simulate all kinds of studies, on all cores, and count what each test rejects."""
     every = settings()
     tasks = [
         (setting, min(PORTION, studies - first), (kind, first))
@@ -100,13 +77,7 @@ def _rejections(setting: Setting, studies: int, seed: tuple[int, ...]) -> Array:
 
 
 def about_part(studies: int) -> Part:
-    """Say what is simulated.
-
-    Parameters
-    ----------
-    studies : int
-        How many of each kind [1].
-    """
+    """Say what is simulated."""
     rows: list[tuple[Value, ...]] = [
         ("simulated studies of each kind", studies),
         ("dyads", ", ".join(map(str, DYADS))),
@@ -131,10 +102,6 @@ def table_part(counts: Counts, studies: int, place: int, term: int) -> Part:
 
     Parameters
     ----------
-    counts : dict
-        What was counted.
-    studies : int
-        Of how many of each kind [1].
     place, term : int
         Without or with an effect, and number of the term [1].
     """
@@ -149,13 +116,7 @@ def table_part(counts: Counts, studies: int, place: int, term: int) -> Part:
 
 
 def differences_part(samples: int) -> Part:
-    """Write what share of samples of dyads' differences the paired tests reject, where their mean is zero.
-
-    Parameters
-    ----------
-    samples : int
-        How many of each kind [1].
-    """
+    """Write what share of samples of dyads' differences the paired tests reject, where their mean is zero."""
     rows: list[tuple[Value, ...]] = []
     worst: dict[str, list[float]] = {"normal": [], "skewed": []}
     for kind, errors in enumerate(name for name in ERRORS if not name.startswith("AR")):
@@ -175,13 +136,7 @@ def differences_part(samples: int) -> Part:
 
 
 def share(count: int, of: int) -> str:
-    """Write a share with its interval of Clopper and Pearson.
-
-    Parameters
-    ----------
-    count, of : int
-        How many, of how many [1].
-    """
+    """Write a share with its interval of Clopper and Pearson."""
     found = stats.binomtest(count, of).proportion_ci(method="exact")
     return f"{count / of:.3f} ({found.low:.3f}-{found.high:.3f})"
 

@@ -36,10 +36,6 @@ class Shift:
     ----------
     bias, deviation : float
         Mean and standard deviation of the differences of attempts [as the measure].
-    count : int
-        Attempts that have the measure with and without it [1].
-    lost : int
-        Attempts that have it only without [1].
     """
 
     bias: float
@@ -49,17 +45,7 @@ class Shift:
 
 
 def shift(found: Sequence[Fulfilled], number: int, name: str) -> Shift:
-    """Compare each attempt with itself.
-
-    Parameters
-    ----------
-    found : sequence of Fulfilled
-        Disturbed recordings.
-    number : int
-        Which disturbance [1].
-    name : str
-        Which measure.
-    """
+    """Compare each attempt with itself."""
     calm = np.concatenate([one.calm[number][name] for one in found])
     shaken = np.concatenate([one.disturbed[number][name] for one in found])
     both = np.isfinite(calm) & np.isfinite(shaken)
@@ -71,13 +57,7 @@ def shift(found: Sequence[Fulfilled], number: int, name: str) -> Shift:
 
 
 def disturbances_part(found: Sequence[Fulfilled]) -> Part:
-    """Show bias and spread of the differences.
-
-    Parameters
-    ----------
-    found : sequence of Fulfilled
-        Disturbed recordings.
-    """
+    """Show bias and spread of the differences."""
     means = []
     for name, _, factor in MEASURES:
         calm = np.concatenate([one.calm[0][name] for one in found])
@@ -125,13 +105,7 @@ def _cell(one: Shift, factor: float) -> str:
 
 
 def all_disturbances_part(found: Sequence[Fulfilled]) -> Part:
-    """List all differences in SI units.
-
-    Parameters
-    ----------
-    found : sequence of Fulfilled
-        Disturbed recordings.
-    """
+    """List all differences in SI units."""
     rows: list[tuple[Value, ...]] = []
     for number, one in enumerate(DISTURBANCES):
         for name in found[0].calm[number]:
@@ -149,13 +123,7 @@ def all_disturbances_part(found: Sequence[Fulfilled]) -> Part:
 
 
 def forms_part(found: Sequence[Fulfilled]) -> Part:
-    """Show what a filter is worth as a fraction of two polynomials (question A3).
-
-    Parameters
-    ----------
-    found : sequence of Fulfilled
-        Disturbed recordings.
-    """
+    """Show what a filter is worth as a fraction of two polynomials (question A3)."""
     rows: list[tuple[Value, ...]] = []
     for number, form in enumerate(found[0].forms):
         errors = np.array([one.forms[number].error for one in found])

@@ -41,12 +41,6 @@ class Disturbance:
 
     Attributes
     ----------
-    kind : str
-        What it is.
-    size : str
-        How large, with its unit.
-    change : callable
-        Does it.
     settings : tuple of str
         Readings under which it is measured, and the undisturbed recording beside it.
     """
@@ -60,44 +54,14 @@ class Disturbance:
 def noise(
     columns: Columns, generator: np.random.Generator, *, names: tuple[str, ...], deviation: float
 ) -> dict[str, NDArray[np.float64]]:
-    """Add white, normal noise.
-
-    Parameters
-    ----------
-    columns : dict of ndarray, shape (n,)
-        The recorded columns [SI].
-    generator : Generator
-        What is drawn comes from it.
-    names : tuple of str
-        The columns that are noisy.
-    deviation : float
-        Standard deviation of each sample [as the columns].
-
-    Returns
-    -------
-    dict of ndarray, shape (n,)
-        These columns [SI].
-    """
+    """Add white, normal noise."""
     return {name: columns[name] + generator.normal(0.0, deviation, columns[name].shape) for name in names}
 
 
 def steps(
     columns: Columns, generator: np.random.Generator, *, names: tuple[str, ...], step: float
 ) -> dict[str, NDArray[np.float64]]:
-    """Round to multiples of a step, as an encoder does.
-
-    Parameters
-    ----------
-    columns, generator, names
-        As for `noise`; nothing is drawn.
-    step : float
-        The step [as the columns].
-
-    Returns
-    -------
-    dict of ndarray, shape (n,)
-        These columns [SI].
-    """
+    """Round to multiples of a step, as an encoder does."""
     return {name: step * np.round(columns[name] / step) for name in names}
 
 
@@ -108,19 +72,8 @@ def lost(
 
     Parameters
     ----------
-    columns, generator
-        As for `noise`.
-    share : float
-        Share of the samples that is lost, about [1].
-    length : float
-        How long each hole is; 0 for single samples [s].
     bridged : bool
         Whether holes up to `LONGEST_BRIDGE` are filled with straight lines afterwards.
-
-    Returns
-    -------
-    dict of ndarray, shape (n,)
-        All columns, NaN where a sample is lost [SI].
     """
     together = max(round(length * RATE), 1)
     count = next(iter(columns.values())).size
@@ -131,25 +84,7 @@ def lost(
 
 
 def slower(columns: Columns, generator: np.random.Generator, *, rate: float) -> dict[str, NDArray[np.float64]]:
-    """Record at a lower rate, without a filter before, and come back to 1 kHz by straight lines.
-
-    Parameters
-    ----------
-    columns, generator
-        As for `noise`; nothing is drawn.
-    rate : float
-        Samples per second, a whole part of 1 kHz [Hz].
-
-    Returns
-    -------
-    dict of ndarray, shape (n,)
-        All columns [SI].
-
-    Raises
-    ------
-    ValueError
-        If it is not a whole part of 1 kHz.
-    """
+    """Record at a lower rate, without a filter before, and come back to 1 kHz by straight lines."""
     every = round(RATE / rate)
     if every < 1 or abs(every * rate - RATE) > 1e-6:
         raise ValueError(f"a rate of {rate:g} Hz is not a whole part of {RATE:g} Hz")
@@ -158,20 +93,7 @@ def slower(columns: Columns, generator: np.random.Generator, *, rate: float) -> 
 
 
 def jitter(columns: Columns, generator: np.random.Generator, *, deviation: float) -> dict[str, NDArray[np.float64]]:
-    """Take samples a little before or after their time, all columns at once.
-
-    Parameters
-    ----------
-    columns, generator
-        As for `noise`.
-    deviation : float
-        Standard deviation of the time [s].
-
-    Returns
-    -------
-    dict of ndarray, shape (n,)
-        All columns [SI].
-    """
+    """Take samples a little before or after their time, all columns at once."""
     at = np.arange(next(iter(columns.values())).size)
     really = at + generator.normal(0.0, deviation * RATE, at.size)
     return {name: np.interp(really, at, values) for name, values in columns.items()}
@@ -180,20 +102,7 @@ def jitter(columns: Columns, generator: np.random.Generator, *, deviation: float
 def offset(
     columns: Columns, generator: np.random.Generator, *, names: tuple[str, ...], by: float
 ) -> dict[str, NDArray[np.float64]]:
-    """Add a constant, as of a stylus that was not calibrated.
-
-    Parameters
-    ----------
-    columns, generator, names
-        As for `noise`; nothing is drawn.
-    by : float
-        How much [as the columns].
-
-    Returns
-    -------
-    dict of ndarray, shape (n,)
-        These columns [SI].
-    """
+    """Add a constant, as of a stylus that was not calibrated."""
     return {name: columns[name] + by for name in names}
 
 

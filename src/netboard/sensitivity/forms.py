@@ -22,8 +22,6 @@ class Form:
 
     Attributes
     ----------
-    order : int
-        Order of one pass [1].
     cutoff : float
         Its cutoff [Hz].
     radius : float
@@ -42,15 +40,7 @@ class Form:
 
 
 def compared(values: NDArray[np.float64], breaks: NDArray[np.int64]) -> tuple[Form, ...]:
-    """Compare both forms on the longest piece of a signal.
-
-    Parameters
-    ----------
-    values : ndarray, shape (n,)
-        The signal [any].
-    breaks : ndarray of int64, shape (k,)
-        First samples after a jump [1].
-    """
+    """Compare both forms on the longest piece of a signal."""
     bounds = np.concatenate([[0], breaks, [values.size]])
     longest = int(np.argmax(np.diff(bounds)))
     return tuple(_forms(values[bounds[longest] : bounds[longest + 1]]))

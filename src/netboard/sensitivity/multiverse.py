@@ -35,17 +35,7 @@ HEADLINES = (
 
 @dataclass(frozen=True, slots=True)
 class Paths:
-    """Paths that were drawn.
-
-    Attributes
-    ----------
-    measured : tuple of Readings
-        What is measured; each once.
-    summed_up : tuple of tuple of Readings
-        For each of these, the same with other summaries.
-    count : int
-        How many there would be [1].
-    """
+    """Paths that were drawn."""
 
     measured: tuple[Readings, ...]
     summed_up: tuple[tuple[Readings, ...], ...]
@@ -73,12 +63,8 @@ def draw(base: tuple[str, ...], filters: int, measures: int, summaries: int, see
 
     Parameters
     ----------
-    base : tuple of str
-        Settings of all of them.
     filters, measures, summaries : int
         How many sets of filters; of other measures for each of these; of summaries for each of those [1].
-    seed : int
-        Of what is drawn [1].
     """
     generator, questions = np.random.default_rng(seed), _questions()
 
@@ -101,11 +87,6 @@ def draw(base: tuple[str, ...], filters: int, measures: int, summaries: int, see
 def held(paths: Sequence[dict[str, float]]) -> list[tuple[int, int]]:
     """Count on how many paths each of the paper's statements holds.
 
-    Parameters
-    ----------
-    paths : sequence of dict
-        Values of the numbers on each path.
-
     Returns
     -------
     list of tuple of int
@@ -121,22 +102,7 @@ def held(paths: Sequence[dict[str, float]]) -> list[tuple[int, int]]:
 def draw_paths(
     default: dict[str, float], paths: Sequence[dict[str, float]], singles: Sequence[dict[str, float]]
 ) -> Any:
-    """Draw how the headline numbers are spread over the paths.
-
-    Parameters
-    ----------
-    default : dict of float
-        Values by the default readings.
-    paths : sequence of dict
-        Values on each path.
-    singles : sequence of dict
-        Values with one alternative at a time.
-
-    Returns
-    -------
-    Figure
-        The picture.
-    """
+    """Draw how the headline numbers are spread over the paths."""
     from netboard.figures.picture import BLUE, SKY, VERMILION, new_figure
 
     figure, axes = new_figure(3.9, columns=4, rows=2)

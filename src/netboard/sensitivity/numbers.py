@@ -30,12 +30,8 @@ class Number:
 
     Attributes
     ----------
-    family : str
-        Which measure it is made of.
     value : float
         The number; NaN where there is none [its unit].
-    unit : str
-        Its SI unit.
     kind : {"mean", "spread", "count"}
         A mean or a size; a standard deviation or an interval; or how many dyads.
     """
@@ -55,8 +51,6 @@ def numbers(study: Study, like: Numbers | None = None) -> Numbers:
 
     Parameters
     ----------
-    study : Study
-        The study.
     like : dict of Number, optional
         Those of the same study by other readings: where these leave a condition without a trial, its numbers are NaN.
 
@@ -153,8 +147,6 @@ class Statement:
 
     Attributes
     ----------
-    words : str
-        What.
     gap : callable
         Takes the values by name; gives a difference that is positive if it is so [of the numbers in it].
     """

@@ -29,28 +29,12 @@ RARE = 0.02
 
 
 def values_of(found: Numbers) -> dict[str, float]:
-    """Return the values alone.
-
-    Parameters
-    ----------
-    found : dict of Number
-        The numbers.
-
-    Returns
-    -------
-    dict of float
-        By name [SI].
-    """
+    """Return the values alone."""
     return {name: one.value for name, one in found.items()}
 
 
 def change(before: float, after: float) -> float:
     """Return how far a number has moved, as a share of what it was.
-
-    Parameters
-    ----------
-    before, after : float
-        The number [any].
 
     Returns
     -------
@@ -65,13 +49,7 @@ def change(before: float, after: float) -> float:
 
 
 def signed(share: float) -> str:
-    """Write a change in percent.
-
-    Parameters
-    ----------
-    share : float
-        The change [1].
-    """
+    """Write a change in percent."""
     if math.isnan(share):
         return "none left"
     if abs(share) < LEAST:
@@ -82,15 +60,7 @@ def signed(share: float) -> str:
 
 
 def numbers_part(default: Numbers, singles: Singles) -> Part:
-    """List every number with its range over all alternatives, one at a time.
-
-    Parameters
-    ----------
-    default : dict of Number
-        By the default readings.
-    singles : sequence of tuple
-        With one alternative each.
-    """
+    """List every number with its range over all alternatives, one at a time."""
     rows: list[tuple[Value, ...]] = []
     for name, one in default.items():
         values = np.array([found[name].value for _, other, found in singles if other.likely])
@@ -103,15 +73,7 @@ def numbers_part(default: Numbers, singles: Singles) -> Part:
 
 
 def readings_part(default: Numbers, singles: Singles) -> Part:
-    """Say of every question what its other answers move most.
-
-    Parameters
-    ----------
-    default : dict of Number
-        By the default readings.
-    singles : sequence of tuple
-        With one alternative each.
-    """
+    """Say of every question what its other answers move most."""
     rows: list[tuple[Value, ...]] = []
     for one in AMBIGUITIES:
         mine = [(other, found) for asked, other, found in singles if asked is one]
@@ -161,15 +123,7 @@ def _tells(name: str, default: Numbers, found: Numbers) -> bool:
 
 
 def headlines_part(default: Numbers, singles: Singles) -> Part:
-    """Put the headline numbers beside each other, by every alternative that moves one.
-
-    Parameters
-    ----------
-    default : dict of Number
-        By the default readings.
-    singles : sequence of tuple
-        With one alternative each.
-    """
+    """Put the headline numbers beside each other, by every alternative that moves one."""
     rows: list[tuple[Value, ...]] = [
         ("", "default", *(f"{factor * default[name].value:.3g}" for name, _, factor in HEADLINES))
     ]
@@ -187,15 +141,7 @@ def headlines_part(default: Numbers, singles: Singles) -> Part:
 
 
 def moved_part(default: Numbers, singles: Singles) -> Part:
-    """List all numbers that an alternative moves.
-
-    Parameters
-    ----------
-    default : dict of Number
-        By the default readings.
-    singles : sequence of tuple
-        With one alternative each.
-    """
+    """List all numbers that an alternative moves."""
     rows: list[tuple[Value, ...]] = []
     for one, other, found in singles:
         for name, number in default.items():
@@ -211,10 +157,6 @@ def pairs_part(default: Numbers, singles: Singles, pairs: Sequence[tuple[Ambigui
 
     Parameters
     ----------
-    default : dict of Number
-        By the default readings.
-    singles : sequence of tuple
-        With one alternative each.
     pairs : sequence of tuple
         Two questions, and the numbers by the first alternative of both.
     """
@@ -236,17 +178,7 @@ def pairs_part(default: Numbers, singles: Singles, pairs: Sequence[tuple[Ambigui
 
 
 def paths_part(default: Numbers, paths: Sequence[dict[str, float]], count: int) -> Part:
-    """Say how the headline numbers are spread over the paths.
-
-    Parameters
-    ----------
-    default : dict of Number
-        By the default readings.
-    paths : sequence of dict
-        Values on each path.
-    count : int
-        How many paths there would be [1].
-    """
+    """Say how the headline numbers are spread over the paths."""
     rows: list[tuple[Value, ...]] = []
     for name, label, factor in HEADLINES:
         values = factor * np.array([one[name] for one in paths])
@@ -260,17 +192,7 @@ def paths_part(default: Numbers, paths: Sequence[dict[str, float]], count: int) 
 
 
 def statements_part(default: Numbers, singles: Singles, paths: Sequence[dict[str, float]]) -> Part:
-    """Count where what the paper says of its people holds for these.
-
-    Parameters
-    ----------
-    default : dict of Number
-        By the default readings.
-    singles : sequence of tuple
-        With one alternative each.
-    paths : sequence of dict
-        Values on each path.
-    """
+    """Count where what the paper says of its people holds for these."""
     plain = values_of(default)
     one = multiverse.held([values_of(found) for _, _, found in singles])
     every = multiverse.held(paths)
@@ -283,15 +205,7 @@ def statements_part(default: Numbers, singles: Singles, paths: Sequence[dict[str
 
 
 def concerned_part(base: Study, whole_ball: Study) -> Part:
-    """Count the trials that questions A24 and B5 concern.
-
-    Parameters
-    ----------
-    base : Study
-        By the default readings.
-    whole_ball : Study
-        With all of the ball in the target.
-    """
+    """Count the trials that questions A24 and B5 concern."""
     rows: list[tuple[Value, ...]] = []
     for condition, own in base.counted.groupby("condition"):
         other = whole_ball.counted[whole_ball.counted["condition"] == condition]

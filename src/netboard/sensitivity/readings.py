@@ -19,10 +19,6 @@ class Alternative:
 
     Attributes
     ----------
-    name : str
-        In a few words.
-    settings : tuple of str
-        What it sets, as ``table.key=value``.
     likely : bool
         Whether somebody might have read the paper so. What is another quantity, or an error, is not.
     """
@@ -40,16 +36,6 @@ class Ambiguity:
     ----------
     name : str
         Its short name: A1 to A32 for the analysis, B5, E4 and E5 for what the trial and the equations leave to it.
-    question : str
-        What is open.
-    default : str
-        How it is read.
-    touches : tuple of str
-        Families of numbers that it can move.
-    alternatives : tuple of Alternative
-        Other readings; none where `reason` says why.
-    reason : str
-        Why there are none; empty where there are.
     """
 
     name: str
@@ -61,20 +47,7 @@ class Ambiguity:
 
 
 def readings_of(settings: tuple[str, ...], base: tuple[str, ...] = ()) -> Readings:
-    """Check settings.
-
-    Parameters
-    ----------
-    settings : tuple of str
-        As ``table.key=value``.
-    base : tuple of str
-        Settings that hold where these say nothing.
-
-    Raises
-    ------
-    ConfigError
-        If there is no such setting.
-    """
+    """Check settings."""
     return parse("", "the analysis", (*base, *settings))
 
 
@@ -355,17 +328,6 @@ PAIRS = (("A7", "A8"), ("A18", "A19"), ("A19", "A20"), ("A9", "A4"), ("A23", "A1
 
 
 def ambiguity(name: str) -> Ambiguity:
-    """Find a question.
-
-    Parameters
-    ----------
-    name : str
-        Its short name.
-
-    Raises
-    ------
-    KeyError
-        If there is none.
-    """
+    """Find a question."""
     found = {one.name: one for one in AMBIGUITIES}
     return found[name]

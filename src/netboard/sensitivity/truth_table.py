@@ -29,22 +29,7 @@ UNITS = {"entries": "1", "peaks": "1", "overshoots": "1", "overshoot": "m", "pow
 
 
 def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
-    """Make recordings of known trials, measure them as an analysis does, and compare.
-
-    Parameters
-    ----------
-    folder : Folder
-        Of the results.
-    tell : callable
-        Is told how far it is.
-    quick : bool
-        The short form.
-
-    Yields
-    ------
-    Part
-        The table.
-    """
+    """Make recordings of known trials, measure them as an analysis does, and compare."""
     blocks, trials = QUICK if quick else WHOLE
     known: list[Known] = []
     found: list[Measured] = []
@@ -58,17 +43,7 @@ def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
 
 
 def measured_block(folder: Path, trials: int, seed: int) -> tuple[list[Known], Measured]:
-    """Write a block of known trials as a recording, and measure it.
-
-    Parameters
-    ----------
-    folder : Path
-        Where to.
-    trials : int
-        How many trials [1].
-    seed : int
-        Of its chance [1].
-    """
+    """Write a block of known trials as a recording, and measure it."""
     known, rows, config = block(trials, seed)
     keeper = Keeper(folder, config, f"{seed:08x}".ljust(32, "0"), seed * 10**12, IMPORTED, int(rows["time_ns"][0]))
     keeper.take(rows)

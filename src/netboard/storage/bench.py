@@ -51,14 +51,10 @@ class Effort:
 
     Attributes
     ----------
-    ticks : int
-        Of the long recording [1].
     stall_seconds : float
         How long the logger is treated in each way [s].
     load_seconds : float
         How long it is fed at each rate [s].
-    rates : tuple of int
-        The rates [1].
     """
 
     ticks: int = HOUR
@@ -77,15 +73,6 @@ def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
     ----------
     folder : Folder
         Where everything is written: on the disk that is asked about.
-    tell : callable
-        Hears how far it is.
-    quick : bool
-        The short form.
-
-    Yields
-    ------
-    Part
-        What was found.
     """
     place, effort = folder.path, QUICK if quick else Effort()
     (place / "session").mkdir(exist_ok=True)
@@ -102,19 +89,7 @@ def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
 
 
 def size_part(session: Session, folder: Path, ticks: int, tell: Tell) -> Part:
-    """Say what takes how many bytes.
-
-    Parameters
-    ----------
-    session : Session
-        A real session.
-    folder : Path
-        Where to work.
-    ticks : int
-        How many of its ticks [1].
-    tell : callable
-        Hears how far it is.
-    """
+    """Say what takes how many bytes."""
     tell("bytes by channel", 0.5)
     found = bytes_by_channel(session, folder, ticks)
     single = write_messages(session, folder / "single.mcap", min(ticks, len(session.rows))) / min(
@@ -143,13 +118,7 @@ def size_part(session: Session, folder: Path, ticks: int, tell: Tell) -> Part:
 
 
 def writing_part(written: Written) -> Part:
-    """Say what writing takes, and how long the writer waits for the disk.
-
-    Parameters
-    ----------
-    written : Written
-        A long recording.
-    """
+    """Say what writing takes, and how long the writer waits for the disk."""
     waits = [1e3 * float(value) for value in np.percentile(written.flushes, (50, 99, 99.9))]
     waited = float(written.flushes.sum())
     return Part(
@@ -181,21 +150,7 @@ def writing_part(written: Written) -> Part:
 
 
 def reading_part(session: Session, path: Path, folder: Path, ticks: int, tell: Tell) -> Part:
-    """Read a long recording in several ways.
-
-    Parameters
-    ----------
-    session : Session
-        What it was made of.
-    path : Path
-        The recording.
-    folder : Path
-        Where to work.
-    ticks : int
-        How many ticks it has [1].
-    tell : callable
-        Hears how far it is.
-    """
+    """Read a long recording in several ways."""
     tell("reading", 0.9)
     trial, length = read_trial(path)
     whole, four = (float(np.median([read_columns(path, names) for _ in range(TURNS)])) for names in ((), FOUR))

@@ -25,8 +25,6 @@ class Harm:
 
     Attributes
     ----------
-    data : bytes
-        What is left of the file.
     start, stop : int
         The bytes that are not as they were; a cut reaches to the end [1].
     """
@@ -42,12 +40,8 @@ class Found:
 
     Attributes
     ----------
-    faults : tuple of str
-        What should have been otherwise; nothing, it is hoped.
     lost : int
         Ticks that were in the file before, and are not in the recovered one [1].
-    refused : bool
-        Nothing could be made of it, and that was said.
     seconds : float
         How long recovery took [s].
     """
@@ -91,17 +85,7 @@ def _cut(whole: Specimen, at: int) -> Harm:
 
 
 def try_one(whole: Specimen, harm: Harm, folder: Path) -> Found:
-    """Recover a damaged file, and check everything about it.
-
-    Parameters
-    ----------
-    whole : Specimen
-        The file before.
-    harm : Harm
-        The file now.
-    folder : Path
-        Where to work.
-    """
+    """Recover a damaged file, and check everything about it."""
     source, output = folder / "harmed.mcap.part", folder / "recovered.mcap"
     output.unlink(missing_ok=True)
     source.write_bytes(harm.data)

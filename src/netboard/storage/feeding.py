@@ -36,13 +36,7 @@ RING = 400_000
 
 
 def live_log(ticks: int) -> list[list[bytes]]:
-    """Make the records of some milliseconds of a session: the tick, and what else comes in the same millisecond.
-
-    Parameters
-    ----------
-    ticks : int
-        How many milliseconds [1].
-    """
+    """Make the records of some milliseconds of a session: the tick, and what else comes in the same millisecond."""
     log = []
     for k, row in enumerate(movement(ticks)):
         records: list[TickRecord | EventRecord | ClockRecord | FrameRecord] = [TickRecord(row.tobytes())]
@@ -62,21 +56,10 @@ def live_log(ticks: int) -> list[list[bytes]]:
 class Feeder:
     """A port that feeds one logger, a process of its own.
 
-    Parameters
-    ----------
-    folder : Path
-        For what the logger writes and says.
-    log : list of list of bytes
-        The records of each millisecond, said over and over.
-
     Attributes
     ----------
     ticks : int
         Milliseconds said so far, at the rate of one dyad [1].
-    port : LogPort
-        The server's end.
-    process : subprocess.Popen
-        The logger.
     behind_ns : int
         How far the feeding itself fell behind at most [ns].
     """
@@ -122,13 +105,7 @@ class Feeder:
         self._stack.close()
 
     def wait_for_logger(self) -> None:
-        """Wait until the logger has come and asked for records.
-
-        Raises
-        ------
-        NetboardError
-            If it does not.
-        """
+        """Wait until the logger has come and asked for records."""
         end = now_ns() + round(START_SECONDS * 1e9)
         while not self.port.loggers:
             self.port.pump(now_ns())
@@ -138,17 +115,7 @@ class Feeder:
             time.sleep(TICK_SECONDS)
 
     def feed(self, seconds: float, rate: int = 1, look: Callable[[], object] = lambda: None) -> None:
-        """Say the records of some time, as they come up.
-
-        Parameters
-        ----------
-        seconds : float
-            How long [s].
-        rate : int
-            So many dyads' records [1].
-        look : callable
-            Called at each millisecond.
-        """
+        """Say the records of some time, as they come up."""
         due = now_ns()
         for _ in range(round(seconds * 1e3)):
             due += TICK_NS
@@ -162,13 +129,7 @@ class Feeder:
             look()
 
     def end(self) -> None:
-        """Say that no record follows, and wait until the logger has finished its file.
-
-        Raises
-        ------
-        NetboardError
-            If it does not.
-        """
+        """Say that no record follows, and wait until the logger has finished its file."""
         self.port.end()
         end = now_ns() + round(START_SECONDS * 1e9)
         while self.process.poll() is None:

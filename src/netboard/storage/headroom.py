@@ -34,16 +34,10 @@ class Load:
 
     Attributes
     ----------
-    rate : int
-        So many dyads' records [1].
-    cpu : float
-        Share of a core that the logger used [1].
     halfway, backlog : float
         Records that were not on disk in the middle and at the end, as time at this rate [s].
     feeder_behind : float
         How far the feeding side fell behind at most [s].
-    lost : int
-        Records lost [1].
     """
 
     rate: int
@@ -61,19 +55,7 @@ class Load:
 
 
 def measure_load(folder: Path, log: list[list[bytes]], rate: int, seconds: float) -> Load:
-    """Feed a logger at a rate.
-
-    Parameters
-    ----------
-    folder : Path
-        Where it writes; emptied first.
-    log : list of list of bytes
-        The records of each millisecond.
-    rate : int
-        So many dyads' records [1].
-    seconds : float
-        For how long [s].
-    """
+    """Feed a logger at a rate."""
     each_second = sum(map(len, log)) / len(log) * 1e3 * rate
     with Feeder(folder, log) as feeder:
         feeder.wait_for_logger()
@@ -98,16 +80,8 @@ def headroom_part(folder: Path, log: list[list[bytes]], rates: Sequence[int], se
 
     Parameters
     ----------
-    folder : Path
-        Where the logger writes.
-    log : list of list of bytes
-        The records of each millisecond.
     rates : sequence of int
         The rates to try, in order; the first is one dyad's [1].
-    seconds : float
-        For how long each [s].
-    tell : callable
-        Hears how far it is.
     """
     loads: list[Load] = []
     for rate in rates:

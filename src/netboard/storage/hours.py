@@ -40,13 +40,7 @@ FOUR = ("tick", "theta", "p", "late_ns")
 
 
 class Session:
-    """A real recording, to be repeated.
-
-    Parameters
-    ----------
-    path : Path
-        The recording.
-    """
+    """A real recording, to be repeated."""
 
     def __init__(self, path: Path) -> None:
         with Recording(path) as recording:
@@ -82,16 +76,12 @@ class Written:
 
     Attributes
     ----------
-    ticks : int
-        Ticks in it [1].
     seconds : float
         Time that the writer took, without that of making the records [s].
     flushes : ndarray, shape (n,)
         Time of each closing of a chunk with its sync [s].
     grown : float
         By how much memory grew from the first tenth to the end [B].
-    size : int
-        Bytes of the file [1].
     """
 
     ticks: int
@@ -102,19 +92,7 @@ class Written:
 
 
 def write_hour(session: Session, path: Path, ticks: int, tell: Tell) -> Written:
-    """Write an hour, with a sync wherever the logger has one.
-
-    Parameters
-    ----------
-    session : Session
-        What is repeated.
-    path : Path
-        The file.
-    ticks : int
-        How many ticks [1].
-    tell : callable
-        Hears how far it is.
-    """
+    """Write an hour, with a sync wherever the logger has one."""
     config = Config()
     welcome = Welcome(SESSION, 1, 10**12, resolve(config))
     metadata = provenance(welcome, config, 1, OPENED_NS, 0)
@@ -194,17 +172,7 @@ def write_messages(session: Session, path: Path, ticks: int) -> int:
 
 
 def bytes_by_channel(session: Session, folder: Path, ticks: int) -> dict[str, float]:
-    """Bytes that each channel takes in the file for a tick, found by writing it alone with the upstream writer.
-
-    Parameters
-    ----------
-    session : Session
-        The records.
-    folder : Path
-        Where to work.
-    ticks : int
-        How many ticks [1].
-    """
+    """Bytes that each channel takes in the file for a tick, found by writing it alone with the upstream writer."""
     whole = folder / "whole.mcap"
     write_hour(session, whole, ticks, lambda text, share: None)
     found: dict[str, float] = {}

@@ -26,8 +26,6 @@ class Killed:
 
     Attributes
     ----------
-    faults : tuple of str
-        What should have been otherwise; nothing, it is hoped.
     lost_seconds : float
         Ticks that had been made and were not recovered, as time [s].
     seconds : float
@@ -44,12 +42,8 @@ def kill_one(folder: Path, log: list[list[bytes]], chance: np.random.Generator) 
 
     Parameters
     ----------
-    folder : Path
-        Where to work; emptied first.
     log : list of list of bytes
         The records of each millisecond; long enough not to come round again.
-    chance : numpy.random.Generator
-        Decides when.
     """
     with Feeder(folder, log) as feeder:
         feeder.wait_for_logger()

@@ -44,15 +44,6 @@ def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
     ----------
     folder : Folder
         Loggers that are killed write there: on the disk that is asked about.
-    tell : callable
-        Hears how far it is.
-    quick : bool
-        The short form.
-
-    Yields
-    ------
-    Part
-        What was found.
     """
     # What is in a damaged file does not depend on where it is: thousands of them need not wait for a disk.
     with TemporaryDirectory(dir=_MEMORY if _MEMORY.exists() else None) as scratch:
@@ -61,17 +52,7 @@ def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
 
 
 def damage_part(scratch: Path, tell: Tell, *, quick: bool) -> Part:
-    """Damage a file in four ways, and recover each.
-
-    Parameters
-    ----------
-    scratch : Path
-        Where to work.
-    tell : callable
-        Hears how far it is.
-    quick : bool
-        The short form.
-    """
+    """Damage a file in four ways, and recover each."""
     whole = make_specimen(scratch / "whole.mcap", QUICK_TICKS if quick else TICKS)
     count, chance = QUICK_CASES if quick else CASES, np.random.default_rng(SEED)
     ways: dict[str, Callable[[], Iterator[Harm]]] = {
@@ -114,17 +95,7 @@ def _chunk_verdict(whole: Specimen, rows: list[tuple[Value, ...]]) -> Verdict:
 
 
 def kills_part(folder: Path, tell: Tell, count: int) -> Part:
-    """Kill loggers.
-
-    Parameters
-    ----------
-    folder : Path
-        Where they write.
-    tell : callable
-        Hears how far it is.
-    count : int
-        How many [1].
-    """
+    """Kill loggers."""
     log, chance = live_log(round(2e3 * LONGEST)), np.random.default_rng(SEED)
     found = []
     for number in range(count):

@@ -34,8 +34,6 @@ class Piece:
 
     Attributes
     ----------
-    start, stop : int
-        Where it is [1].
     ticks : tuple of int
         First tick in it, and the one after its last; both 0 without any [1].
     """
@@ -47,17 +45,7 @@ class Piece:
 
 @dataclass(frozen=True)
 class Specimen:
-    """A whole recording of ticks 0, 1, 2...
-
-    Attributes
-    ----------
-    data : bytes
-        The file.
-    rows : ndarray of TICK, shape (n,)
-        What was written.
-    pieces : tuple of Piece
-        Its chunks.
-    """
+    """A whole recording of ticks 0, 1, 2..."""
 
     data: bytes
     rows: NDArray[Any]
@@ -65,13 +53,7 @@ class Specimen:
 
 
 def movement(count: int) -> NDArray[Any]:
-    """Ticks of a board that two simulated hands move, numbered from 0.
-
-    Parameters
-    ----------
-    count : int
-        How many [1].
-    """
+    """Ticks of a board that two simulated hands move, numbered from 0."""
     rows = record(Config(), MINE, count)
     rows["tick"] = np.arange(count)
     rows["time_ns"] = 10**12 + np.arange(count) * TICK_NS
@@ -79,15 +61,7 @@ def movement(count: int) -> NDArray[Any]:
 
 
 def make_specimen(path: Path, count: int) -> Specimen:
-    """Write a recording as a logger does, flushed when it is due.
-
-    Parameters
-    ----------
-    path : Path
-        Where.
-    count : int
-        How many ticks [1].
-    """
+    """Write a recording as a logger does, flushed when it is due."""
     rows = movement(count)
     config = Config()
     welcome = Welcome(SESSION, 1, 10**12, resolve(config))

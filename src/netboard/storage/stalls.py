@@ -35,8 +35,6 @@ class Watched:
 
     Attributes
     ----------
-    path : Path
-        The recording.
     stretches : dict of str to (int, int)
         When each treatment began and ended, server time [ns].
     """
@@ -46,17 +44,7 @@ class Watched:
 
 
 def watch(folder: Path, seconds: float, tell: Tell) -> Watched:
-    """Run a session with displays, and let its logger stand still.
-
-    Parameters
-    ----------
-    folder : Path
-        Where it writes.
-    seconds : float
-        How long each treatment lasts [s].
-    tell : callable
-        Hears how far it is.
-    """
+    """Run a session with displays, and let its logger stand still."""
     stretches = {}
     with Rig(folder, ("block.trials=1000",)) as rig:
         tell("starting a session", 0.0)
@@ -88,13 +76,7 @@ def _treat(rig: Rig, seconds: float, share: float) -> None:
 
 
 def stalls_part(watched: Watched) -> Part:
-    """Compare how late the server's ticks were.
-
-    Parameters
-    ----------
-    watched : Watched
-        The session.
-    """
+    """Compare how late the server's ticks were."""
     with Recording(watched.path) as recording:
         ticks = recording.columns("tick", "time_ns", "late_ns")
         lost = int(recording.end["lost"]) + sum(gap.count for gap in recording.gaps().get("/ticks", ()))

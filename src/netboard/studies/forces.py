@@ -38,8 +38,6 @@ class Movement:
 
     Attributes
     ----------
-    share : float
-        The right hand's share of the tilting [1].
     sway : float
         Both hands go up and down together by so much [m].
     rate : float
@@ -58,22 +56,7 @@ MINE, OTHERS = Movement(0.7, 0.008, 0.45, 2.4), Movement(0.4, -0.012, 0.7, 1.7)
 
 
 def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
-    """Run the movement under all conditions.
-
-    Parameters
-    ----------
-    folder : Folder
-        Where the figure goes.
-    tell : callable
-        Hears how far it is.
-    quick : bool
-        The short form.
-
-    Yields
-    ------
-    Part
-        What was found.
-    """
+    """Run the movement under all conditions."""
     count = QUICK_TICKS if quick else TICKS
     tell("a movement, and another one", 0.0)
     config = _config("full")
@@ -100,20 +83,6 @@ def record(config: Config, movement: Movement, count: int) -> Rows:
 
     The hands know the ball's path and tilt the board by what that takes and by how far the ball is off it: left to
     itself, a ball that is a hair off is far off a second later.
-
-    Parameters
-    ----------
-    config : Config
-        The block.
-    movement : Movement
-        What they do.
-    count : int
-        How many ticks [1].
-
-    Returns
-    -------
-    ndarray of TICK, shape (count,)
-        The ticks.
     """
     physics, distance = config.physics, config.geometry.target_distance
     stage, rows = make_stage(config), _rows(count)
@@ -160,49 +129,19 @@ def _rows(count: int) -> Rows:
 
 
 def played(config: Config, samples: Rows) -> Rows:
-    """Return what a stage makes of samples.
-
-    Parameters
-    ----------
-    config : Config
-        Its block.
-    samples : ndarray of TICK, shape (n,)
-        The samples, from the start of the block.
-
-    Returns
-    -------
-    ndarray of TICK, shape (n,)
-        The ticks.
-    """
+    """Return what a stage makes of samples."""
     stage, rows = make_stage(config), samples.copy()
     stage.advance(stage.initial(), rows, 0, len(rows))
     return rows
 
 
 def forces_of(rows: Rows) -> NDArray[np.float64]:
-    """Return the forces on both hands.
-
-    Parameters
-    ----------
-    rows : ndarray of TICK, shape (n,)
-        The ticks.
-
-    Returns
-    -------
-    ndarray of float64, shape (n, 2)
-        Left and right, + = up [N].
-    """
+    """Return the forces on both hands."""
     return np.stack([rows["left_force"], rows["right_force"]], axis=1)
 
 
 def conditions_part(found: dict[Force, Rows]) -> Part:
-    """Return how large the forces are, and what holds between them.
-
-    Parameters
-    ----------
-    found : dict of str to ndarray of TICK
-        The ticks under each condition.
-    """
+    """Return how large the forces are, and what holds between them."""
     rows: list[tuple[Value, ...]] = []
     for force, ticks in found.items():
         felt = forces_of(ticks)[SETTLED:]
@@ -234,18 +173,7 @@ def _verdicts(found: dict[Force, Rows]) -> list[Verdict]:
 
 
 def residual(found: dict[Force, Rows]) -> NDArray[np.float64]:
-    """Return what the whole force has beyond its two parts at rest.
-
-    Parameters
-    ----------
-    found : dict of str to ndarray of TICK
-        The ticks under each condition.
-
-    Returns
-    -------
-    ndarray of float64, shape (n, 2)
-        Left and right, from `SETTLED` on [N].
-    """
+    """Return what the whole force has beyond its two parts at rest."""
     full, partner, environment = (forces_of(found[name]) for name in ("full", "partner_only", "environment_only"))
     return (full - partner - environment)[SETTLED:]
 
@@ -263,18 +191,7 @@ require("their colours in netboard/studies/forces.py", _COLOURS, FORCES)
 
 
 def draw(found: dict[Force, Rows]) -> Any:
-    """Draw the movement, and what each hand feels of it.
-
-    Parameters
-    ----------
-    found : dict of str to ndarray of TICK
-        The ticks under each condition.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        The figure.
-    """
+    """Draw the movement, and what each hand feels of it."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 

@@ -49,20 +49,8 @@ def read_hands(path: Path, gaps: str = "refuse") -> Hands:
 
     Parameters
     ----------
-    path : Path
-        A .csv or .parquet file.
     gaps : str
         "refuse" them, or "hold": go on from the last sample before each as between any two.
-
-    Returns
-    -------
-    Hands
-        The samples.
-
-    Raises
-    ------
-    ConfigError
-        If the file cannot be read, or what is in it is not two hands.
     """
     try:
         table = _read_parquet(path) if path.suffix.lower() == ".parquet" else _read_csv(path)
@@ -237,18 +225,7 @@ def _are(count: int) -> str:
 
 
 def doubts(hands: Hands) -> list[str]:
-    """Say what is odd about rates that do not belong to their heights.
-
-    Parameters
-    ----------
-    hands : Hands
-        The samples.
-
-    Returns
-    -------
-    list of str
-        A sentence for each hand that is odd.
-    """
+    """Say what is odd about rates that do not belong to their heights."""
     found = []
     # Over a tenth of a second, so that noise and a filter's delay do not count.
     every = max(1, round(0.1 / float(np.median(np.diff(hands.t)))))
@@ -280,11 +257,6 @@ def find_inputs(words: Sequence[str]) -> list[Path]:
     -------
     list of Path
         Each once, in the order in which they are named, and by name within a folder or a pattern.
-
-    Raises
-    ------
-    ConfigError
-        If a word means no file.
     """
     paths: list[Path] = []
     for word in words:
@@ -309,23 +281,9 @@ def plan_outputs(inputs: Sequence[Path], output: str, force: bool = False) -> di
 
     Parameters
     ----------
-    inputs : sequence of Path
-        The files of hands.
     output : str
         A file, for one input; a folder, where results have the names of their inputs; or a name with ``{}`` in it, for
         that of the input without its ending.
-    force : bool
-        Results may take the place of files that are there.
-
-    Returns
-    -------
-    dict of Path to Path
-        The result of each input.
-
-    Raises
-    ------
-    ConfigError
-        If two inputs would have one result, or a file is there already.
     """
     folder = not output.lower().endswith(KINDS)
     if folder and Path(output).suffix and not (Path(output).is_dir() or output.endswith("/")):
@@ -365,19 +323,10 @@ def write_table(
 
     Parameters
     ----------
-    path : Path
-        A .csv or .parquet file; missing folders are made.
-    columns : mapping of str to ndarray of float64
-        The columns, of equal length [SI].
     about : mapping of str to str
         Where it comes from; in the metadata of a Parquet file, under "netboard", as JSON.
     force : bool
         It may take the place of a file that is there.
-
-    Raises
-    ------
-    NetboardError
-        If it cannot be written, or is there already.
     """
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
     write = _write_parquet if path.suffix.lower() == ".parquet" else _write_csv

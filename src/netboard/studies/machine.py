@@ -18,20 +18,8 @@ class Machine:
 
     Attributes
     ----------
-    system : str
-        Operating system and its version.
-    cpu : str
-        Model of the processor.
-    cores : int
-        Cores that this process may use [1].
-    vectors : str
-        Widest vector instructions that numba compiles for.
     load : float
         Processes that wanted a core in the last minute, on average; NaN where the system does not say [1].
-    python : str
-        Version of Python.
-    libraries : dict of str to str
-        Version of each library.
     """
 
     system: str
@@ -43,23 +31,11 @@ class Machine:
     libraries: dict[str, str]
 
     def as_dict(self) -> dict[str, object]:
-        """Return the same as plain data, for JSON.
-
-        Returns
-        -------
-        dict
-            By name.
-        """
+        """Return the same as plain data, for JSON."""
         return asdict(self)
 
     def lines(self) -> list[str]:
-        """Return the same for people.
-
-        Returns
-        -------
-        list of str
-            Three lines.
-        """
+        """Return the same for people."""
         return [
             f"{self.cpu}, {self.cores} cores, {self.vectors}, load {self.load:.2f}",
             f"{self.system}, Python {self.python}",
@@ -68,13 +44,7 @@ class Machine:
 
 
 def describe() -> Machine:
-    """Return what machine this is, now.
-
-    Returns
-    -------
-    Machine
-        The description.
-    """
+    """Return what machine this is, now."""
     return Machine(
         system=platform.platform(),
         cpu=_cpu(),

@@ -65,8 +65,6 @@ class Problem:
 
     Attributes
     ----------
-    model : str
-        Whose equations.
     start : str
         ``settled``: the board has followed the hands for a while; ``cold``: it is at rest while they move already.
     duration : float
@@ -121,30 +119,12 @@ class Problem:
 
 
 def multiples(count: int, h: float) -> Array:
-    """Return the first multiples of a time, from 0.
-
-    Parameters
-    ----------
-    count : int
-        How many [1].
-    h : float
-        The time [s].
-
-    Returns
-    -------
-    ndarray of float64, shape (count,)
-        Times [s].
-    """
+    """Return the first multiples of a time, from 0."""
     return np.arange(count, dtype=np.float64) * h
 
 
 def styluses_at(times: Any) -> tuple[Array, Array]:
     """Return where the hands are.
-
-    Parameters
-    ----------
-    times : ndarray of float64
-        Times [s].
 
     Returns
     -------
@@ -162,11 +142,6 @@ def styluses_at(times: Any) -> tuple[Array, Array]:
 
 def drive_waves(physics: Physics) -> Array:
     """Return the drives of the hands as waves: ``k a sin + c a w cos`` is one sine, larger and earlier.
-
-    Parameters
-    ----------
-    physics : Physics
-        The scene, whose couplings are alike.
 
     Returns
     -------
@@ -189,20 +164,7 @@ def _fill_drives(waves: Any, times: Any, out: Any) -> None:
 
 @inlined
 def both_drives(waves: Any, t: float) -> tuple[float, float]:
-    """Return the drives of both hands at a time.
-
-    Parameters
-    ----------
-    waves : ndarray of float64, shape (6, 3)
-        What `drive_waves` returns.
-    t : float
-        The time [s].
-
-    Returns
-    -------
-    left, right : float
-        Drives [N].
-    """
+    """Return the drives of both hands at a time."""
     push, turn = 0.0, 0.0
     for i in range(3):
         push += waves[i, 0] * sin(waves[i, 1] * t + waves[i, 2])
@@ -211,62 +173,19 @@ def both_drives(waves: Any, t: float) -> tuple[float, float]:
 
 
 def drives_at(waves: Array, times: Array) -> Array:
-    """Return the drives of both hands at many times.
-
-    Parameters
-    ----------
-    waves : ndarray of float64, shape (6, 3)
-        What `drive_waves` returns.
-    times : ndarray of float64
-        Times, of any shape [s].
-
-    Returns
-    -------
-    ndarray of float64, shape (..., 2)
-        Drives of the left and the right hand [N].
-    """
+    """Return the drives of both hands at many times."""
     out = np.empty((times.size, 2))
     _fill_drives(waves, times.ravel(), out)
     return out.reshape(*times.shape, 2)
 
 
 def node_times(starts: Array, h: float, nodes: tuple[float, ...]) -> Array:
-    """Return the times of a method's nodes in each of its steps.
-
-    Parameters
-    ----------
-    starts : ndarray of float64, shape (n,)
-        Where the steps start [s].
-    h : float
-        Their length [s].
-    nodes : tuple of float
-        Where in a step, in lengths of the step [1].
-
-    Returns
-    -------
-    ndarray of float64, shape (n, nodes)
-        Times [s].
-    """
+    """Return the times of a method's nodes in each of its steps."""
     return np.add.outer(starts, h * np.asarray(nodes))
 
 
 def push_and_turn(waves: Any, t: Any, sine: Callable[[Any], Any]) -> tuple[Any, Any]:
-    """Return the sum of both drives, and right minus left, in any arithmetic.
-
-    Parameters
-    ----------
-    waves : sequence of sequences of numbers
-        Those of `drive_waves`.
-    t : number or expression
-        The time [s].
-    sine : callable
-        Sine in that arithmetic.
-
-    Returns
-    -------
-    push, turn : number or expression
-        The sum and the difference [N].
-    """
+    """Return the sum of both drives, and right minus left, in any arithmetic."""
     terms = [amplitude * sine(rate * t + phase) for amplitude, rate, phase in waves]
     return terms[0] + terms[1] + terms[2], terms[3] + terms[4] + terms[5]
 
@@ -280,17 +199,6 @@ def derivatives(
     ----------
     physics : Physics
         The scene: both hands coupled, a free board, one ball that slides.
-    x : sequence of numbers or expressions, length 6
-        The state [SI].
-    push, turn : number or expression
-        Sum of both drives, and right minus left [N].
-    sine, cosine : callable
-        In that arithmetic.
-
-    Returns
-    -------
-    list of numbers or expressions, length 6
-        Rates [SI].
     """
     z, vz, theta, omega, p, vp = x
     mass, m, g, arm, inertia = physics.M, physics.m, physics.g, physics.l, physics.I
@@ -309,18 +217,7 @@ def derivatives(
 
 @cache
 def make_right_side(PARTS: Parts) -> Callable[..., None]:
-    """Compile the right-hand side for solvers that call it: the kernels' own equations, the hands evaluated in it.
-
-    Parameters
-    ----------
-    PARTS : Parts
-        What the scene has.
-
-    Returns
-    -------
-    callable
-        ``right_side(t, x, waves, scene, out)`` writes the rates into `out`.
-    """
+    """Compile the right-hand side for solvers that call it: the kernels' own equations, the hands evaluated in it."""
 
     @kernel
     def right_side(t: float, x: Any, waves: Any, scene: Any, out: Any) -> None:
@@ -338,8 +235,6 @@ class Reference:
 
     Attributes
     ----------
-    source : str
-        How it was made.
     states : ndarray of float64, shape (n, 6)
         At `Problem.times` [SI].
     forces : ndarray of float64, shape (n, 2)
@@ -355,17 +250,7 @@ class Reference:
 
 
 def make_reference(problem: Problem, source: str, states: NDArray[Any]) -> Reference:
-    """Make a reference of a solution; its forces are computed in the solution's own arithmetic.
-
-    Parameters
-    ----------
-    problem : Problem
-        The problem.
-    source : str
-        How the solution was made.
-    states : ndarray of float64 or longdouble, shape (n, 6)
-        The solution at `Problem.times` [SI].
-    """
+    """Make a reference of a solution; its forces are computed in the solution's own arithmetic."""
     physics, kind = problem.physics, states.dtype.type
     waves = [[kind(value) for value in wave] for wave in problem.waves.tolist()]
     push, turn = push_and_turn(waves, problem.times.astype(kind), np.sin)
@@ -378,20 +263,7 @@ def make_reference(problem: Problem, source: str, states: NDArray[Any]) -> Refer
 
 
 def largest(states: Array, forces: Array) -> Array:
-    """Return the largest magnitude of each of `SIGNALS`; infinite if anything is not finite.
-
-    Parameters
-    ----------
-    states : ndarray of float64, shape (n, 6)
-        States, or differences of them [SI].
-    forces : ndarray of float64, shape (n, 2)
-        Forces, or differences of them [N].
-
-    Returns
-    -------
-    ndarray of float64, shape (4,)
-        Of height, tilt, ball and force [m, rad, m, N].
-    """
+    """Return the largest magnitude of each of `SIGNALS`; infinite if anything is not finite."""
     values = np.array([*(np.abs(states[:, i]).max() for i in (0, 2, 4)), np.abs(forces).max()])
     return np.where(np.isfinite(values), values, np.inf)
 
@@ -401,19 +273,8 @@ def errors_of(problem: Problem, reference: Reference, states: Array, stride: int
 
     Parameters
     ----------
-    problem : Problem
-        The problem.
-    reference : Reference
-        Its solution.
     states : ndarray of float64, shape (n, 6)
         What a method made of it, at every `stride`-th of `Problem.times` [SI].
-    stride : int
-        Long steps meet only some of the points [1].
-
-    Returns
-    -------
-    ndarray of float64, shape (4,)
-        Of height, tilt, ball and force [m, rad, m, N].
     """
     drives = drives_at(problem.waves, problem.times[::stride])
     forces = forces_along(np.ascontiguousarray(states), drives, problem.parts, problem.scene)
@@ -422,18 +283,7 @@ def errors_of(problem: Problem, reference: Reference, states: Array, stride: int
 
 
 def tight(problem: Problem) -> Array:
-    """Solve a problem by DOP853 with tight tolerances.
-
-    Parameters
-    ----------
-    problem : Problem
-        The problem.
-
-    Returns
-    -------
-    ndarray of float64, shape (n, 6)
-        At `Problem.times` [SI].
-    """
+    """Solve a problem by DOP853 with tight tolerances."""
     right_side = make_right_side(problem.parts)
 
     def rate(t: float, x: Array) -> Array:

@@ -23,17 +23,7 @@ Value = str | float | int | bool
 
 @dataclass(frozen=True)
 class Verdict:
-    """A claim, and what was found.
-
-    Attributes
-    ----------
-    claim : str
-        What should be so.
-    holds : bool
-        Whether it is.
-    found : str
-        The figures that say so, with units.
-    """
+    """A claim, and what was found."""
 
     claim: str
     holds: bool
@@ -46,16 +36,6 @@ class Part:
 
     Attributes
     ----------
-    name : str
-        What its files are called.
-    title : str
-        What it is about.
-    columns : tuple of str
-        Heads of the table, with units in brackets.
-    rows : list of tuple
-        The table, in SI units.
-    verdicts : list of Verdict
-        What follows.
     on_screen : bool
         It is for the screen too, and not too long for it.
     """
@@ -78,15 +58,8 @@ class Folder:
 
     Parameters
     ----------
-    path : Path
-        Where; it is made.
     force : bool
         It may be there already, and files in it be replaced.
-
-    Raises
-    ------
-    ConfigError
-        If it is there and may not be.
     """
 
     def __init__(self, path: Path, *, force: bool = False) -> None:
@@ -101,8 +74,6 @@ class Folder:
 
         Parameters
         ----------
-        parts : sequence of Part
-            What was found.
         about : mapping of str
             What was asked for, for the head of the JSON file.
         """
@@ -114,15 +85,7 @@ class Folder:
         (self.path / "results.json").write_text(text + "\n", encoding="utf-8")
 
     def save(self, figure: Any, name: str) -> None:
-        """Save a figure as PNG and SVG.
-
-        Parameters
-        ----------
-        figure : matplotlib.figure.Figure
-            The figure.
-        name : str
-            What the files are called.
-        """
+        """Save a figure as PNG and SVG."""
         import matplotlib as mpl
 
         with mpl.rc_context({"svg.hashsalt": "netboard", "svg.fonttype": "none"}):
@@ -140,18 +103,7 @@ def _plain(value: Any) -> Any:
 
 
 def new_folder(name: str) -> Path:
-    """Return a folder here that is not there yet.
-
-    Parameters
-    ----------
-    name : str
-        What it is called, a number after it if needed.
-
-    Returns
-    -------
-    Path
-        The first free one.
-    """
+    """Return a folder here that is not there yet."""
     number = 1
     while (path := Path(f"{name}-{number}")).exists():
         number += 1
@@ -159,15 +111,7 @@ def new_folder(name: str) -> Path:
 
 
 def show(console: Console, part: Part) -> None:
-    """Print a part: table, and verdicts.
-
-    Parameters
-    ----------
-    console : Console
-        Where.
-    part : Part
-        What was found.
-    """
+    """Print a part: table, and verdicts."""
     head, *others = part.columns
     table = FittedTable(head, *(Column(column, number=_counted(part, column)) for column in others), title=part.title)
     for row in part.rows:
@@ -188,18 +132,7 @@ def _line(verdict: Verdict) -> Text:
 
 
 def shown(value: Value) -> str:
-    """Write a value with three digits.
-
-    Parameters
-    ----------
-    value : str, float, int or bool
-        The value.
-
-    Returns
-    -------
-    str
-        For a table.
-    """
+    """Write a value with three digits."""
     if isinstance(value, bool):
         return "yes" if value else "no"
     return f"{value:.3g}" if isinstance(value, float) else str(value)

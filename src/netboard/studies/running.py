@@ -33,21 +33,6 @@ def run_named(
 ) -> list[Verdict]:
     """Run a study as a command does.
 
-    Parameters
-    ----------
-    name : str
-        Its name.
-    study : Study
-        What is run.
-    output : Path or None
-        Folder of the results; None for a new one here.
-    json : Path or None
-        File that gets the results too.
-    quick : bool
-        The short form.
-    force : bool
-        The folder may be there already.
-
     Returns
     -------
     list of Verdict
@@ -67,14 +52,8 @@ def run(
 
     Parameters
     ----------
-    folder : Folder
-        Where its results go.
     settings : mapping of str
         What goes into them beside the parts: ``study``, its name, and how it was run.
-    study : callable
-        Makes the parts, one after the other.
-    json : Path or None
-        File that gets the results too.
 
     Returns
     -------

@@ -27,19 +27,7 @@ Rows = NDArray[Any]
 
 
 class Quantity(NamedTuple):
-    """What is compared.
-
-    Attributes
-    ----------
-    name : str
-        Its field in `netboard.tick.TICK`.
-    text : str
-        What people call it.
-    unit : str
-        In which unit it is told.
-    scale : float
-        That unit for each SI unit [1].
-    """
+    """What is compared."""
 
     name: str
     text: str
@@ -77,14 +65,10 @@ class Comparison:
 
     Attributes
     ----------
-    then : Attempt
-        As it was recorded.
     now : Attempt
         What becomes of it; ``unfinished`` if it outlasts the recorded one: later, the hands were about another.
     common : int
         Ticks from the release for which both go on: those that are compared [1].
-    differences : dict of Difference
-        By the names of `QUANTITIES`.
     """
 
     then: Attempt
@@ -109,8 +93,6 @@ class WhatIf:
     ----------
     recorded, computed : ndarray of TICK, shape (n,)
         The ticks as recorded, and those of the changed stage with the same inputs.
-    comparisons : tuple of Comparison
-        Every attempt.
     """
 
     recorded: Rows
@@ -124,15 +106,7 @@ class WhatIf:
 
 
 def what_if(recorded: Rows, stage: Stage) -> WhatIf:
-    """Run recorded hands through a stage, each attempt from its recorded release.
-
-    Parameters
-    ----------
-    recorded : ndarray of TICK, shape (n,)
-        The ticks, in order.
-    stage : Stage
-        Made from the changed configuration.
-    """
+    """Run recorded hands through a stage, each attempt from its recorded release."""
     attempts = find_attempts(recorded)
     computed = recorded.copy()
     releases = np.searchsorted(recorded["tick"], [attempt.tick for attempt in attempts])
@@ -157,32 +131,12 @@ def _compare(recorded: Rows, computed: Rows, then: Attempt) -> Comparison:
 
 
 def difference(recorded: Rows, computed: Rows, quantity: Quantity, where: slice) -> NDArray[np.float64]:
-    """Return what a quantity is more than it was.
-
-    Parameters
-    ----------
-    recorded, computed : ndarray of TICK, shape (n,)
-        Then and now.
-    quantity : Quantity
-        Which.
-    where : slice
-        The rows that count.
-
-    Returns
-    -------
-    ndarray of float64, shape (m,)
-        Now less then [SI].
-    """
+    """Return what a quantity is more than it was."""
     return np.asarray(computed[quantity.name][where] - recorded[quantity.name][where], np.float64)
 
 
 def attempts_of(found: WhatIf) -> Rows:
     """Return the ticks of the attempts alone, each as far as it is comparable: what may be kept of a counterfactual.
-
-    Parameters
-    ----------
-    found : WhatIf
-        A recording, and what becomes of it.
 
     Returns
     -------
@@ -197,13 +151,7 @@ def attempts_of(found: WhatIf) -> Rows:
 
 
 def most_telling(comparisons: Sequence[Comparison]) -> Comparison:
-    """Choose the attempt to show: the longest of those that end otherwise, else the one whose ball differs most.
-
-    Parameters
-    ----------
-    comparisons : sequence of Comparison
-        At least one.
-    """
+    """Choose the attempt to show: the longest of those that end otherwise, else the one whose ball differs most."""
     otherwise = [one for one in comparisons if one.then.outcome != one.now.outcome]
     if otherwise:
         return max(otherwise, key=lambda one: one.common)
@@ -211,16 +159,5 @@ def most_telling(comparisons: Sequence[Comparison]) -> Comparison:
 
 
 def seconds_since_release(count: int) -> NDArray[np.float64]:
-    """Times of the ticks of an attempt.
-
-    Parameters
-    ----------
-    count : int
-        How many [1].
-
-    Returns
-    -------
-    ndarray of float64, shape (count,)
-        From its release [s].
-    """
+    """Times of the ticks of an attempt."""
     return np.arange(count, dtype=np.float64) * TICK_SECONDS

@@ -31,15 +31,6 @@ def draw(found: WhatIf, changes: Sequence[str], shown: Comparison | None = None)
     ----------
     found : WhatIf
         A recording with at least one attempt, and what becomes of it.
-    changes : sequence of str
-        What was set, as ``table.key=value``.
-    shown : Comparison, optional
-        The attempt to show; else the most telling one.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        The figure.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure

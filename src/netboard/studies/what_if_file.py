@@ -19,33 +19,7 @@ from netboard.wire.records import EventRecord, TickRecord
 def keep(
     path: Path, found: WhatIf, config: Config, source: Mapping[str, str], name: str, changes: Sequence[str]
 ) -> int:
-    """Write the attempts.
-
-    Parameters
-    ----------
-    path : Path
-        The new file.
-    found : WhatIf
-        What becomes of the recording.
-    config : Config
-        The changed configuration.
-    source : mapping of str
-        Metadata of the recording.
-    name : str
-        Its name.
-    changes : sequence of str
-        What was set, as ``table.key=value``.
-
-    Returns
-    -------
-    int
-        How many ticks were written [1].
-
-    Raises
-    ------
-    RecordingError
-        If the file exists or cannot be written.
-    """
+    """Write the attempts."""
     text, said = resolve(config), "; ".join(changes)
     session = hashlib.sha256(f"{source['session']} {said}".encode()).hexdigest()[:32]
     metadata = {

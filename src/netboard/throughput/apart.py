@@ -49,14 +49,6 @@ def _of_cores() -> float:
 
 
 def apart(function: Callable[P, T], *arguments: P.args, **more: P.kwargs) -> T:
-    """Call a function in a process of its own.
-
-    Parameters
-    ----------
-    function : callable
-        What is called.
-    *arguments, **more
-        With what.
-    """
+    """Call a function in a process of its own."""
     with ProcessPoolExecutor(1, get_context("spawn")) as pool:
         return pool.submit(function, *arguments, **more).result()

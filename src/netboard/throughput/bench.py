@@ -65,10 +65,6 @@ class Row:
 
     Attributes
     ----------
-    recordings : int
-        How many [1].
-    reading : Took
-        What reading the files alone takes.
     cold, kept : Measurement
         What the tables cost when nothing was kept, and when all was.
     """
@@ -86,21 +82,8 @@ def main(
 
     Parameters
     ----------
-    given : Path or None
-        A folder of recordings; None makes a study.
     workers : int or None
         How many processes measure; None for one a core; one alone is enough for a small study that is made [1].
-    output, json : Path or None
-        Where the results go, as for all studies.
-    quick : bool
-        A small study.
-    force : bool
-        The folder may be there already.
-
-    Returns
-    -------
-    list of Verdict
-        All verdicts.
     """
     recordings = None if given is None else find_recordings([given])
     size, alone = (QUICK, recordings is None) if quick else (WHOLE, False)
@@ -111,24 +94,7 @@ def main(
 
 
 def study(recordings: Sequence[Path] | None, size: Size, workers: int, tell: Tell) -> Iterator[Part]:
-    """Measure what an analysis costs.
-
-    Parameters
-    ----------
-    recordings : sequence of Path or None
-        A study; None makes one.
-    size : Size
-        How large.
-    workers : int
-        How many processes measure [1].
-    tell : callable
-        Hears how far it is.
-
-    Yields
-    ------
-    Part
-        The next table.
-    """
+    """Measure what an analysis costs."""
     with TemporaryDirectory() as name:
         place = Path(name)
         if recordings is None:
@@ -217,11 +183,6 @@ def _scaling(rows: Sequence[Row]) -> Part:
 
 def line(x: ArrayLike, y: ArrayLike) -> tuple[float, float, float]:
     """Fit a straight line by least squares.
-
-    Parameters
-    ----------
-    x, y : array_like, shape (n,)
-        Points, two different x at least [any].
 
     Returns
     -------

@@ -21,12 +21,8 @@ class Measurement:
 
     Attributes
     ----------
-    trials : int
-        Attempts in the tables [1].
     data : float
         How long the recordings are [s].
-    took : Took
-        From the names of the files to the tables.
     peak : float
         The most memory of the process that has the tables, in bytes [1].
     worker_peak : float
@@ -45,17 +41,7 @@ def quiet(what: str, done: int, total: int) -> None:
 
 
 def tables(recordings: Sequence[Path], workers: int, kept: Path) -> Measurement:
-    """Make the tables of a study.
-
-    Parameters
-    ----------
-    recordings : sequence of Path
-        Its recordings.
-    workers : int
-        How many processes [1].
-    kept : Path
-        Where results are kept.
-    """
+    """Make the tables of a study."""
     watch = Watch()
     with TemporaryDirectory() as paths:
         found = harvest(recordings, Readings(), processes(workers), Cache(kept), Shelf(Path(paths)), quiet)

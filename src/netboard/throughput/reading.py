@@ -9,15 +9,7 @@ from netboard.throughput.apart import Took, Watch
 
 
 def reading(recordings: Sequence[Path], workers: int) -> Took:
-    """Read all ticks of a study and nothing more, in as many processes.
-
-    Parameters
-    ----------
-    recordings : sequence of Path
-        Its recordings.
-    workers : int
-        How many processes [1].
-    """
+    """Read all ticks of a study and nothing more, in as many processes."""
     watch = Watch()
     with processes(workers)(recordings) as executor:
         list(executor.map(_read, recordings))

@@ -18,17 +18,7 @@ from netboard.throughput.making import quiet
 
 
 def remainder(recordings: Sequence[Path], kept: Path, folder: Path) -> tuple[Took, float]:
-    """Write the folder of an analysis whose measures are kept; and tell the most memory, in bytes [1].
-
-    Parameters
-    ----------
-    recordings : sequence of Path
-        Its recordings.
-    kept : Path
-        Where results are kept.
-    folder : Path
-        The new folder.
-    """
+    """Write the folder of an analysis whose measures are kept; and tell the most memory, in bytes [1]."""
     with new_folder(folder) as part, TemporaryDirectory(dir=part) as paths:
         found = harvest(recordings, Readings(), processes(1), Cache(kept), Shelf(Path(paths)), quiet)
         study = study_of(found.measured, Readings(), found.paths)

@@ -15,10 +15,6 @@ def twice(recordings: Sequence[Path], workers: int, folder: Path) -> tuple[Took,
 
     Parameters
     ----------
-    recordings : sequence of Path
-        The recordings.
-    workers : int
-        How many processes measure [1].
     folder : Path
         A new folder, for both analyses and for what is kept.
     """

@@ -28,19 +28,8 @@ def make_study(
 
     Parameters
     ----------
-    folder : Path
-        An empty folder.
     dyads, blocks, trials : int
         How many dyads, blocks of the eighteen of each, evenly spread, and trials in a block [1].
-    workers : int
-        How many processes [1].
-    done : callable
-        Hears how many blocks are done, and of how many.
-
-    Returns
-    -------
-    tuple of Path
-        The recordings, dyad by dyad.
     """
     jobs = [job for dyad in range(1, dyads + 1) for job in _jobs(folder, dyad, blocks, trials)]
     ended = count(1)
