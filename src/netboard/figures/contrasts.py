@@ -56,7 +56,7 @@ def picture(study: Study) -> Picture:
 
 
 def looks_of(study: Study, questions: Sequence[Question]) -> dict[str, Look]:
-    """Return the style of each contrast: that of the condition with forces or with a partner; black for interactions."""
+    """Return the style of each contrast: of the condition with forces or a partner; black for interactions."""
     by_name: dict[str, Condition] = {one.name: one for one in conditions(study)}
     return {one.name: look_of(by_name[one.first[0]], BLACK if one.kind == "interaction" else "") for one in questions}
 
