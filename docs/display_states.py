@@ -13,14 +13,14 @@ os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 from PySide6.QtCore import QRect, Qt
 from PySide6.QtGui import QColor, QImage, QPainter
 
-from netboard.config import Config
-from netboard.display.language import load_words
-from netboard.display.scene import Picture
-from netboard.display.screens import blank, compose
-from netboard.display.window import BoardWindow, application
-from netboard.tables.experiment import Block, Session
-from netboard.tables.rig import Display
-from netboard.wire.views import View
+from netboard.base.config import Config
+from netboard.base.tables.experiment import Block, Session
+from netboard.base.tables.rig import Display
+from netboard.stage.view import View
+from netboard.windows.participant.language import load_words
+from netboard.windows.participant.scene import Picture
+from netboard.windows.participant.screens import blank, compose
+from netboard.windows.participant.window import BoardWindow, application
 
 SHEET = Path(__file__).parent / "images" / "display-states.png"
 WIDTH, HEIGHT, COLUMNS, TITLE, GAP = 960, 560, 3, 40, 16

@@ -22,14 +22,14 @@ from typing import Any
 
 import typer.main
 
-from netboard.config import Config
-from netboard.devices.registry import BACKENDS
-from netboard.experiment.machine import BALL_FREE, TABLE, Action, Cause, Phase
-from netboard.export.tables import TRIALS
-from netboard.foreign.columns import COLUMNS
+from netboard.base.config import Config
+from netboard.base.settings import Key, tables, to_toml
+from netboard.devices.contract.registry import BACKENDS
 from netboard.participants.device_models import MODELS, DeviceModel
+from netboard.recording.export.tables import TRIALS
+from netboard.recording.importing.columns import COLUMNS
 from netboard.services.cli import app
-from netboard.settings import Key, tables, to_toml
+from netboard.task.trials.state_machine import BALL_FREE, TABLE, Action, Cause, Phase
 
 DOCS = Path(__file__).parent
 

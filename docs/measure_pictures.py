@@ -9,16 +9,16 @@ differ a little from one kind of processor to another, and so do the pictures.
 import tempfile
 from pathlib import Path
 
-from netboard.config import Config
-from netboard.design.blocks import blocks_of, shortened
-from netboard.design.study import paper_study
-from netboard.export.runs import runs_of
-from netboard.figures.picture import as_bytes
-from netboard.figures.trial import PANELS, panel
-from netboard.measuring.readings import Readings
-from netboard.measuring.take import Block
-from netboard.recording.reader import Recording
-from netboard.rehearsal.jobs import jobs_of, rehearse
+from netboard.analysis.extraction.settings import Readings
+from netboard.analysis.extraction.trials import Block
+from netboard.analysis.figures.figure import as_bytes
+from netboard.analysis.figures.trial import PANELS, panel
+from netboard.base.config import Config
+from netboard.nodes.rehearsal.jobs import jobs_of, rehearse
+from netboard.recording.export.runs import runs_of
+from netboard.recording.files.reader import Recording
+from netboard.task.plans.blocks import blocks_of, shortened
+from netboard.task.studies.study import paper_study
 
 IMAGES = Path(__file__).parent / "images"
 BLOCK, TRIAL = 9, 4

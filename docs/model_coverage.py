@@ -3,8 +3,8 @@
     python docs/model_coverage.py [STUDIES]
 
 Studies are drawn whose effects are known, with 4, 8 and 16 dyads of three performers (two participants and the dyad),
-30 trials with each force; the models of `netboard.analysis.models` are fitted to them. In some, dyads and performers
-are alike, or differ but not in the effect of forces. 400 take half an hour.
+30 trials with each force; the models of `netboard.analysis.statistics.models` are fitted to them. In some, dyads and
+performers are alike, or differ but not in the effect of forces. 400 take half an hour.
 """
 
 import sys
@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from netboard.analysis.effects import Model
-from netboard.analysis.factors import paper_factors
-from netboard.analysis.models import count_model, log_time_model, share_model
+from netboard.analysis.statistics.effects import Model
+from netboard.analysis.statistics.factors import paper_factors
+from netboard.analysis.statistics.models import count_model, log_time_model, share_model
 
 EFFECTS = {"haptics": -0.1, "configuration": -0.1, "haptics x configuration": -0.1, "log trial": -0.1}
 INTERCEPT, TRIALS, DYADS = 1.5, 30, (4, 8, 16)

@@ -1,11 +1,11 @@
 """An agent as a process: one device, for one hand."""
 
-from netboard import sockets
-from netboard.config import Config, Side
-from netboard.devices import registry
-from netboard.nodes.agent import Agent
-from netboard.nodes.companion import companion_of
-from netboard.process import Priority, Stopping, cpus_for, io_priority, prepare, speak
+from netboard.base.config import Config, Side
+from netboard.base.process import Priority, Stopping, cpus_for, io_priority, prepare, speak
+from netboard.devices.contract import registry
+from netboard.network.transport import sockets
+from netboard.nodes.agent.agent import Agent
+from netboard.nodes.agent.stylus_source import companion_of
 
 
 def main(config: Config, *, side: Side) -> int:

@@ -14,20 +14,20 @@ from typing import TYPE_CHECKING
 
 from rich.console import Console
 
-from netboard.errors import ConfigError
-from netboard.export.formats import Progress, need, new_folder, refuse_existing
-from netboard.measuring.kept import keep, key_of_analysis, take
-from netboard.measuring.store import Store, default_folder
-from netboard.process import peak_memory
-from netboard.recording.finding import find_recordings
-from netboard.report.command import PLACEHOLDER, name_command
+from netboard.analysis.extraction.kept import keep, key_of_analysis, take
+from netboard.analysis.extraction.store import Store, default_folder
+from netboard.analysis.report.command import PLACEHOLDER, name_command
+from netboard.base.errors import ConfigError
+from netboard.base.process import peak_memory
+from netboard.recording.export.formats import Progress, need, new_folder, refuse_existing
+from netboard.recording.files.locate import find_recordings
 from netboard.services.configuration import load_readings
 from netboard.services.wording import telling
 
 if TYPE_CHECKING:
-    from netboard.measuring.crews import Crew
-    from netboard.measuring.running import Harvest
-    from netboard.measuring.study import Study
+    from netboard.analysis.extraction.running import Harvest
+    from netboard.analysis.extraction.study import Study
+    from netboard.analysis.extraction.workers import Crew
 
 LIBRARIES = ("pandas", "pyarrow", "matplotlib", "jinja2", "statsmodels")
 """What an analysis needs beside what a session needs."""
@@ -101,12 +101,12 @@ def _analysed(
     Returns what came of it in words, how many recordings were measured before, and the most memory of a process that
     measured, in bytes.
     """
-    from netboard.measuring.cache import Cache
-    from netboard.measuring.exclusions import require_recordings
-    from netboard.measuring.running import harvest
-    from netboard.measuring.shelf import Shelf
-    from netboard.measuring.study import study_of
-    from netboard.report.folder import write_analysis
+    from netboard.analysis.extraction.cache import Cache
+    from netboard.analysis.extraction.exclusions import require_recordings
+    from netboard.analysis.extraction.path_table import Shelf
+    from netboard.analysis.extraction.running import harvest
+    from netboard.analysis.extraction.study import study_of
+    from netboard.analysis.report.folder import write_analysis
 
     readings = load_readings(asked.file, asked.overrides)
     cache = None if store is None else Cache(store)
@@ -121,7 +121,7 @@ def _analysed(
 
 def _crew(wishes: Wishes) -> "Crew":
     """Find out who measures."""
-    from netboard.measuring.crews import cores, dask, processes
+    from netboard.analysis.extraction.workers import cores, dask, processes
 
     if wishes.dask is None:
         return processes(wishes.workers or cores())
@@ -138,7 +138,7 @@ def _in_words(study: "Study", found: "Harvest") -> Iterator[str]:
     silent = study.blocks.loc[~study.blocks["recording"].isin(study.trials["recording"]), "recording"]
     if len(silent):
         yield f"  without any attempt at a trial: {len(silent)} of these, {silent.iloc[0]} the first"
-    from netboard.measuring.completions import notes
+    from netboard.analysis.extraction.completions import notes
 
     left_out = study.exclusions
     failed = int((study.trials["outcome"] != "success").sum())

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from netboard.errors import ConfigError
+from netboard.base.errors import ConfigError
 from netboard.services.configuration import Overrides, load_readings
 from netboard.services.recordings import RecordingFile
 from netboard.services.wording import examples
@@ -21,7 +21,7 @@ SettingsFile = Annotated[
 def _print_template(wanted: bool) -> None:
     """Print the settings of an analysis and stop, if asked."""
     if wanted:
-        from netboard.measuring.readings import template
+        from netboard.analysis.extraction.settings import template
 
         typer.echo(template(), nl=False)
         raise typer.Exit(0)

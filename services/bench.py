@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from netboard.errors import ConfigError
+from netboard.base.errors import ConfigError
 from netboard.services import configuration
 
 app = typer.Typer(
@@ -38,7 +38,7 @@ def stability(
     soak: Annotated[bool, typer.Option("--soak", help="Step 1e9 times through random scenes too.")] = False,
 ) -> None:
     """Where the methods hold and where they fail: theory beside nonlinear runs, stiff scenes, odd hands."""
-    from netboard.endurance import bench as study
+    from netboard.benchmarks.stability import bench as study
 
     raise typer.Exit(study.main(output, quick=quick, force=force, soak_too=soak))
 
@@ -46,8 +46,8 @@ def stability(
 @app.command(epilog="Examples:\n\n  netboard bench velocity --quick\n\n  netboard bench velocity -o results")
 def velocity(output: Output = None, quick: Quick = False, force: Force = False, json: Json = None) -> None:
     """How the velocity of a stylus is told from its positions: lag, noise, time, and the delay that each way leaves."""
-    from netboard.endurance.velocity_bench import study
-    from netboard.studies.running import run_named
+    from netboard.benchmarks.harness.running import run_named
+    from netboard.benchmarks.stability.velocity_bench import study
 
     run_named("velocity", study, output, json, quick=quick, force=force)
 
@@ -67,7 +67,7 @@ def physics(
     repeats: Annotated[int | None, typer.Option(min=1, help="Turns of each in the timing.")] = None,
 ) -> None:
     """Work and precision of the methods, beside other libraries; cost of a tick, of sampling, of what a scene lacks."""
-    from netboard.precision import bench as study
+    from netboard.benchmarks.physics import bench as study
 
     names = [] if no_peers else peers.split(",") if peers else None
     raise typer.Exit(study.main(output, quick=quick, force=force, peers=names, model=model, repeats=repeats))
@@ -95,7 +95,7 @@ def loop(
     skips: Annotated[bool, typer.Option("--skips", help="Measure what is saved where less is there, too.")] = False,
 ) -> None:
     """From stylus to force, in real time and beside a bare echo and a bare timer: latency, lateness, cost."""
-    from netboard.latency import bench as study
+    from netboard.benchmarks.loop import bench as study
 
     setting = study.Setting(transport, curve, realtime, displays, quick)
     raise typer.Exit(study.loop(setting, seconds, study.read_dyads(dyads), output, json, skips=skips, force=force))
@@ -118,7 +118,7 @@ def servo(
     ] = None,
 ) -> None:
     """The servo callback of a Touch in Python and in C, beside a bare tick, without and with a busy thread."""
-    from netboard.latency import servo as study
+    from netboard.benchmarks.loop import servo as study
 
     raise typer.Exit(study.main(library, output, json, seconds, quick=quick, force=force))
 
@@ -139,7 +139,7 @@ def soak(
     displays: Displays = 0,
 ) -> None:
     """Everything for a long time: nothing is lost, memory stays flat, ticks stay in time."""
-    from netboard.latency import bench as study
+    from netboard.benchmarks.loop import bench as study
 
     setting = study.Setting(transport, curve, realtime, displays, quick)
     raise typer.Exit(study.soak(setting, minutes, dyads, output, json, force=force))
@@ -148,8 +148,8 @@ def soak(
 @app.command(epilog="Examples:\n\n  netboard bench coupling --quick\n\n  netboard bench coupling -o results")
 def coupling(output: Output = None, quick: Quick = False, force: Force = False, json: Json = None) -> None:
     """Over what delay a hand can be coupled to the board: theory beside the simulated service, and what helps."""
-    from netboard.coupling.bench import study
-    from netboard.studies.running import run_named
+    from netboard.benchmarks.coupling.bench import study
+    from netboard.benchmarks.harness.running import run_named
 
     run_named("coupling", study, output, json, quick=quick, force=force)
 
@@ -157,8 +157,8 @@ def coupling(output: Output = None, quick: Quick = False, force: Force = False, 
 @app.command(epilog="Examples:\n\n  netboard bench forces --quick\n\n  netboard bench forces -o results")
 def forces(output: Output = None, quick: Quick = False, force: Force = False, json: Json = None) -> None:
     """What both hands feel of one movement under each of the five force conditions, as a figure and a table."""
-    from netboard.studies.forces import study
-    from netboard.studies.running import run_named
+    from netboard.benchmarks.coupling.forces import study
+    from netboard.benchmarks.harness.running import run_named
 
     run_named("forces", study, output, json, quick=quick, force=force)
 
@@ -174,7 +174,7 @@ def fuzz(
     ] = None,
 ) -> None:
     """Malformed frames for the codec and every socket: nothing ends, hangs or grows, and no force is another."""
-    from netboard.faults import fuzz as study
+    from netboard.benchmarks.faults import fuzz as study
 
     raise typer.Exit(study.main(output, quick=quick, force=force, frames=frames))
 
@@ -190,7 +190,7 @@ def faults(
     listing: Annotated[bool, typer.Option("--list", help="Say which faults there are, and stop.")] = False,
 ) -> None:
     """Kill, stop, cut and fill what can be, on real processes, and check that what must happen does."""
-    from netboard.faults import bench as study
+    from netboard.benchmarks.faults import bench as study
 
     raise typer.Exit(study.list_cases() if listing else study.main(output, quick=quick, force=force, names=case or ()))
 
@@ -211,7 +211,7 @@ def display(
 ) -> None:
     """From a view's sending to its painting: latency, what is seen late, dropped frames, cost."""
     settings = configuration.load(config, overrides or ())
-    from netboard.latency import display as study
+    from netboard.benchmarks.loop import display as study
 
     raise typer.Exit(study.main(settings, output, json, seconds, quick=quick, force=force))
 
@@ -219,8 +219,8 @@ def display(
 @app.command(epilog="Examples:\n\n  netboard bench recovery --quick\n\n  netboard bench recovery -o results")
 def recovery(output: Output = None, quick: Quick = False, force: Force = False, json: Json = None) -> None:
     """Cut, flip, zero and kill what is being recorded, and check what is recovered of it, to the bit."""
-    from netboard.storage.recovery_bench import study
-    from netboard.studies.running import run_named
+    from netboard.benchmarks.harness.running import run_named
+    from netboard.benchmarks.recording.recovery_bench import study
 
     verdicts = run_named("recovery", study, output, json, quick=quick, force=force)
     raise typer.Exit(0 if all(verdict.holds for verdict in verdicts) else 1)
@@ -229,8 +229,8 @@ def recovery(output: Output = None, quick: Quick = False, force: Force = False, 
 @app.command(epilog="Examples:\n\n  netboard bench recording --quick\n\n  netboard bench recording -o results")
 def recording(output: Output = None, quick: Quick = False, force: Force = False, json: Json = None) -> None:
     """What recording costs: headroom and stalls of the logger, bytes an hour, time to read an hour and a trial."""
-    from netboard.storage.bench import study
-    from netboard.studies.running import run_named
+    from netboard.benchmarks.harness.running import run_named
+    from netboard.benchmarks.recording.bench import study
 
     run_named("recording", study, output, json, quick=quick, force=force)
 
@@ -273,14 +273,14 @@ def analysis(
     if truth and not alone:
         raise ConfigError("--truth: found with recordings, --sensitivity or --workers; it makes its own trials")
     if calibration:
-        from netboard.sensitivity.calibration_bench import study as simulations
-        from netboard.studies.running import run_named
+        from netboard.benchmarks.analysis.calibration_bench import study as simulations
+        from netboard.benchmarks.harness.running import run_named
 
         run_named("calibration", simulations, output, json, quick=quick, force=force)
         return
     if truth:
-        from netboard.sensitivity.truth_table import study as known_trials
-        from netboard.studies.running import run_named
+        from netboard.benchmarks.analysis.truth_table import study as known_trials
+        from netboard.benchmarks.harness.running import run_named
 
         run_named("truth", known_trials, output, json, quick=quick, force=force)
         return
@@ -291,6 +291,6 @@ def analysis(
             raise ConfigError("--workers: found with --sensitivity, which takes all cores; leave it out")
         service.main(recordings, output, json, quick=quick, force=force)
         return
-    from netboard.throughput import bench as study
+    from netboard.benchmarks.analysis import speed_bench as study
 
     study.main(recordings, workers, output, json, quick=quick, force=force)

@@ -11,10 +11,10 @@ from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from netboard.errors import RecordingError
-from netboard.proof.checking import check
-from netboard.proof.grade import EXIT_CODES, VERDICTS, Grade, Report
-from netboard.tick import TICK_SECONDS
+from netboard.base.errors import RecordingError
+from netboard.base.tick import TICK_SECONDS
+from netboard.recording.integrity.checking import check
+from netboard.recording.integrity.severity import EXIT_CODES, VERDICTS, Grade, Report
 
 COLOURS = {Grade.SOUND: "green", Grade.LOSS: "yellow", Grade.DAMAGE: "red"}
 """Of each grade on a terminal."""

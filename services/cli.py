@@ -12,7 +12,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from netboard.errors import ConfigError, NetboardError
+from netboard.base.errors import ConfigError, NetboardError
 from netboard.services import (
     analysing,
     bench,

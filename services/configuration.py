@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from netboard.config import Config, digest, parse, resolve, template
-from netboard.errors import ConfigError
+from netboard.base.config import Config, digest, parse, resolve, template
+from netboard.base.errors import ConfigError
 from netboard.services.wording import examples
 
 app = typer.Typer(help="Check, show or write the configuration file.", no_args_is_help=True)
 
 if TYPE_CHECKING:
-    from netboard.measuring.readings import Readings
+    from netboard.analysis.extraction.settings import Readings
 
 DEFAULT_FILE = Path("netboard.toml")
 
@@ -49,7 +49,9 @@ def load(file: Path | None, overrides: Sequence[str] = ()) -> Config:
 
 def load_readings(file: Path | None, overrides: Sequence[str] = ()) -> "Readings":
     """Read the settings of an analysis."""
-    from netboard.measuring import readings  # with all of the analysis, which other commands do not need
+    from netboard.analysis.extraction import (
+        settings as readings,  # with all of the analysis, which other commands do not need
+    )
 
     if file is None:
         return readings.parse("", "defaults", overrides)
@@ -73,8 +75,8 @@ def check(
     overrides: Overrides = None,
 ) -> None:
     """Check the configuration and list everything that is wrong with it."""
-    from netboard.recording.disk import require_writable
-    from netboard.stage import make_stage
+    from netboard.recording.format.disk import require_writable
+    from netboard.stage.stage import make_stage
 
     if file is not None and config is not None:
         raise ConfigError("config check: found a FILE and --config, expected one of them")

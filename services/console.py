@@ -3,8 +3,8 @@
 import os
 from pathlib import Path
 
-from netboard.config import Config
-from netboard.process import Stopping, make_way, speak
+from netboard.base.config import Config
+from netboard.base.process import Stopping, make_way, speak
 
 
 def main(config: Config, *, screenshot: Path | None = None, after: float | None = None, offscreen: bool = False) -> int:
@@ -19,8 +19,8 @@ def main(config: Config, *, screenshot: Path | None = None, after: float | None 
     make_way(config.realtime)
     if offscreen:
         os.environ["QT_QPA_PLATFORM"] = "offscreen"
-    from netboard.console import desk
+    from netboard.windows.operator import client
 
     with Stopping() as stopping:
-        desk.run(config, stopping, screenshot, after)
+        client.run(config, stopping, screenshot, after)
     return 0

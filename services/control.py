@@ -5,15 +5,15 @@ import time
 
 from rich.console import Console
 
-from netboard import sockets
-from netboard.config import Config
-from netboard.errors import NetboardError
-from netboard.nodes import alarm
-from netboard.nodes.operator import ANSWER_SECONDS, Operator
-from netboard.process import Stopping
+from netboard.base.config import Config
+from netboard.base.errors import NetboardError
+from netboard.base.process import Stopping
+from netboard.network.protocol.control import Reply, Status
+from netboard.network.transport import sockets
+from netboard.nodes.operator.operator import ANSWER_SECONDS, Operator
+from netboard.nodes.ports import emergency
 from netboard.services.keyboard import Keyboard
 from netboard.services.status import asked, plain
-from netboard.wire.control import Reply, Status
 
 LOOK_SECONDS = 0.05
 """A keyboard and the server are looked at so often [s]."""
@@ -74,7 +74,7 @@ def wait(operator: Operator, config: Config, until: str, seconds: float | None) 
             operator.attend(LOOK_SECONDS)
 
 
-def emergency(config: Config, *, release: bool, guard: bool) -> int:
+def emergency_stop(config: Config, *, release: bool, guard: bool) -> int:
     """Take all forces away, at once or when a key is pressed; or allow them again."""
     console = Console(highlight=False)
     with sockets.open_context() as context:
@@ -82,7 +82,7 @@ def emergency(config: Config, *, release: bool, guard: bool) -> int:
         try:
             if guard and not key_pressed(operator, config, console):
                 return 0
-            told(operator, config, alarm.RELEASE if release else alarm.STOP)
+            told(operator, config, emergency.RELEASE if release else emergency.STOP)
         finally:
             operator.leave()
     if release:
@@ -98,7 +98,7 @@ def told(operator: Operator, config: Config, name: str) -> None:
     try:
         reply = operator.do(name)
     except NetboardError as error:
-        if name == alarm.STOP:
+        if name == emergency.STOP:
             raise NetboardError(f"{error}: TAKE THE STYLUSES OUT OF THE HANDS") from None
         raise
     if not reply.accepted:

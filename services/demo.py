@@ -13,17 +13,17 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from netboard import sockets
-from netboard.config import SIDES, Config, played_sides, resolve
-from netboard.errors import NetboardError
-from netboard.nodes.launcher import Launcher, free_port
-from netboard.nodes.operator import Operator
-from netboard.process import Stopping
-from netboard.proof.verification import verify_recording
-from netboard.recording.reader import Recording
-from netboard.report.tables import summary_of, summary_tables, verdict_line
+from netboard.base.config import SIDES, Config, played_sides, resolve
+from netboard.base.errors import NetboardError
+from netboard.base.process import Stopping
+from netboard.network.transport import sockets
+from netboard.nodes.operator.launcher import Launcher, free_port
+from netboard.nodes.operator.operator import Operator
+from netboard.recording.files.reader import Recording
+from netboard.recording.integrity.verification import verify_recording
+from netboard.recording.replay.text import summary_of, summary_tables, verdict_line
 from netboard.services.planned import Wanted
-from netboard.stage import make_stage
+from netboard.stage.stage import make_stage
 
 PICTURE_AFTER = 8.0
 """The displays' pictures are taken so long after the first view [s]."""

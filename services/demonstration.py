@@ -5,12 +5,12 @@ from typing import Annotated, Literal
 
 import typer
 
-from netboard.config import SIDES
-from netboard.errors import ConfigError
+from netboard.base.config import SIDES
+from netboard.base.errors import ConfigError
+from netboard.base.tables.rig import MOUSE
 from netboard.services import configuration
 from netboard.services.configuration import ConfigFile, Overrides
 from netboard.services.wording import Dyad, examples
-from netboard.tables.rig import MOUSE
 
 
 def demo(

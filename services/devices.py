@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from netboard.config import Side
+from netboard.base.config import Side
 from netboard.services import configuration
 from netboard.services.configuration import ConfigFile, Overrides
 

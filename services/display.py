@@ -3,8 +3,8 @@
 import os
 from pathlib import Path
 
-from netboard.config import Config, Side, played_sides
-from netboard.process import Stopping, make_way, speak
+from netboard.base.config import Config, Side, played_sides
+from netboard.base.process import Stopping, make_way, speak
 
 
 def main(
@@ -26,11 +26,11 @@ def main(
     make_way(config.realtime)
     if offscreen:
         os.environ["QT_QPA_PLATFORM"] = "offscreen"
-    from netboard.display import client
+    from netboard.windows.participant import client
 
     play: client.Play | None = None
     if station in played_sides(config):
-        from netboard.display.playing import Playing
+        from netboard.windows.participant.playing import Playing
 
         play = Playing
     with Stopping() as stopping:
@@ -40,7 +40,7 @@ def main(
 
 def list_screens() -> int:
     """Print the screens of this machine, by the numbers that ``[display] screen`` knows."""
-    from netboard.display.window import application, in_words, screens
+    from netboard.windows.participant.window import application, in_words, screens
 
     application()
     for number, screen in enumerate(screens()):
@@ -50,7 +50,7 @@ def list_screens() -> int:
 
 def calibrate(config: Config) -> int:
     """Let somebody measure the pixels of the chosen screen with a bank card, and print what the configuration needs."""
-    from netboard.display.calibration import calibrate as measure
+    from netboard.windows.participant.screen_size import calibrate as measure
 
     size, screen = measure(config.display.screen)
     print(f"screen {screen}")  # noqa: T201  (what was asked for)

@@ -5,10 +5,10 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-from netboard.config import Config
-from netboard.doctor.report import QUICK, THOROUGH, examine
-from netboard.recording.provenance import doctor_report_path
-from netboard.rig.words import findings_table
+from netboard.base.config import Config
+from netboard.devices.setup.words import findings_table
+from netboard.nodes.doctor.report import QUICK, THOROUGH, examine
+from netboard.recording.files.provenance import doctor_report_path
 
 console = Console(highlight=False)
 

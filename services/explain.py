@@ -4,12 +4,12 @@ from pathlib import Path
 
 from rich.console import Console
 
-from netboard.errors import ConfigError, RecordingError
-from netboard.export.formats import library
-from netboard.export.runs import runs_of
-from netboard.measuring.readings import Readings
-from netboard.measuring.take import Block, Take
-from netboard.recording.reader import Recording
+from netboard.analysis.extraction.settings import Readings
+from netboard.analysis.extraction.trials import Block, Take
+from netboard.base.errors import ConfigError, RecordingError
+from netboard.recording.export.formats import library
+from netboard.recording.export.runs import runs_of
+from netboard.recording.files.reader import Recording
 
 KINDS = ("png", "svg", "pdf")
 """Endings of the files that can be written."""
@@ -31,8 +31,8 @@ def main(path: Path, trial: int, attempt: int | None, readings: Readings, output
         If the recording cannot be read, there is no such trial in it, or the file is there already.
     """
     library("matplotlib", "analysis")
-    from netboard.figures.picture import as_bytes
-    from netboard.figures.trial import sheet
+    from netboard.analysis.figures.figure import as_bytes
+    from netboard.analysis.figures.trial import sheet
 
     output = output or Path(f"{path.stem}_trial{trial}.png")
     kind = output.suffix.removeprefix(".")

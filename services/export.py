@@ -5,8 +5,8 @@ from pathlib import Path
 
 from rich.console import Console
 
-from netboard.export.formats import export
-from netboard.recording.finding import find_recordings
+from netboard.recording.export.formats import export
+from netboard.recording.files.locate import find_recordings
 from netboard.services.wording import telling
 
 

@@ -8,11 +8,11 @@ from pathlib import Path
 
 from rich.console import Console
 
-from netboard.config import Config
-from netboard.errors import ConfigError
-from netboard.foreign.importing import Wishes, import_table
-from netboard.foreign.study import examine, run
-from netboard.measuring.crews import cores
+from netboard.analysis.extraction.workers import cores
+from netboard.base.config import Config
+from netboard.base.errors import ConfigError
+from netboard.recording.importing.study_import import examine, run
+from netboard.recording.importing.table_import import Wishes, import_table
 from netboard.services.wording import telling
 
 

@@ -5,15 +5,15 @@ from pathlib import Path
 
 from rich.console import Console
 
-from netboard.config import parse
-from netboard.design.factors import BlockFactor, design_of, factors_of, role_of
-from netboard.errors import RecordingError
-from netboard.experiment.quality import WORDS, Verdict
-from netboard.proof.account import Stretch, account_of, parts_of
-from netboard.proof.quality import judged
-from netboard.recording.reader import Recording
-from netboard.report.tables import summary_of, summary_tables
-from netboard.terminal import FittedTable, numbers
+from netboard.base.config import parse
+from netboard.base.errors import RecordingError
+from netboard.base.terminal import FittedTable, numbers
+from netboard.recording.files.reader import Recording
+from netboard.recording.integrity.account import Stretch, account_of, parts_of
+from netboard.recording.integrity.quality_check import judged
+from netboard.recording.replay.text import summary_of, summary_tables
+from netboard.task.studies.factors import BlockFactor, design_of, factors_of, role_of
+from netboard.task.trials.quality import WORDS, Verdict
 
 
 def main(path: Path) -> int:

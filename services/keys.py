@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from netboard.config import Side
+from netboard.base.config import Side
 from netboard.services import configuration
 from netboard.services.configuration import ConfigFile, Overrides
 
@@ -26,7 +26,7 @@ def folder_of(config: Path | None, overrides: list[str] | None) -> Path:
 @app.command(epilog="Examples:\n\n  netboard keys init\n\n  netboard keys init -c rig.toml")
 def init(config: ConfigFile = None, overrides: Overrides = None) -> None:
     """Make the server's key, and a list of those who may connect, which is empty."""
-    from netboard import keys
+    from netboard.network import keys
 
     path = keys.init(folder_of(config, overrides))
     typer.echo(f"{path}: written; it stays here; make a key for each process, as in: netboard keys add agent left")
@@ -52,7 +52,7 @@ def add(
     ] = None,
 ) -> None:
     """Make the key of one process and let it in; the one file is all that the process needs."""
-    from netboard import keys
+    from netboard.network import keys
 
     folder = folder_of(config, overrides)
     peer, path = keys.add(folder, role, side or "", to or folder)
@@ -64,8 +64,8 @@ def list_(config: ConfigFile = None, overrides: Overrides = None) -> None:
     """Tell who may connect, and which secret keys are here, by their fingerprints."""
     from rich.console import Console
 
-    from netboard import keys
-    from netboard.terminal import FittedTable
+    from netboard.base.terminal import FittedTable
+    from netboard.network import keys
 
     folder = folder_of(config, overrides)
     console = Console(highlight=False)
@@ -88,7 +88,7 @@ def revoke(
     overrides: Overrides = None,
 ) -> None:
     """Let a key in no more, from its next connection on; the server need not be started anew."""
-    from netboard import keys
+    from netboard.network import keys
 
     peer = keys.revoke(folder_of(config, overrides), name)
     typer.echo(f"{peer.name}, {keys.fingerprint(peer.public)}: revoked; who is connected with it stays until cut off")

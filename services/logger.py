@@ -1,10 +1,10 @@
 """The logger as a process."""
 
-from netboard import sockets
-from netboard.config import Config
-from netboard.nodes.log_link import SocketLink
-from netboard.nodes.logger import Logger
-from netboard.process import Stopping, make_way, speak
+from netboard.base.config import Config
+from netboard.base.process import Stopping, make_way, speak
+from netboard.network.transport import sockets
+from netboard.nodes.logger.log_link import SocketLink
+from netboard.nodes.logger.logger import Logger
 
 
 def main(config: Config, *, once: bool = False) -> int:

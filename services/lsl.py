@@ -2,12 +2,12 @@
 
 import logging
 
-from netboard import sockets
-from netboard.config import Config
-from netboard.nodes.listener import Listener
-from netboard.nodes.log_link import SocketLink
-from netboard.nodes.outlets import Outlets
-from netboard.process import Stopping, make_way, speak
+from netboard.base.config import Config
+from netboard.base.process import Stopping, make_way, speak
+from netboard.network.transport import sockets
+from netboard.nodes.logger.log_link import SocketLink
+from netboard.nodes.logger.lsl_outlets import Outlets
+from netboard.nodes.logger.subscriber import Listener
 
 log = logging.getLogger(__name__)
 

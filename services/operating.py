@@ -5,11 +5,11 @@ from typing import Annotated, Literal
 
 import typer
 
-from netboard.errors import ConfigError
+from netboard.base.errors import ConfigError
+from netboard.network.protocol.control import CommandName
 from netboard.services import configuration
 from netboard.services.configuration import ConfigFile, Overrides
 from netboard.services.wording import examples
-from netboard.wire.control import CommandName
 
 
 def status(
@@ -40,7 +40,7 @@ def stop(
     settings = configuration.load(config, overrides or ())
     from netboard.services import control as service
 
-    raise typer.Exit(service.emergency(settings, release=release, guard=guard))
+    raise typer.Exit(service.emergency_stop(settings, release=release, guard=guard))
 
 
 def control(

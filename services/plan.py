@@ -67,8 +67,8 @@ def template(
     ] = "",
 ) -> None:
     """Print a commented study file to start from."""
-    from netboard.design import library
-    from netboard.errors import ConfigError
+    from netboard.base.errors import ConfigError
+    from netboard.task.studies import library
 
     if study and study not in library.NAMES:
         raise ConfigError(f"{study}: no built-in study; there are {', '.join(library.NAMES)}")

@@ -10,21 +10,21 @@ from typing import Any
 
 from rich.console import Console
 
-from netboard.config import Config, digest
-from netboard.design import plan as plans
-from netboard.design.balance import require_balance
-from netboard.design.blocks import shortened
-from netboard.design.plan import Plan, PlanSession, config_of, plan_of, seated
-from netboard.design.study import Study, resolve_study
-from netboard.errors import ConfigError
-from netboard.experiment.entries import FORMAT, Entry, Header, Opened
-from netboard.experiment.progress import progress_of, resume_words
-from netboard.experiment.same_session import changes, require_same_plan
-from netboard.nodes.ledger import Ledger
-from netboard.nodes.programme import Programme
-from netboard.recording.journal import Journal, journal_path
+from netboard.base.config import Config, digest
+from netboard.base.errors import ConfigError
+from netboard.base.tables.experiment import Session
+from netboard.nodes.server.attempts import Ledger
+from netboard.nodes.server.blocks import Programme
+from netboard.recording.recovery.journal_file import Journal, journal_path
 from netboard.services import studies
-from netboard.tables.experiment import Session
+from netboard.task.journal.entries import FORMAT, Entry, Header, Opened
+from netboard.task.journal.progress import progress_of, resume_words
+from netboard.task.journal.same_session import changes, require_same_plan
+from netboard.task.plans import plan as plans
+from netboard.task.plans.balance import require_balance
+from netboard.task.plans.blocks import shortened
+from netboard.task.plans.plan import Plan, PlanSession, config_of, plan_of, seated
+from netboard.task.studies.study import Study, resolve_study
 
 console = Console(highlight=False)
 

@@ -5,8 +5,8 @@ from typing import Annotated
 
 import typer
 
-from netboard.config import Config, Side
-from netboard.errors import ConfigError
+from netboard.base.config import Config, Side
+from netboard.base.errors import ConfigError
 from netboard.services import configuration
 from netboard.services.configuration import ConfigFile, Overrides
 from netboard.services.wording import Dyad, Screenshot, examples
@@ -70,7 +70,7 @@ def server(
 
 def refuse_open_network(config: Config) -> None:
     """Refuse an address that other machines can reach, where nothing is encrypted."""
-    from netboard.keys import encrypted, local
+    from netboard.network.keys import encrypted, local
 
     network = config.network
     if network.transport == "tcp" and not local(network.bind) and not encrypted(network):

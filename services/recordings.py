@@ -6,9 +6,9 @@ from typing import Annotated, Literal
 
 import typer
 
-from netboard.config import Side
-from netboard.errors import ConfigError
-from netboard.export.formats import FORMATS
+from netboard.base.config import Side
+from netboard.base.errors import ConfigError
+from netboard.recording.export.formats import FORMATS
 from netboard.services import configuration
 from netboard.services.configuration import ConfigFile, Overrides, load
 from netboard.services.wording import Screenshot, examples
@@ -160,7 +160,7 @@ def sessions(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON array.")] = False,
 ) -> None:
     """List the recordings below a folder: whose they are, trials done, losses, and a verdict on each."""
-    from netboard.proof.catalogue import Filter
+    from netboard.recording.integrity.catalogue import Filter
     from netboard.services import configuration
     from netboard.services import sessions as service
 
@@ -214,7 +214,7 @@ def import_(
     ),
 ) -> None:
     """Make recordings of tables: of what others have measured, or of an exported table of ticks."""
-    from netboard.foreign.importing import Wishes
+    from netboard.recording.importing.table_import import Wishes
     from netboard.services import importing as service
 
     wishes = Wishes(tuple(names or ()), tuple(units or ()), simulate, interpolation, gap)

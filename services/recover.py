@@ -7,9 +7,9 @@ import typer
 from rich.console import Console
 from rich.progress import track
 
-from netboard.errors import ConfigError, NetboardError
-from netboard.recording.recovery import Report
-from netboard.recording.spilled import recover_any
+from netboard.base.errors import ConfigError, NetboardError
+from netboard.recording.recovery.recover import Report
+from netboard.recording.recovery.spilled import recover_any
 
 UNFINISHED = ("*.mcap.part", "*.spill")
 """What in a folder needs recovery."""

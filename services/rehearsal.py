@@ -10,12 +10,12 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.text import Text
 
-from netboard.config import Config
-from netboard.errors import NetboardError
-from netboard.rehearsal.block import Rehearsal
-from netboard.rehearsal.jobs import Job, Sheet, jobs_of, rehearse, rehearse_all
-from netboard.terminal import FittedTable, numbers
-from netboard.tick import TICK_SECONDS
+from netboard.base.config import Config
+from netboard.base.errors import NetboardError
+from netboard.base.terminal import FittedTable, numbers
+from netboard.base.tick import TICK_SECONDS
+from netboard.nodes.rehearsal.block import Rehearsal
+from netboard.nodes.rehearsal.jobs import Job, Sheet, jobs_of, rehearse, rehearse_all
 
 console = Console(highlight=False)
 

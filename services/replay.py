@@ -6,15 +6,16 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-from netboard import keys, sockets
-from netboard.config import Config, Side
-from netboard.process import Stopping, speak
-from netboard.proof.verification import verify_recording
-from netboard.recording.reader import Recording
-from netboard.replay.loading import load
-from netboard.replay.pairing import Sync
-from netboard.replay.reel import Reel
-from netboard.report.tables import marks_table, verdict_line
+from netboard.base.config import Config, Side
+from netboard.base.process import Stopping, speak
+from netboard.network import keys
+from netboard.network.transport import sockets
+from netboard.recording.files.reader import Recording
+from netboard.recording.integrity.verification import verify_recording
+from netboard.recording.replay.loaded import Reel
+from netboard.recording.replay.loading import load
+from netboard.recording.replay.pairing import Sync
+from netboard.recording.replay.text import marks_table, verdict_line
 from netboard.services.keyboard import Keyboard
 
 HELP = "space: play, pause   ← →: 1 s   ↑ ↓ + -: speed   , .: one tick   p n: trial   l: loop   q: end"
@@ -31,7 +32,7 @@ def verify(path: Path) -> int:
 
 def narrate(path: Path, speed: float) -> int:
     """Tell the events of a recording at the pace they happened."""
-    from netboard.nodes.replay import narrate as tell
+    from netboard.nodes.replay.replay import narrate as tell
 
     with Stopping() as stopping:
         tell(path, speed, stopping, print)
@@ -48,7 +49,7 @@ def show(
     at : float or None
         Where to begin; None for the start of the block [s].
     """
-    from netboard.display.player import run
+    from netboard.windows.replay.player import run
 
     reels = [loaded(path) for path in paths]
     with Stopping() as stopping:
@@ -64,8 +65,8 @@ def serve(path: Path, config: Config, speed: float, at: float | None) -> int:
     at : float or None
         Where to begin; None for the start of the block [s].
     """
-    from netboard.nodes.replay_server import ReplayServer, printable_line
-    from netboard.replay.orders import KEYS
+    from netboard.nodes.replay.replay_server import ReplayServer, printable_line
+    from netboard.recording.replay.orders import KEYS
 
     door = keys.door(config.network)
     console = Console(highlight=False)

@@ -13,16 +13,16 @@ from rich.console import Console
 from rich.live import Live
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-from netboard import clock
-from netboard.config import Config, Side
-from netboard.devices import profile, registry
-from netboard.devices.base import Device
-from netboard.devices.profile import Identity, Mechanics, Placement, Profile
-from netboard.errors import ConfigError, NetboardError
-from netboard.process import Priority, Stopping, cpus_for, prepare, steady_loop
-from netboard.rig import calibration, checkup, excitation, listing, words
-from netboard.rig.identification import Identified
-from netboard.rig.loop import Beats, Driver, RealTime, watch
+from netboard.base import clock
+from netboard.base.config import Config, Side
+from netboard.base.errors import ConfigError, NetboardError
+from netboard.base.process import Priority, Stopping, cpus_for, prepare, steady_loop
+from netboard.devices.contract import profile, registry
+from netboard.devices.contract.device import Device
+from netboard.devices.contract.profile import Identity, Mechanics, Placement, Profile
+from netboard.devices.setup import calibration, checkup, excitation, listing, words
+from netboard.devices.setup.identification import Identified
+from netboard.devices.setup.loop import Beats, Driver, RealTime, watch
 
 console = Console(highlight=False)
 
@@ -174,7 +174,7 @@ def monitor(config: Config, side: Side, *, text: bool, screenshot: Path | None, 
             return stopping() or (until is not None and clock.now_ns() >= until)
 
         if not text:
-            from netboard.display import monitor as window
+            from netboard.windows import monitor as window
 
             window.run(lambda: device.read(clock.now_ns()), title, over, screenshot)
             return 0

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from netboard.errors import ConfigError
+from netboard.base.errors import ConfigError
 from netboard.services.configuration import Overrides
 from netboard.services.wording import examples
 

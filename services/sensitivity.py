@@ -3,15 +3,15 @@
 import tempfile
 from pathlib import Path
 
-from netboard.config import Config
-from netboard.design.blocks import blocks_of, shortened
-from netboard.design.study import paper_study
-from netboard.errors import ConfigError
-from netboard.rehearsal.jobs import jobs_of
-from netboard.sensitivity.bench import study
+from netboard.base.config import Config
+from netboard.base.errors import ConfigError
+from netboard.benchmarks.analysis.bench import study
+from netboard.benchmarks.harness.results import Folder, new_folder
+from netboard.benchmarks.harness.running import run
+from netboard.nodes.rehearsal.jobs import jobs_of
 from netboard.services import rehearsal
-from netboard.studies.results import Folder, new_folder
-from netboard.studies.running import run
+from netboard.task.plans.blocks import blocks_of, shortened
+from netboard.task.studies.study import paper_study
 
 WHOLE, QUICK = (4, 18, 20), (2, 12, 3)
 """What is rehearsed where no recordings are given: dyads, the first blocks of the paper's plan, trials in each [1].

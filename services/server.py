@@ -2,12 +2,13 @@
 
 from collections.abc import Sequence
 
-from netboard import keys, sockets
-from netboard.config import Config
-from netboard.nodes.ledger import Ledger
-from netboard.nodes.programme import Programme
-from netboard.nodes.server import Server
-from netboard.process import Priority, Stopping, cpus_for, io_priority, prepare, speak
+from netboard.base.config import Config
+from netboard.base.process import Priority, Stopping, cpus_for, io_priority, prepare, speak
+from netboard.network import keys
+from netboard.network.transport import sockets
+from netboard.nodes.server.attempts import Ledger
+from netboard.nodes.server.blocks import Programme
+from netboard.nodes.server.server import Server
 from netboard.services.planned import Planned, Wanted, agreed
 
 

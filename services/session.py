@@ -35,9 +35,9 @@ def rehearse(
 ) -> None:
     """Let simulated people do all blocks of a dyad, without devices, network or clock, and sum up what came of it."""
     settings = configuration.load(config, overrides or ())
-    from netboard.design.blocks import blocks_of, shortened
     from netboard.services import rehearsal as service
     from netboard.services import studies
+    from netboard.task.plans.blocks import blocks_of, shortened
 
     wanted = list(shortened(blocks_of(settings, studies.load(study), seed, dyad), blocks, trials))
     code = service.main(wanted, seed, dyad, folder=output, fast=fast, workers=workers, as_json=json)

@@ -9,10 +9,18 @@ from rich.console import Console
 from rich.progress import track
 from rich.text import Text
 
-from netboard.errors import RecordingError
-from netboard.proof.catalogue import Entry, Filter, entry_of, files_in, in_order, with_check, with_trials
-from netboard.proof.grade import VERDICTS, Grade
-from netboard.terminal import Cell, FittedTable, numbers
+from netboard.base.errors import RecordingError
+from netboard.base.terminal import Cell, FittedTable, numbers
+from netboard.recording.integrity.catalogue import (
+    Entry,
+    Filter,
+    entry_of,
+    files_in,
+    in_order,
+    with_check,
+    with_trials,
+)
+from netboard.recording.integrity.severity import VERDICTS, Grade
 
 COLOURS = {VERDICTS[Grade.SOUND]: "green", VERDICTS[Grade.LOSS]: "yellow", VERDICTS[Grade.DAMAGE]: "red"}
 """Of each verdict on a terminal."""

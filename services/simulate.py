@@ -14,14 +14,23 @@ from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from netboard.config import ADAPTER, Config, resolve
-from netboard.errors import ConfigError
-from netboard.physics.sampled import Hands
-from netboard.settings import read
-from netboard.simulation import Motion, Steps, check_start, choose_steps, columns_of, energies_of, is_held, simulate
-from netboard.studies.hand_files import doubts, find_inputs, plan_outputs, read_hands, write_table
-from netboard.tables.scene import Physics
-from netboard.terminal import FittedTable
+from netboard.base.config import ADAPTER, Config, resolve
+from netboard.base.errors import ConfigError
+from netboard.base.settings import read
+from netboard.base.tables.scene import Physics
+from netboard.base.terminal import FittedTable
+from netboard.physics.hands.sampled import Hands
+from netboard.physics.simulation import (
+    Motion,
+    Steps,
+    check_start,
+    choose_steps,
+    columns_of,
+    energies_of,
+    is_held,
+    simulate,
+)
+from netboard.recording.importing.hand_files import doubts, find_inputs, plan_outputs, read_hands, write_table
 
 console = Console(highlight=False)
 

@@ -8,13 +8,13 @@ from math import isnan
 from rich.console import Console
 from rich.live import Live
 
-from netboard import sockets
-from netboard.config import Config
-from netboard.errors import NetboardError
-from netboard.nodes.operator import Operator
-from netboard.process import Stopping
-from netboard.report.links import status_tables
-from netboard.wire.control import Status
+from netboard.base.config import Config
+from netboard.base.errors import NetboardError
+from netboard.base.process import Stopping
+from netboard.network.protocol.control import Status
+from netboard.network.transport import sockets
+from netboard.nodes.operator.operator import Operator
+from netboard.nodes.operator.status_table import status_tables
 
 ANSWER_SECONDS = 3.0
 ROUND_SECONDS = 1.2

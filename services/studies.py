@@ -8,16 +8,16 @@ from pathlib import Path
 
 from rich.console import Console
 
-from netboard.config import Config
-from netboard.design import library
-from netboard.design.balance import Balance, balance_of
-from netboard.design.balance import Table as Counts
-from netboard.design.factors import declared, level_text
-from netboard.design.plan import Plan, PlanBlock, config_of, digest, plan_of, seated, to_json
-from netboard.design.study import Study, parse_study, resolve_study
-from netboard.errors import ConfigError
-from netboard.settings import tables
-from netboard.terminal import FittedTable
+from netboard.base.config import Config
+from netboard.base.errors import ConfigError
+from netboard.base.settings import tables
+from netboard.base.terminal import FittedTable
+from netboard.task.plans.balance import Balance, balance_of
+from netboard.task.plans.balance import Table as Counts
+from netboard.task.plans.plan import Plan, PlanBlock, config_of, digest, plan_of, seated, to_json
+from netboard.task.studies import library
+from netboard.task.studies.factors import declared, level_text
+from netboard.task.studies.study import Study, parse_study, resolve_study
 
 OK = 0
 

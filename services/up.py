@@ -10,12 +10,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
-from netboard import channels, sockets
-from netboard.config import SIDES, Side
-from netboard.errors import ConfigError
-from netboard.nodes.launcher import Ended, Launcher
-from netboard.process import Stopping, speak
-from netboard.tables.rig import Network
+from netboard.base.config import SIDES, Side
+from netboard.base.errors import ConfigError
+from netboard.base.process import Stopping, speak
+from netboard.base.tables.rig import Network
+from netboard.network.transport import channels, sockets
+from netboard.nodes.operator.launcher import Ended, Launcher
 
 STOP_ORDER = ("display", "agent", "server", "logger")
 """Nobody sees or feels a server that is gone, and what the server says last is still recorded."""

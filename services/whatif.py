@@ -10,14 +10,14 @@ from typing import Any
 from rich.console import Console
 from rich.text import Text
 
-from netboard.config import parse
-from netboard.errors import NetboardError, RecordingError
-from netboard.recording.reader import Recording
-from netboard.stage import make_stage
-from netboard.studies.what_if import QUANTITIES, Comparison, WhatIf, what_if
-from netboard.studies.what_if_figure import draw
-from netboard.studies.what_if_file import keep
-from netboard.terminal import FittedTable, numbers
+from netboard.base.config import parse
+from netboard.base.errors import NetboardError, RecordingError
+from netboard.base.terminal import FittedTable, numbers
+from netboard.recording.counterfactual.figure import draw
+from netboard.recording.counterfactual.file import keep
+from netboard.recording.counterfactual.what_if import QUANTITIES, Comparison, WhatIf, what_if
+from netboard.recording.files.reader import Recording
+from netboard.stage.stage import make_stage
 
 WORDS = (
     "The loop is open: the hands do what they did and do not react to the change. The trial machine decides anew.\n"

@@ -4,12 +4,12 @@ import random
 from collections import deque
 from collections.abc import Callable
 
-from netboard.wire.codec import decode, encode
-from netboard.wire.control import Outcomes, Status, Trace
-from netboard.wire.meeting import Goodbye, Hello, Pong, Refusal, Welcome
-from netboard.wire.messages import PROTOCOL_VERSION, Message
-from netboard.wire.records import LogAck, LogEnd, LogRequest
-from netboard.wire.ring import LogRing
+from netboard.network.protocol.codec import decode, encode
+from netboard.network.protocol.control import Outcomes, Status, Trace
+from netboard.network.protocol.joining import Goodbye, Hello, Pong, Refusal, Welcome
+from netboard.network.protocol.messages import PROTOCOL_VERSION, Message
+from netboard.network.protocol.record_buffer import LogRing
+from netboard.network.protocol.records import LogAck, LogEnd, LogRequest
 
 STATUS = Status(
     session="session",

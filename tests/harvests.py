@@ -7,13 +7,13 @@ from tempfile import TemporaryDirectory
 
 import pandas as pd
 
-from netboard.export.formats import Progress
-from netboard.measuring.cache import Cache
-from netboard.measuring.crews import Crew, processes
-from netboard.measuring.readings import Readings
-from netboard.measuring.running import Harvest, harvest
-from netboard.measuring.shelf import Shelf
-from netboard.measuring.study import Study, study_of
+from netboard.analysis.extraction.cache import Cache
+from netboard.analysis.extraction.path_table import Shelf
+from netboard.analysis.extraction.running import Harvest, harvest
+from netboard.analysis.extraction.settings import Readings
+from netboard.analysis.extraction.study import Study, study_of
+from netboard.analysis.extraction.workers import Crew, processes
+from netboard.recording.export.formats import Progress
 
 HERE = processes(1)
 

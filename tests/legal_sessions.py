@@ -15,16 +15,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 import proofs
-from netboard.config import Config, resolve
-from netboard.experiment.entries import Entry, Header, line_of
-from netboard.experiment.machine import Cause, Phase
-from netboard.nodes.ledger import Ledger
-from netboard.recording.journal import journal_path
-from netboard.rehearsal.block import START_TICK, Rehearsal
-from netboard.rehearsal.keeping import event_of
-from netboard.tables.simulated import Participant
-from netboard.tick import TICK_NS
-from netboard.wire.records import BLOCK_BEGAN, ClockRecord, EventRecord, FrameRecord, TickRecord
+from netboard.base.config import Config, resolve
+from netboard.base.tables.simulated import Participant
+from netboard.base.tick import TICK_NS
+from netboard.network.protocol.records import BLOCK_BEGAN, ClockRecord, EventRecord, FrameRecord, TickRecord
+from netboard.nodes.rehearsal.block import START_TICK, Rehearsal
+from netboard.nodes.server.attempts import Ledger
+from netboard.recording.files.offline_writer import event_of
+from netboard.recording.recovery.journal_file import journal_path
+from netboard.task.journal.entries import Entry, Header, line_of
+from netboard.task.trials.state_machine import Cause, Phase
 
 Record = TickRecord | EventRecord | ClockRecord | FrameRecord
 

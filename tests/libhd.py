@@ -15,8 +15,8 @@ from time import monotonic, sleep
 
 import pytest
 
-from netboard.config import Config, Side
-from netboard.openhaptics.device import OpenHaptics
+from netboard.base.config import Config, Side
+from netboard.devices.touch.device import OpenHaptics
 
 SOURCE = Path(__file__).parent / "devices" / "fake_libhd.c"
 

@@ -9,9 +9,9 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from made_study import Block, made_study, random_movement, random_trial
-from netboard.measuring.details import PATHS
-from netboard.measuring.study import Study
-from netboard.measuring.tables import DTYPES
+from netboard.analysis.extraction.details import PATHS
+from netboard.analysis.extraction.study import Study
+from netboard.analysis.extraction.tables import DTYPES
 
 Path = Mapping[str, NDArray[np.float64]]
 """Columns of the path of a trial, all but its place and the time."""

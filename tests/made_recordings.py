@@ -7,17 +7,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.config import Config, resolve
-from netboard.experiment.machine import Cause, Phase
-from netboard.recording.provenance import next_recording, provenance
-from netboard.recording.writer import RecordingWriter
-from netboard.replay.reel import Material, Reel
-from netboard.tables.experiment import Block
-from netboard.tables.rig import Display
-from netboard.tick import TICK, TICK_NS
-from netboard.wire.meeting import Welcome
-from netboard.wire.messages import PROTOCOL_VERSION
-from netboard.wire.records import EventRecord, TickRecord
+from netboard.base.config import Config, resolve
+from netboard.base.tables.experiment import Block
+from netboard.base.tables.rig import Display
+from netboard.base.tick import TICK, TICK_NS
+from netboard.network.protocol.joining import Welcome
+from netboard.network.protocol.messages import PROTOCOL_VERSION
+from netboard.network.protocol.records import EventRecord, TickRecord
+from netboard.recording.files.provenance import next_recording, provenance
+from netboard.recording.files.writer import RecordingWriter
+from netboard.recording.replay.loaded import Material, Reel
+from netboard.task.trials.state_machine import Cause, Phase
 
 CONFIG = replace(Config(), display=Display(width=840, height=600), block=Block(trials=6))
 

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from netboard.measuring.readings import Readings, parse
-from netboard.measuring.recordings import BLOCKS, FIELDS, Measured
-from netboard.measuring.study import Study, study_of
-from netboard.measuring.tables import columns_of
-from netboard.recording.channels import Field
+from netboard.analysis.extraction.recordings import BLOCKS, FIELDS, Measured
+from netboard.analysis.extraction.settings import Readings, parse
+from netboard.analysis.extraction.study import Study, study_of
+from netboard.analysis.extraction.tables import columns_of
+from netboard.recording.format.channels import Field
 
 NOTHING = {"integer": 0, "number": float("nan"), "string": ""}
 Row = Mapping[str, Any]

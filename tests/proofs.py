@@ -9,15 +9,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.config import Config, resolve
-from netboard.recording.provenance import provenance
-from netboard.recording.writer import RecordingWriter
-from netboard.rehearsal.block import Rehearsal
-from netboard.rehearsal.keeping import event_of
-from netboard.tables.experiment import Block
-from netboard.tables.simulated import Participant
-from netboard.wire.meeting import Welcome
-from netboard.wire.records import ClockRecord, EventRecord, TickRecord
+from netboard.base.config import Config, resolve
+from netboard.base.tables.experiment import Block
+from netboard.base.tables.simulated import Participant
+from netboard.network.protocol.joining import Welcome
+from netboard.network.protocol.records import ClockRecord, EventRecord, TickRecord
+from netboard.nodes.rehearsal.block import Rehearsal
+from netboard.recording.files.offline_writer import event_of
+from netboard.recording.files.provenance import provenance
+from netboard.recording.files.writer import RecordingWriter
 
 SESSION = "0123456789abcdef"
 UTC_NS = 1_790_000_000_000_000_000

@@ -3,14 +3,14 @@
 from functools import cache
 from pathlib import Path
 
-from netboard.config import Config
-from netboard.design.blocks import blocks_of, shortened
-from netboard.design.study import paper_study
-from netboard.export.runs import runs_of
-from netboard.measuring.readings import Readings
-from netboard.measuring.recordings import Measured, measure
-from netboard.rehearsal.jobs import jobs_of, rehearse_all
-from netboard.throughput.specimen import make_study
+from netboard.analysis.extraction.recordings import Measured, measure
+from netboard.analysis.extraction.settings import Readings
+from netboard.base.config import Config
+from netboard.benchmarks.analysis.specimen import make_study
+from netboard.nodes.rehearsal.jobs import jobs_of, rehearse_all
+from netboard.recording.export.runs import runs_of
+from netboard.task.plans.blocks import blocks_of, shortened
+from netboard.task.studies.study import paper_study
 
 
 def rehearse(folder: Path, dyads: int = 2, blocks: tuple[int, ...] = (1, 2, 9, 10), trials: int = 3) -> list[Path]:

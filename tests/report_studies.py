@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from netboard.findings.results import Result, table_of
-from netboard.measuring.readings import Readings
-from netboard.measuring.recordings import BLOCKS, FIELDS, Measured
-from netboard.measuring.study import Study, study_of
-from netboard.measuring.tables import columns_of
-from netboard.recording.channels import Field
+from netboard.analysis.extraction.recordings import BLOCKS, FIELDS, Measured
+from netboard.analysis.extraction.settings import Readings
+from netboard.analysis.extraction.study import Study, study_of
+from netboard.analysis.extraction.tables import columns_of
+from netboard.analysis.results.result import Result, table_of
+from netboard.recording.format.channels import Field
 
 _EMPTY: Mapping[str, Any] = {"integer": 0, "number": float("nan"), "string": ""}
 Row = Mapping[str, Any]

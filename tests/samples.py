@@ -6,13 +6,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from netboard.config import Config
-from netboard.recording.provenance import provenance
-from netboard.recording.writer import RecordingWriter
-from netboard.tables.rig import Recording
-from netboard.tick import TICK
-from netboard.wire.meeting import Welcome
-from netboard.wire.records import ClockRecord, EventRecord, FrameRecord, TickRecord
+from netboard.base.config import Config
+from netboard.base.tables.rig import Recording
+from netboard.base.tick import TICK
+from netboard.network.protocol.joining import Welcome
+from netboard.network.protocol.records import ClockRecord, EventRecord, FrameRecord, TickRecord
+from netboard.recording.files.provenance import provenance
+from netboard.recording.files.writer import RecordingWriter
 
 SESSION = "3f2a9c1e00000000"
 CONFIG_TEXT = '[session]\nname = "S01"\n'

@@ -4,7 +4,8 @@ import random
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from netboard.experiment.entries import (
+from netboard.base.tables.experiment import Quality
+from netboard.task.journal.entries import (
     AttemptBegan,
     AttemptEnded,
     BlockBegan,
@@ -19,9 +20,8 @@ from netboard.experiment.entries import (
     Resumed,
     Veto,
 )
-from netboard.experiment.progress import Progress, Row, progress_of
-from netboard.experiment.repeats import wants_repeat
-from netboard.tables.experiment import Quality
+from netboard.task.journal.progress import Progress, Row, progress_of
+from netboard.task.trials.repeats import wants_repeat
 
 HEADER = Header(
     format=1,

@@ -1,7 +1,7 @@
 """Where the channels are."""
 
-from netboard import channels, doors
-from netboard.tables.rig import Network
+from netboard.base.tables.rig import Network
+from netboard.network.transport import authenticator, channels
 
 
 def test_addresses_count_the_channels_from_the_first_port() -> None:
@@ -13,7 +13,7 @@ def test_addresses_count_the_channels_from_the_first_port() -> None:
 
 
 def test_the_nerve_stays_on_its_machine_and_needs_no_keys() -> None:
-    keys = doors.Credentials("p" * 40, "s" * 40, "q" * 40)
+    keys = authenticator.Credentials("p" * 40, "s" * 40, "q" * 40)
     where = channels.addresses(Network(host="10.0.0.1", bind="0.0.0.0", port=6000), keys)
     for nerve in (where.listen(channels.NERVE), where.reach(channels.NERVE)):
         assert nerve == channels.Endpoint("tcp://127.0.0.1:6005", channels.NERVE)
@@ -22,7 +22,7 @@ def test_the_nerve_stays_on_its_machine_and_needs_no_keys() -> None:
 
 
 def test_what_a_player_does_stays_on_the_machine_and_takes_no_port() -> None:
-    keys = doors.Credentials("p" * 40, "s" * 40, "q" * 40)
+    keys = authenticator.Credentials("p" * 40, "s" * 40, "q" * 40)
     for transport in ("tcp", "ipc"):
         network = Network(host="10.0.0.1", bind="0.0.0.0", port=6000, transport=transport)  # type: ignore[arg-type]
         where = channels.addresses(network, keys)

@@ -49,8 +49,8 @@ def test_contracts_are_kept(tree: Path) -> None:
         ("nodes/leak.py", "import zmq", "zmq"),
         ("nodes/screen.py", "from PySide6 import QtCore", "Qt"),
         ("nodes/hidden.py", "import hid", "device libraries"),
-        ("recording/leak.py", "import netboard.sockets", "Arrows"),
-        ("devices/leak.py", "import netboard.sockets", "A device"),
+        ("recording/leak.py", "import netboard.network.transport.sockets", "Arrows"),
+        ("devices/leak.py", "import netboard.network.transport.sockets", "A device"),
         ("stage_two.py", "X = 1", "Arrows"),
     ],
 )

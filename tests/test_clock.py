@@ -4,9 +4,9 @@ from typing import Any
 
 import pytest
 
-from netboard import clock
-from netboard.clock import CATCH_UP_TICKS, Pacer
-from netboard.tick import TICK_NS
+from netboard.base import clock
+from netboard.base.clock import CATCH_UP_TICKS, Pacer
+from netboard.base.tick import TICK_NS
 
 
 class FakeTime:

@@ -12,8 +12,8 @@ import netboard
 
 SCRIPT = """
 import numpy as np
-from netboard.config import Physics
-from netboard.methods.march import make_grid, run
+from netboard.base.config import Physics
+from netboard.physics.methods.march import make_grid, run
 from netboard.physics.scene import pack_scene, parts_of
 parts, scene = parts_of(Physics()), pack_scene(Physics())
 grid = make_grid("euler", np.full(3, 1e-3), np.ones(3, np.int64), parts, 6, scene)
@@ -53,7 +53,7 @@ def test_a_changed_kernel_in_another_file_is_not_served_from_the_cache(tmp_path:
 
 
 def test_a_service_of_systemd_keeps_its_kernels_in_its_cache(tmp_path: Path) -> None:
-    script = "from netboard import compiled; print(compiled.folder())"
+    script = "from netboard.base import compiled; print(compiled.folder())"
     environment = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}
     environment["CACHE_DIRECTORY"] = f"{tmp_path}:/elsewhere"
     run = subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, check=True, text=True)

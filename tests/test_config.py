@@ -10,12 +10,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import TypeAdapter
 
-from netboard.config import Config, digest, parse, resolve, template
-from netboard.errors import ConfigError
-from netboard.settings import Key, Table, about, read, tables, to_toml
-from netboard.tables.experiment import Session
-from netboard.tables.rig import Agent, Agents
-from netboard.tables.scene import Physics
+from netboard.base.config import Config, digest, parse, resolve, template
+from netboard.base.errors import ConfigError
+from netboard.base.settings import Key, Table, about, read, tables, to_toml
+from netboard.base.tables.experiment import Session
+from netboard.base.tables.rig import Agent, Agents
+from netboard.base.tables.scene import Physics
 
 ALL = [(table, key) for table in tables(Config) for key in table.keys]
 QUANTITIES = [(table, key) for table, key in ALL if key.unit]

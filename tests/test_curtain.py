@@ -9,10 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from netboard.config import SIDES, Side, parse
-from netboard.curtain import AGAIN, make_curtain, view_of
-from netboard.experiment.machine import Phase
-from netboard.tick import TICK
+from netboard.base.config import SIDES, Side, parse
+from netboard.base.tick import TICK
+from netboard.stage.curtain import AGAIN, make_curtain, view_of
+from netboard.task.trials.state_machine import Phase
 
 DYADIC = make_curtain(parse('[block]\nconfiguration = "dyadic"\ntrials = 6'))
 BIMANUAL = make_curtain(parse('[block]\nconfiguration = "bimanual"\ntrials = 6'))

@@ -8,21 +8,21 @@ from typing import Any
 import numpy as np
 import pytest
 
-from netboard.config import Config
-from netboard.errors import ConfigError
-from netboard.physics.rendering import GAINS, Felt, felt_of, force_on_hand
-from netboard.physics.scene import parts_of
-from netboard.rehearsal.block import person_at
-from netboard.stage import make_stage
-from netboard.tables.declared import EXTRAPOLATIONS, FORCES, number_of, require, words_of
-from netboard.tables.experiment import Block
-from netboard.tables.scene import Physics
+from netboard.base.config import Config
+from netboard.base.errors import ConfigError
+from netboard.base.tables.declared import EXTRAPOLATIONS, FORCES, number_of, require, words_of
+from netboard.base.tables.experiment import Block
+from netboard.base.tables.scene import Physics
+from netboard.nodes.rehearsal.block import person_at
+from netboard.physics.scene.parameters import parts_of
+from netboard.physics.scene.rendering import GAINS, Felt, felt_of, force_on_hand
+from netboard.stage.stage import make_stage
 
 PLACES = (
-    "netboard.physics.rendering",
-    "netboard.studies.forces",
-    "netboard.findings.groups",
-    "netboard.figures.marks",
+    "netboard.physics.scene.rendering",
+    "netboard.benchmarks.coupling.forces",
+    "netboard.analysis.results.groups",
+    "netboard.analysis.figures.marks",
 )
 """Modules that know all force conditions."""
 
@@ -38,7 +38,9 @@ def test_the_configuration_takes_what_is_declared() -> None:
 
 @pytest.mark.parametrize("place", PLACES)
 def test_a_new_force_condition_is_missed_at_import(place: str) -> None:
-    program = f"from netboard.tables import declared\ndeclared.FORCES = (*declared.FORCES, 'made_up')\nimport {place}"
+    program = (
+        f"from netboard.base.tables import declared\ndeclared.FORCES = (*declared.FORCES, 'made_up')\nimport {place}"
+    )
     ended = subprocess.run([sys.executable, "-c", program], check=False, capture_output=True, text=True)
     assert ended.returncode != 0
     # The first module in the way of an import tells it: all stand on the kernel.

@@ -12,12 +12,12 @@ from pathlib import Path
 import pytest
 import typer.main
 
-from netboard.config import parse
-from netboard.doctor.usb import NAMES
-from netboard.keys import encrypted
-from netboard.nodes.launcher import STOP_SECONDS
-from netboard.nodes.session import FINISH_NS
-from netboard.process import IO_ABOVE, Priority
+from netboard.base.config import parse
+from netboard.base.process import IO_ABOVE, Priority
+from netboard.devices.setup.usb_access import NAMES
+from netboard.network.keys import encrypted
+from netboard.nodes.operator.launcher import STOP_SECONDS
+from netboard.nodes.server.session import FINISH_NS
 from netboard.services.cli import app
 
 DEPLOY = Path(__file__).parent.parent / "deploy"

@@ -13,10 +13,13 @@ from pathlib import Path
 import pytest
 
 SOURCE = Path(__file__).parent.parent / "src" / "netboard"
-PURE = ("tables", "physics", "methods", "offline", "wire", "experiment", "participants", "analysis")
+PUBLIC = (
+    *("base/tables", "physics", "physics/*", "task/trials", "task/journal", "stage", "participants"),
+    *("network/protocol", "analysis/measures", "analysis/statistics"),
+)
 MODULES = sorted(
-    [path for name in PURE for path in (SOURCE / name).glob("*.py")]
-    + [SOURCE / name for name in ("stage.py", "simulation.py", "curtain.py", "config.py", "settings.py", "errors.py")]
+    [path for folder in PUBLIC for path in SOURCE.glob(f"{folder}/*.py")]
+    + [SOURCE / "base" / name for name in ("config.py", "settings.py", "errors.py")]
 )
 
 QUANTITY = re.compile(r"\b(float|int|NDArray|ndarray)\b")

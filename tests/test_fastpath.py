@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import zmq
 
-from netboard import channels, fastpath, sockets
-from netboard.clock import now_ns
-from netboard.errors import NetboardError
-from netboard.fastpath import FAILED, NOT_SENT, NOTHING, OTHER, SENT, FastPath
+from netboard.base.clock import now_ns
+from netboard.base.errors import NetboardError
+from netboard.network.transport import channels, fastpath, sockets
+from netboard.network.transport.fastpath import FAILED, NOT_SENT, NOTHING, OTHER, SENT, FastPath
 
 A, B = b"agent.left@1", b"\xff" * fastpath.NAME_ROOM
 HERE = channels.Endpoint("inproc://fast")

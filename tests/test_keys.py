@@ -8,12 +8,13 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from netboard import channels, doors, keys
-from netboard.config import Config
-from netboard.errors import ConfigError
+from netboard.base.config import Config
+from netboard.base.errors import ConfigError
+from netboard.base.tables.rig import Network
+from netboard.network import keys
+from netboard.network.transport import authenticator, channels
 from netboard.services.cli import app
 from netboard.services.processes import refuse_open_network
-from netboard.tables.rig import Network
 
 PEERS = ("agent.left", "agent.right", "display.left", "display.right", "logger", "console", "listener")
 
@@ -47,8 +48,8 @@ def test_every_file_is_for_its_owner_only_and_whole(ring: keys.Ring, folder: Pat
     assert {mode(path) for path in folder.iterdir()} == {0o600}
     for peer in PEERS:
         lock = keys.credentials(folder, peer)
-        assert lock.public == doors.public_of(lock.secret)
-        assert lock.server == doors.public_of(ring.secret)
+        assert lock.public == authenticator.public_of(lock.secret)
+        assert lock.server == authenticator.public_of(ring.secret)
 
 
 def test_the_list_has_no_secret(ring: keys.Ring, folder: Path) -> None:

@@ -13,8 +13,8 @@ from pathlib import Path
 
 import pytest
 
-from netboard import process
-from netboard.process import (
+from netboard.base import process
+from netboard.base.process import (
     IO_ABOVE,
     OFF,
     OK,
@@ -30,7 +30,7 @@ from netboard.process import (
     prepare,
     steady_loop,
 )
-from netboard.tables.rig import Realtime
+from netboard.base.tables.rig import Realtime
 
 linux = pytest.mark.skipif(sys.platform != "linux", reason="what Linux offers")
 
@@ -55,7 +55,7 @@ def test_without_a_signal_the_handlers_are_put_back() -> None:
 
 
 def test_a_steady_loop_is_not_interrupted_by_the_collector(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("netboard.process._granted", {})
+    monkeypatch.setattr("netboard.base.process._granted", {})
     interval = sys.getswitchinterval()
     try:
         steady_loop()
@@ -92,14 +92,14 @@ class Machine:
 
 def on(machine: Machine, monkeypatch: pytest.MonkeyPatch, folder: Path) -> Machine:
     """Let what is asked for reach this machine only."""
-    monkeypatch.setattr("netboard.process._granted", {})
-    monkeypatch.setattr("netboard.process.os.sched_setscheduler", machine.grant)
-    monkeypatch.setattr("netboard.process.os.sched_setaffinity", machine.grant)
-    monkeypatch.setattr("netboard.process.os.sched_getaffinity", lambda process: {0, 1, 2, 3})
-    monkeypatch.setattr("netboard.process.os.geteuid", lambda: 0)
-    monkeypatch.setattr("netboard.process.ctypes.CDLL", lambda name, use_errno: machine)
-    monkeypatch.setattr("netboard.process.ctypes.get_errno", lambda: machine.answer)
-    monkeypatch.setattr("netboard.process.AWAKE", folder / "cpu_dma_latency")
+    monkeypatch.setattr("netboard.base.process._granted", {})
+    monkeypatch.setattr("netboard.base.process.os.sched_setscheduler", machine.grant)
+    monkeypatch.setattr("netboard.base.process.os.sched_setaffinity", machine.grant)
+    monkeypatch.setattr("netboard.base.process.os.sched_getaffinity", lambda process: {0, 1, 2, 3})
+    monkeypatch.setattr("netboard.base.process.os.geteuid", lambda: 0)
+    monkeypatch.setattr("netboard.base.process.ctypes.CDLL", lambda name, use_errno: machine)
+    monkeypatch.setattr("netboard.base.process.ctypes.get_errno", lambda: machine.answer)
+    monkeypatch.setattr("netboard.base.process.AWAKE", folder / "cpu_dma_latency")
     return machine
 
 
@@ -122,8 +122,8 @@ def test_everything_is_asked_for_and_granted(
     assert (tmp_path / "cpu_dma_latency").read_bytes() == (2).to_bytes(4, sys.byteorder)
     assert io_priority(came, Priority.SERVER) == Priority.SERVER + IO_ABOVE
     for name in ("gc.collect", "gc.freeze", "gc.disable"):
-        monkeypatch.setattr(f"netboard.process.{name}", lambda: None)
-    monkeypatch.setattr("netboard.process.sys.setswitchinterval", machine.grant)
+        monkeypatch.setattr(f"netboard.base.process.{name}", lambda: None)
+    monkeypatch.setattr("netboard.base.process.sys.setswitchinterval", machine.grant)
     steady_loop()
     assert machine.asked[-1] == fifo
 
@@ -153,7 +153,7 @@ def test_what_is_switched_off_is_not_asked_for(monkeypatch: pytest.MonkeyPatch, 
 def test_a_system_that_does_not_offer_it_is_said_too(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.setattr("netboard.process.sys.platform", "plan9")
+    monkeypatch.setattr("netboard.base.process.sys.platform", "plan9")
     with caplog.at_level(logging.INFO):
         came = prepare(Realtime(), Priority.AGENT, "0")
     assert set(came.values()) == {"not offered on plan9"}
@@ -164,8 +164,8 @@ def test_memory_is_not_locked_within_a_limit_that_would_end_the_process_later(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     machine = on(Machine(), monkeypatch, tmp_path)
-    monkeypatch.setattr("netboard.process.os.geteuid", lambda: 1000)
-    monkeypatch.setattr("netboard.process.resource.getrlimit", lambda which: (8_000_000, 8_000_000))
+    monkeypatch.setattr("netboard.base.process.os.geteuid", lambda: 1000)
+    monkeypatch.setattr("netboard.base.process.resource.getrlimit", lambda which: (8_000_000, 8_000_000))
     came = prepare(Realtime(scheduling=False), Priority.AGENT, "")
     assert came["memory"] == "the limit is 8 MB, expected none"
     assert machine.asked == []
@@ -178,14 +178,14 @@ def test_memory_is_not_locked_within_a_limit_that_would_end_the_process_later(
 def test_each_loop_gets_a_cpu_of_its_own_where_there_are_enough(
     monkeypatch: pytest.MonkeyPatch, have: set[int], expected: list[str]
 ) -> None:
-    monkeypatch.setattr("netboard.process.os.sched_getaffinity", lambda which: have, raising=False)
+    monkeypatch.setattr("netboard.base.process.os.sched_getaffinity", lambda which: have, raising=False)
     assert [cpus_for(loop, Realtime()) for loop in PLACES] == expected
     named = Realtime(server_cpus="0-1", agent_cpus="")
     assert [cpus_for(loop, named) for loop in PLACES] == ["0-1", "", ""]
 
 
 def test_where_cpus_cannot_be_chosen_none_is(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delattr("netboard.process.os.sched_getaffinity", raising=False)
+    monkeypatch.delattr("netboard.base.process.os.sched_getaffinity", raising=False)
     assert [cpus_for(loop, Realtime()) for loop in PLACES] == ["", "", ""]
 
 
@@ -235,7 +235,7 @@ def test_who_asks_whether_to_stop_is_ready_then_alive_then_stopping(
     supervisor: socket.socket, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     now = [100.0]
-    monkeypatch.setattr("netboard.process.time.monotonic", lambda: now[0])
+    monkeypatch.setattr("netboard.base.process.time.monotonic", lambda: now[0])
     with Stopping() as stopping:
         assert heard(supervisor) == []
         stopping()
@@ -252,7 +252,7 @@ def test_a_supervisor_that_does_not_listen_for_a_while_is_told_again(
     supervisor: socket.socket, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     now = [100.0]
-    monkeypatch.setattr("netboard.process.time.monotonic", lambda: now[0])
+    monkeypatch.setattr("netboard.base.process.time.monotonic", lambda: now[0])
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as other, caplog.at_level(logging.INFO):
         other.setblocking(False)
         with contextlib.suppress(BlockingIOError):

@@ -1,6 +1,6 @@
 """Refusals are counted whole, and told of without a flood of words."""
 
-from netboard.refusals import (
+from netboard.network.transport.refusal_count import (
     LOOK_NS,
     MOST_KINDS,
     MOST_REASONS,

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner, Result
 
-from netboard.methods.catalogue import NUMBER
+from netboard.physics.methods.catalogue import NUMBER
 from netboard.services.cli import app
 
 COLUMNS = ["t", "z", "vz", "theta", "omega", "p", "vp", "f_left", "f_right"]

@@ -12,11 +12,11 @@ from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-import netboard.simulation
-from netboard.errors import ConfigError
-from netboard.physics.sampled import FILL, HOLDS, Hands, find_gaps, hold_hands, styluses_along
-from netboard.simulation import Motion, choose_steps, columns_of, energies_of, is_held, simulate
-from netboard.tables.scene import Physics
+import netboard.physics.simulation
+from netboard.base.errors import ConfigError
+from netboard.base.tables.scene import Physics
+from netboard.physics.hands.sampled import FILL, HOLDS, Hands, find_gaps, hold_hands, styluses_along
+from netboard.physics.simulation import Motion, choose_steps, columns_of, energies_of, is_held, simulate
 
 Array = NDArray[np.float64]
 Waves = Callable[[Array], tuple[Array, Array]]
@@ -300,7 +300,7 @@ def test_the_clock_does_not_matter() -> None:
 def test_chunks_leave_no_trace(monkeypatch: pytest.MonkeyPatch) -> None:
     hands = sampled(waving(0), np.arange(101) / 700)
     whole = simulate(hands, Physics(), COLD)
-    monkeypatch.setattr(netboard.simulation, "_CHUNK", 7)
+    monkeypatch.setattr(netboard.physics.simulation, "_CHUNK", 7)
     shares: list[float] = []
     parts = simulate(hands, Physics(), COLD, progress=shares.append)
     np.testing.assert_array_equal(whole.states, parts.states)
@@ -365,7 +365,7 @@ def test_too_many_rows() -> None:
 
 
 def test_too_many_steps(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(netboard.simulation, "MOST_STEPS", 10)
+    monkeypatch.setattr(netboard.physics.simulation, "MOST_STEPS", 10)
     with pytest.raises(ConfigError, match="method: dop853 needs 20 steps for a scene this quick"):
         simulate(sampled(waving(0), T[:11]), Physics(), COLD)
 

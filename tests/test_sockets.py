@@ -15,16 +15,16 @@ import numpy as np
 import pytest
 import zmq
 
-from netboard import channels, doors, ends, fastpath, sockets, waiting
-from netboard.errors import NetboardError
-from netboard.nodes.launcher import free_port
-from netboard.tables.rig import Network
-from netboard.wire.control import Command
-from netboard.wire.meeting import Goodbye, Hello, Pong
-from netboard.wire.messages import KINDS
-from netboard.wire.motion import Stylus
-from netboard.wire.records import LogAck, LogRequest
-from netboard.wire.views import Frames
+from netboard.base.errors import NetboardError
+from netboard.base.tables.rig import Network
+from netboard.network.protocol.control import Command
+from netboard.network.protocol.joining import Goodbye, Hello, Pong
+from netboard.network.protocol.messages import KINDS
+from netboard.network.protocol.motion import Stylus
+from netboard.network.protocol.records import LogAck, LogRequest
+from netboard.network.protocol.views import Frames
+from netboard.network.transport import authenticator, channels, endpoints, fastpath, poller, sockets
+from netboard.nodes.operator.launcher import free_port
 
 pytestmark = pytest.mark.integration
 
@@ -35,7 +35,7 @@ WITHOUT_KEYS = b"\xff" + bytes(8) + b"\x7f\3\0" + b"NULL".ljust(20, b"\0") + byt
 
 
 class Made:
-    """Makes sockets as `netboard.sockets` does, in one context, and closes them all in the end."""
+    """Makes sockets as `netboard.network.transport.sockets` does, in one context, and closes them all in the end."""
 
     def __init__(self, context: sockets.Context) -> None:
         self.context = context
@@ -135,7 +135,7 @@ def test_a_peer_that_is_not_there_is_no_error(made: Made) -> None:
     assert server.receive() is None
 
 
-def talk(made: Made) -> tuple[ends.Router, sockets.Socket]:
+def talk(made: Made) -> tuple[endpoints.Router, sockets.Socket]:
     server = made.control_server(ANYWHERE)
     peer = made.control_client(endpoint_of(server), "console@test")
     until(lambda: sockets.send(peer, b"hello"))
@@ -152,15 +152,15 @@ def test_frames_go_both_ways_and_foreign_shapes_are_taken_for_empty_ones(made: M
     assert server.receive() is None
     assert server.key == server.forbids("agent", "left") == ""
     assert server.send(b"console@test", b"answer")
-    assert waiting.wait_readable(peer, PATIENCE)
+    assert poller.wait_readable(peer, PATIENCE)
     assert sockets.receive(peer) == b"answer"
-    assert not waiting.wait_readable(peer, 0.0005)
+    assert not poller.wait_readable(peer, 0.0005)
 
 
 def test_one_waits_for_any_of_several_sockets(made: Made) -> None:
     server, peer = talk(made)
     other = made.motion_server(ANYWHERE)
-    waiter = waiting.Waiter((server.socket, other.socket))
+    waiter = poller.Waiter((server.socket, other.socket))
     assert not waiter.wait(0.0)
     assert not waiter.wait(0.0005)
     assert sockets.send(peer, b"one")
@@ -173,7 +173,7 @@ def test_one_waits_for_any_of_several_sockets(made: Made) -> None:
 def test_one_learns_which_of_several_sockets_have_signalled(made: Made) -> None:
     server, peer = talk(made)
     other = made.motion_server(ANYWHERE)
-    waiter = waiting.Waiter((server.socket, other.socket))
+    waiter = poller.Waiter((server.socket, other.socket))
     while server.receive() is not None or other.receive() is not None or waiter.signalled(0.0):
         pass
     assert sockets.send(peer, b"one")
@@ -223,12 +223,12 @@ class SmallRing:
     """Knows one key."""
 
     def __init__(self, owner: str) -> None:
-        self.public, self.secret = doors.new_keys()
-        self.known, self._secret = doors.new_keys()
+        self.public, self.secret = authenticator.new_keys()
+        self.known, self._secret = authenticator.new_keys()
         self._owner = owner
 
-    def lock(self) -> doors.Credentials:
-        return doors.Credentials(self.known, self._secret, self.public)
+    def lock(self) -> authenticator.Credentials:
+        return authenticator.Credentials(self.known, self._secret, self.public)
 
     def refuses(self, key: str, channel: str) -> str:
         return "" if key == self.known else "unknown"
@@ -243,7 +243,7 @@ class SmallRing:
         return key[:4]
 
 
-def told_by(door: doors.Door) -> list[dict[str, str]]:
+def told_by(door: authenticator.Door) -> list[dict[str, str]]:
     """Let a door do its work, and take what it tells."""
     door.attend()
     return door.news(time.monotonic_ns())
@@ -255,22 +255,22 @@ class TestDoor:
         return SmallRing("agent.left")
 
     @pytest.fixture
-    def door(self, ring: SmallRing) -> doors.Door:
-        return doors.Door(ring, 1)
+    def door(self, ring: SmallRing) -> authenticator.Door:
+        return authenticator.Door(ring, 1)
 
     @pytest.fixture
-    def server(self, made: Made, door: doors.Door) -> ends.Router:
+    def server(self, made: Made, door: authenticator.Door) -> endpoints.Router:
         return made.motion_server(channels.Endpoint(ANYWHERE.address, channels.MOTION, door))
 
-    def agent(self, made: Made, server: ends.Router, lock: doors.Credentials, name: str) -> sockets.Socket:
+    def agent(self, made: Made, server: endpoints.Router, lock: authenticator.Credentials, name: str) -> sockets.Socket:
         endpoint = channels.Endpoint(endpoint_of(server).address, channels.MOTION, lock)
         return made.motion_agent(endpoint, name)
 
-    def let_in(self, door: doors.Door, agent: sockets.Socket) -> None:
+    def let_in(self, door: authenticator.Door, agent: sockets.Socket) -> None:
         until(lambda: told_by(door) or sockets.send(agent, b"hello"))
 
     def test_who_is_let_in_is_known_by_the_key(
-        self, made: Made, ring: SmallRing, door: doors.Door, server: ends.Router
+        self, made: Made, ring: SmallRing, door: authenticator.Door, server: endpoints.Router
     ) -> None:
         self.let_in(door, self.agent(made, server, ring.lock(), "agent.left@test"))
         peer, frame = until(server.receive)
@@ -282,16 +282,16 @@ class TestDoor:
         assert server.forbids("agent", "right") == "somebody else"
 
     def test_a_frame_in_another_name_is_nobodys_and_the_secret_of_a_name_is_not_told(
-        self, made: Made, ring: SmallRing, door: doors.Door, server: ends.Router
+        self, made: Made, ring: SmallRing, door: authenticator.Door, server: endpoints.Router
     ) -> None:
         self.let_in(door, self.agent(made, server, ring.lock(), "agent.lefty@test"))
-        assert until(server.receive) == ends.NOBODY
+        assert until(server.receive) == endpoints.NOBODY
         (told,) = told_by(door)
         assert re.fullmatch(r"it calls itself agent\.lefty@test\.[0-9a-f]{4}\.\.\.", told["reason"])
         assert told["address"] == "127.0.0.1"
 
     def test_a_fast_path_knows_a_peer_by_its_key_too(
-        self, made: Made, ring: SmallRing, door: doors.Door, server: ends.Router
+        self, made: Made, ring: SmallRing, door: authenticator.Door, server: endpoints.Router
     ) -> None:
         agent = self.agent(made, server, ring.lock(), "agent.left@test")
         self.let_in(door, agent)
@@ -300,7 +300,7 @@ class TestDoor:
 
         def comes() -> int:
             sockets.send(agent, b"sample")
-            until(lambda: doors.readable(server.socket))
+            until(lambda: authenticator.readable(server.socket))
             return fastpath.receive(fast.record, frame)
 
         for key, place in ((ring.known, 1), ("k" * fastpath.KEY_SIZE, fastpath.OTHER), ("", fastpath.OTHER)):
@@ -311,10 +311,10 @@ class TestDoor:
         fast.close()
 
     def test_a_key_of_one_server_opens_nothing_of_another_in_the_same_process(
-        self, made: Made, ring: SmallRing, door: doors.Door, server: ends.Router
+        self, made: Made, ring: SmallRing, door: authenticator.Door, server: endpoints.Router
     ) -> None:
         other_ring = SmallRing("agent.left")
-        other_door = doors.Door(other_ring, 2)
+        other_door = authenticator.Door(other_ring, 2)
         other = made.motion_server(channels.Endpoint(ANYWHERE.address, channels.MOTION, other_door))
         lock = replace(ring.lock(), server=other_ring.public)
         stray = self.agent(made, other, lock, "agent.left@stray")
@@ -325,7 +325,7 @@ class TestDoor:
         self.let_in(door, self.agent(made, server, ring.lock(), "agent.left@test"))
         assert until(server.receive)[1] == b"hello"
 
-    def test_who_is_refused_is_told_of_once_for_a_while_and_counted_whole(self, door: doors.Door) -> None:
+    def test_who_is_refused_is_told_of_once_for_a_while_and_counted_whole(self, door: authenticator.Door) -> None:
         for _ in range(400):
             door.refuse("motion", "10.0.0.1", "key5", "why")
         told = {"channel": "motion", "address": "10.0.0.1", "key": "key5", "reason": "why"}
@@ -336,10 +336,10 @@ class TestDoor:
         assert door.totals == {"why": 401}
 
     def test_a_crowd_of_strangers_is_told_of_and_keeps_nobody_out(
-        self, made: Made, ring: SmallRing, door: doors.Door, server: ends.Router
+        self, made: Made, ring: SmallRing, door: authenticator.Door, server: endpoints.Router
     ) -> None:
         place = endpoint_of(server).address.removeprefix("tcp://").split(":")
-        for _ in range(2 * doors.MOST_FULL * doors.MOST_HANDSHAKES):
+        for _ in range(2 * authenticator.MOST_FULL * authenticator.MOST_HANDSHAKES):
             with net.create_connection((place[0], int(place[1]))) as stranger:
                 stranger.sendall(WITHOUT_KEYS)
                 with contextlib.suppress(ConnectionResetError):

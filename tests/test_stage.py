@@ -11,11 +11,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from netboard.config import Config, parse
-from netboard.experiment.machine import BALL_FREE, TABLE, Cause, Phase
-from netboard.proof.verification import state_of, verify
-from netboard.stage import Stage, make_stage, told_forces
-from netboard.tick import INPUT, OUTPUT, SERVICE, STATE, TICK, TICK_NS
+from netboard.base.config import Config, parse
+from netboard.base.tick import INPUT, OUTPUT, SERVICE, STATE, TICK, TICK_NS
+from netboard.recording.integrity.verification import state_of, verify
+from netboard.stage.stage import Stage, make_stage, told_forces
+from netboard.task.trials.state_machine import BALL_FREE, TABLE, Cause, Phase
 
 RIGHT_FIRST = '[block]\nfirst_target = "right"\ntrials = 2\n'
 
@@ -590,7 +590,7 @@ import numpy as np
 import sys
 sys.path.insert(0, {folder!r})
 from test_stage import RIGHT_FIRST, inputs, play, started
-from netboard.config import parse
+from netboard.base.config import parse
 from netboard.stage import make_stage
 heights = 0.02 * np.sin(np.arange(1500) * 4e-3)
 rows = started(inputs(1500, heights, -heights))

@@ -8,7 +8,7 @@ from hypothesis import given
 from rich.console import Console
 from rich.text import Text
 
-from netboard.terminal import FittedTable, numbers
+from netboard.base.terminal import FittedTable, numbers
 
 NAMES = st.text("abcdefgh-./", min_size=1, max_size=90)
 

@@ -9,7 +9,7 @@ import pandas as pd
 
 from made_modern import modern_blocks, modern_study, with_paths
 from made_study import Block
-from netboard.measuring.study import Study
+from netboard.analysis.extraction.study import Study
 
 LACKS = (
     *("no_success", "no_falls", "all_flagged", "one_condition", "one_dyad", "one_trial"),

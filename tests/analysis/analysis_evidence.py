@@ -14,6 +14,8 @@ from pathlib import Path
 
 TESTS = Path(__file__).parent
 PACKAGE = TESTS.parent.parent / "src" / "netboard" / "analysis"
+ROOMS = ("measures", "statistics")
+PLACES = tuple(f"netboard.analysis.{room}." for room in ROOMS)
 
 KINDS = {
     "truth": (),
@@ -63,7 +65,7 @@ WITHOUT = {
         for kind in ("truth", "properties", "disturbance")
     },
     **{
-        (f"statistics.{name}", kind): COMMON
+        (f"estimates.{name}", kind): COMMON
         for name in ("known", "mean")
         for kind in ("truth", "properties", "disturbance")
     },
@@ -110,7 +112,7 @@ class Evidence:
 def public_functions() -> dict[str, list[str]]:
     """What there is to be shown, by module: public functions, and classes whose instances are called."""
     found = {}
-    for path in sorted(PACKAGE.glob("*.py")):
+    for path in sorted((path for room in ROOMS for path in (PACKAGE / room).glob("*.py")), key=lambda path: path.stem):
         nodes = ast.parse(path.read_text(encoding="utf-8")).body
         names = [node.name for node in nodes if _is_measure(node)]  # type: ignore[attr-defined]
         if names:
@@ -133,9 +135,9 @@ def _evidence_in(path: Path) -> list[Evidence]:
     """Marks of the tests in one file."""
     nodes = ast.parse(path.read_text(encoding="utf-8")).body
     modules = {
-        alias.asname or alias.name: f"{node.module.removeprefix('netboard.analysis.')}.{alias.name}"
+        alias.asname or alias.name: f"{node.module.rpartition('.')[2]}.{alias.name}"
         for node in nodes
-        if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("netboard.analysis.")
+        if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith(PLACES)
         for alias in node.names
     }
     found = []

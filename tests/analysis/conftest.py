@@ -1,9 +1,12 @@
-"""The tests of this folder, and no others, draw the same examples each time."""
+"""What the tests of the analysis share: the same drawn examples each time, and the recordings of a small study."""
 
 from collections.abc import Generator
+from pathlib import Path
 
 import pytest
 from hypothesis import settings
+
+from rehearsed_study import small_study
 
 settings.register_profile(
     "repeatable", settings.get_profile("untimed"), derandomize=True, database=None, max_examples=60
@@ -21,3 +24,8 @@ def pytest_make_collect_report(
         return (yield)
     finally:
         settings.load_profile(before)
+
+
+@pytest.fixture(scope="session")
+def recordings(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, ...]:
+    return small_study(tmp_path_factory.mktemp("study"))

@@ -6,8 +6,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 from two_hands import minimum_jerk, rolled, two_hands
 
-from netboard.analysis.motion import FAST, SLOW, Motion, Trial, ball_speed, find_completion, motion, placements
-from netboard.analysis.signals import derivative
+from netboard.analysis.measures.motion import (
+    FAST,
+    SLOW,
+    Motion,
+    Trial,
+    ball_speed,
+    find_completion,
+    motion,
+    placements,
+)
+from netboard.analysis.measures.signals import derivative
 
 HANDS = two_hands([(0.5, 0.4, 0.01), (1.2, 0.3, -0.012)], [(0.55, 0.4, -0.01), (1.2, 0.3, 0.01)])
 BALL, BALL_RATE = rolled(HANDS.theta, HANDS.rate, -0.15)

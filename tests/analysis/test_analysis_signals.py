@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.signal import butter, filtfilt
 
-from netboard.analysis.signals import (
+from netboard.analysis.measures.signals import (
     LowPass,
     bridge,
     by_number,

@@ -6,9 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from two_hands import ARM, Movement, TwoHands, rolled, two_hands
 
-from netboard.analysis.braking import Strategy, first_braking
-from netboard.analysis.motion import Trial, motion
-from netboard.analysis.segments import board_segments
+from netboard.analysis.measures.braking import Strategy, first_braking
+from netboard.analysis.measures.motion import Trial, motion
+from netboard.analysis.measures.segments import board_segments
 
 RELEASE = 500
 TARGET = 0.15

@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 from scipy import stats
 from statsmodels.stats.multitest import multipletests
 
-from netboard.analysis.contrasts import Contrast, condition_contrast, holm, paired_t_test
-from netboard.analysis.effect_sizes import paired_effect
-from netboard.analysis.exact_tests import permutation_test, sign_test
-from netboard.analysis.statistics import cluster_mean, t_interval
+from netboard.analysis.statistics.contrasts import Contrast, condition_contrast, holm, paired_t_test
+from netboard.analysis.statistics.effect_sizes import paired_effect
+from netboard.analysis.statistics.estimates import cluster_mean, t_interval
+from netboard.analysis.statistics.exact_tests import permutation_test, sign_test
 
 # Completion times of four dyads, with and without forces.
 WITH = np.array([3.1, 2.8, 4.0, 3.3])

@@ -6,9 +6,9 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from two_hands import TwoHands, time_to_portion, two_hands
 
-from netboard.analysis.cooperation import PORTIONS, Contributions, Delays, contributions, delays
-from netboard.analysis.motion import motion
-from netboard.analysis.segments import Segments, board_segments
+from netboard.analysis.measures.cooperation import PORTIONS, Contributions, Delays, contributions, delays
+from netboard.analysis.measures.motion import motion
+from netboard.analysis.measures.segments import Segments, board_segments
 
 START = 1.0
 

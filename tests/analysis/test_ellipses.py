@@ -10,7 +10,7 @@ from sklearn.covariance import EmpiricalCovariance
 from sklearn.decomposition import PCA
 from sklearn.preprocessing import StandardScaler
 
-from netboard.analysis.ellipses import convergence, ellipse, groups_of
+from netboard.analysis.measures.ellipses import convergence, ellipse, groups_of
 
 EXTENTS = ("middle_90", "twice_p90", "p10_to_p90", "nine_tenths")
 CENTRE, ROTATION, SPREAD = np.array([0.2, 0.15]), 0.5, np.array([0.06, 0.01])

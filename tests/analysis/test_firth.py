@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from netboard.analysis.firth import Family, firth_fit, profile_interval
+from netboard.analysis.statistics.firth import Family, firth_fit, profile_interval
 
 REFERENCE = json.loads((Path(__file__).parents[1] / "data" / "models" / "reference.json").read_text(encoding="utf-8"))
 TABLE = {name: np.array(column, dtype=float) for name, column in REFERENCE["firth"]["table"].items()}

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from statsmodels.tsa.stattools import grangercausalitytests
 
-from netboard.analysis.information import Past, chance_level, granger, transfer_entropy
+from netboard.analysis.measures.information import Past, chance_level, granger, transfer_entropy
 
 ONE = Past(step=1, own=1, other=1, delay=1)
 

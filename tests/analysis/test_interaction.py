@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.optimize import minimize_scalar
 
-from netboard.analysis.interaction import (
+from netboard.analysis.measures.interaction import (
     effort,
     exchanged,
     force_share,
@@ -18,11 +18,11 @@ from netboard.analysis.interaction import (
     supports,
     work,
 )
-from netboard.physics.sampled import Hands
-from netboard.physics.scene import pack_scene, parts_of
-from netboard.physics.statics import equilibrium
-from netboard.simulation import energies_of, simulate
-from netboard.tables.scene import Physics
+from netboard.base.tables.scene import Physics
+from netboard.physics.hands.sampled import Hands
+from netboard.physics.scene.parameters import pack_scene, parts_of
+from netboard.physics.scene.statics import equilibrium
+from netboard.physics.simulation import energies_of, simulate
 
 RATE = 1000.0
 FORCES = arrays(float, 20, elements=st.floats(-4.0, 4.0).map(lambda force: round(force, 3)))

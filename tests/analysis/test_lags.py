@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.stats import pearsonr
 from two_hands import minimum_jerk_rate
 
-from netboard.analysis.lags import lag_of, leadership, peak_delay, windowed_lags
+from netboard.analysis.measures.lags import lag_of, leadership, peak_delay, windowed_lags
 
 RATE = 1000.0
 

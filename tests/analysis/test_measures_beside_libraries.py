@@ -11,15 +11,20 @@ from sklearn.metrics import auc, mutual_info_score
 from statsmodels.tsa.stattools import ccf
 from two_hands import minimum_jerk_rate, rolled, two_hands
 
-from netboard.analysis.effect_sizes import hedges_factor
-from netboard.analysis.exact_tests import permutation_test, permutation_test_between
-from netboard.analysis.information import Past, transfer_entropy
-from netboard.analysis.interaction import effort, exchanged, force_share, point_velocities, supports, work
-from netboard.analysis.lags import lag_of, peak_delay, windowed_lags
-from netboard.analysis.motion import ball_speed, find_completion, motion
-from netboard.analysis.movements import mean_shares, shares
-from netboard.analysis.passive import PassiveHand, driven
-from netboard.analysis.performance import (
+from netboard.analysis.measures.information import Past, transfer_entropy
+from netboard.analysis.measures.interaction import (
+    effort,
+    exchanged,
+    force_share,
+    point_velocities,
+    supports,
+    work,
+)
+from netboard.analysis.measures.lags import lag_of, peak_delay, windowed_lags
+from netboard.analysis.measures.motion import ball_speed, find_completion, motion
+from netboard.analysis.measures.movements import mean_shares, shares
+from netboard.analysis.measures.passive import PassiveHand, driven
+from netboard.analysis.measures.performance import (
     first_and_last,
     learning_curve,
     level,
@@ -27,9 +32,11 @@ from netboard.analysis.performance import (
     summarise,
     trial_times,
 )
-from netboard.analysis.signals import bridge, by_number, derivative, evenly, resample, runs
-from netboard.analysis.statistics import bootstrap, ratio_of_sums
-from netboard.analysis.task import overshoots, time_in_target
+from netboard.analysis.measures.signals import bridge, by_number, derivative, evenly, resample, runs
+from netboard.analysis.measures.task import overshoots, time_in_target
+from netboard.analysis.statistics.effect_sizes import hedges_factor
+from netboard.analysis.statistics.estimates import bootstrap, ratio_of_sums
+from netboard.analysis.statistics.exact_tests import permutation_test, permutation_test_between
 
 RATE = 1000.0
 samples = arrays(np.float64, st.integers(5, 60), elements=st.floats(-1, 1, width=16))

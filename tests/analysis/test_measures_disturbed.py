@@ -13,12 +13,10 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from two_hands import ARM, minimum_jerk, minimum_jerk_rate, rolled, two_hands
 
-from netboard.analysis.braking import first_braking
-from netboard.analysis.cooperation import contributions, delays
-from netboard.analysis.effect_sizes import hedges_g
-from netboard.analysis.exact_tests import permutation_test, permutation_test_between
-from netboard.analysis.information import Past, chance_level, granger, transfer_entropy
-from netboard.analysis.interaction import (
+from netboard.analysis.measures.braking import first_braking
+from netboard.analysis.measures.cooperation import contributions, delays
+from netboard.analysis.measures.information import Past, chance_level, granger, transfer_entropy
+from netboard.analysis.measures.interaction import (
     effort,
     exchanged,
     force_share,
@@ -27,10 +25,10 @@ from netboard.analysis.interaction import (
     supports,
     work,
 )
-from netboard.analysis.lags import lag_of, peak_delay, windowed_lags
-from netboard.analysis.motion import Motion, Trial, ball_speed, find_completion, motion, placements
-from netboard.analysis.movements import classify, mean_shares, movement_times
-from netboard.analysis.passive import (
+from netboard.analysis.measures.lags import lag_of, peak_delay, windowed_lags
+from netboard.analysis.measures.motion import Motion, Trial, ball_speed, find_completion, motion, placements
+from netboard.analysis.measures.movements import classify, mean_shares, movement_times
+from netboard.analysis.measures.passive import (
     Gains,
     Heights,
     PassiveHand,
@@ -39,13 +37,19 @@ from netboard.analysis.passive import (
     passive_control,
     passive_partner,
 )
-from netboard.analysis.peaks import velocity_peaks
-from netboard.analysis.performance import first_and_last, relative_performance
-from netboard.analysis.segments import Segments, board_segments
-from netboard.analysis.signals import LowPass, bridge, derivative, evenly
-from netboard.analysis.smoothness import dimensionless_jerk, log_dimensionless_jerk, spectral_arc_length
-from netboard.analysis.statistics import bootstrap, ratio_of_sums
-from netboard.analysis.task import fall_time, overshoots, reaction, time_in_target
+from netboard.analysis.measures.peaks import velocity_peaks
+from netboard.analysis.measures.performance import first_and_last, relative_performance
+from netboard.analysis.measures.segments import Segments, board_segments
+from netboard.analysis.measures.signals import LowPass, bridge, derivative, evenly
+from netboard.analysis.measures.smoothness import (
+    dimensionless_jerk,
+    log_dimensionless_jerk,
+    spectral_arc_length,
+)
+from netboard.analysis.measures.task import fall_time, overshoots, reaction, time_in_target
+from netboard.analysis.statistics.effect_sizes import hedges_g
+from netboard.analysis.statistics.estimates import bootstrap, ratio_of_sums
+from netboard.analysis.statistics.exact_tests import permutation_test, permutation_test_between
 
 RATE = 1000.0
 SEEDS = range(5)

@@ -9,17 +9,15 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from two_hands import ARM, TwoHands, minimum_jerk, minimum_jerk_rate, rolled, two_hands
 
-from netboard.analysis.braking import first_braking
-from netboard.analysis.cooperation import contributions
-from netboard.analysis.effect_sizes import hedges_g
-from netboard.analysis.ellipses import convergence, groups_of
-from netboard.analysis.exact_tests import permutation_test, permutation_test_between, sign_test
-from netboard.analysis.information import Past, chance_level, granger
-from netboard.analysis.interaction import effort, exchanged, point_velocities, supports, work
-from netboard.analysis.lags import lag_of, leadership, windowed_lags
-from netboard.analysis.motion import Trial, ball_speed, find_completion, motion, placements
-from netboard.analysis.movements import classify, mean_shares, shares
-from netboard.analysis.passive import (
+from netboard.analysis.measures.braking import first_braking
+from netboard.analysis.measures.cooperation import contributions
+from netboard.analysis.measures.ellipses import convergence, groups_of
+from netboard.analysis.measures.information import Past, chance_level, granger
+from netboard.analysis.measures.interaction import effort, exchanged, point_velocities, supports, work
+from netboard.analysis.measures.lags import lag_of, leadership, windowed_lags
+from netboard.analysis.measures.motion import Trial, ball_speed, find_completion, motion, placements
+from netboard.analysis.measures.movements import classify, mean_shares, shares
+from netboard.analysis.measures.passive import (
     Gains,
     Heights,
     PassiveHand,
@@ -29,8 +27,8 @@ from netboard.analysis.passive import (
     passive_partner,
     passive_ratio,
 )
-from netboard.analysis.peaks import velocity_peaks
-from netboard.analysis.performance import (
+from netboard.analysis.measures.peaks import velocity_peaks
+from netboard.analysis.measures.performance import (
     RelativePerformance,
     better_dyads,
     learning_curve,
@@ -39,11 +37,13 @@ from netboard.analysis.performance import (
     summarise,
     trial_times,
 )
-from netboard.analysis.segments import board_segments
-from netboard.analysis.signals import LowPass, bridge, by_number, derivative, evenly, resample, runs
-from netboard.analysis.smoothness import dimensionless_jerk
-from netboard.analysis.statistics import bootstrap, cluster_mean, ratio_of_sums, t_interval
-from netboard.analysis.task import fall_time, falls, overshoots, reaction, time_in_target
+from netboard.analysis.measures.segments import board_segments
+from netboard.analysis.measures.signals import LowPass, bridge, by_number, derivative, evenly, resample, runs
+from netboard.analysis.measures.smoothness import dimensionless_jerk
+from netboard.analysis.measures.task import fall_time, falls, overshoots, reaction, time_in_target
+from netboard.analysis.statistics.effect_sizes import hedges_g
+from netboard.analysis.statistics.estimates import bootstrap, cluster_mean, ratio_of_sums, t_interval
+from netboard.analysis.statistics.exact_tests import permutation_test, permutation_test_between, sign_test
 
 RATE = 1000.0
 ONE = Past(step=1, own=1, other=1, delay=1)

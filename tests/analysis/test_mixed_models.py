@@ -16,11 +16,11 @@ from scipy import stats
 from statsmodels.genmod import families
 from statsmodels.genmod.generalized_linear_model import GLM
 
-from netboard.analysis.effects import Model
-from netboard.analysis.factors import COLUMNS, Factor, paper_factors
-from netboard.analysis.models import MOST, count_model, log_time_model, share_model
-from netboard.analysis.random_effects import AT_ZERO
-from netboard.analysis.statistics import t_interval
+from netboard.analysis.statistics.effects import Model
+from netboard.analysis.statistics.estimates import t_interval
+from netboard.analysis.statistics.factors import COLUMNS, Factor, paper_factors
+from netboard.analysis.statistics.models import MOST, count_model, log_time_model, share_model
+from netboard.analysis.statistics.random_effects import AT_ZERO
 
 Labels = dict[str, NDArray[Any]]
 NAMES = ("dyads", "performers", "haptics", "dyadic", "order")
@@ -820,6 +820,6 @@ def test_diagnostics_find_what_is_wrong() -> None:
 def test_statistics_need_no_statsmodels() -> None:
     program = (
         "import sys; sys.modules['statsmodels'] = sys.modules['pandas'] = None\n"
-        "from netboard.analysis import contrasts, effects, factors, statistics"
+        "from netboard.analysis.statistics import contrasts, effects, estimates, factors"
     )
     subprocess.run([sys.executable, "-c", program], check=True)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from two_hands import time_to_portion, two_hands
 
-from netboard.analysis.movements import Movement, classify, mean_shares, movement_times, shares
+from netboard.analysis.measures.movements import Movement, classify, mean_shares, movement_times, shares
 
 velocities = arrays(np.float64, 40, elements=st.floats(-0.02, 0.02))
 MIRROR = {Movement.LEFT_ONLY: Movement.RIGHT_ONLY, Movement.RIGHT_ONLY: Movement.LEFT_ONLY}

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from netboard.analysis.passive import (
+from netboard.analysis.measures.passive import (
     Gains,
     Heights,
     PassiveHand,
@@ -18,10 +18,10 @@ from netboard.analysis.passive import (
     passive_partner,
     passive_ratio,
 )
-from netboard.analysis.statistics import bootstrap, ratio_of_sums
-from netboard.physics.rendering import gains_of
-from netboard.physics.scene import pack_scene, parts_of
-from netboard.tables.scene import Physics
+from netboard.analysis.statistics.estimates import bootstrap, ratio_of_sums
+from netboard.base.tables.scene import Physics
+from netboard.physics.scene.parameters import pack_scene, parts_of
+from netboard.physics.scene.rendering import gains_of
 
 RATE = 1000.0
 LEFT, RIGHT = (Gains(*gains[1:]) for gains in gains_of(parts_of(Physics(), True), pack_scene(Physics())[0]))

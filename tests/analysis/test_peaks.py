@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.signal import argrelmax, argrelmin, find_peaks, peak_prominences
 
-from netboard.analysis.motion import ball_speed, motion
-from netboard.analysis.peaks import velocity_peaks
+from netboard.analysis.measures.motion import ball_speed, motion
+from netboard.analysis.measures.peaks import velocity_peaks
 
 speeds = arrays(np.float64, st.integers(0, 60), elements=st.floats(0, 1, allow_subnormal=False))
 TIMES = np.arange(4000) / 1000

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from netboard.analysis.performance import (
+from netboard.analysis.measures.performance import (
     RelativePerformance,
     better_dyads,
     first_and_last,

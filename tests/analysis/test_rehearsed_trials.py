@@ -7,16 +7,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from netboard.analysis.braking import first_braking
-from netboard.analysis.cooperation import contributions, delays
-from netboard.analysis.motion import Trial, find_completion, motion, placements
-from netboard.analysis.movements import classify, movement_times
-from netboard.analysis.peaks import velocity_peaks
-from netboard.analysis.segments import board_segments
-from netboard.config import Config
-from netboard.recording.summary import Attempt, find_attempts
-from netboard.rehearsal.block import Rehearsal
-from netboard.tables.simulated import Participant
+from netboard.analysis.measures.braking import first_braking
+from netboard.analysis.measures.cooperation import contributions, delays
+from netboard.analysis.measures.motion import Trial, find_completion, motion, placements
+from netboard.analysis.measures.movements import classify, movement_times
+from netboard.analysis.measures.peaks import velocity_peaks
+from netboard.analysis.measures.segments import board_segments
+from netboard.base.config import Config
+from netboard.base.tables.simulated import Participant
+from netboard.nodes.rehearsal.block import Rehearsal
+from netboard.recording.format.summary import Attempt, find_attempts
 
 pytestmark = pytest.mark.slow
 TARGET = 0.15

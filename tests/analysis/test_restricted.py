@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 from statsmodels.regression.mixed_linear_model import MixedLM, MixedLMParams, VCSpec
 
-from netboard.analysis.restricted import LARGEST, Restricted, restricted_fit
+from netboard.analysis.statistics.restricted import LARGEST, Restricted, restricted_fit
 
 Array = NDArray[np.float64]
 Study = tuple[Array, Array, list[Array], NDArray[np.int64]]

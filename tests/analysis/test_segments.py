@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from two_hands import TwoHands, minimum_jerk_rate, two_hands
 
-from netboard.analysis.motion import Trial
-from netboard.analysis.segments import Segments, board_segments
+from netboard.analysis.measures.motion import Trial
+from netboard.analysis.measures.segments import Segments, board_segments
 
 DEGREE = np.pi / 180
 

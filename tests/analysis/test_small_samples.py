@@ -12,8 +12,8 @@ import pytest
 from numpy.typing import NDArray
 from scipy import stats
 
-from netboard.analysis.restricted import Restricted, restricted_fit
-from netboard.analysis.small_samples import (
+from netboard.analysis.statistics.restricted import Restricted, restricted_fit
+from netboard.analysis.statistics.small_samples import (
     kenward_roger_covariance,
     kenward_roger_freedom,
     satterthwaite_freedom,

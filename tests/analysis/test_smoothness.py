@@ -7,7 +7,11 @@ from hypothesis import strategies as st
 from monalysa.quality import smoothness as oracle
 from scipy.integrate import quad
 
-from netboard.analysis.smoothness import dimensionless_jerk, log_dimensionless_jerk, spectral_arc_length
+from netboard.analysis.measures.smoothness import (
+    dimensionless_jerk,
+    log_dimensionless_jerk,
+    spectral_arc_length,
+)
 
 GAUSSIAN = np.exp(-5.0 * np.arange(-1.0, 1.0, 0.01) ** 2)
 

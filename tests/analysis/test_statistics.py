@@ -12,9 +12,9 @@ from statsmodels.stats.descriptivestats import sign_test as other_sign_test
 from statsmodels.stats.meta_analysis import effectsize_smd
 from statsmodels.stats.weightstats import DescrStatsW
 
-from netboard.analysis.effect_sizes import hedges_factor, hedges_g, paired_effect
-from netboard.analysis.exact_tests import permutation_test, permutation_test_between, sign_test
-from netboard.analysis.statistics import bootstrap, cluster_mean, ratio_of_sums, t_interval
+from netboard.analysis.statistics.effect_sizes import hedges_factor, hedges_g, paired_effect
+from netboard.analysis.statistics.estimates import bootstrap, cluster_mean, ratio_of_sums, t_interval
+from netboard.analysis.statistics.exact_tests import permutation_test, permutation_test_between, sign_test
 
 DIFFERENCES = st.lists(st.integers(-20, 20).map(float), min_size=2, max_size=8)
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from netboard.analysis.task import fall_time, falls, overshoots, reaction, time_in_target
+from netboard.analysis.measures.task import fall_time, falls, overshoots, reaction, time_in_target
 
 RATE = 1000.0
 PLACES = st.lists(st.sampled_from([-0.3, -0.15, 0.0, 0.12, 0.15, 0.18, 0.2, 0.3]), min_size=1, max_size=40)

@@ -5,14 +5,14 @@ from collections.abc import Iterator
 import pytest
 
 from libhd import STALL_NS, Fake, Opener, made
-from netboard.openhaptics import rig as hdrig
-from netboard.openhaptics.device import SERVOS, OpenHaptics
+from netboard.devices.touch import library as hdrig
+from netboard.devices.touch.device import SERVOS, OpenHaptics
 
 
 @pytest.fixture
 def fake(monkeypatch: pytest.MonkeyPatch) -> Iterator[Fake]:
     """The fake as it is at first; a servo that other work holds up is not taken for one that stands still."""
-    monkeypatch.setattr("netboard.openhaptics.device.STALL_NS", STALL_NS)
+    monkeypatch.setattr("netboard.devices.touch.device.STALL_NS", STALL_NS)
     monkeypatch.setattr(hdrig, "SETTLE_NS", STALL_NS)
     fake = Fake()
     fake.reset()

@@ -8,9 +8,9 @@ from math import inf, isfinite, nan
 
 import pytest
 
-from netboard.config import Config
-from netboard.devices.base import Device
-from netboard.errors import ConfigError, DeviceError, DeviceNotFound
+from netboard.base.config import Config
+from netboard.base.errors import ConfigError, DeviceError, DeviceNotFound
+from netboard.devices.contract.device import Device
 
 MS = 1_000_000
 

@@ -14,7 +14,7 @@ import numpy as np
 import usb.backend
 import usb.core
 
-from netboard.falcon import kinematics
+from netboard.devices.falcon import kinematics
 
 PAYLOAD = 62
 FIRMWARE = bytes(range(256)) * 3 + b"the end"

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-from netboard.config import Config
-from netboard.devices.base import Device, DeviceInfo, Reading
-from netboard.errors import DeviceLost, DeviceNotFound
+from netboard.base.config import Config
+from netboard.base.errors import DeviceLost, DeviceNotFound
+from netboard.devices.contract.device import Device, DeviceInfo, Reading
 
 
 class Failing(Device):

@@ -2,9 +2,9 @@
 
 import pytest
 
-from netboard.devices.base import Reading
-from netboard.devices.coupling import REACH, hand_force
-from netboard.wire.motion import Point
+from netboard.devices.contract.device import Reading
+from netboard.devices.safety.virtual_coupling import REACH, hand_force
+from netboard.network.protocol.motion import Point
 
 MS = 1_000_000
 NOW = 5_000 * MS

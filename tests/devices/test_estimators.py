@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import solve_discrete_are
 
-from netboard.devices.estimators import (
+from netboard.base.tables.rig import Agent
+from netboard.devices.contract.estimators import (
     CAPACITY,
     FORGET,
     GAP_NS,
@@ -22,8 +23,7 @@ from netboard.devices.estimators import (
     kalman,
     kalman_gains,
 )
-from netboard.devices.velocity import KINDS, Estimator, Velocimeter, make
-from netboard.tables.rig import Agent
+from netboard.devices.contract.velocity import KINDS, Estimator, Velocimeter, make
 
 STEP = 0.055e-3
 MS = 1_000_000

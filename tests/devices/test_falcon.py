@@ -12,13 +12,13 @@ from fake_falcon import FIRMWARE, Bus, Falcon
 from hypothesis import given
 from hypothesis import strategies as st
 
-from netboard.config import Config
-from netboard.devices.base import Device
-from netboard.errors import ConfigError, DeviceError, DeviceLost, DeviceNotFound, DeviceTimeout
-from netboard.falcon import device as backend
-from netboard.falcon import ftdi
-from netboard.falcon.kinematics import CENTRE
-from netboard.falcon.link import GREEN, HOME, RED, Answer, answer_in, frame_of
+from netboard.base.config import Config
+from netboard.base.errors import ConfigError, DeviceError, DeviceLost, DeviceNotFound, DeviceTimeout
+from netboard.devices.contract.device import Device
+from netboard.devices.falcon import device as backend
+from netboard.devices.falcon import ftdi
+from netboard.devices.falcon.kinematics import CENTRE
+from netboard.devices.falcon.serial_protocol import GREEN, HOME, RED, Answer, answer_in, frame_of
 
 NORMAL = [(9, 1), (3, 0x2), (0, 1), (0, 2)]
 """Requests that set the chip up for the program: latency, baud rate, purge."""

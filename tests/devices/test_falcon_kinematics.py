@@ -8,8 +8,8 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from netboard.falcon.device import LARGEST_COMMAND, MAX_FORCE
-from netboard.falcon.kinematics import (
+from netboard.devices.falcon.device import LARGEST_COMMAND, MAX_FORCE
+from netboard.devices.falcon.kinematics import (
     ANGLE_PER_COUNT,
     CENTRE,
     REACH,

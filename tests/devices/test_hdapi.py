@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from libhd import Fake, fake_library
-from netboard.errors import DeviceNotFound
-from netboard.openhaptics import api as hdapi
+from netboard.base.errors import DeviceNotFound
+from netboard.devices.touch import api as hdapi
 
 TYPES = {
     "HHD": c_uint32,

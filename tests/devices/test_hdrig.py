@@ -10,10 +10,10 @@ import pytest
 from contract import MS
 
 from libhd import FIRST, SECOND, STALL_NS, Fake, Opener, made
-from netboard.errors import DeviceError, DeviceLost, DeviceNotFound, DeviceTimeout
-from netboard.openhaptics import rig as hdrig
-from netboard.openhaptics.api import Error
-from netboard.openhaptics.device import SERVOS
+from netboard.base.errors import DeviceError, DeviceLost, DeviceNotFound, DeviceTimeout
+from netboard.devices.touch import library as hdrig
+from netboard.devices.touch.api import Error
+from netboard.devices.touch.device import SERVOS
 
 SHUTDOWN = ["stop", "unschedule", "disable 40512001"]
 
@@ -61,7 +61,7 @@ def test_whatever_fails_in_opening_leaves_nothing_behind(
     fake: Fake, servo: str, function: str, after: int, code: Error, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if function == "hdStartScheduler":
-        monkeypatch.setattr("netboard.openhaptics.device.FIRST_TICK_NS", MS)
+        monkeypatch.setattr("netboard.devices.touch.device.FIRST_TICK_NS", MS)
         monkeypatch.setattr(hdrig, "SETTLE_NS", MS)
     device = made(fake, servo=servo, name="Default Device")
     fake.fail(function, code, after)
@@ -81,7 +81,7 @@ def test_whatever_fails_in_opening_leaves_nothing_behind(
 
 
 def test_a_servo_that_never_starts_is_found_when_opening(fake: Fake, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("netboard.openhaptics.device.FIRST_TICK_NS", 20 * MS)
+    monkeypatch.setattr("netboard.devices.touch.device.FIRST_TICK_NS", 20 * MS)
     monkeypatch.setattr(hdrig, "SETTLE_NS", MS)
     fake.calls.fake_stall(1)
     with pytest.raises(DeviceTimeout, match="does not run"):
@@ -107,7 +107,7 @@ def test_an_interruption_while_opening_leaves_nothing_behind(fake: Fake, monkeyp
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("netboard.openhaptics.device.calibrate", interrupted)
+    monkeypatch.setattr("netboard.devices.touch.device.calibrate", interrupted)
     with pytest.raises(KeyboardInterrupt):
         made(fake).open()
     assert fake.said() == [f"init {FIRST}", "schedule", "start", *SHUTDOWN]

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from libhd import FIRST, Fake, made
-from netboard.errors import DeviceNotFound
-from netboard.openhaptics import rig as hdrig
-from netboard.openhaptics import shim as hdshim
-from netboard.openhaptics.servo import PythonServo
+from netboard.base.errors import DeviceNotFound
+from netboard.devices.touch import library as hdrig
+from netboard.devices.touch import shim as hdshim
+from netboard.devices.touch.servo import PythonServo
 
 
 def test_the_shim_is_compiled_once(tmp_path: Path) -> None:

@@ -12,10 +12,10 @@ from contract import MS, DeviceContract
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from netboard.config import Config, parse
-from netboard.devices.base import Device, Reading
+from netboard.base.config import Config, parse
+from netboard.base.errors import ConfigError
+from netboard.devices.contract.device import Device, Reading
 from netboard.devices.mouse import MAX_FORCE, SILENT_NS, MouseStylus, Options, follow
-from netboard.errors import ConfigError
 
 RATE = 1.0 / Options().smoothing
 heights = st.floats(-0.2, 0.2)

@@ -10,14 +10,14 @@ import pytest
 from contract import MS, DeviceContract
 
 from libhd import FIRST, PATIENT, SECOND, STALL_NS, Fake, Opener, configured, made
-from netboard.config import Config
-from netboard.devices import registry
-from netboard.devices.base import Box, Device
-from netboard.errors import ConfigError, DeviceError, DeviceLost, DeviceNotFound, DeviceTimeout
-from netboard.openhaptics import find as hdfind
-from netboard.openhaptics import rig as hdrig
-from netboard.openhaptics.api import Calibration, Capability, Error, Style
-from netboard.openhaptics.device import LATE, REST_NS, SERVOS, TIRED, OpenHaptics
+from netboard.base.config import Config
+from netboard.base.errors import ConfigError, DeviceError, DeviceLost, DeviceNotFound, DeviceTimeout
+from netboard.devices.contract import registry
+from netboard.devices.contract.device import Box, Device
+from netboard.devices.touch import find as hdfind
+from netboard.devices.touch import library as hdrig
+from netboard.devices.touch.api import Calibration, Capability, Error, Style
+from netboard.devices.touch.device import LATE, REST_NS, SERVOS, TIRED, OpenHaptics
 
 SHUTDOWN = ["stop", "unschedule", "disable 40512001"]
 
@@ -273,7 +273,7 @@ def test_a_calibration_that_never_comes_is_not_waited_for(fake: Fake) -> None:
     pauses: list[float] = []
     calibrate = hdfind.calibrate
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("netboard.openhaptics.device.calibrate", lambda rig, seat: calibrate(rig, seat, pauses.append))
+        patch.setattr("netboard.devices.touch.device.calibrate", lambda rig, seat: calibrate(rig, seat, pauses.append))
         with pytest.raises(DeviceError, match="not calibrated"):
             device.open()
     assert sum(pauses) == pytest.approx(hdfind.CALIBRATE_S)

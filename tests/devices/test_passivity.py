@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from netboard.devices.passivity import MOST_DAMPING, SLOW, STORED, Passivity
+from netboard.devices.safety.passivity import MOST_DAMPING, SLOW, STORED, Passivity
 
 K, B, T = 200.0, 2.0, 1e-3
 

@@ -8,19 +8,19 @@ import numpy as np
 import pytest
 from contract import MS, DeviceContract
 
-from netboard.config import Config
-from netboard.devices.base import Device, Reading
-from netboard.devices.playback import Playback
-from netboard.devices.track import Track, read_csv, read_track
-from netboard.devices.virtual import VirtualTouch
-from netboard.errors import ConfigError, DeviceNotFound, RecordingError
+from netboard.base.config import Config
+from netboard.base.errors import ConfigError, DeviceNotFound, RecordingError
+from netboard.base.tables.rig import Recording
+from netboard.base.tick import TICK
+from netboard.devices.contract.device import Device, Reading
+from netboard.devices.simulated.playback import Playback
+from netboard.devices.simulated.trajectory import Track, read_csv, read_track
+from netboard.devices.simulated.virtual import VirtualTouch
+from netboard.network.protocol.joining import Welcome
+from netboard.network.protocol.records import TickRecord
 from netboard.participants.submovement import Submovement
-from netboard.recording.provenance import provenance
-from netboard.recording.writer import RecordingWriter
-from netboard.tables.rig import Recording
-from netboard.tick import TICK
-from netboard.wire.meeting import Welcome
-from netboard.wire.records import TickRecord
+from netboard.recording.files.provenance import provenance
+from netboard.recording.files.writer import RecordingWriter
 
 S = 1000 * MS
 TURN = 2.0 * np.pi

@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from netboard.config import Config
-from netboard.devices import profile
-from netboard.devices.base import Box, Device, DeviceInfo, Reading
-from netboard.devices.profile import Identity, Mechanics, Placement, Profile
-from netboard.devices.virtual import VirtualTouch
-from netboard.errors import ConfigError
+from netboard.base.config import Config
+from netboard.base.errors import ConfigError
+from netboard.devices.contract import profile
+from netboard.devices.contract.device import Box, Device, DeviceInfo, Reading
+from netboard.devices.contract.profile import Identity, Mechanics, Placement, Profile
+from netboard.devices.simulated.virtual import VirtualTouch
 
 SERIALS = st.text(min_size=1, max_size=16)
 AMOUNTS = st.floats(0.0, 50.0)
@@ -39,7 +39,7 @@ def writable(text: str) -> bool:
 
 @given(PROFILES.filter(lambda each: writable(repr(each) + each.device.model + each.device.serial)))
 def test_what_is_written_is_read_to_the_bit(known: Profile) -> None:
-    from netboard.settings import write
+    from netboard.base.settings import write
 
     assert profile.parse(write(known), "test") == known
 

@@ -4,15 +4,15 @@ from pathlib import Path
 
 import pytest
 
-from netboard.config import Config
-from netboard.devices import registry
-from netboard.devices.base import Device
-from netboard.devices.virtual import VirtualTouch
-from netboard.errors import DeviceNotFound
-from netboard.tables.rig import Agent, Agents
+from netboard.base.config import Config
+from netboard.base.errors import DeviceNotFound
+from netboard.base.tables.rig import Agent, Agents
+from netboard.devices.contract import registry
+from netboard.devices.contract.device import Device
+from netboard.devices.simulated.virtual import VirtualTouch
 
 PLUGIN = """
-from netboard.devices.virtual import VirtualTouch
+from netboard.devices.simulated.virtual import VirtualTouch
 
 class Other(VirtualTouch.__mro__[1]):
     def _open(self): ...

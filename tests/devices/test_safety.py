@@ -7,9 +7,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from netboard.devices.safety import LIVE, LONGEST_STEP_NS, MARGIN, MEAN_TIME, TABLE, Guard, Limited, Safety, Trip
-from netboard.tables.rig import Safety as Limits
-from netboard.wire.motion import Safeguard
+from netboard.base.tables.rig import Safety as Limits
+from netboard.devices.safety.chain import (
+    LIVE,
+    LONGEST_STEP_NS,
+    MARGIN,
+    MEAN_TIME,
+    TABLE,
+    Guard,
+    Limited,
+    Safety,
+    Trip,
+)
+from netboard.network.protocol.motion import Safeguard
 
 MS = 1_000_000
 LIMITS = Limits()

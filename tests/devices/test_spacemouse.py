@@ -11,11 +11,11 @@ from fake_hid import Cap, FakeHid
 from hypothesis import given
 from hypothesis import strategies as st
 
-from netboard.config import Config
-from netboard.devices.base import Device
-from netboard.devices.known import SPACEMOUSE
+from netboard.base.config import Config
+from netboard.base.errors import ConfigError, DeviceLost, DeviceNotFound
+from netboard.devices.contract.device import Device
+from netboard.devices.contract.usb_ids import SPACEMOUSE
 from netboard.devices.spacemouse import LET_GO_NS, SpaceMouse
-from netboard.errors import ConfigError, DeviceLost, DeviceNotFound
 
 FULL = 350
 Plug = Callable[..., None]

@@ -9,11 +9,9 @@ import numpy as np
 import pytest
 from contract import DeviceContract
 
-from netboard.config import Config
-from netboard.devices import registry
-from netboard.devices.base import Device
-from netboard.errors import ConfigError, DeviceLost
-from netboard.faults.devices import (
+from netboard.base.config import Config
+from netboard.base.errors import ConfigError, DeviceLost
+from netboard.benchmarks.faults.devices import (
     JUMP,
     NAME,
     TamperedTouch,
@@ -23,7 +21,9 @@ from netboard.faults.devices import (
     read_traces,
     trace_file,
 )
-from netboard.nodes.companion import Held
+from netboard.devices.contract import registry
+from netboard.devices.contract.device import Device
+from netboard.nodes.agent.stylus_source import Held
 
 MS = 1_000_000
 

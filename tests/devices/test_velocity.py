@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from netboard.devices.velocity import SAMPLES, Velocimeter
+from netboard.devices.contract.velocity import SAMPLES, Velocimeter
 
 STEP = 0.055e-3
 MS = 1_000_000

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from contract import MS, DeviceContract
 
-from netboard.config import Config
-from netboard.devices.base import Device
-from netboard.devices.virtual import CATCH_UP_NS, VirtualTouch
-from netboard.errors import ConfigError
+from netboard.base.config import Config
+from netboard.base.errors import ConfigError
+from netboard.base.tables.simulated import VirtualDevice
+from netboard.devices.contract.device import Device
+from netboard.devices.simulated.virtual import CATCH_UP_NS, VirtualTouch
 from netboard.participants.device_models import resolved
 from netboard.participants.hand import STEP
 from netboard.participants.submovement import Submovement
-from netboard.tables.simulated import VirtualDevice
 
 FLAWS = {"cable_stiffness": "model", "thermal_time": "model", "read_latency_ms": 3.0, "write_latency_ms": 2.0}
 

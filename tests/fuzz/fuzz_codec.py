@@ -4,8 +4,8 @@
     python tests/fuzz/fuzz_codec.py -runs=1000000
 
 Takes the options of libFuzzer and folders with frames to begin with; it keeps what it finds in the first of them.
-Half of the frames are libFuzzer's mutations, half are those of `netboard.faults.mutants`. What makes it fail is written
-to a file ``crash-...``, which it takes as an argument to try it again.
+Half of the frames are libFuzzer's mutations, half are those of `netboard.benchmarks.faults.mutants`. What makes it fail
+is written to a file ``crash-...``, which it takes as an argument to try it again.
 """
 
 import sys
@@ -14,10 +14,10 @@ from pathlib import Path
 
 import atheris
 
-with atheris.instrument_imports(include=["netboard.wire.codec"]):
+with atheris.instrument_imports(include=["netboard.network.protocol.codec"]):
     from wire_oracle import judge
 
-from netboard.faults.mutants import Mutants
+from netboard.benchmarks.faults.mutants import Mutants
 
 FRAMES = Path(__file__).parent.parent / "data" / "frames"
 MUTANTS = Mutants([path.read_bytes() for path in sorted(FRAMES.glob("*.bin"))], seed=1)

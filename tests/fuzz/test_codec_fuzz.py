@@ -13,12 +13,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from wire_oracle import bits, judge
 
-from netboard.errors import WireError
-from netboard.faults.mutants import NESTED, Mutants, true_frames
-from netboard.wire import fixed
-from netboard.wire.codec import decode
-from netboard.wire.messages import KINDS, Message
-from netboard.wire.motion import Force, Stylus
+from netboard.base.errors import WireError
+from netboard.benchmarks.faults.mutants import NESTED, Mutants, true_frames
+from netboard.network.protocol import fixed
+from netboard.network.protocol.codec import decode
+from netboard.network.protocol.messages import KINDS, Message
+from netboard.network.protocol.motion import Force, Stylus
 
 GOLDEN = [path.read_bytes() for path in sorted((Path(__file__).parent.parent / "data" / "frames").glob("*.bin"))]
 SEEDS = range(4)

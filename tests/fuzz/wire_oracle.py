@@ -10,10 +10,10 @@ import types
 import typing
 from typing import Any
 
-from netboard.errors import WireError
-from netboard.wire.codec import decode, encode
-from netboard.wire.meeting import Refusal
-from netboard.wire.messages import CHOICES, KINDS, Message
+from netboard.base.errors import WireError
+from netboard.network.protocol.codec import decode, encode
+from netboard.network.protocol.joining import Refusal
+from netboard.network.protocol.messages import CHOICES, KINDS, Message
 
 LONGEST_REFUSAL = 2048
 """What is wrong with a frame is sent back to whoever sent it, in so many bytes [1]."""

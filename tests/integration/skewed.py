@@ -11,7 +11,7 @@ import sys
 import time
 from pathlib import Path
 
-import netboard.clock
+import netboard.base.clock
 
 
 class SkewedClock:
@@ -42,7 +42,7 @@ def main() -> None:
             file.write(f"{before_ns} {time.monotonic_ns()}\n")
 
     signal.signal(signal.SIGUSR1, step)
-    netboard.clock.now_ns = clock.now_ns  # before anything takes it from there
+    netboard.base.clock.now_ns = clock.now_ns  # before anything takes it from there
 
     from netboard.services import cli
 

@@ -12,14 +12,14 @@ import numpy as np
 import pytest
 from skewed import SkewedClock
 
-from netboard.clock import now_ns
-from netboard.config import Side
-from netboard.faults.relay import Weather, between
-from netboard.faults.rigs import PATIENCE, Rig, Way
-from netboard.nodes.launcher import free_port
-from netboard.recording.reader import Recording
-from netboard.wire.motion import Safeguard
-from netboard.wire.records import ClockRecord
+from netboard.base.clock import now_ns
+from netboard.base.config import Side
+from netboard.benchmarks.faults.relay import Weather, between
+from netboard.benchmarks.faults.rigs import PATIENCE, Rig, Way
+from netboard.network.protocol.motion import Safeguard
+from netboard.network.protocol.records import ClockRecord
+from netboard.nodes.operator.launcher import free_port
+from netboard.recording.files.reader import Recording
 
 pytestmark = [pytest.mark.integration, pytest.mark.quiet, pytest.mark.slow, pytest.mark.timeout(240)]
 

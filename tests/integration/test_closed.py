@@ -15,16 +15,18 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from netboard import channels, doors, keys, sockets, waiting
-from netboard.faults.rigs import PATIENCE, Rig
-from netboard.recording.reader import Recording
+from netboard.benchmarks.faults.rigs import PATIENCE, Rig
+from netboard.network import keys
+from netboard.network.protocol.codec import decode, encode
+from netboard.network.protocol.control import Command, Status, StatusRequest
+from netboard.network.protocol.joining import Hello, Refusal, Welcome
+from netboard.network.protocol.messages import PROTOCOL_VERSION, Message
+from netboard.network.protocol.motion import Stylus
+from netboard.network.protocol.views import Frames
+from netboard.network.transport import authenticator, channels, poller, sockets
+from netboard.recording.files.reader import Recording
 from netboard.services.cli import app
-from netboard.wire.codec import decode, encode
-from netboard.wire.control import Command, Status, StatusRequest
-from netboard.wire.meeting import Hello, Refusal, Welcome
-from netboard.wire.messages import PROTOCOL_VERSION, Message
-from netboard.wire.motion import Stylus
-from netboard.wire.views import Frames, View
+from netboard.stage.view import View
 
 pytestmark = [pytest.mark.integration, pytest.mark.slow, pytest.mark.timeout(300)]
 
@@ -104,7 +106,7 @@ class Attempts:
         self.folder = Path(rig.config.network.keys)
         self.server_key = keys.credentials(self.folder, "console").server
 
-    def at(self, channel: int, lock: doors.Credentials | None, name: str) -> Intruder:
+    def at(self, channel: int, lock: authenticator.Credentials | None, name: str) -> Intruder:
         """Somebody with some key, or none, at a channel."""
         endpoint = channels.addresses(self.rig.config.network, lock).reach(channel)
         makers = {channels.MOTION: sockets.motion_agent, channels.LOG: sockets.log_client}
@@ -113,12 +115,12 @@ class Attempts:
         make = makers.get(channel, sockets.control_client)
         return Intruder(self.rig, make(self.rig.context, endpoint, name))
 
-    def own(self, peer: str) -> doors.Credentials:
+    def own(self, peer: str) -> authenticator.Credentials:
         return keys.credentials(self.folder, peer)
 
-    def stranger(self) -> doors.Credentials:
+    def stranger(self) -> authenticator.Credentials:
         """A key of one's own making, and the right one of the server, which is no secret."""
-        return doors.Credentials(*doors.new_keys(), self.server_key)
+        return authenticator.Credentials(*authenticator.new_keys(), self.server_key)
 
     def no_key(self) -> Intruder:
         who = self.at(channels.MOTION, None, "agent.left@intruder")
@@ -127,7 +129,7 @@ class Attempts:
 
     def wrong_server(self) -> Intruder:
         """Who does not know the server's key cannot be sure to whom he speaks, and is not heard."""
-        lock = replace(self.own("agent.left"), server=doors.new_keys()[0])
+        lock = replace(self.own("agent.left"), server=authenticator.new_keys()[0])
         who = self.at(channels.MOTION, lock, "agent.left@intruder")
         who.until_told("channel=motion reason=it does not know this server's key", hello("agent", "left"))
         return who
@@ -234,7 +236,7 @@ class Attempts:
     def eavesdrop(self, who: Intruder) -> Intruder:
         until = time.monotonic() + EAVESDROP_S
         while time.monotonic() < until:
-            waiting.wait_readable(who.socket, EAVESDROP_S)
+            poller.wait_readable(who.socket, EAVESDROP_S)
             who.listen()
         return who
 

@@ -13,16 +13,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from netboard import channels, sockets, waiting
-from netboard.clock import now_ns
-from netboard.faults.rigs import Rig
-from netboard.recording.reader import Recording
-from netboard.tables.scene import Physics
-from netboard.tick import TICK
-from netboard.wire.codec import decode, encode
-from netboard.wire.meeting import Goodbye, Hello, Ping, Welcome
-from netboard.wire.messages import PROTOCOL_VERSION, Message
-from netboard.wire.views import View
+from netboard.base.clock import now_ns
+from netboard.base.tables.scene import Physics
+from netboard.base.tick import TICK
+from netboard.benchmarks.faults.rigs import Rig
+from netboard.network.protocol.codec import decode, encode
+from netboard.network.protocol.joining import Goodbye, Hello, Ping, Welcome
+from netboard.network.protocol.messages import PROTOCOL_VERSION, Message
+from netboard.network.transport import channels, poller, sockets
+from netboard.recording.files.reader import Recording
+from netboard.stage.view import View
 
 pytestmark = [pytest.mark.integration, pytest.mark.quiet, pytest.mark.slow, pytest.mark.timeout(300)]
 
@@ -79,7 +79,7 @@ def seen(tmp_path_factory: pytest.TempPathFactory) -> Seen:
         moving, end = 0, time.monotonic() + TO_COLLECT
         while moving < ENOUGH:
             assert time.monotonic() < end, rig.said("server")
-            if waiting.wait_readable(eye, 0.05) and (frame := sockets.receive(eye)) is not None:
+            if poller.wait_readable(eye, 0.05) and (frame := sockets.receive(eye)) is not None:
                 views.append((now_ns(), frame))
                 moving += decode(frame).phase in ("running", "holding")
             while (frame := sockets.receive(ear)) is not None:

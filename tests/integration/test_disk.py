@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from netboard.faults.rigs import Rig
-from netboard.proof.account import Account, account_of
-from netboard.recording.spilled import recover_any
-from netboard.wire.control import Status
+from netboard.benchmarks.faults.rigs import Rig
+from netboard.network.protocol.control import Status
+from netboard.recording.integrity.account import Account, account_of
+from netboard.recording.recovery.spilled import recover_any
 
 pytestmark = [pytest.mark.integration, pytest.mark.slow, pytest.mark.timeout(300)]
 

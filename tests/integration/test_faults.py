@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from netboard.faults.bench import play_all
-from netboard.faults.case import RELAYED, Case
-from netboard.faults.cases import choose
+from netboard.benchmarks.faults.bench import play_all
+from netboard.benchmarks.faults.case import RELAYED, Case
+from netboard.benchmarks.faults.cases import choose
 
 pytestmark = [pytest.mark.integration, pytest.mark.quiet, pytest.mark.slow, pytest.mark.timeout(900)]
 

@@ -14,12 +14,12 @@ import numpy as np
 import pytest
 from foreign_clients import ROOT, run
 
-from netboard.experiment.machine import Phase
-from netboard.faults.rigs import Rig
-from netboard.proof.verification import verify_recording
-from netboard.recording.reader import Recording
-from netboard.wire.codec import decode
-from netboard.wire.control import Status
+from netboard.benchmarks.faults.rigs import Rig
+from netboard.network.protocol.codec import decode
+from netboard.network.protocol.control import Status
+from netboard.recording.files.reader import Recording
+from netboard.recording.integrity.verification import verify_recording
+from netboard.task.trials.state_machine import Phase
 
 pytestmark = [pytest.mark.integration, pytest.mark.quiet, pytest.mark.slow, pytest.mark.timeout(240)]
 

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from netboard.faults.fuzz_peers import peer_parts
-from netboard.faults.fuzz_server import server_parts
-from netboard.studies.results import Part
+from netboard.benchmarks.faults.fuzz_peers import peer_parts
+from netboard.benchmarks.faults.fuzz_server import server_parts
+from netboard.benchmarks.harness.results import Part
 
 pytestmark = [pytest.mark.integration, pytest.mark.quiet, pytest.mark.slow, pytest.mark.timeout(240)]
 

@@ -8,12 +8,12 @@ from pathlib import Path
 import pytest
 from test_closed import rig_with_keys
 
-from netboard.faults.rigs import Rig
-from netboard.proof.checking import check
-from netboard.proof.grade import Grade
-from netboard.recording.reader import Recording
-from netboard.recording.spilled import recover_any
-from netboard.wire.records import kind_of_peer
+from netboard.benchmarks.faults.rigs import Rig
+from netboard.network.protocol.records import kind_of_peer
+from netboard.recording.files.reader import Recording
+from netboard.recording.integrity.checking import check
+from netboard.recording.integrity.severity import Grade
+from netboard.recording.recovery.spilled import recover_any
 
 pytestmark = [pytest.mark.integration, pytest.mark.slow, pytest.mark.timeout(300)]
 

@@ -14,11 +14,11 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from netboard.clock import now_ns
-from netboard.faults.rigs import Rig, Way
-from netboard.nodes.launcher import free_port
-from netboard.recording.reader import Recording
-from netboard.recording.streams import STREAMS, description, event_text, samples, seconds
+from netboard.base.clock import now_ns
+from netboard.benchmarks.faults.rigs import Rig, Way
+from netboard.nodes.operator.launcher import free_port
+from netboard.recording.export.lsl_streams import STREAMS, description, event_text, samples, seconds
+from netboard.recording.files.reader import Recording
 
 pylsl = pytest.importorskip("pylsl", reason="needs netboard[lsl]", exc_type=(ImportError, RuntimeError))
 

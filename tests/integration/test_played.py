@@ -16,16 +16,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from netboard import channels, sockets
-from netboard.config import Config
-from netboard.experiment.machine import Phase
-from netboard.faults.rigs import Rig
-from netboard.process import WITH_PARENT
-from netboard.proof.verification import verify_recording
-from netboard.recording.reader import Recording
-from netboard.wire.codec import decode
-from netboard.wire.control import Status
-from netboard.wire.views import View
+from netboard.base.config import Config
+from netboard.base.process import WITH_PARENT
+from netboard.benchmarks.faults.rigs import Rig
+from netboard.network.protocol.codec import decode
+from netboard.network.protocol.control import Status
+from netboard.network.transport import channels, sockets
+from netboard.recording.files.reader import Recording
+from netboard.recording.integrity.verification import verify_recording
+from netboard.stage.view import View
+from netboard.task.trials.state_machine import Phase
 
 pytestmark = [pytest.mark.integration, pytest.mark.quiet, pytest.mark.slow, pytest.mark.timeout(300)]
 
@@ -80,9 +80,9 @@ class Game:
     """The left display of a rig, and the script that plays in it."""
 
     def __init__(self, rig: Rig) -> None:
-        from netboard.display.client import DisplayClient
-        from netboard.display.playing import Playing
-        from netboard.display.window import BoardWindow, application
+        from netboard.windows.participant.client import DisplayClient
+        from netboard.windows.participant.playing import Playing
+        from netboard.windows.participant.window import BoardWindow, application
 
         self.app = application()
         self.rig = rig

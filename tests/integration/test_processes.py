@@ -11,14 +11,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from netboard import channels, sockets
-from netboard.config import parse
-from netboard.experiment.machine import Cause, Phase
-from netboard.faults.rigs import Rig
-from netboard.proof.verification import verify_recording
-from netboard.recording.reader import Recording
-from netboard.recording.recovery import recover
-from netboard.wire.motion import Safeguard
+from netboard.base.config import parse
+from netboard.benchmarks.faults.rigs import Rig
+from netboard.network.protocol.motion import Safeguard
+from netboard.network.transport import channels, sockets
+from netboard.recording.files.reader import Recording
+from netboard.recording.integrity.verification import verify_recording
+from netboard.recording.recovery.recover import recover
+from netboard.task.trials.state_machine import Cause, Phase
 
 pytestmark = [pytest.mark.integration, pytest.mark.quiet, pytest.mark.slow, pytest.mark.timeout(240)]
 

@@ -11,14 +11,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from netboard import channels, keys, sockets, waiting
-from netboard.clock import now_ns
-from netboard.config import SIDES, Side
-from netboard.faults.rigs import PATIENCE, Rig
-from netboard.replay.loading import load
-from netboard.replay.reel import Reel
-from netboard.wire.codec import decode
-from netboard.wire.views import View
+from netboard.base.clock import now_ns
+from netboard.base.config import SIDES, Side
+from netboard.benchmarks.faults.rigs import PATIENCE, Rig
+from netboard.network import keys
+from netboard.network.protocol.codec import decode
+from netboard.network.transport import channels, poller, sockets
+from netboard.recording.replay.loaded import Reel
+from netboard.recording.replay.loading import load
+from netboard.stage.view import View
 
 pytestmark = [pytest.mark.integration, pytest.mark.slow, pytest.mark.timeout(240)]
 
@@ -46,7 +47,7 @@ class Eyes:
         while rounds > 0:
             assert time.monotonic() < until, "nothing is sent"
             for side, end in self._ends.items():
-                if waiting.wait_readable(end, 0.0005) and (frame := sockets.receive(end)) is not None:
+                if poller.wait_readable(end, 0.0005) and (frame := sockets.receive(end)) is not None:
                     view = decode(frame)
                     assert isinstance(view, View)
                     seen[side] += [view] if view.sent_ns >= since_ns else []

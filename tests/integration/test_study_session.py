@@ -11,19 +11,19 @@ from typing import Any
 
 import pytest
 
-from netboard.config import parse
-from netboard.design.plan import config_of, plan_of, seated
-from netboard.design.study import paper_study
-from netboard.errors import NetboardError
-from netboard.experiment.entries import AttemptBegan, AttemptEnded, BlockBegan, read_lines
-from netboard.faults.rigs import Rig
-from netboard.nodes.operator import Operator
-from netboard.nodes.programme import Programme
-from netboard.proof.verification import verify_recording
-from netboard.recording.reader import Recording
-from netboard.tables.experiment import Session
-from netboard.wire.control import Status
-from netboard.wire.motion import Safeguard
+from netboard.base.config import parse
+from netboard.base.errors import NetboardError
+from netboard.base.tables.experiment import Session
+from netboard.benchmarks.faults.rigs import Rig
+from netboard.network.protocol.control import Status
+from netboard.network.protocol.motion import Safeguard
+from netboard.nodes.operator.operator import Operator
+from netboard.nodes.server.blocks import Programme
+from netboard.recording.files.reader import Recording
+from netboard.recording.integrity.verification import verify_recording
+from netboard.task.journal.entries import AttemptBegan, AttemptEnded, BlockBegan, read_lines
+from netboard.task.plans.plan import config_of, plan_of, seated
+from netboard.task.studies.study import paper_study
 
 pytestmark = [pytest.mark.integration, pytest.mark.slow, pytest.mark.timeout(600)]
 

@@ -16,11 +16,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from netboard import keys
-from netboard.config import SIDES, parse
-from netboard.experiment.machine import Phase
-from netboard.proof.verification import verify_recording
-from netboard.recording.reader import Recording
+from netboard.base.config import SIDES, parse
+from netboard.network import keys
+from netboard.recording.files.reader import Recording
+from netboard.recording.integrity.verification import verify_recording
+from netboard.task.trials.state_machine import Phase
 
 pytestmark = [pytest.mark.integration, pytest.mark.quiet, pytest.mark.slow, pytest.mark.timeout(300)]
 

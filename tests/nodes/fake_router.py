@@ -2,9 +2,9 @@
 
 from collections import deque
 
-from netboard.wire.codec import decode, encode
-from netboard.wire.meeting import Hello, Welcome
-from netboard.wire.messages import PROTOCOL_VERSION, Message
+from netboard.network.protocol.codec import decode, encode
+from netboard.network.protocol.joining import Hello, Welcome
+from netboard.network.protocol.messages import PROTOCOL_VERSION, Message
 
 WELCOME = Welcome("session", PROTOCOL_VERSION, 0, "")
 

@@ -7,12 +7,12 @@ from pathlib import Path
 from fake_router import WELCOME, FakeRouter, hello
 
 from fakes import FakeClock
-from netboard.nodes.log_port import GONE_NS, LogPort
-from netboard.recording.spill import Spill
-from netboard.wire.codec import decode, encode
-from netboard.wire.meeting import Ping, Welcome
-from netboard.wire.messages import Message
-from netboard.wire.records import LogAck, LogBatch, LogRequest, TickRecord
+from netboard.network.protocol.codec import decode, encode
+from netboard.network.protocol.joining import Ping, Welcome
+from netboard.network.protocol.messages import Message
+from netboard.network.protocol.records import LogAck, LogBatch, LogRequest, TickRecord
+from netboard.nodes.ports.log_port import GONE_NS, LogPort
+from netboard.recording.recovery.spill import Spill
 
 L, M = b"logger@1", b"logger@2"
 

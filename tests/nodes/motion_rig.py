@@ -6,10 +6,10 @@ from typing import Any
 import zmq
 from fake_router import WELCOME
 
-from netboard import channels, sockets
-from netboard.nodes.motion_port import MotionPort
-from netboard.wire.codec import decode, encode
-from netboard.wire.messages import Message
+from netboard.network.protocol.codec import decode, encode
+from netboard.network.protocol.messages import Message
+from netboard.network.transport import channels, sockets
+from netboard.nodes.ports.motion_port import MotionPort
 
 TIMEOUT_NS = 50_000_000
 BOUND_NS = 500_000

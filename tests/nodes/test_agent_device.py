@@ -9,17 +9,17 @@ from typing import TypeAlias, final
 
 import pytest
 
-from netboard import channels, sockets
-from netboard.clock import now_ns
-from netboard.config import Config
-from netboard.devices.base import Device, DeviceInfo, Reading
-from netboard.errors import DeviceLost, DeviceNotFound
-from netboard.nodes.agent import Agent
-from netboard.nodes.launcher import free_port
-from netboard.wire.codec import decode, encode
-from netboard.wire.meeting import Goodbye, Hello, Welcome
-from netboard.wire.messages import PROTOCOL_VERSION, Message
-from netboard.wire.motion import Beat, Safeguard, Stylus
+from netboard.base.clock import now_ns
+from netboard.base.config import Config
+from netboard.base.errors import DeviceLost, DeviceNotFound
+from netboard.devices.contract.device import Device, DeviceInfo, Reading
+from netboard.network.protocol.codec import decode, encode
+from netboard.network.protocol.joining import Goodbye, Hello, Welcome
+from netboard.network.protocol.messages import PROTOCOL_VERSION, Message
+from netboard.network.protocol.motion import Beat, Safeguard, Stylus
+from netboard.network.transport import channels, sockets
+from netboard.nodes.agent.agent import Agent
+from netboard.nodes.operator.launcher import free_port
 
 PATIENCE = 60.0
 """What is waited for is there long before, on a busy machine too [s]."""

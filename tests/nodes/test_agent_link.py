@@ -6,14 +6,14 @@ from dataclasses import astuple, replace
 import numpy as np
 import pytest
 
-from netboard import channels, sockets
-from netboard.clock import now_ns
-from netboard.nodes.motion_link import REMEMBERED, Link
-from netboard.wire import fixed
-from netboard.wire.codec import decode, encode
-from netboard.wire.meeting import Hello, Welcome
-from netboard.wire.messages import PROTOCOL_VERSION, Message
-from netboard.wire.motion import Beat, Force, Point
+from netboard.base.clock import now_ns
+from netboard.network.protocol import fixed
+from netboard.network.protocol.codec import decode, encode
+from netboard.network.protocol.joining import Hello, Welcome
+from netboard.network.protocol.messages import PROTOCOL_VERSION, Message
+from netboard.network.protocol.motion import Beat, Force, Point
+from netboard.network.transport import channels, sockets
+from netboard.nodes.agent.motion_link import REMEMBERED, Link
 
 TIMEOUT_NS = 10_000_000_000
 """Far longer than this machine stands still [ns]."""

@@ -1,8 +1,8 @@
 """The alarm: emergency stops, and what trips a device's safety is told once."""
 
-from netboard.nodes.alarm import AGAIN_NS, RELEASE, STOP, WORDS, Alarm
-from netboard.nodes.seats import STOPPED, TRIPPED, TRIPS
-from netboard.wire.motion import Safeguard
+from netboard.network.protocol.motion import Safeguard
+from netboard.nodes.ports.emergency import AGAIN_NS, RELEASE, STOP, WORDS, Alarm
+from netboard.nodes.ports.samples import STOPPED, TRIPPED, TRIPS
 
 FINE = {"left": 0, "right": 0}
 

@@ -9,14 +9,14 @@ import pytest
 from fake_router import hello
 from motion_rig import MotionRig
 
-from netboard import sockets
-from netboard.nodes.backfill import AGAIN_NS, MOST_GAPS, Backfiller
-from netboard.nodes.motion_port import GONE_NS
-from netboard.nodes.rendered_ring import RenderedRing
-from netboard.recording.backfill import Backfilled
-from netboard.tick import KNOWN_NS, RENDERED, TICK
-from netboard.wire.motion import BACKFILL_ROWS, Backfill, BackfillRequest, Safeguard, Stylus
-from netboard.wire.records import BackfillRecord
+from netboard.base.tick import KNOWN_NS, RENDERED, TICK
+from netboard.network.protocol.motion import BACKFILL_ROWS, Backfill, BackfillRequest, Safeguard, Stylus
+from netboard.network.protocol.records import BackfillRecord
+from netboard.network.transport import sockets
+from netboard.nodes.agent.rendered_buffer import RenderedRing
+from netboard.nodes.ports.backfill import AGAIN_NS, MOST_GAPS, Backfiller
+from netboard.nodes.ports.motion_port import GONE_NS
+from netboard.recording.format.backfill import Backfilled
 
 MS = 1_000_000
 AGENT = b"agent.left@1"

@@ -2,10 +2,10 @@
 
 import pytest
 
-from netboard.nodes.chronicle import Chronicle
-from netboard.wire.codec import decode
-from netboard.wire.messages import Message
-from netboard.wire.records import ClockRecord, EventRecord, FrameRecord
+from netboard.network.protocol.codec import decode
+from netboard.network.protocol.messages import Message
+from netboard.network.protocol.records import ClockRecord, EventRecord, FrameRecord
+from netboard.nodes.server.event_log import Chronicle
 
 FRAME = FrameRecord(0, "left", 7, 1, 2, 0)
 

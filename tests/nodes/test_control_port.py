@@ -5,13 +5,21 @@ from dataclasses import replace
 from fake_router import WELCOME, FakeRouter, hello
 
 from fakes import STATUS, Answers
-from netboard.nodes.control_port import SILENT_NS, ControlPort
-from netboard.nodes.peer import PING_NS
-from netboard.wire.control import Command, Outcomes, OutcomesRequest, Reply, StatusRequest, Trace, TraceRequest
-from netboard.wire.meeting import Goodbye, Ping, Pong, Refusal, Welcome
-from netboard.wire.messages import Message
-from netboard.wire.motion import Stylus
-from netboard.wire.views import Frames
+from netboard.network.protocol.control import (
+    Command,
+    Outcomes,
+    OutcomesRequest,
+    Reply,
+    StatusRequest,
+    Trace,
+    TraceRequest,
+)
+from netboard.network.protocol.joining import Goodbye, Ping, Pong, Refusal, Welcome
+from netboard.network.protocol.messages import Message
+from netboard.network.protocol.motion import Stylus
+from netboard.network.protocol.views import Frames
+from netboard.nodes.ports.control_port import SILENT_NS, ControlPort
+from netboard.nodes.ports.peer import PING_NS
 
 STYLUS = Stylus(0, 0, 0.0, 0.0, 0.01, 0.0, 0.0, 0.1, 0, 0, 0.0, -1, 0, 0, 0, 0)
 D, C = b"display.left@1", b"console@1"

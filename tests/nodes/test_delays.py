@@ -5,11 +5,11 @@ from math import isnan
 
 import pytest
 
-from netboard.config import Config
-from netboard.methods.delay import Mechanism
-from netboard.nodes.delays import DELAY_LIMIT, GAINS, MARGIN, PACE, REST, Delays, limit_ns, loops_of
-from netboard.tables.rig import Network
-from netboard.tables.scene import Physics
+from netboard.base.config import Config
+from netboard.base.tables.rig import Network
+from netboard.base.tables.scene import Physics
+from netboard.nodes.ports.round_trips import DELAY_LIMIT, GAINS, MARGIN, PACE, REST, Delays, limit_ns, loops_of
+from netboard.physics.stability.delayed_coupling import Mechanism
 
 FIXED = replace(Physics(), board="hinged", I=1e9, hold="zoh")
 

@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from netboard.errors import ConfigError
-from netboard.experiment.machine import TABLE, Cause, Phase
-from netboard.nodes.desk import ANYBODYS, CAUSES, UNOPENED, Desk, Situation, form_of, note_of
-from netboard.tables.experiment import Session
-from netboard.wire.control import COMMANDS, REPLAY_COMMANDS
+from netboard.base.errors import ConfigError
+from netboard.base.tables.experiment import Session
+from netboard.network.protocol.control import COMMANDS, REPLAY_COMMANDS
+from netboard.nodes.server.commands import ANYBODYS, CAUSES, UNOPENED, Desk, Situation, form_of, note_of
+from netboard.task.trials.state_machine import TABLE, Cause, Phase
 
 A, B = b"console@1", b"console@2"
 NOW = Situation(Phase.IDLE, (), last=False, plan=True)

@@ -7,17 +7,17 @@ from fake_router import FakeRouter, hello
 from log_rig import L, Rig, end
 
 from fakes import Answers, FakeClock
-from netboard.config import Config, parse, resolve
-from netboard.nodes.control_port import MAY_SAY, MOST_FRAMES, MOST_PEERS, SILENT_NS, ControlPort
-from netboard.nodes.log_port import GONE_NS, MOST_LOGGERS
-from netboard.nodes.logger import Logger
-from netboard.recording.reader import Recording
-from netboard.tables.rig import Recording as Settings
-from netboard.wire.codec import encode
-from netboard.wire.control import Command, StatusRequest
-from netboard.wire.meeting import Hello, Pong, Refusal, Welcome
-from netboard.wire.messages import PROTOCOL_VERSION
-from netboard.wire.records import EventRecord, LogRequest
+from netboard.base.config import Config, parse, resolve
+from netboard.base.tables.rig import Recording as Settings
+from netboard.network.protocol.codec import encode
+from netboard.network.protocol.control import Command, StatusRequest
+from netboard.network.protocol.joining import Hello, Pong, Refusal, Welcome
+from netboard.network.protocol.messages import PROTOCOL_VERSION
+from netboard.network.protocol.records import EventRecord, LogRequest
+from netboard.nodes.logger.logger import Logger
+from netboard.nodes.ports.control_port import MAY_SAY, MOST_FRAMES, MOST_PEERS, SILENT_NS, ControlPort
+from netboard.nodes.ports.log_port import GONE_NS, MOST_LOGGERS
+from netboard.recording.files.reader import Recording
 
 MS = 1_000_000
 

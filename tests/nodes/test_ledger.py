@@ -11,16 +11,25 @@ from typing import Any
 import numpy as np
 import pytest
 
-from netboard.config import Config, parse
-from netboard.errors import NetboardError
-from netboard.experiment.entries import AttemptBegan, BlockEnded, Ended, Entry, Note, Opened, Resumed, read_lines
-from netboard.experiment.machine import TABLE, Cause, Phase
-from netboard.experiment.progress import Progress, progress_of
-from netboard.nodes.ledger import Ledger
-from netboard.recording.journal import Journal
-from netboard.stage import make_stage
-from netboard.tick import TICK, TICK_NS
-from netboard.wire.records import FrameRecord
+from netboard.base.config import Config, parse
+from netboard.base.errors import NetboardError
+from netboard.base.tick import TICK, TICK_NS
+from netboard.network.protocol.records import FrameRecord
+from netboard.nodes.server.attempts import Ledger
+from netboard.recording.recovery.journal_file import Journal
+from netboard.stage.stage import make_stage
+from netboard.task.journal.entries import (
+    AttemptBegan,
+    BlockEnded,
+    Ended,
+    Entry,
+    Note,
+    Opened,
+    Resumed,
+    read_lines,
+)
+from netboard.task.journal.progress import Progress, progress_of
+from netboard.task.trials.state_machine import TABLE, Cause, Phase
 from session_model import HEADER, PLAN, Planned, check
 
 NUMBERS = [planned.number for planned in PLAN]

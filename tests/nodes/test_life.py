@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import pytest
 
-from netboard import sockets
-from netboard.config import Config, Side, parse, resolve
-from netboard.nodes.companion import Life, Limb, Person
-from netboard.nodes.launcher import free_port
+from netboard.base.config import Config, Side, parse, resolve
+from netboard.network.transport import sockets
+from netboard.nodes.agent.stylus_source import Life, Limb, Person
+from netboard.nodes.operator.launcher import free_port
 from netboard.participants.submovement import Submovement
 
 

@@ -9,14 +9,14 @@ from fake_router import FakeRouter
 from numpy.typing import NDArray
 
 from fakes import FakeClock
-from netboard.nodes.listener import WAITED_NS, Listener
-from netboard.nodes.log_port import GONE_NS, LogPort
-from netboard.recording.spill import Spill
-from netboard.tick import TICK
-from netboard.wire.codec import encode
-from netboard.wire.meeting import Goodbye, Refusal, Welcome
-from netboard.wire.messages import PROTOCOL_VERSION
-from netboard.wire.records import ClockRecord, EventRecord, LogBatch, TickRecord
+from netboard.base.tick import TICK
+from netboard.network.protocol.codec import encode
+from netboard.network.protocol.joining import Goodbye, Refusal, Welcome
+from netboard.network.protocol.messages import PROTOCOL_VERSION
+from netboard.network.protocol.records import ClockRecord, EventRecord, LogBatch, TickRecord
+from netboard.nodes.logger.subscriber import WAITED_NS, Listener
+from netboard.nodes.ports.log_port import GONE_NS, LogPort
+from netboard.recording.recovery.spill import Spill
 
 NAME = b"listener@1"
 AHEAD_NS = 5_000_000_000

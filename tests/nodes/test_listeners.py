@@ -10,12 +10,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from log_rig import L, M, Rig, end
 
-from netboard.nodes.listeners import GONE_NS, MOST_LISTENERS, MOST_RECORDS
-from netboard.wire.codec import encode
-from netboard.wire.control import StatusRequest
-from netboard.wire.meeting import Goodbye, Ping, Pong, Refusal, Welcome
-from netboard.wire.messages import Message
-from netboard.wire.records import LogAck, LogBatch, LogEnd, LogRequest, TickRecord
+from netboard.network.protocol.codec import encode
+from netboard.network.protocol.control import StatusRequest
+from netboard.network.protocol.joining import Goodbye, Ping, Pong, Refusal, Welcome
+from netboard.network.protocol.messages import Message
+from netboard.network.protocol.records import LogAck, LogBatch, LogEnd, LogRequest, TickRecord
+from netboard.nodes.ports.subscribers import GONE_NS, MOST_LISTENERS, MOST_RECORDS
 
 E, F = b"listener@1", b"listener@2"
 

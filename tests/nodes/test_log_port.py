@@ -8,13 +8,13 @@ import pytest
 from fake_router import hello
 from log_rig import L, M, Rig, end
 
-from netboard.nodes.log_port import FULL_SHARE, GONE_NS, LISTEN_NS
-from netboard.recording import spill as spilling
-from netboard.recording.disk import LOW_BYTES
-from netboard.recording.spill import read_spill
-from netboard.wire.control import StatusRequest
-from netboard.wire.meeting import Goodbye, Ping, Pong, Refusal, Welcome
-from netboard.wire.records import LogAck, LogBatch, LogEnd, LogRequest
+from netboard.network.protocol.control import StatusRequest
+from netboard.network.protocol.joining import Goodbye, Ping, Pong, Refusal, Welcome
+from netboard.network.protocol.records import LogAck, LogBatch, LogEnd, LogRequest
+from netboard.nodes.ports.log_port import FULL_SHARE, GONE_NS, LISTEN_NS
+from netboard.recording.format.disk import LOW_BYTES
+from netboard.recording.recovery import spill as spilling
+from netboard.recording.recovery.spill import read_spill
 
 
 @pytest.fixture

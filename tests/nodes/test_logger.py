@@ -13,17 +13,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fakes import FakeClock, FakeLogLink, FakeLogServer
-from netboard.nodes.logger import Logger, place
-from netboard.proof.account import Stretch, account_of
-from netboard.recording import partfile
-from netboard.recording.reader import Recording
-from netboard.recording.recovery import recover
-from netboard.tables.rig import Recording as Settings
-from netboard.tick import TICK
-from netboard.wire.codec import encode
-from netboard.wire.meeting import Ping, Refusal, Welcome
-from netboard.wire.messages import PROTOCOL_VERSION
-from netboard.wire.records import BLOCK_BEGAN, EventRecord, LogBatch, LogEnd, TickRecord
+from netboard.base.tables.rig import Recording as Settings
+from netboard.base.tick import TICK
+from netboard.network.protocol.codec import encode
+from netboard.network.protocol.joining import Ping, Refusal, Welcome
+from netboard.network.protocol.messages import PROTOCOL_VERSION
+from netboard.network.protocol.records import BLOCK_BEGAN, EventRecord, LogBatch, LogEnd, TickRecord
+from netboard.nodes.logger.logger import Logger, place
+from netboard.recording.files.reader import Recording
+from netboard.recording.format import partfile
+from netboard.recording.integrity.account import Stretch, account_of
+from netboard.recording.recovery.recover import recover
 
 CONFIG = '[session]\nname = "S07"\ndyad = "D03"\n'
 UTC_NS = 1_790_000_000_000_000_000

@@ -8,15 +8,15 @@ import pytest
 from fake_router import hello
 from motion_rig import MotionRig
 
-from netboard import sockets
-from netboard.nodes.motion_port import MOST_ODD, ODD_AT_ONCE
-from netboard.nodes.refusals import AGAIN_NS, CROWDED
-from netboard.nodes.seats import MOST_FRAMES
-from netboard.refusals import MOST_KINDS
-from netboard.tick import TICK
-from netboard.wire.control import StatusRequest
-from netboard.wire.meeting import Refusal, Welcome
-from netboard.wire.motion import Stylus
+from netboard.base.tick import TICK
+from netboard.network.protocol.control import StatusRequest
+from netboard.network.protocol.joining import Refusal, Welcome
+from netboard.network.protocol.motion import Stylus
+from netboard.network.transport import sockets
+from netboard.network.transport.refusal_count import MOST_KINDS
+from netboard.nodes.ports.motion_port import MOST_ODD, ODD_AT_ONCE
+from netboard.nodes.ports.refusals import AGAIN_NS, CROWDED
+from netboard.nodes.ports.samples import MOST_FRAMES
 
 MS = 1_000_000
 A, B = b"agent.left@1", b"agent.right@2"

@@ -11,20 +11,20 @@ import pytest
 from fake_router import hello
 from motion_rig import TIMEOUT_NS, MotionRig
 
-from netboard import sockets
-from netboard.config import SIDES
-from netboard.nodes import seats
-from netboard.nodes.crowd import DEAF_NS
-from netboard.nodes.motion_port import BEAT_TICKS, GONE_NS
-from netboard.nodes.seats import ARMED, LIVE, SANE_NS
-from netboard.sockets import LARGEST_SAMPLE
-from netboard.tables.scene import Physics
-from netboard.tick import TICK, TICK_NS
-from netboard.wire import fixed
-from netboard.wire.codec import encode
-from netboard.wire.control import StatusRequest
-from netboard.wire.meeting import Goodbye, Refusal, Welcome
-from netboard.wire.motion import Beat, Force, Point, Safeguard, Stylus
+from netboard.base.config import SIDES
+from netboard.base.tables.scene import Physics
+from netboard.base.tick import TICK, TICK_NS
+from netboard.network.protocol import fixed
+from netboard.network.protocol.codec import encode
+from netboard.network.protocol.control import StatusRequest
+from netboard.network.protocol.joining import Goodbye, Refusal, Welcome
+from netboard.network.protocol.motion import Beat, Force, Point, Safeguard, Stylus
+from netboard.network.transport import sockets
+from netboard.network.transport.sockets import LARGEST_SAMPLE
+from netboard.nodes.ports import samples
+from netboard.nodes.ports.crowd import DEAF_NS
+from netboard.nodes.ports.motion_port import BEAT_TICKS, GONE_NS
+from netboard.nodes.ports.samples import ARMED, LIVE, SANE_NS
 
 MS = 1_000_000
 A, B = b"agent.left@1", b"agent.right@2"
@@ -217,7 +217,7 @@ def test_a_force_is_the_bytes_it_has_always_been(rig: Rig) -> None:
         row["tick"], row["left_force"] = 12, force
         words, frame = np.zeros(5, np.int64), np.zeros(fixed.FORCE.size, np.uint8)
         told = row.view(np.int64)
-        seats.tell_force(words, told, told, np.zeros((2, seats.WORDS), np.int64), np.ones(2), 0, 77)
+        samples.tell_force(words, told, told, np.zeros((2, samples.WORDS), np.int64), np.ones(2), 0, 77)
         fixed.write(frame, *fixed.FORCE[:2], words)
         parts = (0x96, 11, 0xD3, 12, 0xD3, 77, 0xD3, 0, 0xCB, force, 0xD3, 0)
         assert frame.tobytes() == struct.pack(">BBBqBqBqBdBq", *parts)
@@ -238,7 +238,7 @@ def test_a_delayed_force_is_an_earlier_rows_and_all_else_the_ticks_own(rig: Rig)
 
 def test_agents_that_compute_their_own_force_are_told_where_the_board_is(new_rig: Callable[..., Rig]) -> None:
     physics = Physics(coupling="right")
-    rig = new_rig(seats.ends_of(physics)).seated()
+    rig = new_rig(samples.ends_of(physics)).seated()
     for peer, ahead in ((A, 5 * MS), (B, 0)):
         rig.router.say(peer, replace(STYLUS, seq=9, force_tick=1, force_received_ns=ahead, sent_ns=ahead))
     rig.drain(lambda: 700_000, TICK_NS)

@@ -5,20 +5,20 @@ from dataclasses import replace
 import pytest
 
 from fakes import STATUS
-from netboard import channels, ends, sockets
-from netboard.nodes import operator
-from netboard.nodes.launcher import free_port
-from netboard.nodes.operator import Operator
-from netboard.tables.rig import Network
-from netboard.wire.codec import decode, encode
-from netboard.wire.control import StatusRequest
-from netboard.wire.meeting import HELLO_FIRST, Hello, Refusal, Welcome
-from netboard.wire.messages import PROTOCOL_VERSION, Message
+from netboard.base.tables.rig import Network
+from netboard.network.protocol.codec import decode, encode
+from netboard.network.protocol.control import StatusRequest
+from netboard.network.protocol.joining import HELLO_FIRST, Hello, Refusal, Welcome
+from netboard.network.protocol.messages import PROTOCOL_VERSION, Message
+from netboard.network.transport import channels, endpoints, sockets
+from netboard.nodes.operator import operator
+from netboard.nodes.operator.launcher import free_port
+from netboard.nodes.operator.operator import Operator
 
 TRIES = 100
 
 
-def said(router: ends.Router) -> list[tuple[bytes, Message]]:
+def said(router: endpoints.Router) -> list[tuple[bytes, Message]]:
     found = []
     while (received := router.receive()) is not None:
         found.append((received[0], decode(received[1])))

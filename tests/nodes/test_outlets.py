@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from netboard.errors import ConfigError
-from netboard.nodes import outlets
-from netboard.nodes.outlets import MOST_WAITING, Outlets, compare
-from netboard.recording.streams import COLUMNS, STREAMS, samples, seconds
-from netboard.tick import TICK
-from netboard.wire.meeting import Welcome
-from netboard.wire.messages import PROTOCOL_VERSION
-from netboard.wire.records import EventRecord
+from netboard.base.errors import ConfigError
+from netboard.base.tick import TICK
+from netboard.network.protocol.joining import Welcome
+from netboard.network.protocol.messages import PROTOCOL_VERSION
+from netboard.network.protocol.records import EventRecord
+from netboard.nodes.logger import lsl_outlets
+from netboard.nodes.logger.lsl_outlets import MOST_WAITING, Outlets, compare
+from netboard.recording.export.lsl_streams import COLUMNS, STREAMS, samples, seconds
 
 MS = 1_000_000
 WELCOME = Welcome("3f2a", PROTOCOL_VERSION, 0, "[session]\n")
@@ -30,7 +30,7 @@ class Layer:
         self.infos: dict[str, Layer.Info] = {}
 
     def local_clock(self) -> float:
-        return outlets.now_ns() / 1e9
+        return lsl_outlets.now_ns() / 1e9
 
     class Info:
         def __init__(self, name: str, kind: str, count: int, rate: float, form: int, source: str) -> None:
@@ -71,7 +71,7 @@ class Layer:
 @pytest.fixture
 def layer(monkeypatch: pytest.MonkeyPatch) -> Layer:
     layer = Layer()
-    monkeypatch.setattr(outlets, "library", lambda: layer)
+    monkeypatch.setattr(lsl_outlets, "library", lambda: layer)
     return layer
 
 
@@ -179,6 +179,6 @@ def test_without_the_library_it_is_said_what_to_install(monkeypatch: pytest.Monk
     def missing(name: str) -> Any:
         raise RuntimeError("LSL binary library file was not found.\n")
 
-    monkeypatch.setattr(outlets, "import_module", missing)
+    monkeypatch.setattr(lsl_outlets, "import_module", missing)
     with pytest.raises(ConfigError, match=r'pip install "netboard\[lsl\]" \(LSL binary'):
         Outlets("netboard", 5550)

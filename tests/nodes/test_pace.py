@@ -2,8 +2,8 @@
 
 import pytest
 
-from netboard.nodes.pace import CATCH_UP_TICKS, EARLIEST_NS, IDLE_TICKS, LATE_NS, Pace
-from netboard.tick import TICK_NS
+from netboard.base.tick import TICK_NS
+from netboard.nodes.server.tick_clock import CATCH_UP_TICKS, EARLIEST_NS, IDLE_TICKS, LATE_NS, Pace
 
 DUE = 5_000_000_000
 

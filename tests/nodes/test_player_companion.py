@@ -7,16 +7,16 @@ from dataclasses import replace
 
 import pytest
 
-from netboard import channels, sockets
-from netboard.config import Config, parse
+from netboard.base.config import Config, parse
+from netboard.base.tables.rig import Network
 from netboard.devices.mouse import MouseStylus
-from netboard.nodes.companion import Player, companion_of
-from netboard.nodes.launcher import free_port
-from netboard.tables.rig import Network
-from netboard.wire.codec import decode, encode
-from netboard.wire.meeting import Goodbye
-from netboard.wire.messages import Message
-from netboard.wire.motion import Felt, Pointer
+from netboard.network.protocol.codec import decode, encode
+from netboard.network.protocol.joining import Goodbye
+from netboard.network.protocol.messages import Message
+from netboard.network.protocol.motion import Felt, Pointer
+from netboard.network.transport import channels, sockets
+from netboard.nodes.agent.stylus_source import Player, companion_of
+from netboard.nodes.operator.launcher import free_port
 
 pytestmark = pytest.mark.integration
 

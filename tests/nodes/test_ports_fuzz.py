@@ -12,20 +12,20 @@ from fake_router import WELCOME, FakeRouter, hello
 from motion_rig import MotionRig
 
 from fakes import STATUS, Answers, FakeClock
-from netboard import sockets
-from netboard.config import SIDES
-from netboard.faults.mutants import Mutants, true_frames
-from netboard.nodes.control_port import ControlPort
-from netboard.nodes.log_port import LogPort
-from netboard.recording.spill import Spill
-from netboard.tick import TICK
-from netboard.wire.codec import encode
-from netboard.wire.control import COMMANDS, Command, StatusRequest
-from netboard.wire.meeting import Goodbye, Pong
-from netboard.wire.messages import Message
-from netboard.wire.motion import Stylus
-from netboard.wire.records import ClockRecord, EventRecord, LogAck, LogRequest, TickRecord
-from netboard.wire.views import Frames
+from netboard.base.config import SIDES
+from netboard.base.tick import TICK
+from netboard.benchmarks.faults.mutants import Mutants, true_frames
+from netboard.network.protocol.codec import encode
+from netboard.network.protocol.control import COMMANDS, Command, StatusRequest
+from netboard.network.protocol.joining import Goodbye, Pong
+from netboard.network.protocol.messages import Message
+from netboard.network.protocol.motion import Stylus
+from netboard.network.protocol.records import ClockRecord, EventRecord, LogAck, LogRequest, TickRecord
+from netboard.network.protocol.views import Frames
+from netboard.network.transport import sockets
+from netboard.nodes.ports.control_port import ControlPort
+from netboard.nodes.ports.log_port import LogPort
+from netboard.recording.recovery.spill import Spill
 
 PEERS = (b"agent.left@1", b"b", b"\x01\xff\n", b"agent.left@2")
 SEEDS = range(12)

@@ -9,11 +9,11 @@ import pytest
 from fake_router import WELCOME, FakeRouter, hello
 from test_control_port import Answers
 
-from netboard.nodes.control_port import ControlPort
-from netboard.proof.clock_check import check_clocks, connections_of
-from netboard.proof.grade import Finding, Grade, worst
-from netboard.wire.meeting import Goodbye, Ping, Pong
-from netboard.wire.records import ClockRecord, kind_of_peer
+from netboard.network.protocol.joining import Goodbye, Ping, Pong
+from netboard.network.protocol.records import ClockRecord, kind_of_peer
+from netboard.nodes.ports.control_port import ControlPort
+from netboard.recording.integrity.clock_check import check_clocks, connections_of
+from netboard.recording.integrity.severity import Finding, Grade, worst
 
 MS = 1_000_000
 HOUSE_MS = 10

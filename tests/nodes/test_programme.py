@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from netboard.config import Config, parse
-from netboard.errors import ConfigError
-from netboard.experiment.machine import Phase
-from netboard.nodes.programme import Programme
-from netboard.tables.experiment import Session
+from netboard.base.config import Config, parse
+from netboard.base.errors import ConfigError
+from netboard.base.tables.experiment import Session
+from netboard.nodes.server.blocks import Programme
+from netboard.task.trials.state_machine import Phase
 
 BLOCKS = (
     ("block.force=full",),

@@ -8,20 +8,20 @@ import numpy as np
 import pytest
 
 from made_recordings import CONFIG, reel_of, two_trials
-from netboard import channels, sockets, waiting
-from netboard.clock import now_ns
-from netboard.config import SIDES, Side
-from netboard.curtain import make_curtain, view_of
-from netboard.nodes.launcher import free_port
-from netboard.nodes.operator import Operator
-from netboard.nodes.replay_server import MOST_LETTERS, ReplayServer
-from netboard.tables.rig import Network
-from netboard.wire.codec import decode, encode
-from netboard.wire.control import COMMANDS, REPLAY_COMMANDS, Reply, Status
-from netboard.wire.meeting import Goodbye, Hello, Refusal, Welcome
-from netboard.wire.messages import PROTOCOL_VERSION, Message
-from netboard.wire.records import EventRecord, LogRequest
-from netboard.wire.views import View
+from netboard.base.clock import now_ns
+from netboard.base.config import SIDES, Side
+from netboard.base.tables.rig import Network
+from netboard.network.protocol.codec import decode, encode
+from netboard.network.protocol.control import COMMANDS, REPLAY_COMMANDS, Reply, Status
+from netboard.network.protocol.joining import Goodbye, Hello, Refusal, Welcome
+from netboard.network.protocol.messages import PROTOCOL_VERSION, Message
+from netboard.network.protocol.records import EventRecord, LogRequest
+from netboard.network.transport import channels, poller, sockets
+from netboard.nodes.operator.launcher import free_port
+from netboard.nodes.operator.operator import Operator
+from netboard.nodes.replay.replay_server import MOST_LETTERS, ReplayServer
+from netboard.stage.curtain import make_curtain, view_of
+from netboard.stage.view import View
 
 TRIES = 2000
 JUDGED = EventRecord(0, 4100, 0, "attempt_ended", {"trial": "1", "attempt": "1", "outcome": "success", "flags": "late"})
@@ -73,7 +73,7 @@ class Rig:
             sockets.send(socket, encode(message))
         for _ in range(TRIES):
             self.work()
-            if waiting.wait_readable(socket, 0.001) and (frame := sockets.receive(socket)) is not None:
+            if poller.wait_readable(socket, 0.001) and (frame := sockets.receive(socket)) is not None:
                 return decode(frame)
             for message in say:
                 sockets.send(socket, encode(message))

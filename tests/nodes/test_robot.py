@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from netboard.config import Config
-from netboard.experiment.machine import Cause, Phase
-from netboard.nodes.robot import Robot
-from netboard.stage import make_stage
-from netboard.tick import TICK, TICK_NS
+from netboard.base.config import Config
+from netboard.base.tick import TICK, TICK_NS
+from netboard.nodes.server.robot import Robot
+from netboard.stage.stage import make_stage
+from netboard.task.trials.state_machine import Cause, Phase
 
 T0 = 5_000_000_000
 

@@ -5,15 +5,15 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from netboard import sockets
-from netboard.config import SIDES, Config, Side, parse
-from netboard.curtain import Curtain, make_curtain
-from netboard.experiment.machine import Phase
-from netboard.nodes.launcher import free_port
-from netboard.nodes.view_port import SAME_VIEW_TICKS, ViewPort
-from netboard.tick import TICK
-from netboard.wire.codec import decode
-from netboard.wire.views import View
+from netboard.base.config import SIDES, Config, Side, parse
+from netboard.base.tick import TICK
+from netboard.network.protocol.codec import decode
+from netboard.network.transport import sockets
+from netboard.nodes.operator.launcher import free_port
+from netboard.nodes.ports.view_port import SAME_VIEW_TICKS, ViewPort
+from netboard.stage.curtain import Curtain, make_curtain
+from netboard.stage.view import View
+from netboard.task.trials.state_machine import Phase
 
 
 class Publisher:

@@ -4,8 +4,8 @@ from itertools import count, islice
 
 import pytest
 
-from netboard.experiment.machine import STAGE_FAULT, Cause, Phase
-from netboard.nodes.watch import LASTING_TICKS, READY_TICKS, Watch
+from netboard.nodes.server.supervision import LASTING_TICKS, READY_TICKS, Watch
+from netboard.task.trials.state_machine import STAGE_FAULT, Cause, Phase
 
 ALL_THERE: tuple[str, ...] = ()
 TICKS = count()

@@ -10,16 +10,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from netboard.config import SIDES, Config, Side
-from netboard.devices.fixture import lateral_force
-from netboard.devices.safety import Guard, Safety
-from netboard.devices.virtual import VirtualTouch
-from netboard.experiment.machine import Cause, Phase
-from netboard.participants.brain import Brain
+from netboard.base.config import SIDES, Config, Side
+from netboard.base.tick import TICK, TICK_NS
+from netboard.devices.safety.chain import Guard, Safety
+from netboard.devices.safety.fixture import lateral_force
+from netboard.devices.simulated.virtual import VirtualTouch
+from netboard.network.protocol.motion import Safeguard
+from netboard.participants.controller import Brain
 from netboard.participants.senses import Glimpse
-from netboard.stage import make_stage
-from netboard.tick import TICK, TICK_NS
-from netboard.wire.motion import Safeguard
+from netboard.stage.stage import make_stage
+from netboard.task.trials.state_machine import Cause, Phase
 
 VIEW_EVERY = 1 / 120
 VIEW_DELAY = 0.005

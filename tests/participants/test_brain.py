@@ -7,13 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from netboard.config import Side
-from netboard.participants.brain import Brain
+from netboard.base.config import Side
+from netboard.base.tables.experiment import Task
+from netboard.base.tables.scene import Physics
+from netboard.base.tables.simulated import Participant
+from netboard.participants.controller import Brain
 from netboard.participants.senses import Glimpse
 from netboard.participants.submovement import Submovement
-from netboard.tables.experiment import Task
-from netboard.tables.scene import Physics
-from netboard.tables.simulated import Participant
 
 CALM = Participant(
     position_noise=0.0,

@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from netboard.base.tables.simulated import Participant, VirtualDevice
 from netboard.participants.cable import pack_cables, stretch
 from netboard.participants.device_models import MODELS, DeviceModel, resolved
 from netboard.participants.hand import STEP, Hand, hold, pack_arm
 from netboard.participants.submovement import Submovement
-from netboard.tables.simulated import Participant, VirtualDevice
 
 PERSON = Participant(force_noise=0.0)
 FREE = VirtualDevice(friction=0.0, damping=0.0, workspace=1.0, cable_stiffness=1000.0, cable_damping=0.0)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from closed_loop import Played, play, with_block
 
-from netboard.config import Config
-from netboard.wire.motion import Safeguard
+from netboard.base.config import Config
+from netboard.network.protocol.motion import Safeguard
 
 CONDITIONS = [("dyadic", True), ("dyadic", False), ("bimanual", True), ("bimanual", False)]
 

@@ -5,9 +5,9 @@ from typing import get_args, get_type_hints
 
 import pytest
 
-from netboard.config import Config, parse
+from netboard.base.config import Config, parse
+from netboard.base.tables.simulated import VirtualDevice
 from netboard.participants.device_models import MODELS, DeviceModel, resolved
-from netboard.tables.simulated import VirtualDevice
 
 MECHANICS = ("mass", "friction", "damping", "resolution", "max_force", "continuous_force", "workspace")
 FLAWS = ("cable_stiffness", "cable_damping", "tip_share", "thermal_time")

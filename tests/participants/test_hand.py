@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from netboard.base.tables.simulated import Participant, VirtualDevice
 from netboard.participants.device_models import resolved
 from netboard.participants.hand import CAPACITY, GRASP, STEP, Hand, pack_arm
 from netboard.participants.submovement import Submovement
-from netboard.tables.simulated import Participant, VirtualDevice
 
 PERSON = Participant(force_noise=0.0)
 SMOOTH = VirtualDevice(friction=0.0)

@@ -4,10 +4,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from netboard.base.tables.scene import Physics
 from netboard.participants.partner import partner_height, partner_seen
-from netboard.physics.scene import pack_scene, parts_of
-from netboard.physics.statics import equilibrium
-from netboard.tables.scene import Physics
+from netboard.physics.scene.parameters import pack_scene, parts_of
+from netboard.physics.scene.statics import equilibrium
 
 PHYSICS = Physics()
 PARTS, SCENE = parts_of(PHYSICS), pack_scene(PHYSICS)[0]

@@ -13,13 +13,13 @@ from closed_loop import make_brains, play, with_block
 from numpy.typing import NDArray
 from scipy.signal import butter, filtfilt
 
-from netboard.analysis.movements import classify, movement_times
-from netboard.analysis.passive import Gains, PassiveHand, passive_partner
-from netboard.config import Config
-from netboard.measuring.devices import Mechanics
+from netboard.analysis.extraction.devices import Mechanics
+from netboard.analysis.measures.movements import classify, movement_times
+from netboard.analysis.measures.passive import Gains, PassiveHand, passive_partner
+from netboard.base.config import Config
 from netboard.participants.device_models import resolved
-from netboard.physics.rendering import gains_of
-from netboard.physics.scene import pack_scene, parts_of
+from netboard.physics.scene.parameters import pack_scene, parts_of
+from netboard.physics.scene.rendering import gains_of
 
 RATE = 1000.0
 

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from netboard.base.tables.simulated import Participant
 from netboard.participants.senses import Glimpse, Senses, Wander
-from netboard.tables.simulated import Participant
 
 CLEAR = Participant(position_noise=0.0, velocity_noise=0.0, tilt_noise_deg=0.0)
 

@@ -2,8 +2,8 @@ from typing import Any
 
 import pytest
 
-from netboard.physics.scene import pack_scene
-from netboard.tables.scene import Physics
+from netboard.base.tables.scene import Physics
+from netboard.physics.scene.parameters import pack_scene
 
 
 @pytest.fixture(scope="session")

@@ -14,8 +14,8 @@ from typing import Any
 
 import sympy as sp
 
-from netboard.physics import energy, models
-from netboard.physics.scene import SCENE, Parts
+from netboard.physics.scene import energy, models
+from netboard.physics.scene.parameters import SCENE, Parts
 
 # Symbols of one scene; sine and cosine of the tilt are symbols too.
 s, c = sp.symbols("s c", real=True)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from netboard.tables.scene import Physics
+from netboard.base.tables.scene import Physics
 
 Hands = Callable[[float], tuple[float, float, float, float]]
 """left_z, left_vz, right_z, right_vz of the styluses at a time."""

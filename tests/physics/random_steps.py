@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 from trajectories import Scene, scene_of
 
-from netboard.methods.catalogue import NUMBER
-from netboard.methods.march import make_grid, make_march, run
-from netboard.physics.energy import stored_along, work_along
-from netboard.physics.hold import between, drives, later, moving, reached, resting
-from netboard.physics.models import coupling, rates, stopped
-from netboard.physics.trig import sincos
+from netboard.physics.arithmetic.trig import sincos
+from netboard.physics.hands.extrapolation import between, drives, later, moving, reached, resting
+from netboard.physics.methods.catalogue import NUMBER
+from netboard.physics.methods.march import make_grid, make_march, run
+from netboard.physics.scene.energy import stored_along, work_along
+from netboard.physics.scene.models import coupling, rates, stopped
 
 ABOVE: dict[str, Any] = {"model": "lagrangian", "ball_height": 0.03, "ball_inertia": 0.4}
 SCENES = {

@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 from independent import Hands
 from trajectories import Scene, sampled, samples, scene_of, trajectory
 
-from netboard.errors import ConfigError
-from netboard.methods.choice import choose
-from netboard.physics.energy import stored_along, work_along
-from netboard.physics.statics import equilibrium
+from netboard.base.errors import ConfigError
+from netboard.physics.scene.energy import stored_along, work_along
+from netboard.physics.scene.statics import equilibrium
+from netboard.physics.stability.method_choice import choose
 
 TICK = 1e-3
 

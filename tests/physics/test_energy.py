@@ -10,9 +10,9 @@ from independent import Hands, still, waving
 from numpy.typing import NDArray
 from trajectories import Scene, drive, falling, sampled, samples, scene_of, trajectory
 
-from netboard.physics.energy import Flows, flows, stored, stored_along, work_along
-from netboard.physics.models import rates
-from netboard.physics.statics import equilibrium
+from netboard.physics.scene.energy import Flows, flows, stored, stored_along, work_along
+from netboard.physics.scene.models import rates
+from netboard.physics.scene.statics import equilibrium
 
 heights = st.floats(-0.1, 0.1)
 speeds = st.floats(-1, 1)

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.interpolate import CubicHermiteSpline
 
-from netboard.physics.hold import between, drives, later, moving, reached, resting
+from netboard.physics.hands.extrapolation import between, drives, later, moving, reached, resting
 
 QUICK, REACH = 0.005, 0.010
 K, C = 200.0, 2.0

@@ -7,7 +7,7 @@ import pytest
 from independent import rates
 from trajectories import scene_of
 
-from netboard.physics.linear import board_matrix, scene_matrix
+from netboard.physics.scene.linear import board_matrix, scene_matrix
 
 STEP = 1e-5
 

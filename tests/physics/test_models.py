@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 from trajectories import Scene, changed, drive, falling, scene_of, trajectory
 
-from netboard.physics.models import coupling, rates, stopped
-from netboard.physics.statics import equilibrium, heave_poles
+from netboard.physics.scene.models import coupling, rates, stopped
+from netboard.physics.scene.statics import equilibrium, heave_poles
 
 heights = st.floats(-0.1, 0.1)
 speeds = st.floats(-1, 1)

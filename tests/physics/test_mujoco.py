@@ -14,7 +14,7 @@ from independent import waving
 from numpy.typing import NDArray
 from trajectories import Scene, drive, scene_of, trajectory
 
-from netboard.physics.models import stopped
+from netboard.physics.scene.models import stopped
 
 mujoco: Any = pytest.importorskip("mujoco")
 

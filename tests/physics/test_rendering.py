@@ -10,9 +10,12 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from trajectories import scene_of
 
-from netboard.config import Config, parse
-from netboard.errors import ConfigError
-from netboard.physics.rendering import (
+from netboard.base.config import Config, parse
+from netboard.base.errors import ConfigError
+from netboard.base.tables.experiment import Block
+from netboard.base.tables.scene import Physics
+from netboard.physics.scene.parameters import pack_scene, parts_of
+from netboard.physics.scene.rendering import (
     FORCES,
     GAINS,
     NEVER,
@@ -25,10 +28,7 @@ from netboard.physics.rendering import (
     pack_felt,
     scale_in,
 )
-from netboard.physics.scene import pack_scene, parts_of
-from netboard.physics.statics import equilibrium
-from netboard.tables.experiment import Block
-from netboard.tables.scene import Physics
+from netboard.physics.scene.statics import equilibrium
 
 PAPER = scene_of()
 LEFT = np.array([(0.218, 25.93, 25.93, -0.981)], GAINS)[0]

@@ -4,8 +4,8 @@ from typing import Any
 
 import pytest
 
-from netboard.physics.scene import SCENE, pack_scene, parts_of, state_length
-from netboard.tables.scene import Physics
+from netboard.base.tables.scene import Physics
+from netboard.physics.scene.parameters import SCENE, pack_scene, parts_of, state_length
 
 
 def test_the_record_holds_the_configuration() -> None:

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from netboard.physics.trig import LARGEST_ANGLE, sincos
+from netboard.physics.arithmetic.trig import LARGEST_ANGLE, sincos
 
 HALF_PI = Decimal(
     "1.57079632679489661923132169163975144209858469968755291048747229615390820314310449931401741267105853399"

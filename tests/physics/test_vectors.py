@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from netboard.compiled import kernel
-from netboard.physics.vectors import (
+from netboard.base.compiled import kernel
+from netboard.physics.arithmetic.vectors import (
     affine,
     alike,
     blend,

@@ -7,11 +7,11 @@ import numpy as np
 from independent import Hands
 from numpy.typing import NDArray
 
-from netboard.methods.catalogue import METHODS, NUMBER
-from netboard.methods.march import make_grid, run
-from netboard.physics.hold import between
-from netboard.physics.scene import Parts, pack_scene, parts_of, state_length
-from netboard.tables.scene import Physics
+from netboard.base.tables.scene import Physics
+from netboard.physics.hands.extrapolation import between
+from netboard.physics.methods.catalogue import METHODS, NUMBER
+from netboard.physics.methods.march import make_grid, run
+from netboard.physics.scene.parameters import Parts, pack_scene, parts_of, state_length
 
 
 class Scene(NamedTuple):

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from netboard.recording import channels
-from netboard.recording.channels import CHANNELS, Channel, Field
+from netboard.recording.format import channels
+from netboard.recording.format.channels import CHANNELS, Channel, Field
 
 FORMAT = Path(channels.__file__).with_name("FORMAT.md")
 BEGIN, END = "<!-- tables: begin (made by tests/recording/format_tables.py) -->", "<!-- tables: end -->"

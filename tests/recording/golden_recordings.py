@@ -14,15 +14,15 @@ from pathlib import Path
 
 import numpy as np
 
-from netboard.config import parse, resolve
-from netboard.experiment.machine import Cause
-from netboard.recording.provenance import provenance
-from netboard.recording.reader import Recording
-from netboard.recording.writer import RecordingWriter
-from netboard.stage import make_stage
-from netboard.tick import TICK
-from netboard.wire.meeting import Welcome
-from netboard.wire.records import ClockRecord, EventRecord, FrameRecord, TickRecord
+from netboard.base.config import parse, resolve
+from netboard.base.tick import TICK
+from netboard.network.protocol.joining import Welcome
+from netboard.network.protocol.records import ClockRecord, EventRecord, FrameRecord, TickRecord
+from netboard.recording.files.provenance import provenance
+from netboard.recording.files.reader import Recording
+from netboard.recording.files.writer import RecordingWriter
+from netboard.stage.stage import make_stage
+from netboard.task.trials.state_machine import Cause
 
 HERE = Path(__file__).parent.parent / "data" / "recordings"
 TICKS = 900

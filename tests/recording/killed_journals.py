@@ -13,10 +13,10 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from netboard.experiment.entries import Entry, line_of, read_lines
-from netboard.experiment.progress import progress_of
-from netboard.recording.journal import Journal
-from netboard.tables.experiment import Quality
+from netboard.base.tables.experiment import Quality
+from netboard.recording.recovery.journal_file import Journal
+from netboard.task.journal.entries import Entry, line_of, read_lines
+from netboard.task.journal.progress import progress_of
 from session_model import HEADER, Planned, a_run, check
 
 PLAN = tuple(Planned(number, 60) for number in range(1, 19))

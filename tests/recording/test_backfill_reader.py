@@ -6,15 +6,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from netboard.errors import RecordingError
-from netboard.proof.checking import check_rendered
-from netboard.proof.grade import Grade
-from netboard.recording.backfill import Backfilled, unknown_ticks
-from netboard.recording.reader import Recording
-from netboard.recording.recovery import recover
-from netboard.recording.summary import summarise_side
-from netboard.tick import RENDERED, TICK
-from netboard.wire.records import BackfillRecord, TickRecord
+from netboard.base.errors import RecordingError
+from netboard.base.tick import RENDERED, TICK
+from netboard.network.protocol.records import BackfillRecord, TickRecord
+from netboard.recording.files.reader import Recording
+from netboard.recording.format.backfill import Backfilled, unknown_ticks
+from netboard.recording.format.summary import summarise_side
+from netboard.recording.integrity.checking import check_rendered
+from netboard.recording.integrity.severity import Grade
+from netboard.recording.recovery.recover import recover
 from samples import OPENED_NS, new_writer
 
 MS = 1_000_000

@@ -11,16 +11,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 
-from netboard.errors import RecordingError
-from netboard.recording.batches import PLACES, PLACES_NAME, Layout, heard, pack, told, words_of
-from netboard.recording.channels import CHANNELS, PLOTTED_EVERY
-from netboard.recording.container import Container
-from netboard.recording.reader import Recording
-from netboard.recording.summary import find_attempts
-from netboard.recording.writer import RecordingWriter
-from netboard.tables.rig import Recording as Settings
-from netboard.tick import TICK
-from netboard.wire.records import TickRecord
+from netboard.base.errors import RecordingError
+from netboard.base.tables.rig import Recording as Settings
+from netboard.base.tick import TICK
+from netboard.network.protocol.records import TickRecord
+from netboard.recording.files.container import Container
+from netboard.recording.files.reader import Recording
+from netboard.recording.files.writer import RecordingWriter
+from netboard.recording.format.batches import PLACES, PLACES_NAME, Layout, heard, pack, told, words_of
+from netboard.recording.format.channels import CHANNELS, PLOTTED_EVERY
+from netboard.recording.format.summary import find_attempts
 from samples import CONFIG_TEXT, OPENED_NS, metadata, random_rows
 
 SCHEMA = CHANNELS[0].schema()

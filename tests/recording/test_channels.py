@@ -11,10 +11,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from netboard.errors import RecordingError
-from netboard.recording.channels import CHANNELS, IDS, remark, stamped, unpack
-from netboard.tick import RENDERED, TICK
-from netboard.wire.records import BackfillRecord, ClockRecord, EventRecord, FrameRecord, TickRecord
+from netboard.base.errors import RecordingError
+from netboard.base.tick import RENDERED, TICK
+from netboard.network.protocol.records import BackfillRecord, ClockRecord, EventRecord, FrameRecord, TickRecord
+from netboard.recording.format.channels import CHANNELS, IDS, remark, stamped, unpack
 from samples import random_rows, records
 
 CLASSES = {

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from netboard.errors import RecordingError
-from netboard.recording.finding import find_recordings
+from netboard.base.errors import RecordingError
+from netboard.recording.files.locate import find_recordings
 
 
 def test_files_and_folders_each_once_and_in_order(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from format_tables import FORMAT, renewed
 
-from netboard.recording.channels import FORMAT_VERSION
+from netboard.recording.format.channels import FORMAT_VERSION
 from samples import metadata, random_rows, write_recording
 
 TEXT = FORMAT.read_text(encoding="utf-8")

@@ -9,9 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from netboard.errors import RecordingError
-from netboard.recording import partfile
-from netboard.recording.disk import (
+from netboard.base.errors import RecordingError
+from netboard.base.tables.rig import Recording as Settings
+from netboard.recording.files.reader import Recording
+from netboard.recording.format import partfile
+from netboard.recording.format.disk import (
     LEAST_BYTES,
     LEAST_S,
     LOW_BYTES,
@@ -22,9 +24,7 @@ from netboard.recording.disk import (
     allocate,
     require_space,
 )
-from netboard.recording.reader import Recording
-from netboard.recording.recovery import recover
-from netboard.tables.rig import Recording as Settings
+from netboard.recording.recovery.recover import recover
 from samples import MS, OPENED_NS, fill, new_writer, random_rows, records
 
 ROWS = random_rows(3000)

@@ -13,12 +13,12 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from netboard.config import Config
-from netboard.errors import RecordingError
-from netboard.experiment.entries import AttemptEnded, BlockEnded, Entry, Note, Opened, read_lines
-from netboard.recording import journal as module
-from netboard.recording.journal import Journal, journal_path
-from netboard.tables.experiment import Session
+from netboard.base.config import Config
+from netboard.base.errors import RecordingError
+from netboard.base.tables.experiment import Session
+from netboard.recording.recovery import journal_file as module
+from netboard.recording.recovery.journal_file import Journal, journal_path
+from netboard.task.journal.entries import AttemptEnded, BlockEnded, Entry, Note, Opened, read_lines
 from session_model import HEADER
 
 TESTS = Path(__file__).parents[1]

@@ -9,14 +9,14 @@ import msgpack
 import numpy as np
 import pytest
 
-from netboard.config import parse
-from netboard.errors import RecordingError
-from netboard.proof.verification import verify_recording
-from netboard.recording import older
-from netboard.recording.channels import FORMAT_VERSION
-from netboard.recording.reader import READABLE, Recording
-from netboard.recording.recovery import recover
-from netboard.tick import TICK
+from netboard.base.config import parse
+from netboard.base.errors import RecordingError
+from netboard.base.tick import TICK
+from netboard.recording.files.reader import READABLE, Recording
+from netboard.recording.format import older
+from netboard.recording.format.channels import FORMAT_VERSION
+from netboard.recording.integrity.verification import verify_recording
+from netboard.recording.recovery.recover import recover
 
 GOLDEN = Path(__file__).parent.parent / "data" / "recordings"
 

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from mcap.writer import Writer
 
-from netboard.errors import RecordingError
-from netboard.recording.container import Container
-from netboard.recording.reader import Recording
-from netboard.recording.summary import Gap
-from netboard.recording.writer import RecordingWriter
-from netboard.tables.rig import Recording as Settings
-from netboard.tick import TICK
-from netboard.wire.records import ClockRecord, EventRecord, FrameRecord
+from netboard.base.errors import RecordingError
+from netboard.base.tables.rig import Recording as Settings
+from netboard.base.tick import TICK
+from netboard.network.protocol.records import ClockRecord, EventRecord, FrameRecord
+from netboard.recording.files.container import Container
+from netboard.recording.files.reader import Recording
+from netboard.recording.files.writer import RecordingWriter
+from netboard.recording.format.summary import Gap
 from samples import CONFIG_TEXT, MS, OPENED_NS, fill, metadata, new_writer, random_rows, records, write_recording
 
 ROWS = random_rows(200, seed=1)

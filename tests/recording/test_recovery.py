@@ -18,12 +18,12 @@ from mcap.records import Chunk, Message
 from mcap.stream_reader import breakup_chunk
 from numpy.typing import NDArray
 
-from netboard.errors import RecordingError
-from netboard.recording.reader import Recording
-from netboard.recording.recovery import Report, recover, recovered_path
-from netboard.recording.summary import Gap
-from netboard.tables.rig import Recording as Settings
-from netboard.tick import TICK
+from netboard.base.errors import RecordingError
+from netboard.base.tables.rig import Recording as Settings
+from netboard.base.tick import TICK
+from netboard.recording.files.reader import Recording
+from netboard.recording.format.summary import Gap
+from netboard.recording.recovery.recover import Report, recover, recovered_path
 from samples import CONFIG_TEXT, OPENED_NS, fill, metadata, new_writer, random_rows, records, write_recording
 
 ROWS = random_rows(60, seed=2)
@@ -210,7 +210,7 @@ def test_what_is_not_mcap_cannot_be_recovered(tmp_path: Path, content: bytes) ->
 
 
 def test_another_format_version_is_not_touched(tmp_path: Path) -> None:
-    from netboard.recording.writer import RecordingWriter
+    from netboard.recording.files.writer import RecordingWriter
 
     path = tmp_path / "a.mcap"
     RecordingWriter(path, metadata() | {"format": "99"}, CONFIG_TEXT, Settings(), OPENED_NS).finish(OPENED_NS)
@@ -237,8 +237,8 @@ import sys
 from pathlib import Path
 sys.path.insert(0, sys.argv[2])
 from samples import MS, OPENED_NS, new_writer, random_rows
-from netboard.config import Recording
-from netboard.wire.messages import TickRecord
+from netboard.base.config import Recording
+from netboard.network.protocol.messages import TickRecord
 rows = random_rows(400, seed=6)
 writer = new_writer(Path(sys.argv[1]), Recording(chunk_bytes=8192, flush_ms=20.0))
 number = 0

@@ -10,13 +10,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from netboard.config import Config
-from netboard.recording import spill as module
-from netboard.recording.spill import MAGIC, MOST_WAITING, OPENED, Spill, read_spill, spill_path
-from netboard.wire.codec import encode
-from netboard.wire.meeting import Welcome
-from netboard.wire.messages import PROTOCOL_VERSION, Message
-from netboard.wire.records import EventRecord, LogBatch
+from netboard.base.config import Config
+from netboard.network.protocol.codec import encode
+from netboard.network.protocol.joining import Welcome
+from netboard.network.protocol.messages import PROTOCOL_VERSION, Message
+from netboard.network.protocol.records import EventRecord, LogBatch
+from netboard.recording.recovery import spill as module
+from netboard.recording.recovery.spill import MAGIC, MOST_WAITING, OPENED, Spill, read_spill, spill_path
 
 WELCOME = Welcome("c0ffee1234567890", PROTOCOL_VERSION, 17, '[session]\nname = "S07"\n')
 PLENTY = 10**8

@@ -5,16 +5,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from netboard.errors import RecordingError
-from netboard.proof.account import account_of
-from netboard.recording.reader import Recording
-from netboard.recording.spill import Spill
-from netboard.recording.spilled import recover_any
-from netboard.tick import TICK
-from netboard.wire.codec import encode
-from netboard.wire.meeting import Welcome
-from netboard.wire.messages import PROTOCOL_VERSION
-from netboard.wire.records import BLOCK_BEGAN, EventRecord, LogBatch, TickRecord
+from netboard.base.errors import RecordingError
+from netboard.base.tick import TICK
+from netboard.network.protocol.codec import encode
+from netboard.network.protocol.joining import Welcome
+from netboard.network.protocol.messages import PROTOCOL_VERSION
+from netboard.network.protocol.records import BLOCK_BEGAN, EventRecord, LogBatch, TickRecord
+from netboard.recording.files.reader import Recording
+from netboard.recording.integrity.account import account_of
+from netboard.recording.recovery.spill import Spill
+from netboard.recording.recovery.spilled import recover_any
 
 SESSION = "c0ffee1234567890"
 

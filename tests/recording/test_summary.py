@@ -7,13 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from netboard.config import parse
-from netboard.experiment.machine import Cause, Phase
-from netboard.recording.summary import Gap, find_attempts, find_gaps, spread, summarise
-from netboard.stage import make_stage
-from netboard.tick import TICK
-from netboard.wire.motion import Safeguard
-from netboard.wire.records import ClockRecord, EventRecord, FrameRecord
+from netboard.base.config import parse
+from netboard.base.tick import TICK
+from netboard.network.protocol.motion import Safeguard
+from netboard.network.protocol.records import ClockRecord, EventRecord, FrameRecord
+from netboard.recording.format.summary import Gap, find_attempts, find_gaps, spread, summarise
+from netboard.stage.stage import make_stage
+from netboard.task.trials.state_machine import Cause, Phase
 
 
 def ticks(count: int) -> np.ndarray:

@@ -10,8 +10,8 @@ import pytest
 from mcap.reader import make_reader
 from mcap.stream_reader import StreamReader
 
-from netboard.recording.channels import CHANNELS, IDS
-from netboard.tick import TICK
+from netboard.base.tick import TICK
+from netboard.recording.format.channels import CHANNELS, IDS
 from samples import random_rows, write_recording
 
 ROWS = random_rows(300, seed=9)

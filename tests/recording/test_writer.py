@@ -13,15 +13,15 @@ from mcap.reader import NonSeekingReader, make_reader
 from mcap.records import Chunk, Message
 from mcap.stream_reader import StreamReader
 
-from netboard.config import Config
-from netboard.errors import RecordingError
-from netboard.recording.channels import PLOTTED_EVERY
-from netboard.recording.chunks import messages, payloads, unpack_chunk
-from netboard.recording.provenance import config_sha256, next_recording
-from netboard.recording.reader import Recording as Reader
-from netboard.tables.rig import Recording
-from netboard.tick import TICK
-from netboard.wire.records import TickRecord
+from netboard.base.config import Config
+from netboard.base.errors import RecordingError
+from netboard.base.tables.rig import Recording
+from netboard.base.tick import TICK
+from netboard.network.protocol.records import TickRecord
+from netboard.recording.files.provenance import config_sha256, next_recording
+from netboard.recording.files.reader import Recording as Reader
+from netboard.recording.format.channels import PLOTTED_EVERY
+from netboard.recording.format.chunks import messages, payloads, unpack_chunk
 from samples import (
     CONFIG_TEXT,
     MS,

@@ -12,8 +12,8 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from made_recordings import recorded, two_trials
-from netboard.export import formats
-from netboard.measuring.store import TABLES
+from netboard.analysis.extraction.store import TABLES
+from netboard.recording.export import formats
 from netboard.services.cli import app
 from rehearsed_study import small_study
 
@@ -54,7 +54,7 @@ def analyse(*words: str | Path) -> Result:
 @pytest.fixture
 def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
     """Make no pictures, which take most of the time of a small study."""
-    monkeypatch.setattr("netboard.report.folder.pictures", lambda study: [])
+    monkeypatch.setattr("netboard.analysis.report.folder.pictures", lambda study: [])
 
 
 def refused(result: Result) -> str:

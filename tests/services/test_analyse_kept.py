@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from netboard.measuring import kept
-from netboard.measuring.store import ANALYSIS, FILE, Store
-from netboard.report.command import PLACEHOLDER, name_command
+from netboard.analysis.extraction import kept
+from netboard.analysis.extraction.store import ANALYSIS, FILE, Store
+from netboard.analysis.report.command import PLACEHOLDER, name_command
 from netboard.services.cli import app
 from rehearsed_study import small_study
 
@@ -33,7 +33,7 @@ def _apart(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "200")
     monkeypatch.setenv("NO_COLOR", "1")
-    monkeypatch.setattr("netboard.report.folder.pictures", lambda study: [])  # which take most of the time
+    monkeypatch.setattr("netboard.analysis.report.folder.pictures", lambda study: [])  # which take most of the time
 
 
 def analyse(*words: str | Path) -> str:
@@ -59,7 +59,7 @@ def test_the_second_time_nothing_is_computed_and_all_is_the_same_to_the_byte(
         raise AssertionError("computed again")
 
     with monkeypatch.context() as undone:
-        undone.setattr("netboard.report.folder.write_analysis", never)
+        undone.setattr("netboard.analysis.report.folder.write_analysis", never)
         again = analyse(study, "-o", "again")
     assert "; all of it was analysed before" in again
     assert again.splitlines()[1:-1] == first.splitlines()[1:-1]

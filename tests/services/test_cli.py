@@ -14,11 +14,11 @@ import pytest
 from typer.testing import CliRunner
 
 import proofs
-from netboard.config import Config, parse, played_sides
+from netboard.base.config import Config, parse, played_sides
+from netboard.network.protocol import control
 from netboard.services import operating
 from netboard.services.cli import app
 from netboard.services.demonstration import demo_settings
-from netboard.wire import control
 
 runner = CliRunner()
 COMMANDS = (
@@ -66,7 +66,7 @@ def test_nothing_asked_shows_the_help() -> None:
 
 def test_control_takes_every_command_of_the_protocol_and_no_other() -> None:
     taken = get_args(get_args(inspect.signature(operating.control).parameters["command"].annotation)[0])
-    page = (resources.files("netboard.wire") / "PROTOCOL.md").read_text()
+    page = (resources.files("netboard.network.protocol") / "PROTOCOL.md").read_text()
     tables = re.findall(r"^\| command \|.*\n\| ---.*\n((?:\|.*\n)+)", page, re.MULTILINE)
     listed = {
         name for table in tables for row in table.splitlines() for name in re.findall(r"`(\w+)`", row.split("|")[1])
@@ -88,7 +88,7 @@ def test_wrong_usage_ends_with_2(words: str) -> None:
 
 
 def test_the_command_loads_no_service() -> None:
-    heavy = ("zmq", "numba", "numpy", "PySide6", "pyqtgraph", "mcap", "scipy", "netboard.nodes", "netboard.stage")
+    heavy = ("zmq", "numba", "numpy", "PySide6", "pyqtgraph", "mcap", "scipy", "netboard.nodes", "netboard.stage.stage")
     script = f"import sys, netboard.services.cli; print([name for name in {heavy} if name in sys.modules])"
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"

@@ -13,26 +13,26 @@ import pandas as pd
 import pytest
 from rich.console import Console
 
-from netboard.config import Config
-from netboard.design.blocks import blocks_of, shortened
-from netboard.design.study import parse_study
-from netboard.export.formats import export
-from netboard.export.runs import runs_of
-from netboard.findings.contrasts import comparisons
-from netboard.findings.everything import results_of
-from netboard.findings.groups import bounded, conditions
-from netboard.findings.models import fits
-from netboard.findings.quality import quality
-from netboard.measuring.readings import Readings, parse
-from netboard.measuring.recordings import measure
-from netboard.measuring.study import Study, study_of
-from netboard.proof.catalogue import entry_of
-from netboard.recording.reader import Recording
-from netboard.rehearsal.jobs import jobs_of, rehearse_all
-from netboard.report.design import design
-from netboard.report.folder import write_tables
+from netboard.analysis.extraction.recordings import measure
+from netboard.analysis.extraction.settings import Readings, parse
+from netboard.analysis.extraction.study import Study, study_of
+from netboard.analysis.report.design import design
+from netboard.analysis.report.folder import write_tables
+from netboard.analysis.results.contrasts import comparisons
+from netboard.analysis.results.everything import results_of
+from netboard.analysis.results.groups import bounded, conditions
+from netboard.analysis.results.models import fits
+from netboard.analysis.results.quality import quality
+from netboard.base.config import Config
+from netboard.nodes.rehearsal.jobs import jobs_of, rehearse_all
+from netboard.recording.export.formats import export
+from netboard.recording.export.runs import runs_of
+from netboard.recording.files.reader import Recording
+from netboard.recording.integrity.catalogue import entry_of
 from netboard.services.info import provenance_table
 from netboard.services.studies import check, load
+from netboard.task.plans.blocks import blocks_of, shortened
+from netboard.task.studies.study import parse_study
 
 FILE = Path(__file__).parents[1] / "data" / "studies" / "mass_by_force.toml"
 AGE = '\n[factors.age]\norder = "between"\nunit = "y"\nlevels.young.value = 22.0\nlevels.old.value = 71.0\n'

@@ -6,13 +6,13 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from netboard.config import Config
-from netboard.design import library
-from netboard.design.plan import digest, plan_of
-from netboard.design.study import paper_study, parse_study
+from netboard.base.config import Config
 from netboard.services.cli import app
 from netboard.services.planned import Planned, Wanted
 from netboard.services.studies import load
+from netboard.task.plans.plan import digest, plan_of
+from netboard.task.studies import library
+from netboard.task.studies.study import paper_study, parse_study
 
 runner = CliRunner()
 UNEVEN = 'orders.main = "3 duo"\n[kinds.duo]\n[factors.f]\nlevels.a = {}\nlevels.b = {}\n'

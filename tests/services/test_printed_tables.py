@@ -18,25 +18,31 @@ import netboard
 import proofs
 from made_study import SMALL, made_study, random_blocks
 from netboard import services
-from netboard.design import library
-from netboard.devices.base import Reading
-from netboard.devices.profile import Placement
-from netboard.doctor.finding import Finding
-from netboard.experiment.machine import Cause
-from netboard.experiment.quality import WORDS, Verdict
-from netboard.findings.paper import compare
-from netboard.rehearsal.jobs import Sheet
-from netboard.report.comparison import comparison_table
-from netboard.report.links import status_tables
-from netboard.rig.identification import Identified
-from netboard.rig.listing import Backend, Listed, Listing
-from netboard.rig.words import findings_table, identified_table, listing_tables, placement_table, reading_table
+from netboard.analysis.report.comparison import comparison_table
+from netboard.analysis.results.paper import compare
+from netboard.base.finding import Finding
+from netboard.base.terminal import GAP, WIDEST_NAMES, FittedTable
+from netboard.benchmarks.harness.results import Part, show
+from netboard.devices.contract.device import Reading
+from netboard.devices.contract.profile import Placement
+from netboard.devices.setup.identification import Identified
+from netboard.devices.setup.listing import Backend, Listed, Listing
+from netboard.devices.setup.words import (
+    findings_table,
+    identified_table,
+    listing_tables,
+    placement_table,
+    reading_table,
+)
+from netboard.network.protocol.codec import decode
+from netboard.nodes.operator.status_table import status_tables
+from netboard.nodes.rehearsal.jobs import Sheet
 from netboard.services import rehearsal, simulate
 from netboard.services.cli import app
 from netboard.services.info import quality_table
-from netboard.studies.results import Part, show
-from netboard.terminal import GAP, WIDEST_NAMES, FittedTable
-from netboard.wire.codec import decode
+from netboard.task.studies import library
+from netboard.task.trials.quality import WORDS, Verdict
+from netboard.task.trials.state_machine import Cause
 
 pytestmark = pytest.mark.slow
 

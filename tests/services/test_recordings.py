@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from netboard.config import Config, resolve
-from netboard.recording.provenance import provenance
-from netboard.recording.writer import RecordingWriter
+from netboard.base.config import Config, resolve
+from netboard.base.tick import TICK
+from netboard.network.protocol.joining import Welcome
+from netboard.network.protocol.records import TickRecord
+from netboard.recording.files.provenance import provenance
+from netboard.recording.files.writer import RecordingWriter
 from netboard.services.cli import app
-from netboard.tick import TICK
-from netboard.wire.meeting import Welcome
-from netboard.wire.records import TickRecord
 
 runner = CliRunner()
 TICKS = 700

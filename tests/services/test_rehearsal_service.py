@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from netboard.config import Config
-from netboard.errors import NetboardError
-from netboard.proof.verification import verify_recording
-from netboard.recording.reader import Recording
+from netboard.base.config import Config
+from netboard.base.errors import NetboardError
+from netboard.recording.files.reader import Recording
+from netboard.recording.integrity.verification import verify_recording
 from netboard.services import rehearsal
 
 

@@ -6,7 +6,7 @@ from io import StringIO
 from rich.console import Console
 
 from fakes import STATUS
-from netboard.report.links import status_tables
+from netboard.nodes.operator.status_table import status_tables
 
 
 def test_what_was_refused_is_shown_with_its_number() -> None:

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from netboard import channels, sockets
-from netboard.config import parse
-from netboard.errors import ConfigError, NetboardError
-from netboard.nodes.launcher import Ended, Launcher, free_port
+from netboard.base.config import parse
+from netboard.base.errors import ConfigError, NetboardError
+from netboard.network.transport import channels, sockets
+from netboard.nodes.operator.launcher import Ended, Launcher, free_port
 from netboard.services import up
 
 RIG = Path("rig.toml")

@@ -19,9 +19,9 @@ from dataclasses import dataclass
 from math import exp, hypot, isfinite
 from typing import Annotated, Literal, final
 
-from netboard.config import Config, Side
-from netboard.devices.base import Box, Device, DeviceInfo, Reading
-from netboard.settings import NO_EXTRAS, about
+from netboard.base.config import Config, Side
+from netboard.base.settings import NO_EXTRAS, about
+from netboard.devices.contract.device import Box, Device, DeviceInfo, Reading
 
 SILENT_NS = 1_000_000_000
 """A window that has said nothing for so long is not there [ns]."""

@@ -17,11 +17,11 @@ from typing import Annotated, Any, Literal, final
 
 from pydantic import StrictBool
 
-from netboard.config import Config, Side
-from netboard.devices.base import Box, Device, DeviceInfo, Found, Reading
-from netboard.devices.known import SPACEMOUSE
-from netboard.errors import DeviceLost, DeviceNotFound
-from netboard.settings import NO_EXTRAS, about
+from netboard.base.config import Config, Side
+from netboard.base.errors import DeviceLost, DeviceNotFound
+from netboard.base.settings import NO_EXTRAS, about
+from netboard.devices.contract.device import Box, Device, DeviceInfo, Found, Reading
+from netboard.devices.contract.usb_ids import SPACEMOUSE
 
 FULL_SCALE = 350
 """What an axis reports at the end of its travel, about [1]."""

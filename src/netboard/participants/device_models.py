@@ -9,7 +9,7 @@ measured by this project: who needs a device's true numbers measures them and wr
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 
-from netboard.tables.simulated import VirtualDevice
+from netboard.base.tables.simulated import VirtualDevice
 
 
 @dataclass(frozen=True, slots=True)

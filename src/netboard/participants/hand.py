@@ -17,10 +17,10 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from netboard.base.tables.simulated import Participant, VirtualDevice
 from netboard.participants.cable import TIP, pack_cables, stretch
 from netboard.participants.device_models import resolved
 from netboard.participants.submovement import Submovement, minimum_jerk
-from netboard.tables.simulated import Participant, VirtualDevice
 
 STEP_NS = 250_000
 """Length of an integration step [ns]."""

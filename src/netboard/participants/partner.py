@@ -4,8 +4,8 @@ The board shows where the partner was one visual delay ago. What the partner did
 in the statics of the scene one's own force reveals the partner's height.
 """
 
-from netboard.config import Side
-from netboard.tables.scene import Physics
+from netboard.base.config import Side
+from netboard.base.tables.scene import Physics
 
 SIGN: dict[Side, float] = {"left": -1.0, "right": 1.0}
 """Side of the board, + = right; also the sense in which a rising hand tilts it [1]."""

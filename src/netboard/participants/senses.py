@@ -11,7 +11,7 @@ from math import exp, sqrt
 
 import numpy as np
 
-from netboard.tables.simulated import Participant
+from netboard.base.tables.simulated import Participant
 
 NOISE_TIME = 0.2
 """Correlation time of perceptual noise [s]."""

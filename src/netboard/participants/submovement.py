@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numba
 
-from netboard.config import Side
+from netboard.base.config import Side
 
 
 @dataclass(frozen=True, slots=True)

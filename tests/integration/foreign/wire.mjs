@@ -1,4 +1,4 @@
-// The messages of src/netboard/wire/PROTOCOL.md (sections 2 and 11) as JavaScript objects.
+// The messages of src/netboard/network/protocol/PROTOCOL.md (sections 2 and 11) as JavaScript objects.
 //
 // Every int is a BigInt (64 bits do not fit into a Number), every float a Number. Types are written as in the tables, but
 // shorter: `float?` is "float or nil", `str*` "array of str", `(int,int)` "[int, int]", `map` "map of str to str".

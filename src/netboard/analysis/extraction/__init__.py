@@ -1,0 +1,1 @@
+"""Tables of measures from recordings: settings, exclusions, processes, caches."""

@@ -1,0 +1,30 @@
+"""Completion times that need a word: those taken from the recording, and those that differ from the recorded ones."""
+
+import numpy as np
+
+from netboard.analysis.extraction.study import Study
+from netboard.analysis.extraction.trials import RATE
+
+NEAR = 1.5 / RATE
+"""Recorded and recomputed times that differ by one tick are the same: the referee counts the tick of the entry [s]."""
+
+
+def notes(study: Study) -> tuple[str, ...]:
+    """Say of how many successes the samples show no hold, or another completion time than the recording."""
+    done = study.trials[study.trials["outcome"] == "success"]
+    from_recording = int((done["completion_source"] == "recording").sum())
+    apart = np.abs(done["completion"] - done["recorded_completion"])
+    differ = apart[(done["completion_source"] == "samples") & (apart > NEAR)]
+    told = []
+    if from_recording:
+        told.append(
+            f"{from_recording} of {len(done)} completion times are those of the recording (completion_source in the "
+            "table of trials): the samples show no hold."
+        )
+    if len(differ):
+        told.append(
+            f"{len(differ)} of {len(done)} completion times differ from the recorded ones by more than a tick, by "
+            f"{1e3 * differ.max():.0f} ms at most: compare the columns completion and recorded_completion of the table "
+            "of trials."
+        )
+    return tuple(told)

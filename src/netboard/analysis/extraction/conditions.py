@@ -1,0 +1,252 @@
+"""The factors of a study as columns, and the condition of every block and trial.
+
+Three things are in every study: the configuration, what the hands felt (force), and who the partner was. Whatever else
+varies by plan has a column of its own: the kind of block, the factors that the study declares, and settings that differ
+between blocks although no factor says so. Those that the three do not tell already are part of a condition's name, so
+no two levels are ever pooled unseen. In the paper's study, nothing is left to be told.
+"""
+
+import json
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from math import nan
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from netboard.analysis.extraction.tables import words
+from netboard.base.config import Config
+from netboard.base.settings import tables
+from netboard.recording.export.factors import fields_of
+from netboard.recording.format.channels import Field
+from netboard.task.studies.factors import (
+    BlockFactor,
+    Declared,
+    Scope,
+    column_of,
+    design_of,
+    factors_of,
+    level_text,
+    merge,
+)
+
+KIND = "kind"
+"""Name of the factor that is the kind of block."""
+
+SETTINGS = {"block": ("force_scale", "force_delay_ms"), "physics": (), "task": (), "geometry": ()}
+"""Tables of the configuration, and keys of them (none: all), that may differ without being a factor."""
+
+_BASE = ["configuration", "force", "partner"]
+
+
+@dataclass(frozen=True, slots=True)
+class StudyFactor:
+    """A factor of a study.
+
+    Attributes
+    ----------
+    told : bool
+        It is part of the names of conditions: configuration, force and partner do not tell it.
+    """
+
+    name: str
+    scope: Scope
+    of: Declared
+    told: bool = False
+
+    @property
+    def column(self) -> str:
+        """Name of the column with its levels."""
+        return self.name if self.name == KIND else column_of(self.name)
+
+    @property
+    def fields(self) -> tuple[Field, ...]:
+        """Its columns: the level, and of a numeric factor the value."""
+        if self.name == KIND:
+            return (words(KIND, "kind of block, as in the study; empty: none"),)
+        return fields_of(self.name, self.scope, self.of)
+
+    @property
+    def label(self) -> str:
+        """Name and unit, such as ``mass [kg]``."""
+        return f"{self.name} [{self.of.unit}]" if self.of.values else self.name
+
+    def text(self, level: str) -> str:
+        """Name and level in words, such as ``mass heavy (0.05 kg)``."""
+        return f"{self.name} {level_text(self.of, level)}"
+
+    def values_of(self, levels: pd.Series) -> pd.Series:
+        """Value of each level; NaN where there is none [its unit]."""
+        return levels.map(dict(zip(self.of.levels, self.of.values, strict=False))).astype(np.float64)
+
+
+# --- of one recording ----------------------------------------------------------------------------------------------
+
+
+def factors_text(config: Config) -> str:
+    """Write the factors of a recording's block, for `study_factors`."""
+    return json.dumps([asdict(one) for one in factors_of(config)])
+
+
+def settings_text(config: Config) -> str:
+    """Write the settings of a recording that may differ without being a factor, for `study_factors`."""
+    return json.dumps(
+        {
+            f"{table}.{key}": getattr(getattr(config, table), key)
+            for table, keys in SETTINGS.items()
+            for key in keys or getattr(config, table).__slots__
+        }
+    )
+
+
+def kind_text(config: Config) -> str:
+    """Kind of block of a recording; empty if it is in no study."""
+    return design_of(config).kind
+
+
+# --- of a study ------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Levels:
+    """The level of each factor in each block.
+
+    Attributes
+    ----------
+    sequences : mapping of str to sequence
+        Of each factor's name, the levels of each block in the order of the table: one for a block, or one for each
+        trial; empty where it has none.
+    """
+
+    factors: tuple[StudyFactor, ...]
+    sequences: Mapping[str, Sequence[tuple[str, ...]]]
+
+    def at(self, factor: StudyFactor, places: Iterable[int], trials: Iterable[int]) -> list[str]:
+        """Level of a factor in trials.
+
+        Parameters
+        ----------
+        places, trials : iterable of int
+            Number of each one's block in the table, from 0, and of the trial in the block, from 1 [1].
+        """
+        own = self.sequences[factor.name]
+        return [
+            own[place][(max(trial, 1) - 1) % len(own[place])] if own[place] else ""
+            for place, trial in zip(places, trials, strict=True)
+        ]
+
+
+def study_levels(blocks: pd.DataFrame, analysed: pd.Series) -> Levels:
+    """Find the factors of a study, and which of them conditions must tell.
+
+    Parameters
+    ----------
+    blocks : DataFrame
+        The table of blocks, with the columns ``kind``, ``factors``, ``settings`` and ``partner``.
+    analysed : Series of bool
+        Which of them are analysed: others have no part in what must be told.
+
+    Returns
+    -------
+    Levels
+        The declared factors in the order of the study, then the kind of block, then settings that differ.
+    """
+    declared = [tuple(map(_read, json.loads(text or "[]"))) for text in blocks["factors"]]
+    names = list(dict.fromkeys(one.name for own in declared for one in own))
+    merged = [merge([one for own in declared for one in own if one.name == name]) for name in names]
+    factors = [StudyFactor(name, scope, of) for name, (scope, of) in zip(names, merged, strict=True)]
+    sequences: dict[str, list[tuple[str, ...]]] = {
+        name: [next((one.sequence for one in own if one.name == name), ()) for own in declared] for name in names
+    }
+    factors.append(
+        StudyFactor(KIND, "block", Declared("categorical", tuple(dict.fromkeys(filter(None, blocks[KIND])))))
+    )
+    sequences[KIND] = [(kind,) if kind else () for kind in blocks[KIND]]
+    for factor, own in _undeclared(blocks, sequences, analysed):
+        factors.append(factor)
+        sequences[factor.name] = own
+    cells = [blocks.loc[analysed, name].tolist() for name in _BASE]
+    told = []
+    for factor in factors:
+        own = [one for one, kept in zip(sequences[factor.name], analysed, strict=True) if kept]
+        tells = not _is_known(cells, own)
+        if tells:
+            cells.append(own)
+        told.append(replace(factor, told=tells))
+    return Levels(tuple(told), sequences)
+
+
+def _read(values: dict[str, Any]) -> BlockFactor:
+    of = values["of"]
+    declared = Declared(of["type"], tuple(of["levels"]), tuple(of["values"]), of["unit"])
+    return BlockFactor(values["name"], values["scope"], declared, tuple(values["sequence"]))
+
+
+def _is_known(cells: Sequence[Sequence[Any]], own: Sequence[tuple[str, ...]]) -> bool:
+    """Whether what is known of blocks tells the level of a factor in each of their trials."""
+    found: dict[Any, tuple[str, ...]] = {}
+    for *known, sequence in zip(*cells, own, strict=True):
+        if len(set(sequence)) > 1 or found.setdefault(tuple(known), sequence[:1]) != sequence[:1]:
+            return False
+    return True
+
+
+def _undeclared(
+    blocks: pd.DataFrame, sequences: Mapping[str, Sequence[tuple[str, ...]]], analysed: pd.Series
+) -> Iterator[tuple[StudyFactor, list[tuple[str, ...]]]]:
+    """Yield settings that differ between blocks in which all that is declared is the same."""
+    settings = [json.loads(text or "{}") for text in blocks["settings"]]
+    known = [blocks.loc[analysed, name].tolist() for name in _BASE]
+    known += [[one for one, kept in zip(own, analysed, strict=True) if kept] for own in sequences.values()]
+    for key in dict.fromkeys(key for one in settings for key in one):
+        every = [one.get(key) for one in settings]
+        own: list[tuple[str, ...]] = [(_level(value),) if value is not None else () for value in every]
+        if _is_known(known, [one for one, kept in zip(own, analysed, strict=True) if kept]):
+            continue
+        values = sorted({value for value in every if value is not None}, key=lambda value: (str(type(value)), value))
+        levels = tuple(dict.fromkeys(map(_level, values)))
+        numeric = all(isinstance(value, int | float) and not isinstance(value, bool) for value in values)
+        of = Declared("categorical", levels)
+        if numeric:
+            of = Declared("numeric", levels, tuple(map(float, values)), _unit_of(key) or "1")
+        yield StudyFactor(key, "block", of), own
+
+
+def _level(value: Any) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _unit_of(key: str) -> str:
+    """Unit of a setting."""
+    table, _, name = key.partition(".")
+    return next((one.unit for own in tables(Config) if own.name == table for one in own.keys if one.name == name), "")
+
+
+def partner_of(movers: Iterable[str]) -> str:
+    """Who the partner was if none of the two people, such as ``robot partner``; else empty."""
+    there = set(movers)
+    return ", ".join(f"{kind} partner" for kind in ("robot", "still") if kind in there)
+
+
+def names_of(base: pd.DataFrame, told: Mapping[str, Sequence[str]], roles: Iterable[str] = ()) -> list[str]:
+    """Name conditions: configuration, force, partner, levels that distinguish them, and a role other than test."""
+    extra = [[f"{name} {level}" if level else "" for level in levels] for name, levels in told.items()]
+    columns = [*(base[name] for name in _BASE), *extra]
+    said = [["" if role == "test" else role for role in roles]] if roles else []
+    return [", ".join(filter(None, row)) for row in zip(*columns, *said, strict=True)]
+
+
+def value_columns(factor: StudyFactor, levels: Sequence[str]) -> dict[str, Any]:
+    """Columns of a factor in a table.
+
+    Returns
+    -------
+    dict
+        The level, and the value of a numeric factor [its unit].
+    """
+    columns: dict[str, Any] = {factor.column: np.array(levels, object)}
+    if factor.of.values:
+        of = dict(zip(factor.of.levels, factor.of.values, strict=True))
+        columns[f"{factor.column}_value"] = np.array([of.get(level, nan) for level in levels], np.float64)
+    return columns

@@ -1,0 +1,107 @@
+"""What has more than one row an attempt: the movements of the board in it, and its path at a low rate."""
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from netboard.analysis.extraction.tables import PLACE, Columns, count, number
+from netboard.analysis.extraction.trials import RATE, Take
+from netboard.analysis.measures.cooperation import PORTIONS, Contributions, Delays, contributions, delays
+from netboard.analysis.measures.signals import lasts
+from netboard.base.config import SIDES
+
+STEP = 20
+"""Samples from one row of a path to the next: 20 ms. The filtered movement has nothing above 20 Hz that matters [1]."""
+
+PERCENT = tuple(round(100 * portion) for portion in PORTIONS)
+"""Portions of a peak at which delays are taken [%]."""
+
+MOVEMENTS = (
+    *PLACE,
+    count("movement", "number of the movement of the board in the attempt, from 1"),
+    number("onset", "when it began, from the release on", "s"),
+    number("duration", "how long it took", "s"),
+    number("angle", "how far it went, + = right end up", "rad"),
+    count("cut", "1: it may have begun earlier or gone on longer than is known"),
+    number("left_moved", "how far the left stylus went in it, + = up", "m"),
+    number("right_moved", "how far the right one went", "m"),
+    count("cooperative", "1: opposite directions, and neither more than nine times as far as the other"),
+    number("left_peak", "peak velocity of the left stylus in its own direction", "m/s"),
+    number("right_peak", "peak velocity of the right one", "m/s"),
+    *(
+        number(f"delay_{q}", f"delay at {q} % of the peak that is set, left less right: + = right first", "s")
+        for q in PERCENT
+    ),
+    *(count(f"truncated_{q}", f"1: a side was above {q} % already where the search ended") for q in PERCENT),
+    *(number(f"own_delay_{q}", f"delay at {q} % of each side's own peak, left less right", "s") for q in PERCENT),
+)
+"""Columns of the table of movements."""
+
+PATHS = (
+    *PLACE,
+    number("time", "from the release on", "s"),
+    number("left_z", "height of the left stylus, filtered", "m"),
+    number("right_z", "height of the right stylus, filtered", "m"),
+    number("left_vz", "its rate, of the left one", "m/s"),
+    number("right_vz", "its rate, of the right one", "m/s"),
+    number("theta", "tilt of the board, + = right end up, filtered", "rad"),
+    number("p", "ball along the board, + = right, filtered", "m"),
+    number("speed", "absolute velocity of the ball, filtered at the low cutoff too", "m/s"),
+)
+"""Columns of the table of paths."""
+
+
+def delays_of(take: Take) -> tuple[Contributions, Delays, Delays]:
+    """Find the delays in the movements of the board that begin in an attempt.
+
+    Returns
+    -------
+    as_set, of_own : Delays
+        Delays as set, and at portions of each side's own peak.
+    """
+    own, found, how = take.own_turns, take.found, take.block.readings.delays
+    moved = contributions(
+        own, found.left_z, found.right_z, opposite=how.opposite, amount=how.amount, largest_ratio=how.largest_ratio
+    )
+    as_set = delays(
+        own,
+        moved,
+        found.left_vz,
+        found.right_vz,
+        RATE,
+        threshold=how.threshold,
+        search=how.search,
+        velocity=how.velocity,
+    )
+    return moved, as_set, delays(own, moved, found.left_vz, found.right_vz, RATE, threshold="own_peak")
+
+
+def movements(take: Take) -> Iterator[Mapping[str, Any]]:
+    """Yield the rows of the movements of the board that begin in an attempt, but for its place."""
+    own = take.own_turns
+    moved, as_set, of_own = delays_of(take)
+    for k in range(len(own)):
+        yield {
+            "movement": k + 1,
+            "onset": (own.first[k] - take.trial.release) / RATE,
+            "duration": float(lasts(own.first[k], own.stop[k], RATE)),
+            "angle": own.angle[k],
+            "cut": int(own.cut[k]),
+            "left_moved": moved.left[k],
+            "right_moved": moved.right[k],
+            "cooperative": int(moved.cooperative[k]),
+            "left_peak": as_set.left_peak[k],
+            "right_peak": as_set.right_peak[k],
+            **{f"delay_{q}": as_set.signed[k, j] for j, q in enumerate(PERCENT)},
+            **{f"truncated_{q}": int(as_set.truncated[k, j]) for j, q in enumerate(PERCENT)},
+            **{f"own_delay_{q}": of_own.signed[k, j] for j, q in enumerate(PERCENT)},
+        }
+
+
+def path(take: Take) -> Columns:
+    """Return the rows of the path of an attempt, from the release to its end, but for its place."""
+    trial, found = take.trial, take.found
+    at = np.arange(trial.release, trial.stop, STEP)
+    names = (*(f"{side}_z" for side in SIDES), *(f"{side}_vz" for side in SIDES), "theta", "p", "speed")
+    return {"time": (at - trial.release) / RATE, **{name: getattr(found, name)[at] for name in names}}

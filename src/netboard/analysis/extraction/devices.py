@@ -1,0 +1,84 @@
+"""What each hand's device was like to move, as far as a recording says: apparent mass, damping and friction.
+
+What was identified of the device itself counts most, then the figures of its model. Where neither is known (a mouse, an
+imported table), there is none.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import isnan, nan
+
+from netboard.base.config import SIDES, Config, Side
+from netboard.participants.device_models import MODELS, DeviceModel, resolved
+from netboard.recording.files.reader import Recording
+
+
+@dataclass(frozen=True, slots=True)
+class Mechanics:
+    """What a device adds to the hand that holds it.
+
+    Attributes
+    ----------
+    mass : float
+        Apparent mass at the stylus [kg].
+    damping : float
+        Viscous damping [N s/m].
+    friction : float
+        Coulomb friction [N].
+    """
+
+    mass: float
+    damping: float
+    friction: float
+
+
+def mechanics_of(config: Config, recording: Recording) -> dict[Side, Mechanics | None]:
+    """Find the mechanics of both devices of a recording."""
+    said = recording.metadata
+    if said.get("imported") == "measured":
+        return dict.fromkeys(SIDES)
+    if "rehearsed" in said or said.get("imported") == "simulated":
+        return dict.fromkeys(SIDES, _simulated(config))
+    told = {event.details.get("side"): event.details for event in recording.events() if event.name == "agent_joined"}
+    return {side: _told(config, side, told.get(side, {})) for side in SIDES}
+
+
+def _told(config: Config, side: Side, details: Mapping[str, str]) -> Mechanics | None:
+    """Read what an agent told of its device."""
+    model = _model_of(details.get("model", ""))
+    if details.get("device", getattr(config.agents, side).device) == "virtual":
+        return _simulated(config)
+    names = ("profile_mass", "profile_damping", "profile_friction")
+    own = [_number(details.get(name, "")) for name in names]
+    if not any(map(isnan, own)):
+        return Mechanics(*own)
+    return None if model is None else Mechanics(model.mass, model.damping, model.friction)
+
+
+def _simulated(config: Config) -> Mechanics:
+    device = resolved(config.virtual)
+    return Mechanics(device.mass, device.damping, device.friction)
+
+
+def _model_of(name: str) -> DeviceModel | None:
+    """Find a device by what it calls itself: the longest name of a model that is in it, maker's words aside."""
+    words = _plain(name)
+    found = [
+        (len(known), model)
+        for key, model in MODELS.items()
+        for known in {_plain(key), _plain(model.name.partition("(")[0])}
+        if known and known in words
+    ]
+    return max(found, key=lambda one: one[0])[1] if found else None
+
+
+def _plain(name: str) -> str:
+    return "".join(letter for letter in name.lower() if letter.isalnum())
+
+
+def _number(words: str) -> float:
+    """Read the value of ``0.26 +- 0.01 N``; NaN where there is none."""
+    try:
+        return float(words.partition(" ")[0])
+    except ValueError:
+        return nan

@@ -1,0 +1,96 @@
+"""Which attempts do not count, and why: the declared rules, applied to all attempts alike, and everything listed."""
+
+from collections.abc import Collection, Iterator
+from math import isnan
+from typing import Any
+
+import pandas as pd
+
+from netboard.analysis.extraction.settings import Exclusions
+from netboard.analysis.extraction.tables import PLACE, words
+from netboard.base.errors import ConfigError
+from netboard.task.trials.quality import WORDS
+
+EXCLUSIONS = (*PLACE, words("why", "why the attempt does not count"))
+"""Columns of the table of exclusions: a row for each reason, so an attempt may have several."""
+
+NO_COMPLETION = "no completion time: by the readings of this analysis, its samples do not show when the hold began"
+"""Why a success does not count that has no completion time."""
+
+_STUCK = ("stuck_left", "stuck_right")
+
+
+def excluded(blocks: pd.DataFrame, trials: pd.DataFrame, rules: Exclusions) -> pd.DataFrame:
+    """List the attempts that do not count.
+
+    Parameters
+    ----------
+    blocks, trials : DataFrame
+        Tables of blocks and of trials, a row for a recording and for an attempt.
+    """
+    named = named_trials(rules)
+    there = set(zip(trials["recording"], trials["trial"], strict=True))
+    for recording, trial in named:
+        if (recording, trial) not in there:
+            raise ConfigError(f"[exclusions] trials: there is no trial {trial} in {recording!r}")
+    recordings = {row["recording"]: row for row in blocks.to_dict("records")}
+    pilots = rules.pilots == "always" or (rules.pilots == "unless_all" and not blocks["pilot"].all())
+    rows = [
+        (row["recording"], row["trial"], row["attempt"], why)
+        for row in trials.to_dict("records")
+        for why in _reasons(row, recordings[row["recording"]], rules, pilots, named)
+    ]
+    rows += [(name, *ended) for name, block in recordings.items() for ended in _ended_otherwise(block["not_measured"])]
+    return pd.DataFrame(rows, columns=[field.name for field in EXCLUSIONS])
+
+
+def named_trials(rules: Exclusions) -> dict[tuple[str, int], str]:
+    """Read the trials that an experimenter has excluded."""
+    named: dict[tuple[str, int], str] = {}
+    for word in rules.trials:
+        place, colon, why = word.partition(":")
+        recording, _, trial = place.strip().rpartition("/")
+        if not colon or not why.strip() or not trial.isdecimal():
+            raise ConfigError(f"[exclusions] trials: found {word!r}, expected RECORDING/TRIAL: why")
+        named[recording, int(trial)] = why.strip()
+    return named
+
+
+def require_recordings(rules: Exclusions, recordings: Collection[str]) -> None:
+    """Refuse to exclude trials of recordings that are not there, before any is measured."""
+    for recording, trial in named_trials(rules):
+        if recording not in recordings:
+            raise ConfigError(f"[exclusions] trials: there is no trial {trial} in {recording!r}: no such recording")
+
+
+def _ended_otherwise(told: str) -> Iterator[tuple[int, int, str]]:
+    """Yield trial, attempt and reason of each attempt that is not measured, from the column of a block."""
+    for word in filter(None, told.split("; ")):
+        place, _, outcome = word.partition(" ")
+        trial, _, attempt = place.partition(".")
+        yield int(trial), int(attempt), f"ended before success, fall or end of its time: {outcome}"
+
+
+def _reasons(
+    row: dict[str, Any],
+    block: dict[str, Any],
+    rules: Exclusions,
+    pilots: bool,
+    named: dict[tuple[str, int], str],
+) -> Iterator[str]:
+    """Yield why an attempt does not count."""
+    if row["outcome"] == "success" and isnan(row["completion"]):
+        yield NO_COMPLETION
+    if pilots and block["pilot"]:
+        yield "a pilot recording"
+    if row["trial"] <= rules.warm_up:
+        yield f"one of the first {rules.warm_up} trials of the block"
+    if block.get("role") in rules.roles:
+        yield f"in a {block['role']} block"
+    if rules.catch and row["catch"]:
+        yield "a catch trial"
+    for flag in str(row["flags"]).split():
+        if flag in rules.flags and not (block["simulated"] and flag in _STUCK):
+            yield WORDS[flag]
+    if (row["recording"], row["trial"]) in named:
+        yield f"excluded by the experimenter: {named[row['recording'], row['trial']]}"

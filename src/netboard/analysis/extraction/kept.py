@@ -1,0 +1,108 @@
+"""Whole analyses that are kept: every file of the folder, by all that went into it.
+
+What an analysis writes is a function of the bytes and names of its recordings, its settings, its options, the code and
+the versions of libraries. All of that is in the key, so a kept file is never one of other data, settings or code. In
+place of the command that asked, which is named in the folder, the kept files have a placeholder. Files are kept by
+their content: what two analyses have in common is kept once.
+
+This module loads none of the libraries that compute: where all is kept, none is needed.
+"""
+
+import hashlib
+import json
+import platform
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from importlib.util import find_spec
+from pathlib import Path
+
+from netboard.analysis.extraction.store import ANALYSIS, FILE, Store
+from netboard.base.errors import RecordingError
+
+PACKAGES = ("netboard", "netboard.services")
+"""Whose sources decide what is in an analysis."""
+
+SOURCES = (".py", ".jinja", ".css", ".toml")
+
+LIBRARIES = (
+    *("jinja2", "markupsafe", "matplotlib", "mcap", "netboard", "numba", "numpy", "pandas", "pyarrow"),
+    *("pydantic", "scipy", "statsmodels", "zstandard"),
+)
+"""What takes part besides."""
+
+
+@cache
+def code_digest() -> str:
+    """A digest of all of netboard's sources, and of the versions of what they use, in hexadecimal."""
+    digest = hashlib.sha256()
+    for package in PACKAGES:
+        spec = find_spec(package)
+        for place in map(Path, (spec.submodule_search_locations or ()) if spec else ()):
+            for path in sorted(path for path in place.rglob("*") if path.suffix in SOURCES):
+                text = path.read_bytes()
+                digest.update(f"{path.relative_to(place)} {len(text)}\n".encode() + text)
+    digest.update(" ".join(f"{name} {_version(name)}" for name in LIBRARIES).encode())
+    digest.update(f"{platform.python_version()} {platform.machine()}".encode())
+    return digest.hexdigest()
+
+
+def _version(name: str) -> str:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return ""
+
+
+def key_of_analysis(recordings: Sequence[Path], settings: bytes, options: Sequence[str]) -> str:
+    """Name an analysis by all that decides what is in its folder."""
+    with ThreadPoolExecutor() as pool:
+        digests = list(pool.map(digest_of, recordings))
+    named = [[str(path), digest] for path, digest in zip(recordings, digests, strict=True)]
+    told = json.dumps([code_digest(), named, hashlib.sha256(settings).hexdigest(), list(options)])
+    return hashlib.sha256(told.encode()).hexdigest()
+
+
+def digest_of(path: Path) -> str:
+    """SHA-256 of the bytes of a file, in hexadecimal."""
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be read: {error.strerror}") from error
+
+
+def keep(store: Store, key: str, folder: Path, words: Sequence[str]) -> None:
+    """Keep an analysis."""
+    files = {}
+    for path in sorted(path for path in folder.rglob("*") if path.is_file()):
+        content = path.read_bytes()
+        name = f"{hashlib.sha256(content).hexdigest()}{FILE}"
+        if store.get(name) is None:
+            store.put(name, content)
+        files[path.relative_to(folder).as_posix()] = name
+    store.put(f"{key}{ANALYSIS}", json.dumps({"files": files, "words": list(words)}).encode())
+    store.trim()
+
+
+def take(store: Store, key: str, folder: Path) -> tuple[str, ...] | None:
+    """Write an analysis that is kept whole into an empty folder.
+
+    Returns
+    -------
+    tuple of str or None
+        What was said of it; None if it is not kept whole, and nothing is written then.
+    """
+    listed = store.get(f"{key}{ANALYSIS}")
+    if listed is None:
+        return None
+    told = json.loads(bytes(listed))
+    contents = {name: store.get(entry) for name, entry in told["files"].items()}
+    whole = {name: content for name, content in contents.items() if content is not None}
+    if len(whole) < len(contents):
+        return None
+    for name, content in whole.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(content)
+    return tuple(told["words"])

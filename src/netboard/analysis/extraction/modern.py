@@ -1,0 +1,208 @@
+"""What a reader of today asks of an attempt besides the paper's measures.
+
+Forces are those of the hands on the board, filtered like all data; what each hand must bear anyway is taken off where
+the hands are compared. The window is that of the completion time throughout.
+"""
+
+from dataclasses import astuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.analysis.extraction.tables import Group, number
+from netboard.analysis.extraction.trials import RATE, Take
+from netboard.analysis.measures.interaction import effort, exchanged, force_share, interaction, supports, work
+from netboard.analysis.measures.lags import lag_of
+from netboard.analysis.measures.movements import classify, movement_times
+from netboard.analysis.measures.passive import Gains, PassiveHand, passive_partner
+from netboard.analysis.measures.signals import derivative
+from netboard.analysis.measures.smoothness import log_dimensionless_jerk, spectral_arc_length
+from netboard.analysis.measures.task import overshoots, reaction, time_in_target
+from netboard.base.config import SIDES, Side
+from netboard.physics.scene.parameters import pack_scene, parts_of
+from netboard.physics.scene.rendering import gains_of
+
+LONGEST_LAG = 0.5
+"""No longer delay is looked for by cross-correlation [s]."""
+
+STIFFNESSES = (50, 150, 300)
+"""Of a passive partner's arm, which is not known of people [N/m]."""
+
+PAIRS: tuple[tuple[Side, Side], ...] = (("left", "right"), ("right", "left"))
+"""Active and passive side."""
+
+_PASSIVE = (*(f"passive_{k}{kind}" for k in STIFFNESSES for kind in ("", "_device")), "passive_friction")
+
+_LEAST = 3
+"""Samples that a smoothness takes [1]."""
+
+
+def _lag(take: Take) -> dict[str, float]:
+    window = take.trial.window()
+    left, right = take.found.left_vz[window], take.found.right_vz[window]
+    if left.size < 2 * LONGEST_LAG * RATE:
+        return {"lag": np.nan, "lag_correlation": np.nan, "correlation": np.nan}
+    found = lag_of(left, right, RATE, longest=LONGEST_LAG)
+    return {"lag": found.delay, "lag_correlation": found.coefficient, "correlation": found.at_once}
+
+
+def _smoothness(take: Take) -> dict[str, float]:
+    speed = take.found.speed[take.trial.window()]
+    if speed.size < _LEAST:
+        return {"sparc": np.nan, "ldlj": np.nan}
+    return {"sparc": spectral_arc_length(speed, RATE), "ldlj": log_dimensionless_jerk(speed, RATE)}
+
+
+def _reactions(take: Take) -> dict[str, float]:
+    values: dict[str, float] = {}
+    for side in SIDES:
+        found = reaction(getattr(take.found, f"{side}_vz")[take.trial.window()], RATE)
+        values |= {f"{side}_reaction": found.time, f"{side}_anticipated": found.anticipated}
+    return values
+
+
+def _stays(take: Take) -> dict[str, float]:
+    p, sizes = take.raw("p")[take.trial.window()], take.block.config.geometry
+    if not p.size:
+        return {"in_target": np.nan, "overshoots": np.nan, "overshoot": np.nan}
+    half = sizes.target_width / 2
+    stays = time_in_target(p, RATE, centre=take.trial.target, half_width=half)
+    beyond = overshoots(p, RATE, centre=take.trial.target, half_width=half)
+    return {"in_target": stays.time, "overshoots": beyond.count, "overshoot": beyond.largest}
+
+
+def _forces(take: Take) -> dict[str, float]:
+    window, scene = take.trial.window(), take.block.config.physics
+    force = {side: take.force(side, window) for side in SIDES}
+    power = {side: force[side] * getattr(take.found, f"{side}_vz")[window] for side in SIDES}
+    duration = (window.stop - window.start) / RATE
+    values: dict[str, float] = {}
+    for side in SIDES:
+        done = work(force[side], getattr(take.found, f"{side}_vz")[window], RATE)
+        values |= {f"{side}_given": done.given, f"{side}_received": done.received}
+        values |= {
+            f"{side}_effort": effort(force[side], RATE),
+            f"{side}_power": done.net / duration if duration else np.nan,
+        }
+    to_right, to_left = exchanged(power["left"], power["right"], RATE)
+    borne = supports(take.found.p[window], board_mass=scene.M, ball_mass=scene.m, arm=scene.l, g=scene.g)
+    left, right = (force[side] - bears for side, bears in zip(SIDES, borne, strict=True))
+    between = np.abs(interaction(left, right).between)
+    return values | {
+        "to_right": to_right,
+        "to_left": to_left,
+        "interaction": float(between.mean()) if between.size else np.nan,
+        "force_share": force_share(left, right),
+    }
+
+
+def _passive_partner(take: Take) -> dict[str, float]:
+    """How much more cooperative a passive partner is than a still one, for either side in turn.
+
+    Without friction, and with the mechanics of the device that the passive side held.
+    """
+    names = _PASSIVE
+    config = take.block.config
+    if config.block.configuration != "dyadic" or not config.block.haptics or config.physics.board != "free":
+        return dict.fromkeys(names, np.nan)
+    window = take.trial.window()
+    p = take.found.p[window]
+    if p.size < _LEAST:
+        return dict.fromkeys(names, np.nan)
+    held = take.block.mechanics
+    gains = dict(zip(SIDES, gains_of(parts_of(config.physics), pack_scene(config.physics)[0]), strict=True))
+    moved = {side: getattr(take.found, f"{side}_z")[window] for side in SIDES}
+    rates = {side: getattr(take.found, f"{side}_vz")[window] for side in SIDES}
+
+    def share(active: Side, passive: Side, hand: PassiveHand) -> float:
+        height = passive_partner(moved[active], p, RATE, hand, Gains(*gains[passive][1:]))
+        return _cooperative(rates[active], derivative(height, RATE))
+
+    found = {"passive_friction": np.mean([np.nan if one is None else one.friction for one in held.values()])}
+    for stiffness in STIFFNESSES:
+        arm = PassiveHand(stiffness=float(stiffness))
+        found[f"passive_{stiffness}"] = np.mean([share(one, other, arm) for one, other in PAIRS])
+        found[f"passive_{stiffness}_device"] = np.mean(
+            [
+                np.nan if (device := held[other]) is None else share(one, other, arm.holding(*astuple(device)))
+                for one, other in PAIRS
+            ]
+        )
+    return {name: float(value) for name, value in found.items()}
+
+
+def _cooperative(one: NDArray[np.float64], other: NDArray[np.float64]) -> float:
+    """Share of cooperative movement; with a partner who is still there is none."""
+    return float(movement_times(classify(one, other), RATE).shares[0])
+
+
+MODERN = (
+    Group(
+        (
+            number("lag", "delay of the sides by cross-correlation of their velocities, + = right first", "s"),
+            number("lag_correlation", "correlation of the mirrored velocities at that delay", "1"),
+            number("correlation", "correlation without a delay", "1"),
+        ),
+        _lag,
+    ),
+    Group(
+        (
+            number("sparc", "spectral arc length of the ball's speed", "1"),
+            number("ldlj", "log dimensionless jerk of the ball's speed", "1"),
+        ),
+        _smoothness,
+    ),
+    Group(
+        tuple(
+            field
+            for side in SIDES
+            for field in (
+                number(f"{side}_reaction", f"when the {side} stylus began to move, from the release on", "s"),
+                number(f"{side}_anticipated", "1: it moved at the release, or sooner than anybody reacts", "1"),
+            )
+        ),
+        _reactions,
+    ),
+    Group(
+        (
+            number("in_target", "time of the ball in the target before the hold", "s"),
+            number("overshoots", "how often the ball went past the target", "1"),
+            number("overshoot", "how far at most", "m"),
+        ),
+        _stays,
+    ),
+    Group(
+        (
+            *(
+                field
+                for side in SIDES
+                for field in (
+                    number(f"{side}_given", f"work of the {side} hand on the coupling where it gave", "J"),
+                    number(f"{side}_received", f"work of the coupling on the {side} hand where that received", "J"),
+                    number(f"{side}_effort", f"integral of the squared force of the {side} hand", "N2 s"),
+                    number(f"{side}_power", f"mean power of the {side} hand", "W"),
+                )
+            ),
+            number("to_right", "energy that passed from the left hand to the right one", "J"),
+            number("to_left", "energy that passed from the right hand to the left one", "J"),
+            number("interaction", "mean magnitude of the forces that cancel in the tilt", "N"),
+            number("force_share", "share of the right hand in the forces of both, without what they must bear", "1"),
+        ),
+        _forces,
+    ),
+    Group(
+        (
+            *(
+                field
+                for k in STIFFNESSES
+                for field in (
+                    number(f"passive_{k}", f"cooperative share with a passive partner of {k} N/m, no friction", "1"),
+                    number(f"passive_{k}_device", f"the same with the device's mass and friction, {k} N/m", "1"),
+                )
+            ),
+            number("passive_friction", "Coulomb friction of the passive partner's device", "N"),
+        ),
+        _passive_partner,
+    ),
+)
+"""All of them."""

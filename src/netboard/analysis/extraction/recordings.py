@@ -1,0 +1,224 @@
+"""All tables of one recording: what was done in it, every attempt with its measures, every movement, every path.
+
+A recording gives the same tables with the same readings, whoever computes them and where. Nothing is left out here:
+what does not count is marked later (`netboard.analysis.extraction.exclusions`).
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.analysis.extraction.conditions import factors_text, kind_text, settings_text
+from netboard.analysis.extraction.details import MOVEMENTS, PATHS, movements, path
+from netboard.analysis.extraction.modern import MODERN
+from netboard.analysis.extraction.paper import PAPER
+from netboard.analysis.extraction.settings import Readings
+from netboard.analysis.extraction.tables import DTYPES, PLACE, Columns, columns_of, count, number, words
+from netboard.analysis.extraction.trials import RATE, Block, Take, columns_for, measurable
+from netboard.base.config import SIDES, Config, Side
+from netboard.base.tick import TICK
+from netboard.recording.export.runs import Run
+from netboard.recording.files.reader import Recording
+from netboard.recording.format.backfill import unknown_ticks
+from netboard.recording.integrity.quality_check import judged_along
+from netboard.task.studies.factors import role_of, trial_role
+from netboard.task.trials.quality import SEEN, Verdict
+
+BLOCKS = (
+    words("recording", "name of the recording"),
+    words("dyad", "pseudonym of the dyad"),
+    words("session", "name of the session"),
+    words("study", "name of the study"),
+    count("pilot", "1: not to be counted"),
+    count("block", "number of the block in the dyad's plan, from 1; counted through if two have the same"),
+    count("part", "number of the recording in its block, from 1"),
+    words("kind", "kind of block, as in the study; empty: none"),
+    words("role", "what its trials are for: practice, familiarisation, baseline or test"),
+    words("configuration", "dyadic: two people with one hand each; bimanual: one with both"),
+    words("force", "what the hands felt: full, partner_only, environment_only, none or unrelated"),
+    count("haptics", "1: they felt something"),
+    words("performer", "who performed: the pseudonym of the only participant, or of the dyad for both"),
+    words("left_by", "who moved the left stylus; still or robot if nobody did"),
+    words("right_by", "who moved the right stylus"),
+    count("simulated", "1: no person held a device"),
+    words("opened_utc", "when the recording was begun, UTC"),
+    number("duration", "from the first tick to the last", "s"),
+    count("ticks", "how many there are"),
+    count("missing", "how many are not there"),
+    count("unknown_rendered", "how often, in both hands, it is not known what a device rendered"),
+    count("trials", "successful trials planned for the block"),
+    count("repaired", "1: a recording that was damaged, and recovered"),
+    count("attempts", "attempts that were begun"),
+    words("not_measured", "those without success, fall or end of time, as TRIAL.ATTEMPT and what ended them"),
+    words("netboard", "version of netboard that recorded it"),
+    words("config_sha256", "SHA-256 of its configuration"),
+    words("factors", "factors of the block with its levels, as a JSON list"),
+    words("settings", "settings that may differ without being a factor, as a JSON object"),
+)
+"""Columns of the table of blocks: one row a recording."""
+
+_RENDERED = tuple(f"{side}_rendered" for side in SIDES)
+
+_GROUPS = (*PAPER, *MODERN)
+
+_TO_COMPLETION = tuple(field.name for group in MODERN for field in group.fields if field.kind == "number")
+"""Measures of the time up to the completion, whatever the readings are."""
+
+TRIALS = (
+    *PLACE,
+    words("outcome", "success, fell or timed_out"),
+    count("target", "side of the target: -1 left, +1 right"),
+    number("release", "when the ball was released, from the first tick of the recording on", "s"),
+    number("duration", "from there to the end, the hold included", "s"),
+    words("role", "what the trial is for: practice, familiarisation, baseline, test, or catch"),
+    count("catch", "1: a catch trial, in which nothing was felt"),
+    words("flags", "marks of quality, with spaces between"),
+    *(field for group in _GROUPS for field in group.fields),
+)
+"""Columns of the table of trials: one row an attempt."""
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """The tables of a recording.
+
+    Attributes
+    ----------
+    blocks, trials, movements, paths : dict of ndarray
+        Columns as in `BLOCKS`, `TRIALS`, `MOVEMENTS` and `PATHS`; no paths where those lie elsewhere [SI].
+    """
+
+    blocks: Columns
+    trials: Columns
+    movements: Columns
+    paths: Columns
+
+
+FIELDS = {"blocks": BLOCKS, "trials": TRIALS, "movements": MOVEMENTS, "paths": PATHS}
+"""Columns of each table of `Measured`."""
+
+
+def measure(run: Run, readings: Readings) -> Measured:
+    """Measure a recording."""
+    name = run.path.stem
+    with Recording(run.path) as recording:
+        columns, verdicts = _read(recording, run.config, readings)
+        block = Block(recording, run.config, readings, columns)
+        unknown = _unknown(recording, columns)
+        repaired = bool(recording.recovery)
+    flags = {verdict.release: verdict.flags for verdict in verdicts}
+    takes = list(block.takes())
+    places: list[dict[str, Any]] = [
+        {"recording": name, "trial": take.attempt.trial, "attempt": take.attempt.attempt} for take in takes
+    ]
+    trials = [place | _attempt(take, flags) for place, take in zip(places, takes, strict=True)]
+    turns = [place | dict(row) for place, take in zip(places, takes, strict=True) for row in movements(take)]
+    return Measured(
+        columns_of(BLOCKS, [_block(run, block, repaired, unknown)]),
+        columns_of(TRIALS, trials),
+        columns_of(MOVEMENTS, turns),
+        _paths(places, takes),
+    )
+
+
+def _read(recording: Recording, config: Config, readings: Readings) -> tuple[Columns, tuple[Verdict, ...]]:
+    """Read the columns that are measured, and have the attempts judged on the way: chunks are decompressed once."""
+    wanted = tuple(dict.fromkeys((*columns_for(readings), *_RENDERED)))
+    columns = {name: np.empty(recording.counts["/ticks"], TICK[name]) for name in wanted}
+
+    def portions() -> Iterator[NDArray[Any]]:
+        done = 0
+        for rows in recording.batches(names=tuple(dict.fromkeys((*wanted, *SEEN))), as_sent=True):
+            for name, column in columns.items():
+                column[done : done + rows.size] = rows[name]
+            done += rows.size
+            yield rows
+
+    return columns, judged_along(recording, config, portions())
+
+
+def _unknown(recording: Recording, columns: Columns) -> int:
+    """Count ticks at which nobody knows what a device rendered; only if there may be any, what agents told is read."""
+    if any(unknown_ticks(columns[name]) for name in _RENDERED):
+        columns = recording.columns(*_RENDERED)
+    return sum(unknown_ticks(columns[name]) for name in _RENDERED)
+
+
+def _attempt(take: Take, flags: Mapping[int, tuple[str, ...]]) -> dict[str, Any]:
+    """Measure one attempt."""
+    attempt, config = take.attempt, take.block.config
+    row: dict[str, Any] = {
+        "outcome": attempt.outcome,
+        "target": attempt.target,
+        "release": (attempt.tick - take.block.first) / RATE,
+        "duration": attempt.duration,
+        "role": trial_role(config, attempt.trial),
+        "catch": int(attempt.trial in config.block.catch),
+        "flags": " ".join(flags.get(attempt.tick, ())),
+    }
+    for group in _GROUPS:
+        row |= group.measure(take)
+    if not take.knows("to_completion"):
+        row |= dict.fromkeys(_TO_COMPLETION, np.nan)
+    return row
+
+
+def _paths(places: list[dict[str, Any]], takes: list[Take]) -> Columns:
+    """Put the paths of all attempts one after the other."""
+    parts = [path(take) for take in takes]
+    lengths = [len(part["time"]) for part in parts]
+    whole: Columns = {}
+    for field in PATHS:
+        if field.name in ("recording", "trial", "attempt"):
+            values = np.array([place[field.name] for place in places], DTYPES[field.kind])
+            whole[field.name] = np.repeat(values, lengths)
+        else:
+            whole[field.name] = np.concatenate([np.empty(0), *(part[field.name] for part in parts)])
+    return whole
+
+
+def _block(run: Run, block: Block, repaired: bool, unknown: int) -> dict[str, Any]:
+    """Say what was done in a recording."""
+    said, config = run.metadata, run.config
+    return {
+        "recording": run.path.stem,
+        "dyad": config.session.dyad,
+        "session": config.session.name,
+        "study": config.session.study,
+        "pilot": int(config.session.pilot),
+        "block": config.block.number,
+        "part": int(said["part"]),
+        "kind": kind_text(config),
+        "role": role_of(config),
+        "configuration": config.block.configuration,
+        "force": config.block.force,
+        "haptics": int(config.block.haptics),
+        "performer": run.people[0].label if len(run.people) == 1 else config.session.dyad,
+        "left_by": _mover(run, "left"),
+        "right_by": _mover(run, "right"),
+        "simulated": int(all(person.simulated for person in run.people)),
+        "opened_utc": said["opened_utc"],
+        "duration": block.samples / RATE,
+        "ticks": block.samples - block.missing,
+        "missing": block.missing,
+        "unknown_rendered": unknown,
+        "trials": config.block.trials,
+        "repaired": int(repaired),
+        "attempts": len(block.attempts),
+        "not_measured": "; ".join(
+            f"{one.trial}.{one.attempt} {one.outcome}" for one in block.attempts if not measurable(one)
+        ),
+        "netboard": said["netboard"],
+        "config_sha256": said["config_sha256"],
+        "factors": factors_text(config),
+        "settings": settings_text(config),
+    }
+
+
+def _mover(run: Run, side: Side) -> str:
+    """Name who moved a stylus."""
+    kind: str = getattr(run.config.block, side)
+    return next((person.label for person in run.people if side in person.sides), kind)

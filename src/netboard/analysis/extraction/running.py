@@ -1,0 +1,189 @@
+"""Measures many recordings: on all cores, or on the machines of a Dask cluster, and only those not measured before.
+
+A process holds one recording at a time, and what comes back are its tables, in the order of the recordings whatever
+was done first. So the same recordings give the same tables however many processes there are, and wherever they run.
+The paths, which are long, go to a shelf on disk as they come.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from netboard.analysis.extraction.cache import Cache, key_of
+from netboard.analysis.extraction.kept import digest_of
+from netboard.analysis.extraction.recordings import Measured, measure
+from netboard.analysis.extraction.settings import Readings
+from netboard.analysis.extraction.workers import Crew
+from netboard.base.errors import NetboardError, RecordingError
+from netboard.base.process import peak_memory
+from netboard.recording.export.formats import Progress
+from netboard.recording.export.runs import Run, runs_of
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from netboard.analysis.extraction.path_table import Shelf
+
+
+@dataclass(frozen=True, slots=True)
+class LeftOut:
+    """A recording that could not be measured."""
+
+    file: str
+    why: str
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """A recording that was measured."""
+
+    run: Run
+    sha256: str
+    kept: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Harvest:
+    """All that was measured.
+
+    Attributes
+    ----------
+    peak : float
+        The most memory that a process held that measured, in bytes; 0 if none had to [1].
+    """
+
+    sources: tuple[Source, ...]
+    left_out: tuple[LeftOut, ...]
+    measured: tuple[Measured, ...]
+    paths: Mapping[str, "pd.DataFrame"]
+    peak: float
+
+
+def harvest(
+    recordings: Sequence[Path],
+    readings: Readings,
+    crew: Crew,
+    cache: Cache | None,
+    shelf: "Shelf",
+    progress: Progress,
+    *,
+    skip: bool = False,
+) -> Harvest:
+    """Measure recordings.
+
+    Parameters
+    ----------
+    cache : Cache or None
+        Where results are kept; None to measure all and keep nothing.
+    progress : callable
+        Is told how many recordings are done, and of how many.
+
+    Raises
+    ------
+    RecordingError
+        If a recording cannot be measured and is not to be left out, or none is left.
+    """
+    runs, left_out = _readable(recordings) if skip else (runs_of(recordings), [])
+    digests = _digests([run.path for run in runs])
+    keys = {run.path: key_of(run.path.stem, digests[run.path], readings) for run in runs}
+    taken = _Taken(shelf, progress, len(runs))
+    if cache is not None:
+        _take_kept(keys, cache, taken)
+    missing = [run for run in runs if run.path not in taken.tables]
+    kept, peak = set(taken.tables), 0.0
+    for run, answer in _answers(missing, digests, readings, crew):
+        if isinstance(answer, Exception):
+            if not skip:
+                raise answer
+            left_out.append(_left_out(run.path, answer))
+            continue
+        measured, used = answer
+        peak = max(peak, used)
+        if cache is not None:
+            cache.put(keys[run.path], measured)
+        taken.add(run.path, measured)
+    if cache is not None:
+        cache.trim()
+    if not taken.tables:
+        raise RecordingError("no recording is left that can be measured")
+    sources = tuple(Source(run, digests[run.path], run.path in kept) for run in runs if run.path in taken.tables)
+    left_out.sort(key=lambda one: one.file)
+    tables = tuple(taken.tables[source.run.path] for source in sources)
+    return Harvest(sources, tuple(left_out), tables, shelf, peak)
+
+
+class _Taken:
+    """What has come: its paths go to the shelf, the other tables are held, and who waits is told."""
+
+    def __init__(self, shelf: "Shelf", progress: Progress, total: int) -> None:
+        self.tables: dict[Path, Measured] = {}
+        self._shelf, self._progress, self._total = shelf, progress, total
+        self._seconds = 0.0
+
+    def add(self, path: Path, measured: Measured) -> None:
+        """Take the tables of a recording."""
+        self._shelf.put(measured)
+        self.tables[path] = replace(measured, paths={})
+        self._seconds += float(measured.blocks["duration"][0])
+        words = f"{len(self.tables)} of {self._total} recordings, {self._seconds:.0f} s of data"
+        self._progress(words, len(self.tables), self._total)
+
+
+def _readable(recordings: Sequence[Path]) -> tuple[tuple[Run, ...], list[LeftOut]]:
+    """Find out who did what in those that can be opened."""
+    sound: list[Path] = []
+    left_out: list[LeftOut] = []
+    for path in recordings:
+        try:
+            runs_of([path])
+            sound.append(path)
+        except NetboardError as error:
+            left_out.append(_left_out(path, error))
+    return runs_of(sound), left_out
+
+
+def _left_out(path: Path, error: Exception) -> LeftOut:
+    """Say why, without the place of the file."""
+    why = str(error).replace(str(path.absolute()), path.name).replace(str(path), path.name)
+    return LeftOut(path.name, why.removeprefix(f"{path.name}: "))
+
+
+def _digests(paths: Sequence[Path]) -> dict[Path, str]:
+    """SHA-256 of the bytes of files, in hexadecimal."""
+    with ThreadPoolExecutor() as pool:
+        return dict(zip(paths, pool.map(digest_of, paths), strict=True))
+
+
+def _take_kept(keys: Mapping[Path, str], cache: Cache, taken: _Taken) -> None:
+    """Take what was measured before."""
+    for path, key in keys.items():
+        if (measured := cache.get(key)) is not None:
+            taken.add(path, measured)
+
+
+def _answers(
+    runs: Sequence[Run], digests: Mapping[Path, str], readings: Readings, crew: Crew
+) -> Iterator[tuple[Run, tuple[Measured, float] | NetboardError]]:
+    """Yield what comes of each recording, as it comes."""
+    if not runs:
+        return
+    with crew([run.path.absolute() for run in runs]) as executor:
+        asked = {
+            executor.submit(_measured, replace(run, path=run.path.absolute()), readings, digests[run.path]): run
+            for run in runs
+        }
+        for future in as_completed(asked):
+            run = asked.pop(future)
+            try:
+                yield run, future.result()
+            except NetboardError as error:
+                yield run, error
+
+
+def _measured(run: Run, readings: Readings, sha256: str) -> tuple[Measured, float]:
+    """Measure a recording, and tell how much memory that took [1]; this runs in another process, maybe elsewhere."""
+    if digest_of(run.path) != sha256:
+        raise RecordingError(f"{run.path}: is not the file that it was, or another one where it is measured")
+    return measure(run, readings), peak_memory()

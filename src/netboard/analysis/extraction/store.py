@@ -1,0 +1,106 @@
+"""What is kept between analyses: a folder of entries, bounded in size, that any number of processes may use.
+
+An entry is one file: the SHA-256 of what follows, then its content. It is written under another name and renamed; one
+that was damaged since is not used. What was not used for longest goes when all entries are larger than a limit, but
+nothing that is in use: a study that is larger than that would otherwise drop what it comes to next.
+
+This module loads none of the libraries that compute.
+"""
+
+import hashlib
+import os
+import time
+from contextlib import suppress
+from itertools import accumulate
+from pathlib import Path
+from tempfile import NamedTemporaryFile
+
+from netboard.base.errors import RecordingError
+
+LIMIT = 2_000_000_000
+"""What is kept beside what is in use is not more than this, in bytes: some ten studies of the paper's size [1]."""
+
+TABLES, ANALYSIS, FILE = ".tables", ".analysis", ".file"
+"""What the name of an entry ends with: tables of a recording, the list of an analysis, one of its files."""
+
+ENDINGS = (TABLES, ANALYSIS, FILE)
+
+ABANDONED = 86_400.0
+"""Nobody is writing an entry any more after this [s]."""
+
+_DIGEST_BYTES = 32
+
+
+def default_folder() -> Path:
+    """Where results are kept for this user."""
+    chosen = os.environ.get("XDG_CACHE_HOME")
+    return (Path(chosen) if chosen else Path.home() / ".cache") / "netboard" / "measures"
+
+
+class Store:
+    """A folder of entries.
+
+    Parameters
+    ----------
+    limit : int
+        What is kept and not in use is dropped from this size on, in bytes [1].
+    """
+
+    def __init__(self, folder: Path, limit: int = LIMIT) -> None:
+        self._folder, self._limit = folder, limit
+        self._used: set[Path] = set()
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise self._refused(error) from error
+
+    def _refused(self, error: OSError) -> RecordingError:
+        reason = error.strerror or str(error)
+        return RecordingError(f"{self._folder}: results cannot be kept there: {reason}; --no-cache keeps none")
+
+    def get(self, name: str) -> memoryview | None:
+        """Return the content of an entry; None if there is none, or it is not as it was written."""
+        path = self._folder / name
+        try:
+            whole = path.read_bytes()
+            os.utime(path)
+        except FileNotFoundError:
+            return None
+        except OSError as error:
+            raise self._refused(error) from error
+        content = memoryview(whole)[_DIGEST_BYTES:]
+        if hashlib.sha256(content).digest() != whole[:_DIGEST_BYTES]:
+            return None
+        self._used.add(path)
+        return content
+
+    def put(self, name: str, content: bytes) -> None:
+        """Keep an entry."""
+        part = None
+        try:
+            with NamedTemporaryFile(dir=self._folder, suffix=".part", delete=False) as file:
+                part = Path(file.name)
+                file.write(hashlib.sha256(content).digest())
+                file.write(content)
+            self._used.add(part.replace(self._folder / name))
+        except OSError as error:
+            raise self._refused(error) from error
+        finally:
+            if part is not None:
+                part.unlink(missing_ok=True)
+
+    def trim(self) -> None:
+        """Evict the least recently used entries down to the limit, and files that killed processes left."""
+        try:
+            for part in self._folder.glob("*.part"):
+                with suppress(FileNotFoundError):  # it got its name just now
+                    if time.time() - part.stat().st_mtime > ABANDONED:
+                        part.unlink()
+            entries = [(path, path.stat()) for ending in ENDINGS for path in self._folder.glob(f"*{ending}")]
+            newest_first = sorted(entries, key=lambda entry: -entry[1].st_mtime_ns)
+            sizes = accumulate(stat.st_size for _, stat in newest_first)
+            for (path, _), size in zip(newest_first, sizes, strict=True):
+                if size > self._limit and path not in self._used:
+                    path.unlink(missing_ok=True)
+        except OSError as error:
+            raise self._refused(error) from error

@@ -1,0 +1,52 @@
+"""Tables of measures as Arrow streams: how they are written to a file of ours, and read again."""
+
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.analysis.extraction.tables import Columns
+from netboard.recording.export.formats import library
+from netboard.recording.format.channels import Field
+
+
+class Streams:
+    """Writes and reads tables, each a stream of its own."""
+
+    def __init__(self, compression: str | None) -> None:
+        self._arrow, self._ipc = library("pyarrow", "analysis"), library("pyarrow.ipc", "analysis")
+        self._options = self._ipc.IpcWriteOptions(compression=compression)
+
+    def write(self, sink: BinaryIO, columns: Columns, fields: tuple[Field, ...]) -> None:
+        """Write a table where a file is."""
+        arrow = self._arrow
+        text = arrow.dictionary(arrow.int32(), arrow.string())
+        kinds = {"integer": arrow.int64(), "number": arrow.float64(), "string": text}
+        schema = arrow.schema([arrow.field(field.name, kinds[field.kind]) for field in fields])
+        table = arrow.table({field.name: columns[field.name] for field in fields}, schema)
+        with self._ipc.new_stream(sink, schema, options=self._options) as stream:
+            stream.write_table(table)
+
+    def source(self, content: memoryview) -> Any:
+        """Return what `read` takes tables from, one after the other."""
+        return self._arrow.BufferReader(content)
+
+    def read(self, source: Any, fields: tuple[Field, ...]) -> Columns:
+        """Read the next table.
+
+        Returns
+        -------
+        dict of ndarray, shape (n,)
+            The columns; equal texts are one object, as one is enough for the path of a whole recording.
+        """
+        with self._ipc.open_stream(source) as stream:
+            table = stream.read_all()
+        return {field.name: _values(table[field.name].combine_chunks(), field.kind) for field in fields}
+
+
+def _values(column: Any, kind: str) -> NDArray[Any]:
+    """Turn a column into an array."""
+    if kind == "string":
+        texts = np.array([*column.dictionary.to_pylist(), None], object)[:-1]
+        return np.asarray(texts[column.indices.to_numpy()])
+    return np.array(column.to_numpy())

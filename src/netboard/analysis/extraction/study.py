@@ -1,0 +1,265 @@
+"""A study: the tables of all its recordings, joined, in the order in which things were done.
+
+The paths alone are not joined: they are long, and given recording by recording.
+"""
+
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+
+from netboard.analysis.extraction.conditions import (
+    Levels,
+    StudyFactor,
+    names_of,
+    partner_of,
+    study_levels,
+    value_columns,
+)
+from netboard.analysis.extraction.exclusions import excluded
+from netboard.analysis.extraction.recordings import FIELDS, Measured
+from netboard.analysis.extraction.settings import Readings
+from netboard.analysis.extraction.tables import Columns, count, words
+from netboard.analysis.measures.performance import running_number
+from netboard.recording.format.channels import Field
+
+PLACE_IN_STUDY = (
+    words("dyad", "pseudonym of the dyad"),
+    words("performer", "who performed: the pseudonym of the participant, or of the dyad for both"),
+    words("configuration", "dyadic or bimanual"),
+    words("force", "what the hands felt"),
+    count("haptics", "1: they felt something"),
+    words("partner", "who the partner was if none of the two people: robot partner or still partner; else empty"),
+    words("kind", "kind of block, as in the study; empty: none"),
+    words("condition", "configuration, force, partner, the levels that these do not tell, and a role that is not test"),
+    count("block", "number of the block in the dyad's plan, from 1; counted through if two have the same"),
+    count("counts", "1: a successful trial that is not excluded"),
+    count("order", "its number among the performer's that count in the condition, from 1; 0 if it does not count"),
+)
+"""Columns that the tables of trials and movements have in a study besides their own."""
+
+_SHARED = tuple(field.name for field in PLACE_IN_STUDY)
+_KEYS = ["recording", "trial", "attempt"]
+_RAW = ("factors", "settings")
+
+
+@dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)
+class Study:
+    """All tables of a study.
+
+    Attributes
+    ----------
+    blocks, trials, movements : DataFrame
+        As in `netboard.analysis.extraction.recordings`; trials and movements with the columns of `PLACE_IN_STUDY`.
+    """
+
+    readings: Readings
+    blocks: pd.DataFrame
+    trials: pd.DataFrame
+    movements: pd.DataFrame
+    paths: Mapping[str, pd.DataFrame]
+    exclusions: pd.DataFrame
+    levels: Levels
+
+    @property
+    def factors(self) -> tuple[StudyFactor, ...]:
+        """What varied by plan, besides configuration, force and partner."""
+        return self.levels.factors
+
+    @property
+    def factor_fields(self) -> tuple[Field, ...]:
+        """Columns of the factors, which every table has beside its own."""
+        return tuple(field for factor in self.factors for field in factor.fields)
+
+    def fields(self, table: str) -> tuple[Field, ...]:
+        """Columns of a table."""
+        own = FIELDS_IN_STUDY[table]
+        there = {field.name for field in own}
+        return (*own, *(field for field in self.factor_fields if field.name not in there))
+
+    def with_factors(self, rows: pd.DataFrame) -> pd.DataFrame:
+        """Add the columns of the factors to rows of trials."""
+        places = dict(zip(self.blocks["recording"], range(len(self.blocks)), strict=True))
+        return rows.assign(**_factor_columns(self.levels, [places[one] for one in rows["recording"]], rows["trial"]))
+
+    @property
+    def analysed(self) -> pd.DataFrame:
+        """The blocks whose role is analysed; all of them if no role is."""
+        return self.blocks[_analysed(self.blocks, self.readings.exclusions.roles)]
+
+    @property
+    def counted(self) -> pd.DataFrame:
+        """The successful trials that count, in the order in which they were done within each dyad."""
+        return self.trials[self.trials["counts"] == 1]
+
+    @property
+    def dyads(self) -> list[str]:
+        """Pseudonyms of the dyads, sorted."""
+        return sorted(self.blocks["dyad"].unique())
+
+
+def study_of(
+    measured: Iterable[Measured], readings: Readings, paths: Mapping[str, pd.DataFrame] | None = None
+) -> Study:
+    """Join the tables of recordings.
+
+    Parameters
+    ----------
+    measured : iterable of Measured
+        The tables of each recording, one at least, in any order.
+    readings : Readings
+        The readings they were measured with; their exclusions are applied here.
+    paths : mapping of DataFrame, optional
+        The paths of each recording by its name, if they are not in its tables.
+    """
+    in_order = _in_order(measured)
+    if paths is None:
+        paths = {one.blocks["recording"][0]: pd.DataFrame(one.paths) for one in in_order}
+    tables = {name: _joined([getattr(one, name) for one in in_order]) for name in ("blocks", "trials", "movements")}
+    blocks = tables["blocks"]
+    blocks["partner"] = [partner_of(movers) for movers in zip(blocks["left_by"], blocks["right_by"], strict=True)]
+    roles = readings.exclusions.roles
+    levels = study_levels(blocks, _analysed(blocks, roles))
+    blocks = blocks.drop(columns=[*_RAW])
+    blocks["condition"] = _block_conditions(blocks, levels)
+    blocks["block"] = _numbers(blocks)
+    left_out = excluded(blocks, tables["trials"], readings.exclusions)
+    trials = _placed(tables["trials"], blocks, left_out, readings, levels)
+    blocks = blocks.assign(**_block_columns(levels))
+    return Study(readings, blocks, trials, _moved(tables["movements"], trials, levels), paths, left_out, levels)
+
+
+def pooled(study: Study, over: Collection[str]) -> Study:
+    """Pool the trials of a study over factors: their levels are no part of conditions any more."""
+    factors = tuple(replace(one, told=one.told and one.name not in over) for one in study.factors)
+    levels = replace(study.levels, factors=factors)
+    blocks = study.blocks.assign(condition=_block_conditions(study.blocks, levels))
+    added = [*_SHARED, *_columns_of(levels)]
+    plain = study.trials.drop(columns=added)
+    trials = _placed(plain, blocks, study.exclusions, study.readings, levels)
+    return replace(
+        study,
+        blocks=blocks,
+        trials=trials,
+        movements=_moved(study.movements.drop(columns=[*added, "role"]), trials, levels),
+        levels=levels,
+    )
+
+
+def _analysed(blocks: pd.DataFrame, left_out: Collection[str]) -> pd.Series:
+    """Which blocks are analysed by their role; all if none were."""
+    kept = ~blocks["role"].isin(left_out)
+    return kept if kept.any() else ~kept
+
+
+def _columns_of(levels: Levels) -> list[str]:
+    """Columns of the factors that a table of trials has beside those of `PLACE_IN_STUDY`."""
+    return [field.name for factor in levels.factors for field in factor.fields if field.name not in _SHARED]
+
+
+def _factor_columns(levels: Levels, places: Iterable[int], trials: Iterable[int]) -> dict[str, np.ndarray]:
+    """Columns of the factors for trials of blocks."""
+    at, numbers = list(places), list(trials)
+    columns: dict[str, np.ndarray] = {}
+    for factor in levels.factors:
+        columns |= value_columns(factor, levels.at(factor, at, numbers))
+    return columns
+
+
+def _block_columns(levels: Levels) -> dict[str, np.ndarray]:
+    """Columns of the factors for blocks: of one that varies within them all levels, with commas between."""
+    columns: dict[str, np.ndarray] = {}
+    for factor in levels.factors:
+        own = [", ".join(dict.fromkeys(sequence)) for sequence in levels.sequences[factor.name]]
+        columns |= value_columns(factor, own)
+    return columns
+
+
+def _block_conditions(blocks: pd.DataFrame, levels: Levels) -> list[str]:
+    """Name the condition of each block, without what varies within it."""
+    told = {
+        one.name: [sequence[0] if sequence else "" for sequence in levels.sequences[one.name]]
+        for one in levels.factors
+        if one.told and one.scope != "trial"
+    }
+    return names_of(blocks, told, [role or "test" for role in blocks["role"]])
+
+
+def _moved(movements: pd.DataFrame, trials: pd.DataFrame, levels: Levels) -> pd.DataFrame:
+    """Say of each movement what is said of its trial."""
+    shared = [*_KEYS, *_SHARED, "role", *_columns_of(levels)]
+    return movements.merge(trials[shared], on=_KEYS, how="left", validate="many_to_one")
+
+
+def _in_order(measured: Iterable[Measured]) -> list[Measured]:
+    """Sort recordings by dyad, plan after plan, by block, and by their beginnings where a block was interrupted.
+
+    A part has a number only within what was not resumed; a session that was has another name in its recordings.
+    """
+    every = list(measured)
+    began: dict[tuple[str, str], str] = {}
+    for one in every:
+        plan, opened = (one.blocks["dyad"][0], one.blocks["study"][0]), one.blocks["opened_utc"][0]
+        began[plan] = min(began.get(plan, opened), opened)
+
+    def place(one: Measured) -> tuple[str, str, int, str, int, str]:
+        at = {name: one.blocks[name][0] for name in ("dyad", "study", "block", "opened_utc", "part", "recording")}
+        begun = began[at["dyad"], at["study"]]
+        return at["dyad"], begun, at["block"], at["opened_utc"], at["part"], at["recording"]
+
+    return sorted(every, key=place)
+
+
+def _numbers(blocks: pd.DataFrame) -> pd.Series:
+    """Number the blocks: as planned; through, in dyads that have two of one number, of two plans or imported ones."""
+    same = ["dyad", "block", "study", "condition", "performer"]
+    each = blocks.drop_duplicates(same)
+    several = each.loc[each.duplicated(["dyad", "block"]), "dyad"]
+    through = blocks.groupby(same, sort=False).ngroup().groupby(blocks["dyad"])
+    return blocks["block"].where(~blocks["dyad"].isin(several), through.transform(lambda own: pd.factorize(own)[0] + 1))
+
+
+def _joined(parts: Sequence[Columns]) -> pd.DataFrame:
+    """Put tables one below the other."""
+    return pd.DataFrame({name: np.concatenate([part[name] for part in parts]) for name in parts[0]}, copy=False)
+
+
+def _placed(
+    trials: pd.DataFrame, blocks: pd.DataFrame, left_out: pd.DataFrame, readings: Readings, levels: Levels
+) -> pd.DataFrame:
+    """Say of each attempt whose it is, in which condition, whether it counts, and the how manyth it is."""
+    known = [name for name in _SHARED if name not in ("counts", "order", "condition")]
+    joined = trials.merge(blocks[["recording", *known]], on="recording", how="left", validate="many_to_one")
+    places = dict(zip(blocks["recording"], range(len(blocks)), strict=True))
+    at = [places[one] for one in joined["recording"]]
+    told = {one.name: levels.at(one, at, joined["trial"]) for one in levels.factors if one.told}
+    joined["condition"] = names_of(joined, told, [role or "test" for role in joined["role"]])
+    out = pd.MultiIndex.from_frame(left_out[_KEYS])
+    kept = ~pd.MultiIndex.from_frame(joined[_KEYS]).isin(out)
+    joined["counts"] = ((joined["outcome"] == "success") & kept).astype("int64")
+    joined["order"] = 0
+    counted = joined["counts"] == 1
+    labels = ["dyad", "performer", "configuration"]
+    if readings.summaries.numbering == "condition":
+        labels.append("condition")
+    if counted.any():
+        columns = [joined.loc[counted, name].to_numpy() for name in labels]
+        joined.loc[counted, "order"] = running_number(*columns)
+    return joined.assign(**_factor_columns(levels, at, joined["trial"]))
+
+
+FIELDS_IN_STUDY = {
+    "blocks": (
+        *(field for field in FIELDS["blocks"] if field.name not in _RAW),
+        *(field for field in PLACE_IN_STUDY if field.name in ("partner", "condition")),
+    ),
+    "trials": (*FIELDS["trials"], *PLACE_IN_STUDY),
+    "movements": (
+        *FIELDS["movements"],
+        *PLACE_IN_STUDY,
+        *(field for field in FIELDS["trials"] if field.name == "role"),
+    ),
+    "paths": FIELDS["paths"],
+}
+"""Columns of each table of a study beside those of its factors."""

@@ -1,0 +1,295 @@
+"""One recording as the measures see it: filtered as the readings say, and cut into its attempts.
+
+Samples are numbered from the recording's first tick. A short hole of missing ticks is bridged, as the readings say;
+what is still missing is not a number, and nothing is computed across it. Only the columns that are needed are read.
+"""
+
+from collections.abc import Iterator, Mapping
+from copy import copy
+from dataclasses import dataclass, replace
+from functools import cached_property
+from math import isnan, nan
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.analysis.extraction.devices import mechanics_of
+from netboard.analysis.extraction.settings import Readings
+from netboard.analysis.measures.motion import (
+    Completion,
+    Motion,
+    Trial,
+    Window,
+    find_completion,
+    motion,
+    placements,
+)
+from netboard.analysis.measures.segments import Segments, board_segments
+from netboard.analysis.measures.signals import LowPass, bridge, by_number, ticks_of
+from netboard.base.config import SIDES, Config
+from netboard.base.errors import RecordingError
+from netboard.base.tick import TICK_SECONDS
+from netboard.recording.files.reader import Recording
+from netboard.recording.format.summary import Attempt
+
+RATE = 1 / TICK_SECONDS
+"""Samples per second [Hz]."""
+
+_PLACES = ("theta", "p", "left_used_z", "right_used_z")
+_FORCES = ("left_coupling", "right_coupling")
+_RATES = ("left_used_vz", "right_used_vz")
+_FILTERED = ("_seen", "placed", "fast", "slow", "whole", "forces", "_turns")
+
+
+def columns_for(readings: Readings) -> tuple[str, ...]:
+    """Name the columns of ticks that a `Block` is made of."""
+    return ("tick", *_PLACES, *_FORCES, *(_RATES if readings.filters.velocity == "device" else ()))
+
+
+def measurable(attempt: Attempt) -> bool:
+    """Tell whether an attempt came to the end of the task: other ends are an operator's, or the recording's."""
+    return attempt.outcome in ("success", "fell", "timed_out")
+
+
+class Block:
+    """A recording in memory.
+
+    Parameters
+    ----------
+    recording : Recording
+        The recording, open; it is read here and not needed afterwards.
+    columns : mapping of str to ndarray, optional
+        Those of `columns_for`, if they have been read already; they are kept as they are [SI].
+    """
+
+    def __init__(
+        self,
+        recording: Recording,
+        config: Config,
+        readings: Readings,
+        columns: Mapping[str, NDArray[Any]] | None = None,
+    ) -> None:
+        if not recording.counts["/ticks"]:
+            raise RecordingError(f"{recording.path}: has no ticks, so there is nothing to analyse; leave it out")
+        if config.physics.balls == 0:
+            raise RecordingError(f"{recording.path}: its scene has no ball, so it has no trials; leave it out")
+        self.config, self.readings = config, readings
+        names = columns_for(readings)
+        columns = recording.columns(*names) if columns is None else columns
+        ticks = columns["tick"]
+        self.first = int(ticks[0])
+        whole = int(ticks[-1]) + 1 - self.first
+        self.missing = whole - ticks.size
+        self._columns = {
+            name: by_number(ticks, columns[name]) if self.missing else np.asarray(columns[name])
+            for name in names
+            if name != "tick"
+        }
+        self.attempts: tuple[Attempt, ...] = recording.attempts()
+        self.mechanics = mechanics_of(config, recording)
+
+    def again(self, readings: Readings, **columns: NDArray[np.float64]) -> "Block":
+        """Return the same recording under other settings or columns; what stays the same is not filtered again."""
+        if readings.filters.velocity == "device" and _RATES[0] not in self._columns:
+            raise ValueError("the devices' velocities were not read: open the recording with filters.velocity=device")
+        other = copy(self)
+        other.readings, other._columns = readings, self._columns | columns
+        if columns:  # What the recording says of an attempt is not of these.
+            other.attempts = tuple(replace(attempt, completion=nan) for attempt in self.attempts)
+        if columns or readings.filters != self.readings.filters:
+            stale: tuple[str, ...] = _FILTERED
+        else:
+            stale = ("_turns",) if readings.segments != self.readings.segments else ()
+        for name in stale:
+            other.__dict__.pop(name, None)
+        return other
+
+    @property
+    def samples(self) -> int:
+        """How many samples there are, missing ones counted in [1]."""
+        return self.raw("p").size
+
+    def raw(self, name: str) -> NDArray[np.float64]:
+        """Return a column as recorded, but for short holes, which are bridged, shape (n,) [SI]."""
+        return self._seen[name]
+
+    @cached_property
+    def _seen(self) -> dict[str, NDArray[np.float64]]:
+        """The columns with short holes bridged."""
+        longest = self.readings.filters.bridge
+        return {name: bridge(values, RATE, longest) if longest else values for name, values in self._columns.items()}
+
+    @cached_property
+    def placed(self) -> NDArray[np.int64]:
+        """First samples after the ball was put somewhere else, or stopped where it was, shape (k,) [1]."""
+        ends = [attempt.stop + 1 - self.first for attempt in self.attempts]
+        return np.union1d(placements(self.raw("p"), RATE), np.array(ends, np.int64))
+
+    @cached_property
+    def fast(self) -> LowPass:
+        """The filter of all force and kinematic data."""
+        return self._low_pass(self.readings.filters.fast)
+
+    @cached_property
+    def slow(self) -> LowPass:
+        """The filter of the board's angular velocity and of the ball's speed."""
+        return self._low_pass(self.readings.filters.slow)
+
+    def _low_pass(self, cutoff: float) -> LowPass:
+        how = self.readings.filters
+        return LowPass(cutoff, how.order, how.order_of, how.cutoff_of, how.padding, how.pad)
+
+    def filtered(self, part: slice) -> Motion:
+        """Filter a part of the recording."""
+        how = self.readings.filters
+        theta, p, left, right = (self.raw(name)[part] for name in _PLACES)
+        rates = [self.raw(name)[part] for name in _RATES] if how.velocity == "device" else (None, None)
+        placed = self.placed[(self.placed > part.start) & (self.placed < part.stop)] - part.start
+        return motion(
+            RATE,
+            left,
+            right,
+            theta,
+            p,
+            left_vz=rates[0],
+            right_vz=rates[1],
+            placed=placed,
+            fast=self.fast,
+            slow=self.slow,
+            speed=how.speed,
+        )
+
+    @cached_property
+    def whole(self) -> Motion:
+        """All of the recording, filtered."""
+        return self.filtered(slice(0, self.samples))
+
+    @cached_property
+    def forces(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Forces of the left and the right hand on the board, filtered, shape (n,) each [N]."""
+        left, right = (self.fast(self.raw(name), RATE) for name in _FORCES)
+        return left, right
+
+    def segments(self, found: Motion) -> Segments:
+        """Movements of the board."""
+        how = self.readings.segments
+        return board_segments(
+            found.omega,
+            found.theta,
+            RATE,
+            turning=how.turning,
+            angle=how.angle,
+            least_rate=float(np.radians(how.least_rate_deg)),
+            shortest=how.shortest,
+            least_angle=float(np.radians(how.least_angle_deg)),
+        )
+
+    @cached_property
+    def _turns(self) -> Segments:
+        return self.segments(self.whole)
+
+    def takes(self) -> Iterator["Take"]:
+        """Yield the attempts that ended with a success, a fall or the end of their time, in order."""
+        for attempt in self.attempts:
+            if measurable(attempt):
+                yield self._take(attempt)
+
+    def _take(self, attempt: Attempt) -> "Take":
+        """Cut an attempt out."""
+        release, stop = attempt.tick - self.first, attempt.stop - self.first
+        how, sizes = self.readings, self.config.geometry
+        target = attempt.target * sizes.target_distance
+        completion, source = self._completion(attempt, self.raw("p")[release:stop], target)
+        done = None if completion.sample is None else release + completion.sample
+        trial, part = Trial(release, stop, target, done), slice(0, self.samples)
+        found, turns = self.whole, self._turns
+        if how.filters.unit == "trial":
+            part = slice(release, stop)
+            trial = Trial(0, stop - release, target, completion.sample)
+            found = self.filtered(part)
+            turns = self.segments(found)
+        elif how.segments.ends == "trial":
+            turns = _shifted(self.segments(_cut(found, trial)), release)
+        return Take(self, attempt, part, trial, found, turns, completion.time, completion.entries, source)
+
+    def _completion(self, attempt: Attempt, p: NDArray[np.float64], target: float) -> tuple[Completion, str]:
+        """Find when a success was completed: from the ball's samples, or else from what the recording says of it.
+
+        The referee decided on the ball's centre, so the recording says nothing of a hold of the whole ball.
+        """
+        inside, sizes = self.readings.completion.inside, self.config.geometry
+        found = find_completion(
+            p,
+            RATE,
+            target,
+            inside=inside,
+            half_width=sizes.target_width / 2,
+            radius=sizes.ball_radius,
+            hold=self.config.task.hold_time,
+        )
+        if attempt.outcome != "success":
+            return Completion(nan, None, found.entries), ""
+        if found.sample is not None:
+            return found, "samples"
+        if inside != "centre" or isnan(attempt.completion):
+            return found, ""
+        sample = min(ticks_of(attempt.completion, RATE), p.size)
+        return Completion(sample / RATE, sample, found.entries), "recording"
+
+
+@dataclass(frozen=True)
+class Take:
+    """An attempt, and where it lies.
+
+    Attributes
+    ----------
+    completion : float
+        Completion time; NaN without one [s].
+    source : str
+        What the completion time is from: ``samples`` of the ball, or the ``recording`` where they do not show a hold;
+        empty without one.
+    """
+
+    block: Block
+    attempt: Attempt
+    part: slice
+    trial: Trial
+    found: Motion
+    turns: Segments
+    completion: float
+    entries: float
+    source: str
+
+    def raw(self, name: str) -> NDArray[np.float64]:
+        """Return a column of `part`, as recorded, shape (n,) [SI]."""
+        return self.block.raw(name)[self.part]
+
+    def force(self, side: Literal["left", "right"], window: slice) -> NDArray[np.float64]:
+        """Force of a hand on the board, filtered [N]."""
+        return self.block.forces[SIDES.index(side)][self.part][window]
+
+    def knows(self, window: Window) -> bool:
+        """Say whether it is known where a window ends.
+
+        A success without a completion time has none up to its completion: its samples show no hold by the readings, and
+        the recording does not say when it was.
+        """
+        return window == "whole" or self.trial.completion is not None or self.attempt.outcome != "success"
+
+    @cached_property
+    def own_turns(self) -> Segments:
+        """Movements of the board that begin in the attempt."""
+        return self.turns.of_trial(self.trial)
+
+
+def _cut(found: Motion, trial: Trial) -> Motion:
+    """Keep the samples of a trial only."""
+    inside = trial.window("whole")
+    arrays = {name: getattr(found, name)[inside] for name in Motion.__slots__ if name != "rate"}
+    return Motion(rate=found.rate, **arrays)
+
+
+def _shifted(turns: Segments, by: int) -> Segments:
+    """Count movements from an earlier sample."""
+    return Segments(turns.first + by, turns.stop + by, turns.angle, turns.cut)

@@ -1,0 +1,118 @@
+"""Who measures: processes of this machine, or the workers of a Dask cluster, both as an executor.
+
+A crew is told the recordings and checks that it can measure them before the first is begun. Whoever ends before the
+work is done is an error in one line.
+"""
+
+import multiprocessing
+import os
+import signal
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, ProcessPoolExecutor, ThreadPoolExecutor
+from contextlib import AbstractContextManager, contextmanager
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from netboard.analysis.extraction.fingerprint import fingerprint
+from netboard.base.errors import ConfigError, NetboardError
+from netboard.recording.export.formats import library
+
+Crew = Callable[[Sequence[Path]], AbstractContextManager[Executor]]
+"""Takes the recordings that are to be measured, with whole paths; gives who does it, for as long as it is entered."""
+
+PATIENCE = 10.0
+"""A scheduler that has not answered after this, or has no workers then, does not answer [s]."""
+
+
+def cores() -> int:
+    """How many cores this process may use [1]."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def processes(workers: int) -> Crew:
+    """Let processes of this machine measure; this one alone, if one is enough."""
+
+    @contextmanager
+    def crew(recordings: Sequence[Path]) -> Iterator[Executor]:
+        count = min(workers, len(recordings))
+        spawn = multiprocessing.get_context("spawn")
+        pool = ThreadPoolExecutor(1) if count == 1 else ProcessPoolExecutor(count, spawn, _leave_stopping)
+        try:
+            yield pool
+        except BrokenExecutor as error:
+            raise NetboardError(
+                f"a process that measures has ended, perhaps for want of memory; try fewer than --workers {count}"
+            ) from error
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+    return crew
+
+
+def _leave_stopping() -> None:
+    """Let Ctrl-C stop the process that waits, which stops the others."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def dask(address: str, patience: float = PATIENCE) -> Crew:
+    """Let the workers of a Dask cluster measure.
+
+    Parameters
+    ----------
+    patience : float
+        How long to wait for the scheduler, and for a worker [s].
+    """
+    distributed = library("distributed", "dask")
+
+    @contextmanager
+    def crew(recordings: Sequence[Path]) -> Iterator[Executor]:
+        with _client(distributed, address, patience) as client:
+            _check(client, address, recordings)
+            executor = client.get_executor(pure=False)
+            try:
+                yield executor
+            except (distributed.KilledWorker, CancelledError) as error:
+                raise NetboardError(f"--dask {address}: lost a worker or the scheduler: {error}") from error
+            finally:
+                executor.shutdown(wait=False)
+
+    return crew
+
+
+@contextmanager
+def _client(distributed: Any, address: str, patience: float) -> Iterator[Any]:
+    """Connect to a scheduler that has workers."""
+    try:
+        client = distributed.Client(address, timeout=patience, set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise ConfigError(f"--dask {address}: no scheduler answers there within {patience:g} s ({error})") from error
+    with client:
+        try:
+            client.wait_for_workers(1, timeout=patience)
+        except TimeoutError as error:
+            raise ConfigError(f"--dask {address}: its scheduler has had no workers for {patience:g} s") from error
+        yield client
+
+
+def _check(client: Any, address: str, recordings: Sequence[Path]) -> None:
+    """Find workers that would measure otherwise, or cannot see the files."""
+    for worker, account in client.run(_account, list(recordings), on_error="return").items():
+        who = f"--dask {address}: its worker {worker}"
+        if isinstance(account, Exception):
+            raise ConfigError(f"{who} has not this netboard ({account}); install the same there")
+        installed, code, unseen = account
+        if code != fingerprint():
+            raise ConfigError(
+                f"{who} has netboard {installed} with other code or other numpy, scipy or numba than here "
+                f"({version('netboard')}); install the same there"
+            )
+        if unseen:
+            raise ConfigError(f"{who} does not see {unseen[0]}; recordings must lie where all machines see them")
+
+
+def _account(recordings: Sequence[Path]) -> tuple[str, str, list[Path]]:
+    """Tell, where it runs, which netboard measures there, and which recordings are not to be seen."""
+    return version("netboard"), fingerprint(), [path for path in recordings if not path.is_file()]

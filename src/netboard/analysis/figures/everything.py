@@ -1,0 +1,73 @@
+"""All pictures of a study, one after the other."""
+
+from collections.abc import Callable, Iterator
+
+from netboard.analysis.extraction.study import Study
+from netboard.analysis.figures import (
+    classes,
+    contrasts,
+    delay,
+    differences,
+    dyads,
+    influence,
+    leadership,
+    learning,
+    measures,
+    models,
+    passive,
+    paths,
+    quality,
+    strategy,
+)
+from netboard.analysis.figures.figure import Picture, as_bytes
+from netboard.analysis.results.result import UNCOMPUTABLE
+
+PAPER: tuple[Callable[[Study], Picture], ...] = (
+    learning.picture,
+    dyads.picture,
+    classes.picture,
+    strategy.picture,
+    delay.picture,
+)
+"""Those of the paper, its figures 2 to 6."""
+
+MODERN: tuple[Callable[[Study], Picture], ...] = (
+    quality.picture,
+    measures.picture,
+    contrasts.picture,
+    differences.picture,
+    models.picture,
+    leadership.picture,
+    influence.picture,
+    passive.picture,
+    paths.picture,
+)
+"""What a reader of today asks besides."""
+
+PICTURES: tuple[Callable[[Study], Picture], ...] = PAPER + MODERN
+"""All of them."""
+
+
+def pictures(study: Study) -> Iterator[Picture]:
+    """Draw everything, one picture at a time.
+
+    Yields
+    ------
+    Picture
+        The next one; without a figure where the study has nothing to show.
+    """
+    for draw in PICTURES:
+        yield drawn(study, draw)
+
+
+def drawn(study: Study, draw: Callable[[Study], Picture]) -> Picture:
+    """Draw and write a picture; one that cannot be drawn says so in its place, and all others are there."""
+    try:
+        picture = draw(study)
+        if picture.figure is not None:
+            as_bytes(picture.figure, "svg")
+    except UNCOMPUTABLE as error:
+        name = draw.__module__.rpartition(".")[2]
+        why = f"This figure could not be drawn ({type(error).__name__}: {error}). The tables do not depend on it."
+        return Picture(name, name.capitalize(), why, None, failed=True)
+    return picture

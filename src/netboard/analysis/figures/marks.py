@@ -1,0 +1,268 @@
+"""How conditions, means and intervals are drawn, alike in all pictures: also without colours they can be told apart.
+
+A configuration is a colour. A force is a shape: hollow without haptics, filled with them, and shapes of their own for
+parts of the force. Dyads are small pale points behind their mean.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from contextvars import ContextVar
+from dataclasses import dataclass, replace
+from functools import wraps
+from textwrap import fill
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
+from numpy.typing import ArrayLike
+
+from netboard.analysis.extraction.study import Study
+from netboard.analysis.figures.figure import (
+    BLACK,
+    BLUE,
+    COLOURS,
+    GREEN,
+    ORANGE,
+    PINK,
+    SKY,
+    STYLE,
+    VERMILION,
+    WIDTH,
+    Picture,
+)
+from netboard.analysis.results.groups import Condition, bounded, simulated, teams
+from netboard.analysis.statistics.estimates import Estimate
+from netboard.base.tables.declared import FORCES, require
+
+PARTNERS = {"robot partner": SKY, "still partner": PINK}
+"""Colours of dyadic conditions whose partner is no person."""
+
+MORE = (VERMILION, BLUE, SKY, GREEN, ORANGE, PINK)
+"""Colours of teams that differ in the levels of other factors, in their order."""
+
+_TEAMS: ContextVar[Mapping[str, str]] = ContextVar("teams", default={})  # noqa: B039  # nobody writes to it
+"""Colours of such teams in the picture that is being drawn."""
+
+_SHAPES = {
+    "none": ("o", "white", "--"),
+    "full": ("o", "", "-"),
+    "partner_only": ("^", "", "-."),
+    "environment_only": ("s", "", ":"),
+    "unrelated": ("D", "white", (0, (5, 1, 1, 1, 1, 1))),
+}
+_OTHER = ("X", "", ":")
+
+require("the marks of force conditions in netboard/analysis/figures/marks.py", _SHAPES, FORCES)
+
+_TITLE = 92
+"""Characters of a title over the whole width of a picture [1]."""
+
+_HALO = [withStroke(linewidth=2.6, foreground="white")]
+"""Keeps means readable on areas and among points."""
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """How something is drawn."""
+
+    colour: str
+    marker: str
+    face: str
+    line: Any
+
+
+def team_colour(team: str) -> str:
+    """Colour of a team."""
+    if team in _TEAMS.get():
+        return _TEAMS.get()[team]
+    configuration, _, partner = team.partition(", ")
+    return PARTNERS.get(partner, COLOURS.get(configuration, BLACK))
+
+
+def look_of(condition: Condition, colour: str = "") -> Look:
+    """Look of a condition."""
+    own = colour or team_colour(condition.team)
+    marker, face, line = _SHAPES.get(condition.force, _OTHER)
+    return Look(own, marker, face or own, line)
+
+
+def team_look(team: str) -> Look:
+    """Look of a team, over all of its forces."""
+    markers = {"bimanual": "o", "dyadic": "s"}
+    lines = {"bimanual": "-", "dyadic": "--"}
+    colour, configuration = team_colour(team), team.partition(", ")[0]
+    named = configuration if team in _TEAMS.get() else team
+    return Look(colour, markers.get(named, "^"), colour, lines.get(named, ":"))
+
+
+def _colours(study: Study) -> dict[str, str]:
+    """Choose colours for teams that are told apart by more than configuration and partner."""
+    every = teams(study)
+    others = [one for one in every if one not in COLOURS and one.partition(", ")[2] not in PARTNERS]
+    taken = {team_colour(one) for one in every if one not in others}
+    free = [colour for colour in MORE if colour not in taken]
+    return {one: free[k % len(free)] for k, one in enumerate(others)}
+
+
+def styled_whole(draw: Callable[[Study], Picture]) -> Callable[[Study], Picture]:
+    """Let a function draw in the style of all pictures, and say under the picture whether people are simulated."""
+
+    @wraps(draw)
+    def drawn(study: Study) -> Picture:
+        chosen = _TEAMS.set(_colours(study))
+        try:
+            with mpl.rc_context(STYLE):
+                picture = draw(study)
+        finally:
+            _TEAMS.reset(chosen)
+        said = simulated(study) if picture.figure is not None else ""
+        return replace(picture, caption=f"{picture.caption} {said}".rstrip())
+
+    return drawn
+
+
+def styled(draw: Callable[[Study], Picture]) -> Callable[[Study], Picture]:
+    """As `styled_whole`, with no more conditions than a picture has room for; its caption says over what it pools."""
+    whole = styled_whole(draw)
+
+    @wraps(draw)
+    def drawn(study: Study) -> Picture:
+        fewer, said = bounded(study)
+        picture = whole(fewer)
+        return replace(picture, caption=f"{picture.caption} {said}".rstrip())
+
+    return drawn
+
+
+def new_mosaic(height: float, layout: Sequence[Sequence[str]], **options: Any) -> tuple[Figure, dict[str, Axes]]:
+    """Begin a picture of axes of different sizes."""
+    figure = Figure(figsize=(WIDTH, height))
+    return figure, figure.subplot_mosaic([list(row) for row in layout], **options)
+
+
+def titled(axes: Axes, letter: str, text: str) -> None:
+    """Name a panel: a bold letter, and what it is of."""
+    place = axes.get_subplotspec()
+    columns = place.get_gridspec().ncols // (place.colspan.stop - place.colspan.start) if place is not None else 1
+    lines = fill(text, max(14, _TITLE // max(columns, 1)), break_long_words=False)
+    axes.set_title(f"$\\bf{{{letter}}}$  {lines}", loc="left")
+
+
+def draw_mean(
+    axes: Axes, at: float, mean: Estimate, look: Look, label: str, *, scale: float = 1.0, across: bool = False
+) -> None:
+    """Draw a mean and its interval; nothing where there is no mean.
+
+    Parameters
+    ----------
+    label : str
+        Name of the two artists: the interval's goes on with ``, interval``.
+    scale : float
+        What values are multiplied by, such as 1000 for ms [1].
+    """
+    if not np.isfinite(mean.value):
+        return
+    ends, value = np.array([mean.low, mean.high]) * scale, mean.value * scale
+    if np.isfinite(ends).all():
+        place = (ends, [at, at]) if across else ([at, at], ends)
+        axes.plot(
+            *place,
+            color=look.colour,
+            linewidth=1.3,
+            solid_capstyle="butt",
+            zorder=4,
+            path_effects=_HALO,
+            label=f"_{label}, interval",
+        )
+    point = ([value], [at]) if across else ([at], [value])
+    axes.plot(
+        *point,
+        linestyle="none",
+        marker=look.marker,
+        markersize=5,
+        markerfacecolor=look.face,
+        markeredgecolor=look.colour,
+        markeredgewidth=1.1,
+        zorder=5,
+        path_effects=_HALO,
+        label=f"_{label}",
+    )
+
+
+def draw_dyads(axes: Axes, x: ArrayLike, y: ArrayLike, colour: str, label: str, *, joined: bool = False) -> None:
+    """Draw the values of single dyads behind their mean."""
+    axes.plot(
+        np.asarray(x, float),
+        np.asarray(y, float),
+        linestyle="-" if joined else "none",
+        linewidth=0.6,
+        marker="o",
+        markersize=3.2,
+        color=colour,
+        alpha=0.45,
+        markeredgewidth=0.0,
+        zorder=3,
+        label=f"_{label}",
+    )
+
+
+def beside(count: int, width: float) -> list[float]:
+    """Offsets that put some things beside each other round a place."""
+    return [0.0] if count == 1 else [float(x) for x in np.linspace(-width / 2, width / 2, count)]
+
+
+def apart(places: Sequence[float], least: float) -> list[float]:
+    """Move places of labels apart, as little as their order allows, upwards."""
+    moved: list[float] = []
+    for place in places:
+        moved.append(max(place, moved[-1] + least) if moved else place)
+    return moved
+
+
+def in_lines(condition: Condition) -> str:
+    """Label of a condition on a narrow axis."""
+    return condition.label.replace(", ", "\n")
+
+
+def many(count: int, word: str) -> str:
+    """Write a number of things."""
+    return f"{count} {word}{'' if count == 1 else 's'}"
+
+
+def how_many(known: Sequence[tuple[str, int, str]], details: Sequence[int] = (), of: str = "") -> str:
+    """Say in a sentence of how many something is made: once, where it is as many everywhere.
+
+    Parameters
+    ----------
+    known : sequence of (str, int, str)
+        Names, how many, and what one of these is called: the unit of replication.
+    """
+    if not known:
+        return ""
+    each = [f"n = {many(count, unit)}" for _, count, unit in known]
+    if len(set(each)) == 1:
+        said = each[0] + (" in every condition" if len(each) > 1 else "")
+    else:
+        said = "; ".join(f"{name}: {n}" for (name, _, _), n in zip(known, each, strict=True))
+    if details:
+        low, high = min(details), max(details)
+        between = many(high, of) if low == high else f"{low} to {high} {of}s"
+        said += f" ({between}{' each' if len(each) > 1 else ''})"
+    return f"{said[0].upper() if len(set(each)) > 1 else said[0]}{said[1:]}."
+
+
+def sentence(words: str) -> str:
+    """Make a sentence of a note."""
+    return f"{words[0].upper()}{words[1:]}."
+
+
+def trial_ticks(size: int, last: int) -> list[int]:
+    """Choose ticks of an axis of trials: the first, the last of each whole group, and else the very last."""
+    return sorted({1, *(range(size, last + 1, size) or (last,))})
+
+
+def listed(words: Sequence[str]) -> str:
+    """Put words in a row, with ``and`` before the last."""
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"

@@ -1,0 +1,1 @@
+"""Measures of movements, forces and success: pure functions of arrays."""

@@ -1,0 +1,198 @@
+"""Ellipses of strategies: where a group of trials lies in the plane of distance and velocity, and how far it spreads.
+
+Centre: the mean. Rotation: the first principal component. Width and height: "the 90th percentile of the range of
+variation" along the two components, of which there are four readings. The components mix metres and metres per second,
+so that their directions depend on the units; these are SI, as printed.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+Extent = Literal["middle_90", "twice_p90", "p10_to_p90", "nine_tenths"]
+Scaling = Literal["si", "standardised"]
+
+GROUP = 30
+"""Trials in a group [1]."""
+
+FEWEST = 3
+"""An ellipse takes so many trials [1]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ellipse:
+    """Where most points of a group lie; NaN throughout for fewer than `FEWEST` points.
+
+    Attributes
+    ----------
+    centre : ndarray, shape (2,)
+        Mean of both quantities [m, m/s].
+    components : ndarray, shape (2, 2)
+        First and second principal component, one a row, of length 1; the first one's first coordinate is not
+        negative, and the second lies 90 degrees counter-clockwise of the first [1].
+    width, height : float
+        Extent along the first and the second component, from end to end, in units of `scale` [1].
+    scale : ndarray, shape (2,)
+        What both quantities were divided by before: 1, or their standard deviations [m, m/s].
+    count : int
+        Points [1].
+    """
+
+    centre: NDArray[np.float64]
+    components: NDArray[np.float64]
+    width: float
+    height: float
+    scale: NDArray[np.float64]
+    count: int
+
+    @property
+    def rotation(self) -> float:
+        """Angle of the first component from the first axis, from -90 to 90 degrees [rad]."""
+        return float(np.arctan2(self.components[0, 1], self.components[0, 0]))
+
+    @property
+    def area(self) -> float:
+        """Its area [m2/s]."""
+        return float(np.pi / 4 * self.width * self.height * self.scale.prod())
+
+    def outline(self, count: int = 100) -> NDArray[np.float64]:
+        """Points on it, once round.
+
+        Parameters
+        ----------
+        count : int
+            How many [1].
+
+        Returns
+        -------
+        ndarray, shape (count, 2)
+            The points [m, m/s].
+        """
+        turn = np.linspace(0, 2 * np.pi, count)
+        radii = np.stack([self.width / 2 * np.cos(turn), self.height / 2 * np.sin(turn)], axis=1)
+        return np.asarray(self.centre + (radii @ self.components) * self.scale)
+
+
+def _extent(scores: NDArray[np.float64], extent: Extent) -> float:
+    """How far scores spread, from end to end."""
+    if extent == "middle_90":
+        low, high = np.percentile(scores, (5, 95))
+    elif extent == "p10_to_p90":
+        low, high = np.percentile(scores, (10, 90))
+    elif extent == "nine_tenths":
+        low, high = 0.9 * scores.min(), 0.9 * scores.max()
+    else:
+        high = np.percentile(np.abs(scores), 90)
+        low = -high
+    return float(high - low)
+
+
+def ellipse(points: NDArray[np.float64], *, extent: Extent = "middle_90", scaling: Scaling = "si") -> Ellipse:
+    """Ellipse of a group of points.
+
+    Parameters
+    ----------
+    points : ndarray, shape (n, 2)
+        Distance and velocity of each trial; rows with a NaN are left out [m, m/s].
+    extent : {"middle_90", "twice_p90", "p10_to_p90", "nine_tenths"}
+        Extent along a component: from the 5th to the 95th percentile of the scores, twice the 90th percentile of their
+        magnitudes, from the 10th to the 90th percentile, or nine tenths of their range.
+    scaling : {"si", "standardised"}
+        Whether the components are those of the quantities in SI units, or of both divided by their standard deviations.
+    """
+    known = points[np.isfinite(points).all(axis=1)]
+    scale = np.ones(2)
+    if len(known) < FEWEST:
+        nothing = np.full(2, np.nan)
+        return Ellipse(nothing, np.full((2, 2), np.nan), float("nan"), float("nan"), scale, len(known))
+    centre = known.mean(axis=0)
+    if scaling == "standardised":
+        deviations = known.std(axis=0, ddof=1)
+        scale = np.where(deviations > 0, deviations, 1.0)
+    centred = (known - centre) / scale
+    across, up = np.linalg.svd(centred, full_matrices=False)[2][0]
+    if across < 0 or (across == 0 and up < 0):
+        across, up = -across, -up
+    components = np.array([[across, up], [-up, across]])
+    scores = centred @ components.T
+    return Ellipse(centre, components, _extent(scores[:, 0], extent), _extent(scores[:, 1], extent), scale, len(known))
+
+
+@dataclass(frozen=True, slots=True)
+class Convergence:
+    """How strategies spread in each group of trials, in the order of the groups.
+
+    Attributes
+    ----------
+    groups : ndarray of int64, shape (k,)
+        Numbers of the groups [1].
+    ellipses : tuple of Ellipse
+        One for each group.
+    variance : ndarray, shape (k, 2)
+        Variance of distance and of velocity [m2, m2/s2].
+    generalised : ndarray, shape (k,)
+        Generalised variance: the determinant of their covariance [m4/s2].
+    """
+
+    groups: NDArray[np.int64]
+    ellipses: tuple[Ellipse, ...]
+    variance: NDArray[np.float64]
+    generalised: NDArray[np.float64]
+
+    @property
+    def areas(self) -> NDArray[np.float64]:
+        """Area of each ellipse, shape (k,) [m2/s]."""
+        return np.array([one.area for one in self.ellipses])
+
+
+def groups_of(order: NDArray[np.int64], size: int = GROUP) -> NDArray[np.int64]:
+    """Group of each trial: the first 30 of a condition are group 0, the next 30 group 1.
+
+    Parameters
+    ----------
+    order : ndarray of int64, shape (n,)
+        Place of each trial in its condition, from 1, as `netboard.analysis.measures.performance.running_number` counts
+        [1].
+    size : int
+        Trials in a group [1].
+
+    Returns
+    -------
+    ndarray of int64, shape (n,)
+        The groups [1].
+    """
+    return (order - 1) // size
+
+
+def convergence(
+    points: NDArray[np.float64],
+    groups: NDArray[np.int64],
+    *,
+    extent: Extent = "middle_90",
+    scaling: Scaling = "si",
+) -> Convergence:
+    """Ellipse and variance of the strategies in each group of trials.
+
+    Variances are those of a person or dyad if the trials are; the paper's ellipses are of everybody's trials together.
+
+    Parameters
+    ----------
+    points : ndarray, shape (n, 2)
+        Distance and velocity of each trial; rows with a NaN are left out [m, m/s].
+    groups : ndarray of int64, shape (n,)
+        Group of each trial [1].
+    extent, scaling
+        As for `ellipse`.
+    """
+    numbers = np.unique(groups)
+    ellipses, variance, generalised = [], np.full((len(numbers), 2), np.nan), np.full(len(numbers), np.nan)
+    for row, number in enumerate(numbers):
+        own = points[groups == number]
+        own = own[np.isfinite(own).all(axis=1)]
+        ellipses.append(ellipse(own, extent=extent, scaling=scaling))
+        if len(own) >= FEWEST:
+            covariance = np.cov(own, rowvar=False)
+            variance[row], generalised[row] = np.diag(covariance), np.linalg.det(covariance)
+    return Convergence(numbers, tuple(ellipses), variance, generalised)

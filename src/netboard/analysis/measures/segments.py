@@ -1,0 +1,146 @@
+"""Movements of the board: stretches in which it turns one way, fast enough, for long enough and far enough.
+
+They are found in a whole recording, so that the limits of a trial cut none; a trial has those that begin in it.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
+
+from netboard.analysis.measures.motion import Trial
+from netboard.analysis.measures.signals import lasting
+
+Turning = Literal["one_way", "either_way"]
+Angle = Literal["net", "range", "integral"]
+
+LEAST_RATE = float(np.radians(1.0))
+"""The board turns when it is faster than this [rad/s]."""
+
+SHORTEST = 0.1
+"""A movement of the board takes at least so long [s]."""
+
+LEAST_ANGLE = float(np.radians(1.0))
+"""A movement of the board goes at least so far [rad]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Segments:
+    """Movements of the board, in order.
+
+    Attributes
+    ----------
+    first, stop : ndarray of int64, shape (k,)
+        First sample of each and the one after its last [1].
+    angle : ndarray, shape (k,)
+        How far it went, + = counter-clockwise, the right end up [rad].
+    cut : ndarray of bool, shape (k,)
+        Whether it may have begun earlier or gone on longer than is known: it lies at an end of the recording, at a
+        hole, or (in `of_trial`) goes on after the trial [1].
+    """
+
+    first: NDArray[np.int64]
+    stop: NDArray[np.int64]
+    angle: NDArray[np.float64]
+    cut: NDArray[np.bool_]
+
+    def __len__(self) -> int:
+        return len(self.first)
+
+    @property
+    def direction(self) -> NDArray[np.float64]:
+        """Which way each turned: +1 counter-clockwise, -1 clockwise [1]."""
+        return np.sign(self.angle)
+
+    def where(self, chosen: NDArray[np.bool_]) -> "Segments":
+        """Some of them.
+
+        Parameters
+        ----------
+        chosen : ndarray of bool, shape (k,)
+            Which [1].
+        """
+        return Segments(self.first[chosen], self.stop[chosen], self.angle[chosen], self.cut[chosen])
+
+    def of_trial(self, trial: Trial) -> "Segments":
+        """Those that begin in a trial.
+
+        Parameters
+        ----------
+        trial : Trial
+            Where it lies in the recording.
+        """
+        begun = self.where((self.first >= trial.release) & (self.first < trial.stop))
+        return replace(begun, cut=begun.cut | (begun.stop > trial.stop))
+
+
+def _angles(
+    theta: NDArray[np.float64], omega: NDArray[np.float64], bounds: NDArray[np.int64], rate: float, angle: Angle
+) -> NDArray[np.float64]:
+    """How far each segment goes."""
+    first, last = bounds[:, 0], bounds[:, 1] - 1
+    if angle == "net":
+        return np.asarray(theta[last] - theta[first])
+    turned = cumulative_trapezoid(np.nan_to_num(omega), dx=1 / rate, initial=0)
+    integral = turned[last] - turned[first]
+    if angle == "integral":
+        return np.asarray(integral)
+    ranges = np.array([np.ptp(theta[begin:stop]) for begin, stop in bounds])
+    return np.asarray(np.sign(integral) * ranges)
+
+
+def board_segments(
+    omega: NDArray[np.float64],
+    theta: NDArray[np.float64],
+    rate: float,
+    *,
+    turning: Turning = "one_way",
+    angle: Angle = "net",
+    least_rate: float = LEAST_RATE,
+    shortest: float = SHORTEST,
+    least_angle: float = LEAST_ANGLE,
+) -> Segments:
+    """Movements of the board: faster than 1 degree/s for at least 100 ms, and over at least 1 degree.
+
+    Parameters
+    ----------
+    omega : ndarray, shape (n,)
+        Angular velocity, filtered by the slow filter [rad/s].
+    theta : ndarray, shape (n,)
+        Tilt, + = right end up [rad].
+    rate : float
+        Samples per second [Hz].
+    turning : {"one_way", "either_way"}
+        Whether a movement ends where the board begins to turn the other way, or only where it is slow. A filtered
+        velocity passes zero in between, so that the two hardly differ.
+    angle : {"net", "range", "integral"}
+        How far it goes: tilt at the end less tilt at the beginning, largest less smallest tilt, or the integral of
+        `omega`.
+    least_rate : float
+        The board turns when it is faster than this [rad/s].
+    shortest : float
+        Least duration, by the definition of `netboard.analysis.measures.signals.lasting` [s].
+    least_angle : float
+        Least angle [rad].
+
+    Raises
+    ------
+    ValueError
+        If the arrays do not have one length.
+    """
+    if omega.shape != theta.shape or omega.ndim != 1:
+        raise ValueError("the board's tilt and its rate must have one value each for every sample")
+    fast = np.abs(omega) > least_rate
+    if turning == "one_way":
+        bounds = np.concatenate([lasting(fast & way, shortest, rate) for way in (omega > 0, omega < 0)])
+        bounds = bounds[np.argsort(bounds[:, 0])]
+    else:
+        bounds = lasting(fast, shortest, rate)
+    angles = _angles(theta, omega, bounds, rate, angle)
+    far = np.abs(angles) >= least_angle
+    bounds, angles = bounds[far], angles[far]
+    beyond = np.concatenate([[np.nan], omega, [np.nan]])
+    cut = np.isnan(beyond[bounds[:, 0]]) | np.isnan(beyond[bounds[:, 1] + 1])
+    return Segments(bounds[:, 0], bounds[:, 1], angles, cut)

@@ -1,0 +1,205 @@
+"""The folder of an analysis: tables, their dictionary, the settings, where all of it comes from, pictures, the report.
+
+The tables are the same, byte for byte, for the same recordings and settings, whoever measured and whatever was kept.
+Nothing in the folder says when or on which machine it was made.
+"""
+
+import json
+import platform
+import shlex
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from netboard.analysis.extraction.exclusions import EXCLUSIONS
+from netboard.analysis.extraction.fingerprint import fingerprint
+from netboard.analysis.extraction.running import Harvest, LeftOut
+from netboard.analysis.extraction.settings import resolve
+from netboard.analysis.extraction.study import FIELDS_IN_STUDY, Study
+from netboard.analysis.extraction.tables import DTYPES, Columns, words
+from netboard.analysis.figures.everything import pictures
+from netboard.analysis.figures.figure import Picture, as_bytes
+from netboard.analysis.report.html import write_report
+from netboard.analysis.results.everything import NOT_COMPUTED, results_of
+from netboard.analysis.results.paper import COMPARISON, compare
+from netboard.analysis.results.performers import PEOPLE, people_of
+from netboard.analysis.results.result import RESULTS
+from netboard.recording.export import delimited, parquet
+from netboard.recording.export.dictionary import write_dictionary
+from netboard.recording.export.formats import Progress
+from netboard.recording.format.channels import Field
+
+SOFTWARE = ("netboard", "numpy", "scipy", "numba", "pandas", "pyarrow", "matplotlib", "statsmodels")
+"""What takes part in an analysis."""
+
+KINDS = ("svg", "pdf", "png")
+"""As what each picture is written."""
+
+LEFT_OUT = (words("file", "name of the recording's file"), words("why", "why it could not be measured"))
+"""Columns of the table of recordings that were left out."""
+
+PORTION = 20_000
+"""Rows of a table that are written at once [1]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """A table of an analysis."""
+
+    name: str
+    about: str
+    fields: tuple[Field, ...]
+
+
+TABLES = (
+    Kind("blocks", "one recording", FIELDS_IN_STUDY["blocks"]),
+    Kind("trials", "one attempt at a trial", FIELDS_IN_STUDY["trials"]),
+    Kind("movements", "one movement of the board that begins in an attempt", FIELDS_IN_STUDY["movements"]),
+    Kind("paths", "one sample of the path of an attempt, each 20 ms", FIELDS_IN_STUDY["paths"]),
+    Kind("people", "one performer in one condition: a participant, or a dyad", PEOPLE),
+    Kind("exclusions", "one reason why an attempt does not count", EXCLUSIONS),
+    Kind("left_out", "one recording that could not be measured", LEFT_OUT),
+    Kind("results", "one number that is reported", RESULTS),
+)
+"""Those of every analysis."""
+
+BESIDE_THE_PAPER = Kind("comparison", "one statement of the paper, and the same of the study", COMPARISON)
+"""The one that is made if it is asked for."""
+
+PLACES = "NAME.parquet and NAME.csv: a table, of all recordings; paths, which are long, as Parquet only"
+
+
+def write_analysis(
+    folder: Path,
+    study: Study,
+    harvest: Harvest,
+    command: Sequence[str],
+    progress: Progress,
+    *,
+    beside_the_paper: bool = False,
+) -> tuple[str, ...]:
+    """Write all of an analysis: the tables first, then what is made of them."""
+    progress("numbers", 0, 3)
+    results = results_of(study)
+    comparison = compare(study) if beside_the_paper else None
+    origin = provenance(harvest, command)
+    (folder / "settings.toml").write_text(resolve(study.readings), encoding="utf-8")
+    text = json.dumps(origin, indent=1, ensure_ascii=False) + "\n"
+    (folder / "provenance.json").write_text(text, encoding="utf-8")
+    write_tables(folder / "tables", study, results, harvest.left_out, comparison)
+    progress("pictures", 1, 3)
+    drawn = list(pictures(study))
+    _write_pictures(folder / "figures", drawn)
+    progress("report", 2, 3)
+    write_report(folder, study, results, drawn, origin, comparison)
+    progress("report", 3, 3)
+    lost = results[results["quantity"] == NOT_COMPUTED]
+    return (
+        *(f"{topic} could not be computed: {why}" for topic, why in zip(lost["topic"], lost["note"], strict=True)),
+        *(f"figures/{picture.name}: {picture.caption}" for picture in drawn if picture.failed),
+    )
+
+
+def write_tables(
+    folder: Path,
+    study: Study,
+    results: pd.DataFrame,
+    left_out: Sequence[LeftOut],
+    comparison: pd.DataFrame | None = None,
+) -> None:
+    """Write every table as Parquet and CSV, and the data dictionary."""
+    folder.mkdir()
+    others = {
+        "results": results,
+        "people": people_of(study),
+        "left_out": pd.DataFrame([asdict(one) for one in left_out], columns=[field.name for field in LEFT_OUT]),
+        "comparison": comparison,
+    }
+    every = TABLES if comparison is None else (*TABLES, BESIDE_THE_PAPER)
+    kinds = [_with_factors(kind, study) for kind in every]
+    for kind in kinds:
+        if kind.name == "paths":
+            _write_paths(folder, kind, study)
+        else:
+            _write_table(folder, kind, others[kind.name] if kind.name in others else _of_study(study, kind.name))
+    write_dictionary(folder, kinds, PLACES)
+
+
+OF_TRIALS = ("blocks", "trials", "movements", "paths", "people", "exclusions")
+"""Tables whose rows have levels of factors."""
+
+
+def _with_factors(kind: Kind, study: Study) -> Kind:
+    """Give a table the columns of the study's factors."""
+    there = {field.name for field in kind.fields}
+    more = [field for field in study.factor_fields if kind.name in OF_TRIALS and field.name not in there]
+    return replace(kind, fields=(*kind.fields, *more))
+
+
+def _of_study(study: Study, name: str) -> pd.DataFrame:
+    """Return a table of the study, with the columns of its factors."""
+    frame: pd.DataFrame = getattr(study, name)
+    return study.with_factors(frame) if name == "exclusions" else frame
+
+
+def _write_paths(folder: Path, kind: Kind, study: Study) -> None:
+    """Write the paths as Parquet alone, one recording after the other."""
+    with parquet.open_sheet(folder / f"{kind.name}.parquet", kind) as put:
+        for recording in study.blocks["recording"]:
+            put(_columns(study.with_factors(study.paths[recording]), kind))
+
+
+def _write_table(folder: Path, kind: Kind, frame: pd.DataFrame) -> None:
+    """Write a table in both formats, some rows at a time."""
+    for ending, sheet in (("parquet", parquet), ("csv", delimited)):
+        with sheet.open_sheet(folder / f"{kind.name}.{ending}", kind) as put:
+            for first in range(0, len(frame), PORTION):
+                put(_columns(frame.iloc[first : first + PORTION], kind))
+
+
+def _columns(frame: pd.DataFrame, kind: Kind) -> Columns:
+    """Return the columns of a table as they are written."""
+    return {field.name: frame[field.name].to_numpy(DTYPES[field.kind]) for field in kind.fields}
+
+
+def _write_pictures(folder: Path, drawn: Sequence[Picture]) -> None:
+    """Write each picture in all formats: one that there is not says in its place why."""
+    folder.mkdir()
+    for picture in drawn:
+        shown = picture.shown
+        for kind in KINDS:
+            (folder / f"{picture.name}.{kind}").write_bytes(as_bytes(shown, kind))
+
+
+def provenance(harvest: Harvest, command: Sequence[str]) -> dict[str, Any]:
+    """Say where an analysis comes from, without time and machine.
+
+    Returns
+    -------
+    dict
+        ``command``; ``versions`` of the software; ``code_sha256`` of what measures; ``recordings`` by name, each with
+        its ``file`` as it was named, and the ``sha256`` of that; ``left_out``, with ``file`` and ``why`` of each;
+        ``handedness`` of the people by pseudonym.
+    """
+    return {
+        "command": shlex.join(command),
+        "versions": {name: version(name) for name in SOFTWARE} | {"python": platform.python_version()},
+        "code_sha256": fingerprint(),
+        "recordings": {
+            source.run.path.stem: {"file": str(source.run.path), "sha256": source.sha256}
+            for source in sorted(harvest.sources, key=lambda source: source.run.path.stem)
+        },
+        "left_out": [asdict(one) for one in harvest.left_out],
+        "handedness": dict(sorted(_hands(harvest))),
+    }
+
+
+def _hands(harvest: Harvest) -> Iterator[tuple[str, str]]:
+    """Yield pseudonym and dominant hand of everybody."""
+    for source in harvest.sources:
+        for person in source.run.people:
+            yield person.label, person.handedness

@@ -1,0 +1,175 @@
+"""The results of a study in a report: how a number is written with its interval, all of them in tables, and the paper.
+
+Numbers are written in the units in which they are read (`netboard.analysis.results.units`); those in the tables of an
+analysis are in SI units.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import isfinite
+from typing import Any
+
+import pandas as pd
+
+from netboard.analysis.report.grids import Cell, Column, Grid, grid, name, number
+from netboard.analysis.report.wording import NONE, amount, counted, decimals
+from netboard.analysis.results.units import Unit, read_in
+
+
+def unit_of(row: Mapping[str, Any]) -> Unit:
+    """Choose the unit in which a result is read.
+
+    Parameters
+    ----------
+    row : mapping
+        A row of the table of results, or of one that has its columns.
+    """
+    return read_in(row["unit"], row["quantity"], row["group"])
+
+
+def after(unit: Unit) -> str:
+    """Write a unit as it follows a number, on the same line: nothing for a pure number."""
+    return "\N{NO-BREAK SPACE}" + unit.symbol.replace(" ", "\N{NO-BREAK SPACE}") if unit.symbol else ""
+
+
+def between(row: Mapping[str, Any]) -> str:
+    """Write an interval.
+
+    Parameters
+    ----------
+    row : mapping
+        A row of the table of results, or of one that has its columns.
+
+    Returns
+    -------
+    str
+        Its ends, or how far it goes to either side if it is a standard deviation; empty without one.
+    """
+    _, low, high = written(row)
+    if not isfinite(row["low"]):
+        return ""
+    if row["interval"] == "SD":
+        _, bottom, top = _three(row)
+        return f"± {amount((top - bottom) / 2, _places(row))}"
+    return f"{low} to {high}"
+
+
+def _three(row: Mapping[str, Any]) -> tuple[float, float, float]:
+    """Return a result and the ends of its interval in the unit in which it is read."""
+    scale = unit_of(row).scale
+    return float(row["value"]) * scale, float(row["low"]) * scale, float(row["high"]) * scale
+
+
+def _places(row: Mapping[str, Any]) -> int:
+    """Say how many decimals a result and its interval have: the larger of it and its reach decides.
+
+    That one has three digits; two are enough where it is below 1 and has an interval, which says how little they mean.
+    """
+    value, low, high = _three(row)
+    if not isfinite(low):
+        return 0 if value.is_integer() else min(decimals(value), unit_of(row).finest)
+    reach = (high - low) / 2
+    return min(decimals(value, reach, digits=2 if max(abs(value), reach) < 1.0 else 3), unit_of(row).finest)
+
+
+def written(row: Mapping[str, Any]) -> tuple[str, str, str]:
+    """Write a result and the ends of its interval with the same decimals, in the unit in which it is read.
+
+    Parameters
+    ----------
+    row : mapping
+        A row of the table of results, or of one that has its columns.
+    """
+    places = _places(row)
+    value, low, high = (amount(part, places) for part in _three(row))
+    return value, low, high
+
+
+@dataclass(frozen=True, slots=True)
+class Topic:
+    """All results of a topic.
+
+    Attributes
+    ----------
+    notes : tuple of str
+        What must be known to read them; the table has their numbers, from 1.
+    """
+
+    title: str
+    table: Grid
+    notes: tuple[str, ...]
+
+
+def topics(results: pd.DataFrame, titles: Mapping[str, str]) -> tuple[Topic, ...]:
+    """Put all results into tables."""
+    groups = results.groupby("topic", sort=False)
+    return tuple(_topic(titles.get(str(topic), str(topic)), records(rows)) for topic, rows in groups)
+
+
+def _topic(title: str, rows: Sequence[Mapping[str, Any]]) -> Topic:
+    """Put the results of a topic into a table."""
+    notes = list(dict.fromkeys(row["note"] for row in rows if row["note"]))
+    columns = [
+        Column("Quantity"),
+        name("Group"),
+        number("Value"),
+        number("Low"),
+        number("High"),
+        Column("Unit"),
+        Column("Interval"),
+        number("n"),
+        Column("Of"),
+        number("Note"),
+    ]
+    table = grid(f"Results: {title}", columns, [_result(row, notes) for row in rows])
+    return Topic(title, table, tuple(notes))
+
+
+def _result(row: Mapping[str, Any], notes: list[str]) -> list[Cell | float]:
+    """Write a row of the table of results."""
+    note = str(notes.index(row["note"]) + 1) if row["note"] else ""
+    labels, last = [row["quantity"], row["group"]], [row["interval"], int(row["n"]), row["of"], note]
+    return [*labels, *written(row), unit_of(row).symbol, *last]
+
+
+def records(table: pd.DataFrame) -> list[dict[str, Any]]:
+    """Return the rows of a table."""
+    return [{str(key): value for key, value in row.items()} for row in table.to_dict("records")]
+
+
+def comparison_grid(comparison: pd.DataFrame) -> Grid:
+    """Put a study's numbers beside those of the paper."""
+    columns = [
+        Column("Figure"),
+        Column("Quantity"),
+        name("Group"),
+        Column("The paper says"),
+        number("Reported"),
+        number("Here"),
+        Column("Interval here"),
+        Column("Made of"),
+        Column("Verdict"),
+        name("Note"),
+    ]
+    return grid("This study beside the paper", columns, [_compared(row) for row in records(comparison)])
+
+
+def _compared(row: Mapping[str, Any]) -> tuple[str, ...]:
+    """Write a row of the comparison."""
+    here = f"{written(row)[0]}{after(unit_of(row))}" if isfinite(row["value"]) else NONE
+    interval = f"{between(row)} ({row['interval']})" if between(row) else ""
+    made_of = counted(int(row["n"]), row["of"]) if row["n"] else ""
+    there = reported(row) if isfinite(row["reported"]) else NONE
+    labels = row["figure"], row["quantity"], row["group"], row["said"]
+    return *labels, there, here, interval, made_of, row["verdict"], row["note"]
+
+
+def reported(row: Mapping[str, Any]) -> str:
+    """Write the paper's number, with its standard deviation or of how many it is."""
+    unit = unit_of(row)
+    parts = [amount(row["reported"] * unit.scale)]
+    if isfinite(row["reported_sd"]):
+        parts.append(f"± {amount(row['reported_sd'] * unit.scale)}")
+    if row["reported_of"]:
+        parts.append(f"of {amount(int(row['reported_of']))}")
+    return " ".join(parts) + after(unit)

@@ -1,0 +1,186 @@
+"""What is sound in a study and what is not: recordings, marks of quality, what does not count, what is unusual."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import pandas as pd
+
+from netboard.analysis.extraction.study import Study
+from netboard.analysis.report.grids import Column, Grid, Link, code, grid, name, number
+from netboard.analysis.report.trials import anchors, flag_words, reasons
+from netboard.analysis.report.wording import amount, counted
+from netboard.task.trials.quality import WORDS
+
+UNUSUAL = 5
+"""How many attempts of each kind are shown [1]."""
+
+_KINDS = (
+    ("completion", "longest completion time", "s"),
+    ("peaks", "most velocity peaks", ""),
+    ("overshoots", "most overshoots", ""),
+    ("attempt", "most attempts before it", ""),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Soundness:
+    """What is sound, and what is not.
+
+    Attributes
+    ----------
+    recordings, flags, causes, excluded, unusual : Grid
+        Of each recording, of each mark of quality, of each reason; the attempts excluded, and those unusual.
+    """
+
+    sentences: tuple[str, ...]
+    recordings: Grid
+    flags: Grid
+    causes: Grid
+    excluded: Grid
+    unusual: Grid
+    left_out: Grid
+
+
+def soundness(study: Study, left_out: Sequence[Mapping[str, str]]) -> Soundness:
+    """Say what is sound in a study."""
+    table = grid(
+        "Files that were found and are not part of this study",
+        [code("File"), Column("Why")],
+        [(str(one["file"]), str(one["why"])) for one in left_out],
+    )
+    return Soundness(
+        tuple(_sentences(study, len(left_out))),
+        _recordings(study),
+        _flags(study),
+        _causes(study),
+        _excluded(study),
+        _unusual(study),
+        table,
+    )
+
+
+def _sentences(study: Study, left_out: int) -> list[str]:
+    """Say it in words."""
+    blocks, trials = study.blocks, study.trials
+    planned, done = _blocks(study)
+    missing, there = int(blocks["missing"].sum()), int(blocks["ticks"].sum())
+    unknown = int(blocks["unknown_rendered"].sum()) if "unknown_rendered" in blocks else 0
+    told = f"what a device rendered is unknown at {counted(unknown, 'tick')}; " if unknown else ""
+    share = f" ({amount(100 * missing / (missing + there))} %)" if missing else ""
+    ends = [f"{amount(n)} {str(end).replace('_', ' ')}" for end, n in trials["outcome"].value_counts().items()]
+    marked = int((trials["flags"] != "").sum())
+    return [
+        f"{counted(len(blocks), 'recording')}: {amount(int((done >= planned).sum()))} of "
+        f"{counted(len(planned), 'block')} complete; {amount(missing)} of {counted(missing + there, 'tick')} "
+        f"missing{share}; {told}{counted(int(blocks['repaired'].sum()), 'recording')} repaired; "
+        f"{counted(left_out, 'file')} left out.",
+        f"{counted(len(trials), 'attempt')}: {', '.join(ends)}; {amount(marked)} with marks of quality; "
+        f"{amount(len(reasons(study)))} excluded.",
+    ]
+
+
+def _blocks(study: Study) -> tuple[pd.Series, pd.Series]:
+    """Count trials planned and done for each block, which may be in several recordings."""
+    key = ["dyad", "session", "block"]
+    done = study.trials.assign(done=study.trials["outcome"] == "success").groupby("recording")["done"].sum()
+    blocks = study.blocks.assign(done=study.blocks["recording"].map(done).fillna(0))
+    grouped = blocks.groupby(key)
+    return grouped["trials"].max(), grouped["done"].sum()
+
+
+def _recordings(study: Study) -> Grid:
+    """Say of each recording what is in it and what is not."""
+    of_each = dict(list(study.trials.groupby("recording")))
+    out = pd.Series([key[0] for key in reasons(study)], dtype=object).value_counts()
+    rows = []
+    for place, block in enumerate(study.blocks.to_dict("records"), start=1):
+        mine = of_each.get(block["recording"], study.trials.iloc[:0])
+        ends = mine["outcome"].value_counts()
+        flags = mine["flags"].str.split().explode().dropna().value_counts()
+        rows.append(
+            (
+                Link(block["recording"], f"r{place}"),
+                block["duration"],
+                block["missing"],
+                "repaired" if block["repaired"] else "whole",
+                f"{int(ends.get('success', 0))} of {block['trials']}",
+                len(mine),
+                int(ends.get("fell", 0)),
+                int(ends.get("timed_out", 0)),
+                ", ".join(f"{flag_words(str(flag))}: {n}" for flag, n in sorted(flags.items())),
+                int(out.get(block["recording"], 0)),
+            )
+        )
+    columns = [
+        name("Recording"),
+        number("Duration (s)"),
+        number("Ticks missing"),
+        Column("State"),
+        number("Trials done"),
+        number("Attempts"),
+        number("Fell"),
+        number("Timed out"),
+        Column("Marks of quality"),
+        number("Excluded"),
+    ]
+    return grid("Each recording: what is in it, and what is not", columns, rows)
+
+
+def _flags(study: Study) -> Grid:
+    """Count the marks of quality."""
+    trials = study.trials
+    out = set(reasons(study))
+    keys = list(zip(trials["recording"], trials["trial"], trials["attempt"], strict=True))
+    rows = []
+    for word, meaning in WORDS.items():
+        has = [word in str(flags).split() for flags in trials["flags"]]
+        n = sum(has)
+        if n:
+            gone = sum(key in out for key, marked in zip(keys, has, strict=True) if marked)
+            excludes = "yes" if word in study.readings.exclusions.flags else "no"
+            rows.append((flag_words(word), n, gone, excludes, meaning))
+    columns = [Column("Mark"), number("Attempts"), number("Of these excluded"), Column("Excludes"), Column("Meaning")]
+    caption = "Marks of quality. Where nobody held a device, “stuck” excludes nothing: a simulated hand may be still."
+    return grid(caption, columns, rows)
+
+
+def _causes(study: Study) -> Grid:
+    """Count the reasons."""
+    counts = study.exclusions["why"].value_counts()
+    columns = [name("Why"), number("Attempts")]
+    return grid("Why attempts do not count; one may have several reasons", columns, [*counts.items()])
+
+
+def _excluded(study: Study) -> Grid:
+    """List every attempt that does not count, with every reason."""
+    known = anchors(study)
+    rows = [
+        (Link(key[0], known[key]) if key in known else key[0], key[1], key[2], "; ".join(why))
+        for key, why in sorted(reasons(study).items())
+    ]
+    columns = [name("Recording"), number("Trial"), number("Attempt"), name("Why")]
+    return grid("Every attempt that does not count, with every reason", columns, rows)
+
+
+def _unusual(study: Study) -> Grid:
+    """List the successful attempts that are farthest out."""
+    known = anchors(study)
+    done = study.trials[study.trials["outcome"] == "success"]
+    rows: list[tuple[Any, ...]] = []
+    for column, what, unit in _KINDS:
+        top = done[done[column] > (1 if column == "attempt" else 0)].nlargest(UNUSUAL, column)
+        for row in top.to_dict("records"):
+            key = row["recording"], int(row["trial"]), int(row["attempt"])
+            value = row[column] - 1 if column == "attempt" else row[column]
+            text = f"{amount(value)} {unit}".strip()
+            rows.append((what, text, Link(key[0], known[key]), key[1], key[2], "yes" if row["counts"] else "no"))
+    columns = [
+        Column("What"),
+        number("How much"),
+        name("Recording"),
+        number("Trial"),
+        number("Attempt"),
+        Column("Counts"),
+    ]
+    return grid("The most unusual successful attempts: worth a look before anything is concluded", columns, rows)

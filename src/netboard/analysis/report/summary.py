@@ -1,0 +1,340 @@
+"""The summary of a report: of each topic what the data show and how sure it is in a sentence, then a small table.
+
+Sentences are made of the numbers alone: a value, its interval, of how many dyads it is, and whether the interval
+includes 0 (of a ratio, 1). No cause is named and nothing is called significant.
+"""
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from math import isfinite
+from typing import Any
+
+import pandas as pd
+
+from netboard.analysis.report.grids import Column, Grid, grid, name, number
+from netboard.analysis.report.numbers import after, between, records, unit_of, written
+from netboard.analysis.report.wording import amount, counted
+from netboard.analysis.results.delay import OVER_ALL, RISE
+
+_STAGES = r"(?P<team>.+), last (?P<count>\d+) less first \d+"
+_GROUPS = r"(?P<team>.+), last group less first"
+_FELT = r"(?P<team>.+), (?P<force>[^,]+) less off"
+_TEAMS = r"(?P<one>bimanual|dyadic) less (?P<other>bimanual|dyadic)"
+_LEVEL = r"(?!.* less )(?P<group>.+)"
+
+
+@dataclass(frozen=True, slots=True)
+class Saying:
+    """How a quantity is put into a sentence.
+
+    Attributes
+    ----------
+    group : str
+        The groups that it is said of: a regular expression, whose named parts the words may use; a ``team`` becomes
+        trials of that team.
+    lead : str
+        How the sentence begins; groups with the same beginning share it.
+    none : str
+        What no effect is called, such as ``no change``; empty for a level, which is said only where a study has no
+        difference of the quantity.
+    without : float
+        The value that no effect has [its unit].
+    """
+
+    quantity: str
+    group: str
+    lead: str
+    clause: str
+    none: str = ""
+    without: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Heading:
+    """A column of a topic's table.
+
+    Attributes
+    ----------
+    quantities : tuple of str
+        What is in it, as in the table of results; no two of them have the same group.
+    """
+
+    title: str
+    quantities: tuple[str, ...]
+    is_count: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Theme:
+    """What the summary says of a topic."""
+
+    topic: str
+    picture: str
+    sayings: tuple[Saying, ...]
+    headings: tuple[Heading, ...]
+
+    @property
+    def quantities(self) -> tuple[str, ...]:
+        """All that it takes from the table of results."""
+        said = [one.quantity for one in self.sayings]
+        return tuple(dict.fromkeys([*said, *(quantity for one in self.headings for quantity in one.quantities)]))
+
+
+def _compared(quantity: str, what: str) -> tuple[Saying, ...]:
+    """Say how a quantity differs with forces, and between teams; or what it is."""
+    return (
+        Saying(
+            quantity,
+            _FELT,
+            f"With {{force}}, {what} differed from that with haptics off",
+            "by {value} in {team}",
+            "no difference",
+        ),
+        Saying(
+            quantity,
+            _TEAMS,
+            f"In {{one}} trials, {what} differed from that in {{other}} ones",
+            "by {value}",
+            "no difference",
+        ),
+        Saying(quantity, _LEVEL, f"{what[0].upper()}{what[1:]} was", "{value} ({group})"),
+    )
+
+
+def _spread(what: str) -> Saying:
+    start = f"From the first to the last group of trials, the {what} at the first braking changed"
+    return Saying(f"change of {what}", _GROUPS, start, "by {value} in {team}", "no change")
+
+
+THEMES = (
+    Theme(
+        "learning",
+        "learning",
+        (
+            Saying(
+                "change of completion time",
+                _STAGES,
+                "From the first to the last {count} trials, completion time changed",
+                "by {value} in {team}",
+                "no change",
+            ),
+        ),
+        (
+            Heading("completion time", ("completion time, mean of dyads", "change of completion time")),
+            Heading(
+                "velocity peaks", ("number of velocity peaks, mean of dyads", "change of number of velocity peaks")
+            ),
+        ),
+    ),
+    Theme(
+        "dyads",
+        "dyads",
+        (
+            Saying(
+                "completion time: mean of the two less dyad",
+                "(?P<group>.+)",
+                "The gain of dyads in completion time (mean of the two partners alone less the dyad) was",
+                "{value} with {group}",
+                "no gain",
+            ),
+        ),
+        (
+            Heading("gain in completion time", ("completion time: mean of the two less dyad",)),
+            Heading("faster dyads", ("completion time: dyads better than the mean of the two",), is_count=True),
+            Heading("gain in velocity peaks", ("number of velocity peaks: mean of the two less dyad",)),
+            Heading(
+                "dyads with fewer", ("number of velocity peaks: dyads better than the mean of the two",), is_count=True
+            ),
+        ),
+    ),
+    Theme(
+        "classes",
+        "classes",
+        (
+            *_compared("share of cooperative movement", "the share of cooperative movement"),
+            *_compared("share of competitive movement", "the share of competitive movement"),
+        ),
+        (
+            Heading("cooperative", ("share of cooperative movement",)),
+            Heading("competitive", ("share of competitive movement",)),
+            Heading("single", ("share of single movement",)),
+            Heading("still", ("share of stillness",)),
+        ),
+    ),
+    Theme(
+        "strategy",
+        "strategy",
+        (_spread("variance of distance"), _spread("generalised variance")),
+        (
+            Heading("area of the ellipse", ("area of the ellipse", "change of the area of the ellipse")),
+            Heading("variance of distance", ("variance of distance", "change of variance of distance")),
+            Heading("variance of velocity", ("variance of velocity", "change of variance of velocity")),
+            Heading("generalised variance", ("generalised variance", "change of generalised variance")),
+        ),
+    ),
+    Theme(
+        "delay",
+        "delay",
+        _compared(f"delay, {OVER_ALL}", "the delay between the sides"),
+        (Heading(OVER_ALL, (f"delay, {OVER_ALL}",)), Heading(RISE, (RISE,))),
+    ),
+    Theme(
+        "contrasts",
+        "differences",
+        (
+            Saying(
+                "completion time: ratio",
+                _FELT,
+                "With {force},",
+                "{team} took {value} times as long as with haptics off",
+                "no difference",
+                1.0,
+            ),
+            Saying(
+                "completion time: ratio",
+                r"(?P<one>dyadic) less (?P<other>bimanual), (?P<force>.+)",
+                "Trials took",
+                "{value} times as long in {one} as in {other} conditions with {force}",
+                "no difference",
+                1.0,
+            ),
+        ),
+        (
+            Heading("completion time, ratio", ("completion time: ratio",)),
+            Heading("velocity peaks, difference", ("velocity peaks: difference",)),
+        ),
+    ),
+)
+"""What the summary says, in this order."""
+
+
+@dataclass(frozen=True, slots=True)
+class Main:
+    """The main results of a topic.
+
+    Attributes
+    ----------
+    table : Grid
+        The numbers: a row for each group, a column for each quantity.
+    """
+
+    picture: str
+    title: str
+    sentences: tuple[str, ...]
+    table: Grid
+
+
+def summary(results: pd.DataFrame, titles: Mapping[str, str]) -> tuple[Main, ...]:
+    """Sum up the main results, topic by topic; a topic of which a study has nothing is left out."""
+    found = []
+    for theme in THEMES:
+        mine = results[(results["topic"] == theme.topic) & results["value"].notna()]
+        rows = records(mine[mine["quantity"].isin(theme.quantities)])
+        if rows:
+            sentences = tuple(_sentences(theme.sayings, rows))
+            table = _table(theme, titles.get(theme.picture, theme.topic), rows)
+            found.append(Main(theme.picture, titles.get(theme.picture, theme.topic), sentences, table))
+    return tuple(found)
+
+
+def _sentences(sayings: Sequence[Saying], rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    """Put results into sentences; groups with the same beginning share one."""
+    known: set[str] = set()
+    for saying in sayings:
+        if not saying.none and saying.quantity in known:
+            continue
+        clauses: dict[str, list[str]] = {}
+        for row in rows:
+            match = re.fullmatch(saying.group, row["group"]) if row["quantity"] == saying.quantity else None
+            if match:
+                words = {part: _trials(said) if part == "team" else said for part, said in match.groupdict().items()}
+                clauses.setdefault(saying.lead.format(**words), []).append(_clause(saying, row, words))
+                known.add(saying.quantity)
+        yield from (f"{lead} {'; '.join(said)}." for lead, said in clauses.items())
+
+
+def _trials(team: str) -> str:
+    """Say whose trials they are."""
+    configuration, _, partner = team.partition(", ")
+    return f"{configuration} trials{f' with a {partner}' if partner else ''}"
+
+
+def _clause(saying: Saying, row: Mapping[str, Any], words: Mapping[str, str]) -> str:
+    """Say a result of one group, and how sure it is."""
+    value = f"{written(row)[0]}{after(unit_of(row))}"
+    aside = ", ".join(part for part in (between(row), counted(int(row["n"]), row["of"])) if part)
+    said = f"{saying.clause.format(value=value, **words)} ({aside})"
+    return f"{said}: {_sure(saying, row)}" if saying.none else said
+
+
+def _sure(saying: Saying, row: Mapping[str, Any]) -> str:
+    """Say where the interval lies."""
+    if not (isfinite(row["low"]) and isfinite(row["high"])):
+        return "there is no interval, so nothing is known of how sure it is"
+    if row["low"] <= saying.without <= row["high"]:
+        return f"the interval includes {amount(saying.without)} ({saying.none})"
+    return f"the whole interval is {'above' if row['low'] > saying.without else 'below'} {amount(saying.without)}"
+
+
+def _table(theme: Theme, title: str, rows: Sequence[Mapping[str, Any]]) -> Grid:
+    """Put the results of a topic into a table: what they are of, their values with intervals, and of how many."""
+    held = {(quantity, one.title): one for one in theme.headings for quantity in one.quantities}
+    cells: dict[str, dict[str, Mapping[str, Any]]] = {}
+    for row in rows:
+        for heading in (heading for quantity, heading in held if quantity == row["quantity"]):
+            cells.setdefault(row["group"], {}).setdefault(heading, row)
+    shown = [one for one in theme.headings if any(one.title in found for found in cells.values())]
+    lines = []
+    for group in _ends_of_series(list(cells)):
+        found = cells[group]
+        values = [_cell(one, found[one.title]) if one.title in found else "" for one in shown]
+        made_of = dict.fromkeys(counted(int(row["n"]), row["of"]) for row in found.values())
+        lines.append([group, *values, "; ".join(made_of)])
+    columns = [name("Group"), *(number(_heading(one, rows)) for one in shown), Column("n")]
+    return grid(_caption(title, rows), columns, lines)
+
+
+def _ends_of_series(groups: Sequence[str]) -> list[str]:
+    """Keep, of groups of trials that follow each other, each team's first and last one."""
+    series: dict[str, list[str]] = {}
+    for group in groups:
+        match = re.fullmatch(r"(.+), trials \d+ to \d+", group)
+        series.setdefault(match[1] if match else group, []).append(group)
+    return [group for group in groups if any(group in (own[0], own[-1]) for own in series.values())]
+
+
+def _cell(heading: Heading, row: Mapping[str, Any]) -> str:
+    """Write a result with its interval."""
+    value, interval = written(row)[0], between(row)
+    if heading.is_count:
+        return f"{value} of {amount(int(row['n']))}"
+    return f"{value} ({interval})" if interval else value
+
+
+def _heading(heading: Heading, rows: Sequence[Mapping[str, Any]]) -> str:
+    """Name a column, with the unit of its numbers."""
+    unit = next(unit_of(row) for row in rows if row["quantity"] in heading.quantities)
+    symbol = unit.symbol.removesuffix(" points")
+    return f"{heading.title} [{symbol}]" if symbol else heading.title
+
+
+def _caption(title: str, rows: Sequence[Mapping[str, Any]]) -> str:
+    """Say what is in brackets, and in what differences of shares are."""
+    kinds = dict.fromkeys(row["interval"] for row in rows if row["interval"] and isfinite(row["low"]))
+    said = [f"{title}; in brackets, {' or '.join(kinds)} intervals" if kinds else title]
+    if any(unit_of(row).symbol == "% points" for row in rows):
+        said.append("Differences of shares are in percentage points")
+    return ". ".join(said) + "."
+
+
+def few(dyads: int) -> str:
+    """Say what so many dyads can show."""
+    least = min(1.0, 2.0 / 2**dyads)
+    said = (
+        f"The dyad is the unit of replication: {counted(dyads, 'dyad')}, however many trials. "
+        f"An exact two-sided test of a difference within dyads has no p below {amount(least)} here"
+    )
+    if least > 0.05:
+        return f"{said}, so none can be significant at 5 %; six dyads are the least of which one can."
+    return f"{said}."

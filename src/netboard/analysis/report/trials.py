@@ -1,0 +1,226 @@
+"""All attempts of a study, block by block, each with the ball's path and the commands that show and explain it.
+
+The page has some thousands of them, so a path is a few dozen points with whole coordinates, and a row is little else.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from math import ceil, isfinite
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from netboard.analysis.extraction.study import Study
+from netboard.analysis.report.wording import amount, command, counted
+
+LEAD = 0.5
+"""How long before the release a replay begins [s]."""
+
+STEP = 0.1
+"""From one point of a path to the next [s]."""
+
+HEIGHT = 70
+"""Of a path, in its own units [1]."""
+
+PER_SECOND = 20
+"""Width of a path, in its own units [1/s]."""
+
+LONGEST = 20.0
+"""Paths that last longer are drawn as wide as one of this length [s]."""
+
+_PIXELS = 0.55
+_SIDES = {-1: "left", 1: "right"}
+Key = tuple[str, int, int]
+"""Recording, trial and attempt."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sparkline:
+    """The path of the ball in an attempt.
+
+    Attributes
+    ----------
+    width : int
+        Its width on the page [px].
+    squeezed : bool
+        Whether it was too long, and is drawn narrower than its time.
+    """
+
+    d: str
+    extent: int
+    width: int
+    squeezed: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """An attempt.
+
+    Attributes
+    ----------
+    target, outcome, completion, peaks : str
+        Side of the target, how it ended, completion time [s], number of velocity peaks [1].
+    replay, explain : str
+        The commands that show it again, and that draw how each of its numbers is computed.
+    """
+
+    anchor: str
+    trial: int
+    attempt: int
+    target: str
+    outcome: str
+    completion: str
+    peaks: str
+    flags: str
+    why: str
+    path: Sparkline
+    replay: str
+    explain: str
+
+
+@dataclass(frozen=True, slots=True)
+class Listing:
+    """The attempts of a recording."""
+
+    anchor: str
+    recording: str
+    dyad: str
+    performer: str
+    heading: str
+    rows: tuple[Row, ...]
+
+
+def anchors(study: Study) -> dict[Key, str]:
+    """Give every attempt its place in the page."""
+    place = {recording: number for number, recording in enumerate(study.blocks["recording"], start=1)}
+    return {key: f"r{place[key[0]]}t{key[1]}a{key[2]}" for key in _keys(study.trials)}
+
+
+def listings(study: Study, files: Mapping[str, str]) -> tuple[Listing, ...]:
+    """List all attempts of all recordings."""
+    known, paths, why = anchors(study), sparklines(study), reasons(study)
+    last = study.trials.groupby(["recording", "trial"])["attempt"].max().to_dict()
+    rows: dict[str, list[Row]] = {}
+    for key, row in zip(_keys(study.trials), study.trials.to_dict("records"), strict=True):
+        at = max(row["release"] - LEAD, 0.0)
+        rows.setdefault(key[0], []).append(
+            Row(
+                known[key],
+                key[1],
+                key[2],
+                _SIDES.get(row["target"], "unknown"),
+                str(row["outcome"]).replace("_", " "),
+                amount(row["completion"], 2) if row["outcome"] == "success" else "",
+                amount(int(row["peaks"])) if row["outcome"] == "success" and isfinite(row["peaks"]) else "",
+                flag_words(row["flags"]),
+                "; ".join(why.get(key, ())),
+                paths.get(key, _NOTHING),
+                command("netboard", "replay", files[key[0]], "--at", f"{at:.1f}"),
+                _explain(files[key[0]], key, last[key[:2]]),
+            )
+        )
+    return tuple(
+        _listing(number, block, rows.get(block["recording"], []))
+        for number, block in enumerate(study.blocks.to_dict("records"), start=1)
+    )
+
+
+def _explain(file: str, key: Key, last: int) -> str:
+    """Write the command that draws how an attempt's numbers are computed; it takes the last attempt if none is said."""
+    attempt = [] if key[2] == last else ["--attempt", f"{key[2]}"]
+    return command("netboard", "explain", file, "--trial", f"{key[1]}", *attempt)
+
+
+def flag_words(words: str) -> str:
+    """Write marks of quality."""
+    return ", ".join(word.replace("_", " ") for word in str(words).split())
+
+
+def reasons(study: Study) -> dict[Key, list[str]]:
+    """Find out why attempts do not count."""
+    found: dict[Key, list[str]] = {}
+    for key, why in zip(_keys(study.exclusions), study.exclusions["why"], strict=True):
+        found.setdefault(key, []).append(why)
+    return found
+
+
+def _listing(number: int, block: Mapping[Any, Any], rows: list[Row]) -> Listing:
+    """Head the attempts of a recording."""
+    done = sum(row.outcome == "success" for row in rows)
+    excluded = sum(bool(row.why) for row in rows)
+    parts = [
+        f"block {block['block']}: {block['condition']}",
+        f"{done} of {counted(int(block['trials']), 'trial')} done in {counted(len(rows), 'attempt')}",
+    ]
+    if excluded:
+        parts.append(f"{counted(excluded, 'attempt')} excluded")
+    return Listing(f"r{number}", block["recording"], block["dyad"], block["performer"], "; ".join(parts), tuple(rows))
+
+
+def _keys(table: pd.DataFrame) -> list[Key]:
+    """Name the attempt of each row."""
+    columns = (table[name].tolist() for name in ("recording", "trial", "attempt"))
+    return [(recording, int(trial), int(attempt)) for recording, trial, attempt in zip(*columns, strict=True)]
+
+
+# --- paths -----------------------------------------------------------------------------------------------------------
+
+_NOTHING = Sparkline("", 1, 1, False)
+
+
+def reach(study: Study) -> float:
+    """Say how far from the board's middle paths are drawn.
+
+    Returns
+    -------
+    float
+        The largest distance of the ball, rounded up to 50 mm [m].
+    """
+    largest = max(float(np.nanmax(np.abs(own["p"].to_numpy()), initial=0.0)) for own in study.paths.values())
+    return max(ceil(largest / 0.05 - 1e-6), 1) * 0.05
+
+
+def sparklines(study: Study) -> dict[Key, Sparkline]:
+    """Draw the path of the ball in every attempt: up is right, and time goes to the right."""
+    far = reach(study)
+    return {key: line for own in study.paths.values() for key, line in _sparklines(own, far)}
+
+
+def _sparklines(paths: pd.DataFrame, far: float) -> Iterator[tuple[Key, Sparkline]]:
+    """Draw the paths of a recording."""
+    starts = np.flatnonzero(~paths.duplicated(["trial", "attempt"]))
+    for key, own in zip(_keys(paths.iloc[starts]), np.split(paths[["time", "p"]].to_numpy(), starts[1:]), strict=False):
+        yield key, _sparkline(own[:, 0], own[:, 1], far)
+
+
+def _sparkline(time: NDArray[np.float64], p: NDArray[np.float64], far: float) -> Sparkline:
+    """Draw one path."""
+    spacing = float(np.median(np.diff(time))) if time.size > 1 else STEP
+    every = max(round(STEP / spacing), 1) if isfinite(spacing) and spacing > 0 else 1
+    chosen = np.unique(np.append(np.arange(0, time.size, every), time.size - 1))
+    gaps = np.flatnonzero(~np.isfinite(p[chosen]))
+    pieces = [piece[np.isfinite(p[piece])] for piece in np.split(chosen, gaps)]
+    d = "".join(
+        _path(
+            np.rint(PER_SECOND * time[piece]).astype(np.int64),
+            np.rint(HEIGHT / 2 * (1 - p[piece] / far)).astype(np.int64),
+        )
+        for piece in pieces
+    )
+    extent = max(ceil(PER_SECOND * float(time[-1])), 1)
+    squeezed = float(time[-1]) > LONGEST
+    width = max(round(_PIXELS * min(extent, LONGEST * PER_SECOND)), 1)
+    return Sparkline(d, extent, width, squeezed)
+
+
+def _path(x: NDArray[np.int64], y: NDArray[np.int64]) -> str:
+    """Write points as a path: the first one, and steps; equal steps that follow each other are one."""
+    if x.size < 2:
+        return ""
+    dx, dy = np.diff(x), np.diff(y)
+    last = np.append(np.flatnonzero((np.diff(dx) != 0) | (np.diff(dy) != 0)), dx.size - 1)
+    at_x, at_y = np.append(x[0], x[last + 1]), np.append(y[0], y[last + 1])
+    steps = (f"{a}{b}" if b < 0 else f"{a} {b}" for a, b in zip(np.diff(at_x), np.diff(at_y), strict=True))
+    return f"M{x[0]} {y[0]}l" + " ".join(steps)

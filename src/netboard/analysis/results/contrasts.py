@@ -1,0 +1,218 @@
+"""What forces and a partner change: differences between conditions within dyads, with intervals and exact tests.
+
+Every measure of `netboard.analysis.results.measures` that is compared has the same contrasts: each force that is felt
+less none, within each configuration; two people less one, within each force; the interaction of the two; and each level
+of another factor of the study less its first one, within all the others. Those of all measures of a family are one
+family of tests (Holm). They are declared here, before anybody looks at results.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Literal, TypeVar
+
+import numpy as np
+import pandas as pd
+from scipy import stats
+
+from netboard.analysis.extraction.study import Study
+from netboard.analysis.results.groups import by_factor, conditions, estimated, with_base
+from netboard.analysis.results.measures import EXPLAINED, Measure, as_read, exponential, levels
+from netboard.analysis.results.result import Result, kept
+from netboard.analysis.statistics.contrasts import Contrast, condition_contrast, holm
+from netboard.analysis.statistics.effect_sizes import paired_effect
+from netboard.analysis.statistics.estimates import Estimate
+from netboard.analysis.statistics.exact_tests import SYMMETRIC
+
+Kind = Literal["forces", "configuration", "interaction", "factor"]
+
+T = TypeVar("T")
+
+LEAST_FOR_SKEWNESS = 4
+"""The skewness of fewer differences says nothing [1]."""
+
+SEED = 20_220_302
+"""Of bootstraps, and of permutations of many dyads."""
+
+
+@dataclass(frozen=True, slots=True)
+class Question:
+    """Which conditions are compared.
+
+    Attributes
+    ----------
+    first, second : tuple of str
+        Conditions: of one, its level; of two, the first one's less the second one's.
+    """
+
+    kind: Kind
+    name: str
+    first: tuple[str, ...]
+    second: tuple[str, ...]
+
+
+def questions_of(study: Study) -> tuple[Question, ...]:
+    """Declare the contrasts that a study can have.
+
+    Parameters
+    ----------
+    study : Study
+        The study. Only conditions of people are compared: no robot's, none with a hand that is still.
+    """
+    people = tuple(one for one in conditions(study) if not one.partner)
+    forces = {(one.configuration, one.force, one.among): one for one in people}
+    effects = {(one.configuration, one.force, one.among): (one, off) for one, off in with_base(people)}
+    return (
+        *(Question("forces", f"{one.label} less off", (one.name,), (off.name,)) for one, off in effects.values()),
+        *(
+            Question(
+                "configuration",
+                ", ".join(("dyadic less bimanual", one.feeling, *one.among)),
+                (one.name,),
+                (alone.name,),
+            )
+            for one, alone in _both(forces)
+        ),
+        *(
+            Question(
+                "interaction",
+                ", ".join((f"{two[0].feeling} less off, dyadic less bimanual", *two[0].among)),
+                (two[0].name, two[1].name),
+                (one[0].name, one[1].name),
+            )
+            for two, one in _both(effects)
+        ),
+        *(Question("factor", name, (one.name,), (base.name,)) for name, one, base in by_factor(people)),
+    )
+
+
+def _both(of: Mapping[tuple[str, str, tuple[str, ...]], T]) -> Iterator[tuple[T, T]]:
+    """Yield what there is of a force and other levels both of two people and of one."""
+    for (configuration, force, among), found in of.items():
+        alone = ("bimanual", force, among)
+        if configuration == "dyadic" and alone in of:
+            yield found, of[alone]
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """A measure in the conditions of a question.
+
+    Attributes
+    ----------
+    contrast : Contrast
+        In each dyad, intervals, tests and d_z; of a ratio measure, of natural logarithms.
+    difference, bootstrap : Estimate
+        Its mean difference with the t interval and that of the bootstrap; of a ratio measure, the ratio
+        [the measure's, or 1].
+    corrected : float
+        p of the permutation test, corrected for all tests of the family [1].
+    """
+
+    measure: Measure
+    question: Question
+    contrast: Contrast
+    difference: Estimate
+    bootstrap: Estimate
+    hedges: Estimate
+    corrected: float
+
+    @property
+    def unit(self) -> str:
+        """SI unit of the difference; 1 of a ratio."""
+        return "1" if self.measure.ratio else self.measure.unit
+
+    @property
+    def what(self) -> str:
+        """What the difference is."""
+        return f"{self.measure.name}: {'ratio' if self.measure.ratio else 'difference'}"
+
+
+@dataclass(frozen=True, slots=True)
+class Comparisons:
+    """All measures in all contrasts."""
+
+    comparisons: tuple[Comparison, ...]
+
+    @property
+    def results(self) -> tuple[Result, ...]:
+        """Differences with both intervals, sizes of effects, and tests."""
+        return tuple(row for one in self.comparisons for row in _rows(one))
+
+
+def _rows(one: Comparison) -> Iterator[Result]:
+    contrast = one.contrast
+    note = "; ".join(filter(None, (EXPLAINED.get(one.measure.name, ""), *contrast.notes)))
+    group = one.question.name
+    yield estimated("contrasts", one.what, group, one.difference, one.unit, note)
+    yield estimated("contrasts", f"{one.what}, bootstrap", group, one.bootstrap, one.unit, note)
+    yield estimated("contrasts", f"{one.measure.name}: d_z", group, contrast.effect, "1", note)
+    yield estimated("contrasts", f"{one.measure.name}: g_z", group, one.hedges, "1", note)
+    for name, test in (("sign test", contrast.signs), ("permutation test", contrast.permutation)):
+        least = f"at least {test.least_p:.3g} with so many" if np.isfinite(test.least_p) else "too few to test"
+        shape = f"; {_symmetry(contrast)}" if test is contrast.permutation else ""
+        yield _number(one, f"{one.measure.name}: p, {name}", test.p, test.n, f"{least}{shape}")
+    family = f"all contrasts of all measures of {one.measure.family}, permutation tests; {_symmetry(contrast)}"
+    yield _number(one, f"{one.measure.name}: p, Holm", one.corrected, contrast.n, family)
+
+
+def _symmetry(contrast: Contrast) -> str:
+    """Say what the permutation test assumes, and how skewed these differences are."""
+    if contrast.n < LEAST_FOR_SKEWNESS or not np.isfinite(contrast.effect.value):
+        return SYMMETRIC
+    return f"{SYMMETRIC}; these have skewness {stats.skew(contrast.differences):.1f}"
+
+
+def _number(one: Comparison, quantity: str, value: float, n: int, note: str) -> Result:
+    return Result("contrasts", quantity, one.question.name, value, np.nan, np.nan, "1", "", n, "dyad", note)
+
+
+@kept
+def comparisons(study: Study) -> Comparisons:
+    """Compare conditions in all measures.
+
+    Returns
+    -------
+    Comparisons
+        Of every measure that is compared, all contrasts that some dyad has.
+    """
+    rng = np.random.default_rng(SEED)
+    questions = questions_of(study)
+    found: list[Comparison] = []
+    for measure in as_read(study):
+        if measure.compared:
+            table = levels(study, measure).pivot(index="dyad", columns="condition", values="level")
+            found += [_compare(measure, question, table, rng) for question in questions if _asked(question, table)]
+    return Comparisons(_corrected(found))
+
+
+def _asked(question: Question, table: pd.DataFrame) -> bool:
+    """Whether a dyad has all conditions of a question."""
+    conditions = [*question.first, *question.second]
+    return set(conditions) <= set(table.columns) and bool(table[conditions].notna().all(axis=1).any())
+
+
+def _compare(measure: Measure, question: Question, table: pd.DataFrame, rng: np.random.Generator) -> Comparison:
+    first, second = (_level(table, conditions) for conditions in (question.first, question.second))
+    both = pd.concat([first, second])
+    is_first = np.arange(len(both)) < len(first)
+    contrast = condition_contrast(both.to_numpy(), both.index.to_numpy(), is_first, rng, name=question.name)
+    difference, drawn = contrast.difference, contrast.bootstrap
+    if measure.ratio:
+        difference, drawn = exponential(difference), exponential(drawn)
+    hedges = paired_effect(contrast.differences, correction="hedges")
+    return Comparison(measure, question, contrast, difference, drawn, hedges, np.nan)
+
+
+def _level(table: pd.DataFrame, conditions: tuple[str, ...]) -> pd.Series:
+    """Return the level of each dyad in a condition, or the difference of two."""
+    first = table[conditions[0]]
+    return first if len(conditions) == 1 else first - table[conditions[1]]
+
+
+def _corrected(found: list[Comparison]) -> tuple[Comparison, ...]:
+    """Correct p values within families."""
+    values = np.full(len(found), np.nan)
+    for family in {one.measure.family for one in found}:
+        own = [k for k, one in enumerate(found) if one.measure.family == family]
+        values[own] = holm([found[k].contrast.permutation.p for k in own])
+    return tuple(replace(one, corrected=float(p)) for one, p in zip(found, values, strict=True))

@@ -1,0 +1,166 @@
+"""Whether partners answer each other: how much the past of one says of the other, beside dyads who never met.
+
+The signals are velocities of the two styluses at 50 Hz, from the release to the completion. Those of trials with the
+target at the left change their sign, and the ball's place with them: then all trials ask for the same, and a side
+remains the same person. What the target's own past and the ball's say is taken off. True dyads are compared with
+surrogate ones, partners of two dyads who had the same task (`netboard.analysis.measures.information`). The filter of
+all data has no delay, so what is to come is in the past too, a little: another reason to look at what true dyads have
+more.
+
+The time this takes grows with the pairs of dyads, the square of their number, times the trials of each. No more than
+`MOST` trials of pairs are looked at, but at least `LEAST` of each dyad; trials are then drawn, by a fixed seed.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from netboard.analysis.extraction.study import Study
+from netboard.analysis.measures.information import Chance, Past, chance_level, granger
+from netboard.analysis.results.groups import Condition, conditions
+from netboard.analysis.results.paths import joined
+from netboard.analysis.results.result import Result, kept
+from netboard.analysis.statistics.estimates import mean
+
+Direction = Literal["left to right", "right to left"]
+
+PAST = Past(step=1, own=3, other=3, delay=1)
+"""In samples of a path: 20, 40 and 60 ms ago."""
+
+MOST, LEAST = 1000, 10
+"""Trials of pairs of dyads in a condition and direction; trials of each dyad [1]."""
+
+SHORTEST = 8
+"""Trials of fewer samples tell nothing [1]."""
+
+SEED = 20_000_731
+"""Of the choice of trials, and of pairings of many dyads."""
+
+Trials = list[NDArray[np.float64]]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Influence:
+    """How much one side says of the other in a condition.
+
+    Attributes
+    ----------
+    values : ndarray of float64, shape (n,)
+        Granger's strength in each true dyad [nat].
+    chance : Chance or None
+        Their mean beside that of surrogate dyads; None with a single dyad.
+    of : int
+        Trials that each dyad has at least, of which these were drawn [1].
+    """
+
+    condition: Condition
+    direction: Direction
+    dyads: tuple[str, ...]
+    values: NDArray[np.float64]
+    chance: Chance | None
+    trials: int
+    of: int
+
+
+@dataclass(frozen=True, slots=True)
+class Influences:
+    """In both directions, in all conditions with two people."""
+
+    influences: tuple[Influence, ...]
+
+    @property
+    def results(self) -> tuple[Result, ...]:
+        """Strength in true dyads, level of chance, excess, and p."""
+        return tuple(row for one in self.influences for row in _rows(one))
+
+
+def _rows(one: Influence) -> list[Result]:
+    n, chance = len(one.dyads), one.chance
+    group = f"{one.condition.label}, {one.direction}"
+    note = f"{one.trials} of {one.of} trials of each dyad; given the ball"
+    if chance is None:
+        few = "one dyad" if n == 1 else "no dyad has it"
+        numbers = [("Granger strength", mean(one.values), "nat", f"{note}; {few}: no surrogates")]
+    else:
+        numbers = [
+            ("Granger strength", chance.value, "nat", note),
+            ("Granger strength of surrogate dyads", chance.level, "nat", f"{len(chance.surrogates)} pairings"),
+            ("Granger strength beyond surrogates", chance.excess, "nat", note),
+            ("Granger strength: p by surrogates", chance.p, "1", f"at least {chance.least_p:.3g} with so many dyads"),
+        ]
+    return [
+        Result("influence", name, group, x, np.nan, np.nan, unit, "", n, "dyad", why) for name, x, unit, why in numbers
+    ]
+
+
+@kept
+def influences(study: Study) -> Influences:
+    """Ask of both partners whether they answer the other."""
+    found: list[Influence] = []
+    for condition in conditions(study):
+        trials = study.counted[study.counted["condition"] == condition.name]
+        movers = study.blocks.loc[study.blocks["recording"].isin(trials["recording"]), ["left_by", "right_by"]]
+        if (movers["left_by"] != movers["right_by"]).all() and not movers.isin(["still", "robot"]).any(axis=None):
+            found += _in_condition(condition, trials, study.paths)
+    return Influences(tuple(found))
+
+
+def _in_condition(condition: Condition, trials: pd.DataFrame, paths: Mapping[str, pd.DataFrame]) -> list[Influence]:
+    """Look at both directions."""
+    there = _signals(trials, paths)
+    if not there:
+        return []
+    dyads, of = tuple(there), min(map(len, there.values()))
+    count = min(of, max(LEAST, MOST // len(dyads) ** 2))
+    rng = np.random.default_rng(SEED)
+    drawn = np.sort(rng.choice(of, count, replace=False))
+    left, right = ([[there[dyad][k][:, [side, 2]] for k in drawn] for dyad in dyads] for side in (0, 1))
+    return [
+        _influence(condition, direction, dyads, source, target, of, rng)
+        for direction, source, target in _directions(left, right)
+    ]
+
+
+def _directions(left: list[Trials], right: list[Trials]) -> list[tuple[Direction, list[Trials], list[Trials]]]:
+    return [("left to right", left, right), ("right to left", right, left)]
+
+
+def _signals(trials: pd.DataFrame, paths: Mapping[str, pd.DataFrame]) -> dict[str, Trials]:
+    """Return each dyad's trials in their order, each as rows of both velocities and the ball [m/s, m]."""
+    found: dict[str, Trials] = {dyad: [] for dyad in sorted(trials["dyad"].unique())}
+    for whole in joined(trials, paths):
+        table = whole[whole["time"] <= whole["completion"]]
+        signals = table[["left_vz", "right_vz", "p"]].to_numpy() * table[["target"]].to_numpy()
+        bounds = np.flatnonzero(np.diff(table["number"])) + 1
+        for signal in np.split(signals, bounds):
+            if len(signal) >= SHORTEST and np.isfinite(signal).all():
+                found[whole["dyad"].iat[0]].append(signal)
+    return {dyad: own for dyad, own in found.items() if own}
+
+
+def _influence(
+    condition: Condition,
+    direction: Direction,
+    dyads: tuple[str, ...],
+    sources: Sequence[Trials],
+    targets: Sequence[Trials],
+    of: int,
+    rng: np.random.Generator,
+) -> Influence:
+    values = np.array([_strength(source, target) for source, target in zip(sources, targets, strict=True)])
+    known = np.flatnonzero(np.isfinite(values)).tolist()
+    chance = None
+    if len(known) > 1:
+        chance = chance_level([sources[k] for k in known], [targets[k] for k in known], _strength, rng)
+    names = tuple(dyads[k] for k in known)
+    return Influence(condition, direction, names, values[known], chance, len(sources[0]), of)
+
+
+def _strength(sources: Sequence[NDArray[np.float64]], targets: Sequence[NDArray[np.float64]]) -> float:
+    """Granger's strength, the ball of the target's trial being given."""
+    others, own, ball = ([trial[:, k] for trial in trials] for trials, k in ((sources, 0), (targets, 0), (targets, 1)))
+    return granger(others, own, past=PAST, given=[ball]).strength

@@ -1,0 +1,80 @@
+"""Who moved first: signed delays of the sides, and how evenly they took the lead.
+
+A delay is the left side's time less the right one's, + = right first. In bimanual conditions the sides are hands of one
+person, in dyadic ones two people. A level is that of a dyad, as in `netboard.analysis.results.measures`.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from netboard.analysis.extraction.study import Study
+from netboard.analysis.measures.lags import leadership
+from netboard.analysis.results.groups import estimated
+from netboard.analysis.results.measures import Levels, Measure, column, levels_of
+from netboard.analysis.results.result import Result
+
+_OWN = column("own_delay_20")
+
+
+def _index(delays: pd.Series) -> float:
+    return leadership(delays).index
+
+
+QUESTIONS = (
+    Measure("signed delay at 20 %", "s", "coordination", "movement", column("delay_20"), compared=False),
+    Measure("signed delay at 20 % of the own peak", "s", "coordination", "movement", _OWN, compared=False),
+    Measure("signed lag", "s", "coordination", "trial", column("lag"), compared=False),
+    Measure("leadership index", "1", "coordination", "movement", _OWN, level=_index, compared=False),
+)
+"""All of them. The index is that of the own peaks, in which moving further does not look like moving earlier."""
+
+
+@dataclass(frozen=True, slots=True)
+class Leaders:
+    """All answers.
+
+    Attributes
+    ----------
+    leads : tuple of Levels
+        By question, then by condition. A mean that is not 0 is that of a side that leads in all dyads.
+    changed : tuple of str
+        Dyads whose partners changed seats between dyadic blocks: there a side is no person.
+    """
+
+    leads: tuple[Levels, ...]
+    changed: tuple[str, ...]
+
+    @property
+    def results(self) -> tuple[Result, ...]:
+        """The mean over dyads, and each dyad's own."""
+        return tuple(row for lead in self.leads for row in self._rows(lead))
+
+    def _rows(self, lead: Levels) -> Iterator[Result]:
+        question, group, sides = lead.measure, lead.condition.label, "+ = right first"
+        yield estimated("leadership", question.name, group, lead.mean, question.unit, sides)
+        for dyad, value in zip(lead.dyads, lead.values, strict=True):
+            note = f"{sides}; partners changed seats" if dyad in self.changed else sides
+            one = (float(value), np.nan, np.nan, question.unit, "")
+            yield Result("leadership", question.name, f"{group}, {dyad}", *one, 1, "dyad", note)
+
+
+def leaders(study: Study) -> Leaders:
+    """Find who moved first.
+
+    Returns
+    -------
+    Leaders
+        The answers to all questions, for conditions in which there are any.
+    """
+    return Leaders(levels_of(study, QUESTIONS), _changed_seats(study))
+
+
+def _changed_seats(study: Study) -> tuple[str, ...]:
+    """Name the dyads in which not always the same one sat at the left."""
+    together = study.blocks[study.blocks["configuration"] == "dyadic"]
+    people = together[~together[["left_by", "right_by"]].isin(["still", "robot"]).any(axis=1)]
+    seats = people.groupby("dyad")["left_by"].nunique()
+    return tuple(seats.index[seats > 1])

@@ -1,0 +1,268 @@
+"""What is measured of attempts, as one list, and the level of each dyad in each condition.
+
+A dyad's level is the mean of its performers' levels, and a performer's that of the own trials, movements or attempts:
+in bimanual conditions a dyad has two performers, in dyadic ones one. So every dyad counts the same, however many trials
+it has, and the dyad is the unit of all intervals.
+"""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+import pandas as pd
+from numpy.typing import ArrayLike, NDArray
+
+from netboard.analysis.extraction.study import Study
+from netboard.analysis.results.groups import CLASSES, Condition, conditions, counted, estimated
+from netboard.analysis.results.result import Result, kept
+from netboard.analysis.statistics.estimates import Estimate, t_interval
+
+Of = Literal["trial", "movement", "attempt"]
+Family = Literal["performance", "coordination", "forces"]
+
+PLACE = ["condition", "dyad", "performer"]
+
+
+@dataclass(frozen=True, slots=True)
+class Measure:
+    """What is measured.
+
+    Attributes
+    ----------
+    of : {"trial", "movement", "attempt"}
+        What has a value: trials that count, cooperative movements in them, or attempts that succeeded or fell.
+    values : callable
+        Takes the rows of those; returns the value of each, NaN for none [its unit].
+    weights : callable or None
+        Takes the rows; returns how much each weighs in a performer's mean. None: all the same.
+    level : callable or None
+        Takes a performer's values in a condition; returns one number [its unit]. None: their mean.
+    compared : bool
+        Conditions are compared in it. Otherwise a difference would say nothing of how well people do.
+    """
+
+    name: str
+    unit: str
+    family: Family
+    of: Of
+    values: Callable[[pd.DataFrame], ArrayLike]
+    ratio: bool = False
+    weights: Callable[[pd.DataFrame], ArrayLike] | None = None
+    level: Callable[[pd.Series], float] | None = None
+    compared: bool = True
+
+
+def _share(name: str) -> Callable[[pd.DataFrame], ArrayLike]:
+    """Return how a class's share of a trial's time is found."""
+
+    def values(rows: pd.DataFrame) -> ArrayLike:
+        whole = _known_time(rows)
+        return np.where(whole > 0.0, rows[name] / np.where(whole > 0.0, whole, 1.0), np.nan)
+
+    return values
+
+
+def _known_time(rows: pd.DataFrame) -> NDArray[np.float64]:
+    return np.asarray(rows[list(CLASSES)].to_numpy(float).sum(axis=1))
+
+
+def _reaction(rows: pd.DataFrame) -> ArrayLike:
+    """The first hand's; none where a hand moved already or sooner than anybody reacts, or a hole may hide it."""
+    none = np.zeros(len(rows), bool)
+    for side in ("left", "right"):
+        time, anticipated = rows[f"{side}_reaction"], rows[f"{side}_anticipated"]
+        none |= ((anticipated == 1.0) | (time.isna() & anticipated.isna())).to_numpy()
+    return np.where(none, np.nan, np.fmin(rows["left_reaction"], rows["right_reaction"]))
+
+
+def _both(name: str) -> Callable[[pd.DataFrame], ArrayLike]:
+    return lambda rows: rows[f"left_{name}"] + rows[f"right_{name}"]
+
+
+def column(name: str) -> Callable[[pd.DataFrame], ArrayLike]:
+    """Take the values that a column has."""
+    return lambda rows: rows[name]
+
+
+def _magnitude(name: str) -> Callable[[pd.DataFrame], ArrayLike]:
+    return lambda rows: rows[name].abs()
+
+
+MEASURES = (
+    Measure("completion time", "s", "performance", "trial", column("completion"), ratio=True),
+    Measure("velocity peaks", "1", "performance", "trial", column("peaks")),
+    Measure("SPARC", "1", "performance", "trial", column("sparc")),
+    Measure("LDLJ", "1", "performance", "trial", column("ldlj")),
+    Measure("reaction time", "s", "performance", "trial", _reaction),
+    Measure("time in target", "s", "performance", "trial", column("in_target")),
+    Measure("overshoots", "1", "performance", "trial", column("overshoots")),
+    Measure("falls per attempt", "1", "performance", "attempt", lambda rows: rows["outcome"] == "fell"),
+    *(Measure(f"{name} share", "1", "coordination", "trial", _share(name)) for name in CLASSES),
+    Measure("|delay at 20 %|", "s", "coordination", "movement", _magnitude("delay_20")),
+    Measure("|lag|", "s", "coordination", "trial", _magnitude("lag")),
+    Measure("correlation of the hands", "1", "coordination", "trial", column("correlation"), compared=False),
+    Measure("effort", "N2 s", "forces", "trial", _both("effort")),
+    Measure("interaction force", "N", "forces", "trial", column("interaction")),
+    Measure("exchanged energy", "J", "forces", "trial", lambda rows: rows["to_left"] + rows["to_right"]),
+    Measure("work given", "J", "forces", "trial", _both("given"), compared=False),
+    Measure("work received", "J", "forces", "trial", _both("received"), compared=False),
+    Measure("power, left", "W", "forces", "trial", column("left_power"), compared=False),
+    Measure("power, right", "W", "forces", "trial", column("right_power"), compared=False),
+    Measure("force share, right", "1", "forces", "trial", column("force_share"), compared=False),
+)
+"""All of them."""
+
+EXPLAINED = {
+    "completion time": "geometric mean",
+    "reaction time": "of the hand that is first, sooner of two people by chance; trials with an anticipation have none",
+    "velocity peaks": "NP, of the ball's speed",
+    "time in target": "before the hold",
+    "|delay at 20 %|": "of cooperative movements",
+    "|lag|": "by cross-correlation",
+    "interaction force": "mean magnitude of what cancels in the tilt: on a light board half the spring's pull",
+    "force share, right": "of the right hand, without what each must bear: on a light board a half, whatever people do",
+    "work given": "of both hands on the coupling",
+    "work received": "by both hands from the coupling",
+    "power, left": "mean, of the left hand on the coupling",
+    "power, right": "mean, of the right hand on the coupling",
+}
+"""What must be known to read a measure."""
+
+
+def rows_of(study: Study, of: Of) -> pd.DataFrame:
+    """Choose what has a value.
+
+    Parameters
+    ----------
+    of : {"trial", "movement", "attempt"}
+        Trials that count; their cooperative movements; or all attempts that succeeded or fell and are not excluded.
+    """
+    if of == "trial":
+        return counted(study)
+    if of == "movement":
+        return study.movements[(study.movements["counts"] == 1) & (study.movements["cooperative"] == 1)]
+    keys = ["recording", "trial", "attempt"]
+    left_out = pd.MultiIndex.from_frame(study.exclusions[keys])
+    kept = ~pd.MultiIndex.from_frame(study.trials[keys]).isin(left_out)
+    return study.trials[kept & study.trials["outcome"].isin(["success", "fell"])]
+
+
+def levels(study: Study, measure: Measure) -> pd.DataFrame:
+    """Find the level of each dyad in each condition.
+
+    Parameters
+    ----------
+    measure : Measure
+        What is measured. The reading of shares decides whether trials or seconds count the same in them.
+
+    Returns
+    -------
+    DataFrame
+        Columns ``condition``, ``dyad``, ``level`` (of a ratio measure its natural logarithm) and ``rows``, of how many
+        values it is.
+    """
+    rows = rows_of(study, measure.of)
+    values = np.asarray(measure.values(rows), dtype=float)
+    if measure.ratio:
+        values = np.log(np.where(values > 0.0, values, np.nan))
+    weights = np.ones(len(rows)) if measure.weights is None else np.asarray(measure.weights(rows), dtype=float)
+    table = rows[PLACE].assign(value=values, sum=values * weights, weight=weights, rows=1)[np.isfinite(values)]
+    people = _people(measure, table)
+    return people.groupby(["condition", "dyad"], as_index=False).agg(level=("level", "mean"), rows=("rows", "sum"))
+
+
+def _people(measure: Measure, table: pd.DataFrame) -> pd.DataFrame:
+    """Find the level of each performer in each condition."""
+    people = table.groupby(PLACE, as_index=False)
+    if measure.level is not None:
+        return people.agg(level=("value", measure.level), rows=("rows", "sum"))
+    sums = people[["sum", "weight", "rows"]].sum()
+    return sums.assign(level=sums["sum"] / sums["weight"])
+
+
+def as_read(study: Study) -> tuple[Measure, ...]:
+    """Return the measures with what the study's readings make of them.
+
+    Returns
+    -------
+    tuple of Measure
+        `MEASURES`; with the reading ``summaries.shares = "time"``, shares are weighted by time.
+    """
+    if study.readings.summaries.shares == "trials":
+        return MEASURES
+    shares = {f"{name} share" for name in CLASSES}
+    return tuple(replace(one, weights=_known_time) if one.name in shares else one for one in MEASURES)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Levels:
+    """A measure in a condition.
+
+    Attributes
+    ----------
+    values : ndarray of float64, shape (n,)
+        Their levels; of a ratio measure, geometric means [the measure's].
+    mean : Estimate
+        Mean of the dyads, with its t interval; of a ratio measure all three through the logarithm.
+    """
+
+    measure: Measure
+    condition: Condition
+    dyads: tuple[str, ...]
+    values: NDArray[np.float64]
+    rows: int
+    mean: Estimate
+
+
+@dataclass(frozen=True, slots=True)
+class Overview:
+    """All measures in all conditions."""
+
+    levels: tuple[Levels, ...]
+
+    @property
+    def results(self) -> tuple[Result, ...]:
+        """The mean of each measure in each condition, and how much of it there was."""
+        return tuple(
+            estimated("measures", one.measure.name, one.condition.label, one.mean, one.measure.unit, _note(one))
+            for one in self.levels
+        )
+
+
+def _note(one: Levels) -> str:
+    return "; ".join(filter(None, (EXPLAINED.get(one.measure.name, ""), f"of {one.rows} {one.measure.of}s")))
+
+
+def levels_of(study: Study, measures: Iterable[Measure]) -> tuple[Levels, ...]:
+    """Find the levels of measures in every condition, and their means.
+
+    Returns
+    -------
+    tuple of Levels
+        By measure, then by condition; conditions in which a measure has no value have none.
+    """
+    found = []
+    for measure in measures:
+        table = levels(study, measure)
+        for condition in conditions(study):
+            own = table[table["condition"] == condition.name]
+            if not len(own):
+                continue
+            estimate, values = t_interval(own["level"]), own["level"].to_numpy()
+            if measure.ratio:
+                estimate, values = exponential(estimate), np.exp(values)
+            found.append(Levels(measure, condition, tuple(own["dyad"]), values, int(own["rows"].sum()), estimate))
+    return tuple(found)
+
+
+@kept
+def overview(study: Study) -> Overview:
+    """Find the level of every measure in every condition."""
+    return Overview(levels_of(study, as_read(study)))
+
+
+def exponential(estimate: Estimate) -> Estimate:
+    """Take an estimate back from its logarithm."""
+    value, low, high = (float(np.exp(x)) for x in (estimate.value, estimate.low, estimate.high))
+    return replace(estimate, value=value, low=low, high=high)

@@ -1,0 +1,191 @@
+"""Models of all trials at once: completion times, velocity peaks and falls over forces, configuration and practice.
+
+The models are those of `netboard.analysis.statistics.models`; here they are given a study, and their terms, notes and
+assumptions become results. Fixed factors are haptics (or each force, where several are felt), configuration, and every
+other factor that the study declares or that differs between its blocks; a numeric one is a straight line over its
+values.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from math import floor, log10
+
+import numpy as np
+import pandas as pd
+
+from netboard.analysis.extraction.conditions import StudyFactor
+from netboard.analysis.extraction.study import Study
+from netboard.analysis.results.groups import FORCES
+from netboard.analysis.results.measures import rows_of
+from netboard.analysis.results.result import Result, kept
+from netboard.analysis.statistics.effects import Effect, Inference, Model
+from netboard.analysis.statistics.factors import INTERCEPT, PRACTICE, Factor, paper_factors
+from netboard.analysis.statistics.models import count_model, log_time_model, share_model
+
+
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """A model of a measure.
+
+    Attributes
+    ----------
+    ratio, first : str
+        What the exponentials of a coefficient, and of the intercept, are.
+    """
+
+    measure: str
+    of: str
+    ratio: str
+    first: str
+    model: Model
+
+
+@dataclass(frozen=True, slots=True)
+class Fits:
+    """All models."""
+
+    fits: tuple[Fit, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def results(self) -> tuple[Result, ...]:
+        """Each term with its p, the sources of chance, and what speaks against the assumptions."""
+        return tuple(row for fit in self.fits for row in (*self._terms(fit), *_chance(fit), *_checks(fit)))
+
+    def _terms(self, fit: Fit) -> Iterator[Result]:
+        note = "; ".join((f"{fit.model.name}: {fit.model.equation}", *self.notes, *fit.model.notes))
+        for effect in fit.model.effects:
+            yield from _rows(fit, effect, effect, "", note)
+            for other in effect.others:
+                yield from _rows(fit, effect, other, f", {other.method}", note)
+
+
+def _rows(fit: Fit, effect: Effect, sure: Effect | Inference, method: str, note: str) -> Iterator[Result]:
+    """A term with its interval, and its p, by one method."""
+    (value, low, high), unit = _shown(effect.name, sure), "1"
+    interval = f"95 % {sure.estimate.method}" if np.isfinite(low) else ""
+    rest = (sure.estimate.n, "dyad", note)
+    quantity = f"{fit.measure}: {fit.ratio}"
+    if effect.name == PRACTICE:
+        quantity = f"{fit.measure}: exponent of practice"
+    elif effect.name == INTERCEPT:
+        quantity, unit = f"{fit.measure}: {fit.first}", "s" if fit.measure == "completion time" else "1"
+    yield Result("models", f"{quantity}{method}", effect.name, value, low, high, unit, interval, *rest)
+    yield Result("models", f"{fit.measure}: p{method}", effect.name, sure.p, np.nan, np.nan, "1", "", *rest)
+
+
+def _shown(name: str, sure: Effect | Inference) -> tuple[float, float, float]:
+    """Return a term as what it multiplies; practice as its exponent."""
+    of = sure.estimate if name == PRACTICE else sure.ratio
+    return of.value, of.low, of.high
+
+
+def _chance(fit: Fit) -> Iterator[Result]:
+    for component in fit.model.components:
+        numbers = (component.deviation, np.nan, np.nan, "1", "", component.levels)
+        of = "trial" if component.name == "residual" else component.name.split(" by ")[-1]
+        yield Result("models", f"{fit.measure}: SD on the log scale", component.name, *numbers, of)
+
+
+def _checks(fit: Fit) -> Iterator[Result]:
+    """Numbers beside the assumptions that they speak of; the rest of these is a note."""
+    model = fit.model
+    checks = [("correlation within dyads", model.correlation), ("Pearson's dispersion", model.dispersion)]
+    if model.diagnostics is not None:
+        found = model.diagnostics
+        checks += [("residual skewness", found.skewness), ("residual kurtosis", found.kurtosis)]
+        checks += [("rank correlation of residual size and fit", found.spread)]
+        checks += [("correlation of successive residuals", found.successive)]
+    note = " ".join(("Assumptions:", *model.assumptions))
+    for name, value in checks:
+        if np.isfinite(value):
+            yield Result(
+                "models", f"{fit.measure}: {name}", "all", value, np.nan, np.nan, "1", "", model.trials, fit.of, note
+            )
+
+
+@kept
+def fits(study: Study) -> Fits:
+    """Fit all models.
+
+    Parameters
+    ----------
+    study : Study
+        The study; trials with a robot or a hand that is still are left out.
+
+    Returns
+    -------
+    Fits
+        The models. One that cannot be fitted says why in its notes.
+    """
+    trials, attempts = (_people(rows_of(study, of)) for of in ("trial", "attempt"))
+    attempts = attempts.assign(order=_number_of(attempts))
+    times = log_time_model(trials["completion"].where(trials["completion"] > 0.0), *_labels(trials, study))
+    peaks = count_model(trials["peaks"], *_labels(trials, study))
+    falls = share_model(attempts["outcome"] == "fell", *_labels(attempts, study))
+    return Fits(
+        (
+            Fit("completion time", "trial", "ratio", "at the first trial", times),
+            Fit("velocity peaks", "trial", "ratio", "at the first trial", peaks),
+            Fit("falls per attempt", "attempt", "ratio of odds", "odds at the first trial", falls),
+        ),
+        _left_out(study, len(trials)),
+    )
+
+
+def _people(rows: pd.DataFrame) -> pd.DataFrame:
+    return rows[(rows["partner"] == "") & rows["role"].isin(["", "test"])]
+
+
+def _labels(rows: pd.DataFrame, study: Study) -> tuple[pd.Series, pd.Series, tuple[Factor, ...], pd.Series]:
+    return rows["dyad"], rows["performer"], factors_of(rows, study.factors), rows["order"]
+
+
+def factors_of(rows: pd.DataFrame, others: Sequence[StudyFactor] = ()) -> tuple[Factor, ...]:
+    """Return the fixed factors of the models: haptics or force, configuration, and the study's own.
+
+    Parameters
+    ----------
+    others : sequence of StudyFactor
+        Factors of the study. Those that force, configuration and partner tell already are left out.
+    """
+    found = list(paper_factors(rows["haptics"] == 1, rows["configuration"] == "dyadic"))
+    felt = [force for force in FORCES if force in set(rows["force"])]
+    if len([force for force in felt if force != "none"]) > 1:
+        found[0] = _named("force", rows["force"], felt)
+    own = [_own(rows, one) for one in others if one.told]
+    if own:  # without others, a study is told what it lacks beside that of the paper
+        found = [one for one in found if len(set(one.values)) > 1]
+    return (*found, *own)
+
+
+def _named(name: str, values: pd.Series, levels: Sequence[str]) -> Factor:
+    """Return a factor of names; one of two levels says which is compared with which."""
+    full = f"{name}: {levels[1]} less {levels[0]}" if len(levels) == 2 else name
+    return Factor(full, values.to_numpy(str), tuple(levels))
+
+
+def _own(rows: pd.DataFrame, factor: StudyFactor) -> Factor:
+    """Return a factor of the study: a numeric one in decimal steps of its unit that suit its range."""
+    if len(set(factor.of.values)) < 2 or (rows[factor.column] == "").any():
+        levels = tuple(one for one in ("", *factor.of.levels) if one in set(rows[factor.column]))
+        return _named(factor.name, rows[factor.column], levels)
+    step = 10.0 ** floor(log10(max(factor.of.values) - min(factor.of.values)))
+    unit = factor.of.unit if step == 1.0 else f"{step:g} {factor.of.unit}".removesuffix(" 1")
+    values = np.round(rows[f"{factor.column}_value"].to_numpy(float) / step, 9)
+    return Factor(f"{factor.name} [{unit}]", values, numeric=True, unit=unit)
+
+
+def _number_of(attempts: pd.DataFrame) -> pd.Series:
+    """Number attempts by the successful trial of the performer in the condition that they are at, from 1."""
+    succeeded = (attempts["outcome"] == "success").astype("int64")
+    done = succeeded.groupby([attempts[name] for name in ("dyad", "performer", "condition")]).cumsum()
+    return done - succeeded + 1
+
+
+def _left_out(study: Study, kept: int) -> tuple[str, ...]:
+    """Say what the models leave out."""
+    notes = []
+    if kept < len(study.counted):
+        notes.append(f"{len(study.counted) - kept} trials with a robot or a still hand are left out")
+    return tuple(notes)

@@ -1,0 +1,152 @@
+"""How much of the effect of forces is mechanics: cooperative movement with a partner who never acts.
+
+The effect is the dyad's share of cooperative movement with forces less that without. The passive effect is the share
+that either side's recorded movement would have with a passive partner instead of the other person; with a partner who
+is still there is none (`netboard.analysis.measures.passive`). Friction of a device holds most of this movement, so each
+passive effect is given twice: of a hand without friction, an upper bound, and of one that holds the recorded device.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from netboard.analysis.extraction.modern import STIFFNESSES
+from netboard.analysis.extraction.study import Study
+from netboard.analysis.results.groups import Condition, conditions, estimated, with_base
+from netboard.analysis.results.measures import as_read, column, levels, rows_of
+from netboard.analysis.results.result import Result
+from netboard.analysis.statistics.estimates import Estimate, bootstrap, ratio_of_sums, t_interval
+
+SEED = 20_170_605
+"""Of the bootstrap."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Control:
+    """The effect of a force beside the passive one.
+
+    Attributes
+    ----------
+    stiffness : int
+        Of the passive partner's arm [N/m].
+    friction : float
+        Coulomb friction of the device in the passive hand; 0 for a hand alone [N].
+    share : Estimate
+        Sum of the passive effects over that of the effects, by drawing whole dyads: 1 = all is mechanics [1].
+    """
+
+    condition: Condition
+    stiffness: int
+    friction: float
+    dyads: tuple[str, ...]
+    effect: NDArray[np.float64]
+    passive: NDArray[np.float64]
+    mean_effect: Estimate
+    mean_passive: Estimate
+    share: Estimate
+
+    @property
+    def arm(self) -> str:
+        """The passive hand in words."""
+        return f"{self.stiffness} N/m, {'with the device' if self.friction else 'no friction'}"
+
+    @property
+    def has_effect(self) -> bool:
+        """There is something to have a share of: an interval of the effect without 0."""
+        return self.mean_effect.low > 0.0 or self.mean_effect.high < 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Controls:
+    """For every force and every stiffness.
+
+    Attributes
+    ----------
+    controls : tuple of Control
+        By force, then by stiffness, without friction and then with the device, if that is known.
+    """
+
+    controls: tuple[Control, ...]
+
+    @property
+    def results(self) -> tuple[Result, ...]:
+        """The effect of each force, and for each stiffness the passive effect and its share."""
+        rows = []
+        felt = []
+        for one in self.controls:
+            group = f"{one.condition.label} less off"
+            if group not in felt:
+                felt.append(group)
+                rows.append(_row("haptic effect on cooperative share", group, one.mean_effect, ""))
+            rows.append(_row(f"passive effect on cooperative share, {one.arm}", group, one.mean_passive, _held(one)))
+            share, note = one.share, f"1 = all is mechanics; intervals of few dyads are too short; {_held(one)}"
+            if not one.has_effect:
+                share = replace(share, value=np.nan, low=np.nan, high=np.nan)
+                note = "no share of an effect that may be 0: its interval has 0 in it, or there is none"
+            rows.append(_row(f"passive share of the effect, {one.arm}", group, share, note))
+        return tuple(rows)
+
+
+def _held(one: Control) -> str:
+    """Say what the passive partner is."""
+    if one.friction:
+        return f"a passive partner who holds the recorded device, friction {one.friction:.2f} N"
+    return "a passive partner without the device's friction: an upper bound"
+
+
+def _row(quantity: str, group: str, found: Estimate, note: str) -> Result:
+    return estimated("passive", quantity, group, found, "1", note)
+
+
+def controls(study: Study) -> Controls:
+    """Put the effect of forces beside what a passive partner would show.
+
+    Returns
+    -------
+    Controls
+        Empty where no dyad has trials of two people with and without forces.
+    """
+    cooperative = next(measure for measure in as_read(study) if measure.name == "cooperative share")
+    live = levels(study, cooperative)
+    found = []
+    for stiffness in STIFFNESSES:
+        for name, held in ((f"passive_{stiffness}", False), (f"passive_{stiffness}_device", True)):
+            passive = levels(study, replace(cooperative, values=column(name)))
+            for felt, off in with_base(conditions(study)):
+                columns = [_of(live, felt), _of(live, off), _of(passive, felt)]
+                table = pd.concat(columns, axis=1, join="inner").sort_index()
+                friction = _friction(study, felt) if held else 0.0
+                if felt.configuration == "dyadic" and not felt.partner and len(table):
+                    found.append(_control(felt, stiffness, friction, table))
+    return Controls(tuple(sorted(found, key=lambda one: one.condition.name)))
+
+
+def _friction(study: Study, condition: Condition) -> float:
+    """Return the mean friction of the devices of a condition."""
+    rows = rows_of(study, "trial")
+    return float(rows.loc[rows["condition"] == condition.name, "passive_friction"].mean())
+
+
+def _of(table: pd.DataFrame, condition: Condition) -> pd.Series:
+    """Return the levels of the dyads in a condition."""
+    return table[table["condition"] == condition.name].set_index("dyad")["level"]
+
+
+def _control(condition: Condition, stiffness: int, friction: float, table: pd.DataFrame) -> Control:
+    """Compare the columns on, off and passive of a table of dyads."""
+    on, off, passive = table.to_numpy().T
+    effect = on - off
+    share = bootstrap((passive, effect), ratio_of_sums, np.random.default_rng(SEED))
+    return Control(
+        condition,
+        stiffness,
+        friction,
+        tuple(table.index),
+        effect,
+        passive,
+        t_interval(effect),
+        t_interval(passive),
+        share,
+    )

@@ -1,0 +1,110 @@
+"""A row for each performer in each condition: what programs for dyadic data (APIM, multilevel models) want to read.
+
+A participant who performed alone has the partner beside it, so actor and partner effects can be fitted from this table;
+a dyad that performed together has no partner. All are means of the trials that count; failures are of all attempts.
+"""
+
+import numpy as np
+import pandas as pd
+
+from netboard.analysis.extraction.study import Study
+from netboard.analysis.extraction.tables import count, number, words
+from netboard.analysis.measures.movements import mean_shares
+
+_CLASSES = ("cooperative", "competitive", "single", "still")
+_MEANS = {
+    "completion": ("mean completion time", "s"),
+    "peaks": ("mean number of velocity peaks", "1"),
+    "sparc": ("mean spectral arc length of the ball's speed", "1"),
+    "ldlj": ("mean log dimensionless jerk of the ball's speed", "1"),
+    "braking_distance": ("mean distance to the target at the first braking movement", "m"),
+    "braking_velocity": ("mean velocity towards the target at the first braking movement", "m/s"),
+}
+
+PEOPLE = (
+    words("dyad", "pseudonym of the dyad"),
+    words("performer", "the participant, or the dyad"),
+    words("partner", "the other participant of the dyad; empty if the dyad performed together"),
+    words("configuration", "dyadic or bimanual"),
+    words("force", "what the hands felt"),
+    words("condition", "configuration, force, partner, the levels that these do not tell, and a role that is not test"),
+    words("role", "what the trials were for: practice, familiarisation, baseline, test, or catch"),
+    count("trials", "successful trials that count"),
+    count("attempts", "attempts that ended with a success, a fall or the end of their time"),
+    count("falls", "of these: with a fall"),
+    *(number(name, text, unit) for name, (text, unit) in _MEANS.items()),
+    number("log_completion", "mean natural logarithm of the completion time in s", "1"),
+    number("completion_median", "median completion time", "s"),
+    number("completion_sd", "standard deviation of the completion times", "s"),
+    *(
+        number(name, f"mean share of {name} movement" if name != "still" else "mean share without movement", "1")
+        for name in _CLASSES
+    ),
+    number("delay_20", "mean absolute delay at 20 % of the peak that is set, over cooperative movements", "s"),
+    number("signed_delay_20", "mean delay there, left less right: + = right first", "s"),
+)
+"""Columns of the table of people."""
+
+
+def people_of(study: Study) -> pd.DataFrame:
+    """Average the trials of each performer in each condition."""
+    factors = [field.name for field in study.factor_fields]
+    keys = ["dyad", "performer", "configuration", "force", "condition", "role"]
+    partners = _partners(study)
+    delays = {key: rows["delay_20"] for key, rows in study.movements[study.movements["counts"] == 1].groupby(keys)}
+    rows = []
+    for key, attempts in study.trials.groupby(keys, sort=True):
+        trials = attempts[attempts["counts"] == 1]
+        named = dict(zip(keys, key, strict=True))
+        known = delays.get(key, pd.Series(dtype=np.float64)).dropna()
+        rows.append(
+            {
+                **named,
+                **{name: _common(attempts[name]) for name in factors},
+                "partner": partners.get(named["performer"], ""),
+                **_of_attempts(attempts),
+                **_of_trials(trials, study),
+                "delay_20": known.abs().mean(),
+                "signed_delay_20": known.mean(),
+            }
+        )
+    return pd.DataFrame(rows, columns=[field.name for field in (*PEOPLE, *study.factor_fields)])
+
+
+def _common(levels: pd.Series) -> object:
+    """The one level of some trials; all of them where there are several, and no value then."""
+    found = levels.dropna().unique()
+    if len(found) == 1:
+        return found[0]
+    return np.nan if levels.dtype == np.float64 else ", ".join(map(str, found))
+
+
+def _partners(study: Study) -> dict[str, str]:
+    """Name the partner of each participant: the other one who performed alone, or sat at the same board."""
+    found: dict[str, str] = {}
+    for dyad, blocks in study.blocks.groupby("dyad"):
+        people = sorted({*blocks["left_by"], *blocks["right_by"]} - {"still", "robot", dyad})
+        if len(people) == 2:
+            found |= {people[0]: people[1], people[1]: people[0]}
+    return found
+
+
+def _of_attempts(attempts: pd.DataFrame) -> dict[str, int]:
+    return {
+        "trials": int(attempts["counts"].sum()),
+        "attempts": len(attempts),
+        "falls": int((attempts["outcome"] == "fell").sum()),
+    }
+
+
+def _of_trials(trials: pd.DataFrame, study: Study) -> dict[str, float]:
+    """Average what counts."""
+    times = trials["completion"]
+    shares = mean_shares(trials[list(_CLASSES)].to_numpy(np.float64), of=study.readings.summaries.shares)
+    return {
+        **{name: trials[name].mean() for name in _MEANS},
+        "log_completion": np.log(times[times > 0]).mean(),
+        "completion_median": times.median(),
+        "completion_sd": times.std(),
+        **dict(zip(_CLASSES, shares, strict=True)),
+    }

@@ -1,0 +1,1 @@
+"""Models, tests, confidence intervals and effect sizes for few dyads."""

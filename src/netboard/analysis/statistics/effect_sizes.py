@@ -1,0 +1,120 @@
+"""Sizes of effects, differences over standard deviations, with the dyad as the unit of replication."""
+
+from math import exp, lgamma, log, sqrt
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy import stats
+from scipy.optimize import brentq
+
+from netboard.analysis.statistics.estimates import ROUNDING, Estimate, known, mean
+
+Correction = Literal["none", "hedges"]
+
+
+def paired_effect(
+    differences: ArrayLike, *, correction: Correction = "none", level: float = 0.95, unit: str = "dyad"
+) -> Estimate:
+    """Estimate the size of a paired effect: d_z, the mean difference over the differences' standard deviation.
+
+    Its interval is that of the noncentral t distribution (Cumming and Finch, Educ. Psychol. Meas. 61:532, 2001).
+
+    Parameters
+    ----------
+    differences : array_like, shape (n,)
+        One for each unit; NaN are left out [any].
+    correction : {"none", "hedges"}
+        As it is; or times the factor that takes its bias in small samples away (`hedges_factor`), interval and all.
+    level : float
+        Confidence [1].
+    unit : str
+        What the differences are of.
+
+    Returns
+    -------
+    Estimate
+        d_z, or g_z; NaN for fewer than two units (g_z: three), or differences that do not vary [1].
+    """
+    x = known(differences)
+    name = "d_z, noncentral t" if correction == "none" else "g_z, noncentral t"
+    if len(x) < 2 or not np.ptp(x) > ROUNDING * np.abs(x).max():
+        return Estimate(np.nan, np.nan, np.nan, level, len(x), unit, name)
+    factor = hedges_factor(len(x) - 1) if correction == "hedges" else 1.0
+    return _effect(mean(x) / float(x.std(ddof=1)), sqrt(len(x)), len(x) - 1, factor, level, len(x), unit, name)
+
+
+def hedges_g(
+    first: ArrayLike,
+    second: ArrayLike,
+    *,
+    correction: Correction = "hedges",
+    level: float = 0.95,
+    unit: str = "dyad",
+) -> Estimate:
+    """Estimate the size of an effect between two groups of different units: the difference of means over the pooled SD.
+
+    Parameters
+    ----------
+    first, second : array_like, shape (n,) and (m,)
+        One value for each unit; NaN are left out [any].
+    correction : {"none", "hedges"}
+        Cohen's d; or times the factor that takes its bias in small samples away (`hedges_factor`), interval and all.
+    level : float
+        Confidence [1].
+    unit : str
+        What the values are of.
+
+    Returns
+    -------
+    Estimate
+        Hedges' g (or d), first less second; NaN for fewer than four units (d: three), an empty group, or values that do
+        not vary [1].
+    """
+    x, y = known(first), known(second)
+    n, free = len(x) + len(y), len(x) + len(y) - 2
+    name = "d, noncentral t" if correction == "none" else "g, noncentral t"
+    spread = ((x - mean(x)) ** 2).sum() + ((y - mean(y)) ** 2).sum()
+    if free < 1 or not len(x) or not len(y) or not spread > 0.0:
+        return Estimate(np.nan, np.nan, np.nan, level, n, unit, name)
+    factor = hedges_factor(free) if correction == "hedges" else 1.0
+    d = (mean(x) - mean(y)) / sqrt(spread / free)
+    return _effect(d, sqrt(len(x) * len(y) / n), free, factor, level, n, unit, name)
+
+
+def hedges_factor(free: int) -> float:
+    """Return the factor that takes the bias of a standardised mean away (Hedges, J. Educ. Stat. 6:107, 1981).
+
+    It is ``gamma(f / 2) / (sqrt(f / 2) gamma((f - 1) / 2))``, about ``1 - 3 / (4 f - 1)``.
+
+    Parameters
+    ----------
+    free : int
+        Degrees of freedom of the standard deviation, at least one [1].
+
+    Returns
+    -------
+    float
+        The factor, less than 1; NaN for one degree of freedom, for which d has no mean and its bias no size [1].
+    """
+    if free < 2:
+        return float("nan")
+    return exp(lgamma(free / 2.0) - lgamma((free - 1) / 2.0) - log(free / 2.0) / 2.0)
+
+
+def _effect(d: float, scale: float, free: int, factor: float, level: float, n: int, unit: str, name: str) -> Estimate:
+    """Put the interval of the noncentral t distribution round a standardised mean."""
+    low, high = (_noncentrality(d * scale, free, tail) / scale for tail in (0.5 + level / 2.0, 0.5 - level / 2.0))
+    return Estimate(factor * d, factor * low, factor * high, level, n, unit, name)
+
+
+def _noncentrality(t: float, free: int, below: float) -> float:
+    """Find the noncentrality with which t has a given probability below it."""
+    if t < 0.0:
+        return -_noncentrality(-t, free, 1.0 - below)
+    longest, least = stats.chi2.ppf((1.0 - 1e-12, 1.0 - below), free) / free
+    if t > 1000.0:  # Only the spread of the standard deviation is left.
+        return t * sqrt(least)
+    # At t = 0 the probability is that of the normal distribution, and at a larger one it is larger.
+    bracket = (float(stats.norm.ppf(1.0 - below)) - 0.1, t * sqrt(longest) + 8.0)
+    return float(brentq(lambda shift: stats.nct.cdf(t, free, shift) - below, *bracket, xtol=1e-9))

@@ -1,0 +1,210 @@
+"""Marginal models of counts and failures: estimating equations, and Firth's likelihood where these have no estimate."""
+
+from dataclasses import replace
+from itertools import combinations
+from math import inf, nan, sqrt
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+from statsmodels.genmod import families
+from statsmodels.genmod.cov_struct import Exchangeable
+from statsmodels.genmod.generalized_estimating_equations import GEE
+
+from netboard.analysis.statistics.effects import (
+    Effect,
+    Model,
+    careful_freedom,
+    contrasts_of,
+    interval_effect,
+    said,
+)
+from netboard.analysis.statistics.factors import Design, cells_of
+from netboard.analysis.statistics.firth import Family, Penalised, firth_fit, profile_interval
+from netboard.analysis.statistics.specification import Specification, noting
+
+_PENALISED = (
+    "Trials are independent given dyad and condition, but for the dispersion, which is one for all effects.",
+    "Effects multiply the {what}; practice is a power law with one exponent for all conditions and performers.",
+)
+
+
+def marginal_model(fit: Specification, design: Design, family: Any) -> Model:
+    """Fit estimating equations, with the covariance that dyads show.
+
+    Parameters
+    ----------
+    fit : Specification
+        What the model is called.
+    design : Design
+        The trials.
+    family : statsmodels family
+        Distribution of the response.
+
+    Returns
+    -------
+    Model
+        Fitted or not.
+    """
+    if design.n_dyads < 2:
+        return fit.alone(design, family)
+    model = GEE(design.values, design.columns, groups=design.dyads, family=family, cov_struct=Exchangeable())
+    found, notes = noting(lambda: model.fit(cov_type="bias_reduced", maxiter=200))
+    if found is None:
+        return replace(fit.without(design, notes[-1]), notes=said((*design.notes, *notes)))
+    k = len(design.names)
+    if design.n_dyads <= k:
+        notes += (
+            f"{design.n_dyads} dyads for {k} effects: each effect has an interval, all of them together have none",
+        )
+    counted = not isinstance(family, families.Binomial)
+    covariance = np.asarray(found.cov_params())
+    if design.lonely:
+        # The correction divides by 1 less the leverage of a dyad, which is 1 here.
+        covariance = np.full((k, k), np.nan)
+        notes += ("no intervals: dyads cannot show the error of what one of them alone tells",)
+    return fit.model(
+        design,
+        np.asarray(found.params),
+        covariance,
+        converged=bool(found.converged),
+        notes=notes,
+        dispersion=_dispersion(design, np.asarray(found.params)) if counted else nan,
+        correlation=float(found.cov_struct.dep_params),
+    )
+
+
+def _dispersion(design: Design, coefficients: NDArray[np.float64]) -> float:
+    """Return Pearson's chi-square over its degrees of freedom, 1 for counts of Poisson's distribution."""
+    mean = np.exp(design.columns @ coefficients)
+    n, k = design.columns.shape
+    return float(((design.values - mean) ** 2 / mean).sum() / (n - k))
+
+
+def over_dispersed_model(fit: Specification, design: Design, poisson: Model) -> Model:
+    """Fit again, with the variance that the residuals of the first fit have beyond the mean.
+
+    Parameters
+    ----------
+    fit : Specification
+        What the model is called.
+    design : Design
+        The trials.
+    poisson : Model
+        The first fit.
+
+    Returns
+    -------
+    Model
+        That of the negative binomial distribution, or the first one.
+    """
+    coefficients = np.array([poisson.effect(name).estimate.value for name in design.names])
+    mean = np.exp(design.columns @ coefficients)
+    alpha = float(((design.values - mean) ** 2 - mean).sum() / (mean**2).sum())
+    if alpha <= 0.0:
+        return replace(poisson, notes=(*poisson.notes, "counts vary no more than Poisson's: its variance is used"))
+    named = replace(fit, name="negative binomial GEE")
+    return replace(marginal_model(named, design, families.NegativeBinomial(alpha=alpha)), alpha=alpha)
+
+
+def one_sided(design: Design, what: str, value: float) -> str:
+    """Say where the response has the same extreme value in all trials with a level, or with two levels.
+
+    Parameters
+    ----------
+    design : Design
+        The trials.
+    what : str
+        What that means, such as ``none failed``.
+    value : float
+        The extreme value [its own].
+
+    Returns
+    -------
+    str
+        A clause; empty if there is no such condition.
+    """
+    whole = cells_of(design, ())[0]
+    if whole.mean == value:
+        return f"{what} in any condition"
+    pairs = combinations(design.factors, 2) if len(design.factors) > 1 else [(one,) for one in design.factors]
+    for own in pairs:
+        for cell in cells_of(design, own):
+            if cell.mean == value:
+                return f"{what} in one condition ({cell.label})"
+    return ""
+
+
+def penalised_model(fit: Specification, design: Design, family: Family, why: str) -> Model:
+    """Fit Firth's penalised likelihood, with profile intervals for which dyads count.
+
+    The likelihood ratio is divided by the dispersion and compared with F of 1 and the degrees of freedom between dyads.
+
+    Parameters
+    ----------
+    fit : Specification
+        What the model would be called otherwise.
+    design : Design
+        The trials.
+    family : {"poisson", "binomial"}
+        Distribution of the response.
+    why : str
+        The condition without events, or with events only.
+
+    Returns
+    -------
+    Model
+        With estimates that are finite.
+    """
+    if "any condition" in why:
+        return fit.without(design, f"not fitted: {why}, so there is nothing to compare")
+    best = firth_fit(design.values, design.columns, family)
+    spread = _dispersion_of_dyads(design, best, family)
+    counts = family == "poisson"
+    named = replace(
+        fit,
+        name=f"{'Poisson' if counts else 'logistic'} regression, Firth's penalised likelihood",
+        assumptions=tuple(sentence.format(what="mean count" if counts else "odds") for sentence in _PENALISED),
+    )
+    return named.model(
+        design,
+        best.coefficients,
+        best.covariance * spread,
+        converged=best.converged,
+        notes=(f"{why}: Firth's penalised likelihood, which is finite there", f"dispersion between dyads {spread:.2f}"),
+        dispersion=spread,
+        effects=tuple(_profiled(named, design, best, family, spread)),
+    )
+
+
+def _dispersion_of_dyads(design: Design, best: Penalised, family: Family) -> float:
+    """Return by how much more than independent trials the dyads, or the trials, vary; at least 1."""
+    means = best.means
+    variances = means if family == "poisson" else means * (1.0 - means)
+    left = design.values - means
+    n, k = design.columns.shape
+    found = [1.0, float((left**2 / variances).sum() / (n - k))]
+    if design.n_dyads > 1:
+        totals = np.bincount(design.dyads, weights=left) ** 2 / np.bincount(design.dyads, weights=variances)
+        found.append(float(totals.sum()) / (design.n_dyads - 1))
+    return max(found)
+
+
+def _profiled(fit: Specification, design: Design, best: Penalised, family: Family, spread: float) -> list[Effect]:
+    """Put profile intervals round all effects."""
+    free = careful_freedom(design) if fit.interval == "t" else inf
+    found = []
+    for name, row in contrasts_of(design).items():
+        value = nan if row is None else float(row @ best.coefficients)
+        error = low = high = p = nan
+        if row is not None and free > 0.0:
+            error = sqrt(spread * float(row @ best.covariance @ row))
+            drop = 0.5 * spread * float(stats.t.ppf(0.5 + fit.level / 2.0, free)) ** 2
+            low, high = profile_interval(design.values, design.columns, family, best, row, drop)
+            held = firth_fit(design.values, design.columns, family, (row, 0.0))
+            ratio = 2.0 * max(0.0, best.likelihood - held.likelihood) / spread
+            p = float(2.0 * stats.t.sf(sqrt(ratio), free))
+        said = "profile, z" if free == inf else f"profile, {free:.0f} df"
+        found.append(interval_effect(name, (value, low, high), error, free, p, fit.level, design.n_dyads, said))
+    return found

@@ -1,0 +1,219 @@
+"""Models of a whole study: completion times, counts and failures over the study's factors and practice.
+
+Trials of a dyad are alike, and so are trials of a performer. The mixed model of log times says so with sources of
+chance; the models of counts and shares leave it open and take the spread between dyads for their errors. Either way the
+dyad is the unit, and an interval has one degree of freedom less than there are dyads. What cannot be fitted is said in
+the result, with every warning of statsmodels; it is no exception.
+
+Needs statsmodels (extra `analysis`). docs/analysis-modern.md has the equations, and how often the intervals are right.
+"""
+
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+from statsmodels.genmod import families
+
+from netboard.analysis.statistics.effects import Interval, Model
+from netboard.analysis.statistics.factors import Factor, design_of
+from netboard.analysis.statistics.marginal import (
+    marginal_model,
+    one_sided,
+    over_dispersed_model,
+    penalised_model,
+)
+from netboard.analysis.statistics.random_effects import Slopes, mixed_model, residual_deviation
+from netboard.analysis.statistics.specification import Specification, lacking
+
+Family = Literal["poisson", "negative_binomial"]
+
+MOST = 2.0**53
+"""The largest count: beyond it a float64 does not tell a whole number from the next [1]."""
+
+TIMES = "log(time) = {fixed} + dyad + performer (+ slopes) + residual"
+COUNTS = "log(mean count) = {fixed}"
+SHARES = "log(odds) = {fixed}"
+
+_MIXED = (
+    "Dyads are a random sample of one population, and performers of a dyad of another: any two could change places.",
+    "Deviations of dyads, of performers and of trials are normal on the log scale, and independent of each other.",
+    "The spread of trials is the same in all conditions and for all performers, on the log scale.",
+    "Trials of a performer depend on each other through performer and trial number only; no streaks, no tiredness.",
+    "Practice is a power law with one exponent for all conditions and performers.",
+    "Trials without a time are missing by chance.",
+)
+_MARGINAL = (
+    "Dyads are independent of each other; within a dyad, trials may depend on each other in any way.",
+    "Effects multiply the {what}; practice is a power law with one exponent for all conditions and performers.",
+    "The effects are those on the average of the population, not on one performer.",
+    "There are many dyads; with few, the covariance is that of Mancl and DeRouen, and t has as few degrees of freedom.",
+)
+
+
+def log_time_model(
+    times: ArrayLike,
+    dyads: ArrayLike,
+    performers: ArrayLike,
+    factors: Sequence[Factor],
+    order: ArrayLike,
+    *,
+    slopes: Slopes = "performer",
+    level: float = 0.95,
+    interval: Interval = "t",
+) -> Model:
+    """Fit a linear mixed model of log completion times (REML, `restricted_fit`).
+
+    Parameters
+    ----------
+    times : array_like, shape (n,)
+        Completion times of trials; NaN are left out [s].
+    dyads, performers : array_like, shape (n,)
+        Whose trial it is: labels of any kind. The performer is a person, or the two of a dyad together.
+    factors : sequence of Factor
+        The fixed factors of the study, such as `netboard.analysis.statistics.factors.paper_factors`.
+    order : array_like, shape (n,)
+        Number of the trial in its condition, from 1 [1].
+    slopes : {"none", "dyad", "performer"}
+        Whose effects differ by chance: nobody's, a dyad's, or a dyad's and a performer's, of each factor that varies
+        within performers. Without them an effect that differs between dyads is taken for surer than it is.
+    level : float
+        Confidence [1].
+    interval : {"t", "z"}
+        Student's with the degrees of freedom between dyads (`careful_freedom`); or the normal one, too short for few.
+
+    Returns
+    -------
+    Model
+        With components and diagnostics. With one dyad, least squares without intervals.
+
+    Raises
+    ------
+    ValueError
+        If there is not one label for each trial, a trial number below 1, or a time that is not positive.
+    """
+    seconds = np.asarray(times, dtype=float)
+    if (seconds <= 0.0).any():
+        raise ValueError(f"times: positive times are expected, found {seconds[seconds <= 0.0][0]} s")
+    design = design_of(np.log(seconds), dyads, performers, factors, order)
+    fit = Specification("linear mixed model, REML", TIMES, _MIXED, level, interval, geometric=True)
+    lack = lacking(design)
+    if lack:
+        return fit.without(design, lack)
+    if not residual_deviation(design) > 1e-9 * max(1.0, float(np.abs(design.values).max())):
+        return fit.without(design, "not fitted: the times do not vary beyond the effects")
+    if design.n_dyads < 2:
+        return fit.alone(design, families.Gaussian())
+    return mixed_model(fit, design, slopes)
+
+
+def count_model(
+    counts: ArrayLike,
+    dyads: ArrayLike,
+    performers: ArrayLike,
+    factors: Sequence[Factor],
+    order: ArrayLike,
+    *,
+    family: Family = "poisson",
+    level: float = 0.95,
+    interval: Interval = "t",
+) -> Model:
+    """Fit a marginal model of counts, such as velocity peaks or falls of a trial (GEE, exchangeable within dyads).
+
+    The covariance is that of the dyads' own deviations, with its bias for few dyads taken away (Mancl and DeRouen,
+    Biometrics 57:126, 2001). It holds whatever the variance of a count is; the family only weights the trials.
+
+    Parameters
+    ----------
+    counts : array_like, shape (n,)
+        Whole numbers from 0 to `MOST`; NaN are left out [1].
+    dyads, performers : array_like, shape (n,)
+        Whose trial it is: labels of any kind. The performer is a person, or the two of a dyad together.
+    factors : sequence of Factor
+        The fixed factors of the study, such as `netboard.analysis.statistics.factors.paper_factors`.
+    order : array_like, shape (n,)
+        Number of the trial in its condition, from 1 [1].
+    family : {"poisson", "negative_binomial"}
+        Variance of a count: its mean m; or m + alpha m^2, with alpha from the residuals of the first.
+    level : float
+        Confidence [1].
+    interval : {"t", "z"}
+        Student's with the degrees of freedom between dyads (`careful_freedom`); or the normal one, too short for few.
+
+    Returns
+    -------
+    Model
+        With dispersion, and ratios of means. With one dyad, without intervals. If nothing was counted in a condition,
+        by Firth's penalised likelihood.
+
+    Raises
+    ------
+    ValueError
+        If there is not one label for each trial, a trial number below 1, or a value that is no count.
+    """
+    values = np.asarray(counts, dtype=float)
+    strange = np.isfinite(values) & ((values < 0.0) | (values != np.floor(values)) | (values > MOST))
+    if strange.any():
+        raise ValueError(f"counts: whole numbers from 0 to 2^53 are expected, found {values[strange][0]}")
+    design = design_of(values, dyads, performers, factors, order)
+    assumptions = tuple(sentence.format(what="mean count") for sentence in _MARGINAL)
+    fit = Specification("Poisson GEE", COUNTS, assumptions, level, interval)
+    if lack := lacking(design):
+        return fit.without(design, lack)
+    if why := one_sided(design, "nothing was counted", 0.0):
+        return penalised_model(fit, design, "poisson", why)
+    poisson = marginal_model(fit, design, families.Poisson())
+    if family == "poisson" or not poisson.fitted:
+        return poisson
+    return over_dispersed_model(fit, design, poisson)
+
+
+def share_model(
+    failed: ArrayLike,
+    dyads: ArrayLike,
+    performers: ArrayLike,
+    factors: Sequence[Factor],
+    order: ArrayLike,
+    *,
+    level: float = 0.95,
+    interval: Interval = "t",
+) -> Model:
+    """Fit a marginal logistic model of whether attempts failed (GEE, exchangeable within dyads; see `count_model`).
+
+    Parameters
+    ----------
+    failed : array_like, shape (n,)
+        1 for an attempt that failed, 0 for one that did not; NaN are left out [1].
+    dyads, performers : array_like, shape (n,)
+        Whose attempt it is: labels of any kind. The performer is a person, or the two of a dyad together.
+    factors : sequence of Factor
+        The fixed factors of the study, such as `netboard.analysis.statistics.factors.paper_factors`.
+    order : array_like, shape (n,)
+        Number of the trial in its condition, from 1 [1].
+    level : float
+        Confidence [1].
+    interval : {"t", "z"}
+        Student's with the degrees of freedom between dyads (`careful_freedom`); or the normal one, too short for few.
+
+    Returns
+    -------
+    Model
+        With ratios of odds. If all or none failed in a condition, by Firth's penalised likelihood.
+
+    Raises
+    ------
+    ValueError
+        If there is not one label for each attempt, a trial number below 1, or a value that is neither 0 nor 1.
+    """
+    values = np.asarray(failed, dtype=float)
+    strange = np.isfinite(values) & (values != 0.0) & (values != 1.0)
+    if strange.any():
+        raise ValueError(f"failed: 0 or 1 is expected, found {values[strange][0]}")
+    design = design_of(values, dyads, performers, factors, order)
+    assumptions = tuple(sentence.format(what="odds") for sentence in _MARGINAL)
+    fit = Specification("logistic GEE", SHARES, assumptions, level, interval)
+    if lack := lacking(design):
+        return fit.without(design, lack)
+    if why := one_sided(design, "none failed", 0.0) or one_sided(design, "all failed", 1.0):
+        return penalised_model(fit, design, "binomial", why)
+    return marginal_model(fit, design, families.Binomial())

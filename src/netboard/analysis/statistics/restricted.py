@@ -1,0 +1,307 @@
+"""Restricted likelihood of variances: how much each source of chance contributes, 0 among the answers, and the effects.
+
+    y = X b + Z_1 u_1 + ... + Z_c u_c + e,    u_j ~ N(0, s r_j I),   e ~ N(0, s I),   all r_j >= 0
+
+The r_j, variances over that of the residual, are what is searched for. The likelihood and its derivatives by r_j are as
+smooth at 0 as elsewhere: nothing is divided by a variance, and no square root of one is a coordinate. So a source of
+chance that contributes nothing is found as such, and takes nothing away from the others.
+
+Groups share no value of a source, and all that is computed is of one group at a time: many small matrices.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import log, pi
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import nnls
+
+Array = NDArray[np.float64]
+
+STARTS = (0.0, 0.05, 1.0)
+"""Variances of all sources over that of the residual where searches begin; the best end counts [1]."""
+
+LARGEST = 1e10
+"""A variance so many times that of the residual says that there is no residual; a search ends there [1]."""
+
+STEPS, HALVINGS = 200, 40
+"""Steps of a search, and halvings of one step, at most [1]."""
+
+ENOUGH = 1e-10
+"""A search ends after a step that promised no more than this of minus twice the log-likelihood [1]."""
+
+FLAT = 1e-9
+"""Curvatures, over those expected, below which a parabola has no lowest point worth going to [1]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Restricted:
+    """Where the restricted likelihood is largest.
+
+    Attributes
+    ----------
+    coefficients : ndarray of float64, shape (k,)
+        Generalised least squares with these variances [that of the response, over that of the column].
+    covariance : ndarray of float64, shape (k, k)
+        Theirs, as if the variances were known [square of a coefficient's].
+    variances : tuple of float
+        One for each source, some of them 0 perhaps [square of the response].
+    residual : float
+        Variance of the residual [square of the response].
+    likelihood : float
+        Logarithm of the restricted likelihood [1].
+    converged : bool
+        The search ended because there was nothing more to gain.
+    moments : Moments
+        What small-sample inference needs.
+    """
+
+    coefficients: Array
+    covariance: Array
+    variances: tuple[float, ...]
+    residual: float
+    likelihood: float
+    converged: bool
+    moments: "Moments"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Moments:
+    """Information about the variances, at the estimates; `netboard.analysis.statistics.small_samples` is made of it.
+
+    V is the covariance of the response over the residual variance, X the columns, and G_i the covariance that a unit
+    of the i-th variance adds; the last one is the residual's, the identity. P = V^-1 - V^-1 X C X' V^-1.
+
+    Attributes
+    ----------
+    residual : float
+        Variance of the residual [square of the response].
+    active : ndarray of bool, shape (c + 1,)
+        Variances that are not estimated as 0 [1].
+    unscaled : ndarray of float64, shape (k, k)
+        C = (X' V^-1 X)^-1: the covariance of the coefficients over the residual variance [square of a coefficient's].
+    first : ndarray of float64, shape (c + 1, k, k)
+        X' V^-1 G_i V^-1 X [1].
+    second : ndarray of float64, shape (c + 1, c + 1, k, k)
+        X' V^-1 G_i V^-1 G_j V^-1 X [1].
+    expected : ndarray of float64, shape (c + 1, c + 1)
+        tr(P G_i P G_j): twice the expected information about the variances, times the residual's square [1].
+    observed : ndarray of float64, shape (c + 1, c + 1)
+        The same, of these data: 2 y' P G_i P G_j P y / residual - tr(P G_i P G_j) [1].
+    """
+
+    residual: float
+    active: NDArray[np.bool_]
+    unscaled: Array
+    first: Array
+    second: Array
+    expected: Array
+    observed: Array
+
+
+def restricted_fit(
+    response: Array, columns: Array, sources: Sequence[Array], groups: NDArray[np.int64]
+) -> Restricted | None:
+    """Maximise the restricted likelihood (Patterson and Thompson, Biometrika 58:545, 1971).
+
+    Parameters
+    ----------
+    response : ndarray of float64, shape (n,)
+        What is explained [any].
+    columns : ndarray of float64, shape (n, k)
+        Those of the effects, none of them a sum of others [any].
+    sources : sequence of ndarray of float64, shape (n, q) each
+        What each source of chance is multiplied by: a column for each value of it, 0 outside of one group [1].
+    groups : ndarray of int64, shape (n,)
+        Whose numbers these are, from 0 [1].
+
+    Returns
+    -------
+    Restricted or None
+        The estimates; None if the likelihood grows as long as the residual shrinks, for sources explain everything.
+    """
+    n, k = columns.shape
+    data = _Data(*_triangles(response, columns, sources, groups), k, n - k)
+    ends = [_search(data, np.full(len(sources), start)) for start in STARTS]
+    best, converged = min(ends, key=lambda end: end[0].value)
+    if best.ratios.max() >= LARGEST:
+        return None
+    root = np.linalg.inv(best.triangle)
+    residual = best.square / data.count
+    likelihood = -0.5 * (best.value + data.count * (1.0 + log(2.0 * pi / data.count)))
+    variances = tuple(float(residual * ratio) for ratio in best.ratios)
+    moments = data.moments(best.ratios, residual)
+    return Restricted(root @ best.along, residual * root @ root.T, variances, residual, likelihood, converged, moments)
+
+
+def _triangles(
+    response: Array, columns: Array, sources: Sequence[Array], groups: NDArray[np.int64]
+) -> tuple[Array, Array]:
+    """Turn the numbers of each group into triangles that say as much, and note which column is of which source.
+
+    Returns (g, p, m + k + 1): for each group its values of all sources, then effects and response; rows and columns
+    that a group has fewer of are 0. And (m, c): 1 where a column is of a source.
+    """
+    own = [[source[groups == group] for source in sources] for group in range(groups.max() + 1)]
+    own = [[part[:, part.any(axis=0)] for part in parts] for parts in own]
+    widths = [max(parts[j].shape[1] for parts in own) for j in range(len(sources))]
+    fixed = np.column_stack([columns, response])
+    size = sum(widths) + fixed.shape[1]
+    stack = np.zeros((len(own), size, size))
+    for group, parts in enumerate(own):
+        wide = [np.pad(part, ((0, 0), (0, width - part.shape[1]))) for part, width in zip(parts, widths, strict=True)]
+        triangle = np.linalg.qr(np.column_stack([*wide, fixed[groups == group]]), mode="r")
+        stack[group, : len(triangle)] = triangle
+    return stack, np.repeat(np.eye(len(sources)), widths, axis=0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Point:
+    """What there is to know at some ratios.
+
+    value : minus twice the log-likelihood, but for a constant; gradient (c,), curvature (c, c), expected (c, c): its
+    derivatives, the last one as data of these ratios have it on average; scale (c,): steps that matter; square : sum of
+    the weighted deviations' squares; triangle (k, k), along (k,): triangle b = along is least squares.
+    """
+
+    ratios: Array
+    value: float
+    gradient: Array
+    curvature: Array
+    expected: Array
+    scale: Array
+    square: float
+    triangle: Array
+    along: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Data:
+    """Triangles of groups, which column is of which source, how many effects and how many contrasts free of them."""
+
+    stack: Array
+    of: Array
+    k: int
+    count: int
+
+    def at(self, ratios: Array) -> _Point:
+        """Look at a point: log |V| + log |X' V^-1 X| + count log(y' P y), with P as in Searle et al. (1992), 6.6.
+
+        V = I + sum r_j Z_j Z_j'. Weighted by its root, sources are z, what the effects span is `basis`, and y is `left`
+        once that is taken away. So Z' P Z = z' z - shared shared', the first of which has blocks, one for each group.
+        """
+        z, x, y, logs = self._weighted(np.sqrt(self.of @ ratios), self.stack)
+        found = _quadratic(z, x, y, self.of)
+        n, square, squares = self.count, found.square, found.squares
+        return _Point(
+            ratios,
+            logs + 2.0 * float(np.log(np.abs(np.diag(found.triangle))).sum()) + n * log(square),
+            found.traces - n * squares / square,
+            2.0 * n * found.bent / square - n * np.outer(squares, squares) / square**2 - found.overlap,
+            found.overlap - np.outer(found.traces, found.traces) / n,
+            1.0 / np.sqrt(np.diag(self.of.T @ (found.own**2).sum(axis=0) @ self.of)),
+            square,
+            found.triangle,
+            found.along,
+        )
+
+    def moments(self, ratios: Array, residual: float) -> Moments:
+        """Return the information about all variances. The residual is one more source, a column for each row."""
+        groups, rows, m = *self.stack.shape[:2], len(self.of)
+        every = np.concatenate(
+            [self.stack[:, :, :m], np.broadcast_to(np.eye(rows), (groups, rows, rows)), self.stack[:, :, m:]], axis=2
+        )
+        z, x, y, _ = self._weighted(np.sqrt(self.of @ ratios), every)
+        of = np.zeros((m + rows, self.of.shape[1] + 1))
+        of[:m, :-1], of[m:, -1] = self.of, 1.0
+        found = _quadratic(z, x, y, of)
+        # A triangle has fewer rows than its group has trials, or more: those that are not there are residual alone.
+        found.overlap[-1, -1] += self.count + self.k - groups * rows
+        across, root = z.transpose(0, 2, 1) @ x, np.linalg.inv(found.triangle)
+        parts = np.einsum("gmk,mi->igmk", across, of)
+        return Moments(
+            residual,
+            np.append(ratios > 0.0, True),
+            root @ root.T,
+            np.einsum("igmk,gml->ikl", parts, across),
+            np.einsum("igmk,gmn,jgnl->ijkl", parts, found.own, parts, optimize=True),
+            found.overlap,
+            2.0 * found.bent / residual - found.overlap,
+        )
+
+    def _weighted(self, spread: Array, stack: Array) -> tuple[Array, Array, Array, float]:
+        """Make chance the same everywhere: sources, effects and response over the root of V; and log |V|."""
+        scaled = self.stack[:, :, : len(self.of)] * spread
+        root = np.linalg.cholesky(np.eye(scaled.shape[1]) + scaled @ scaled.transpose(0, 2, 1))
+        weighted = np.linalg.solve(root, stack)
+        logs = 2.0 * float(np.log(np.diagonal(root, axis1=1, axis2=2)).sum())
+        return weighted[:, :, : -self.k - 1], weighted[:, :, -self.k - 1 : -1], weighted[:, :, -1], logs
+
+
+class _Quadratic(NamedTuple):
+    """Least squares of the weighted numbers, and traces and squares of the sources: see `_Data.at` and `Moments`."""
+
+    triangle: Array
+    along: Array
+    square: float
+    own: Array
+    traces: Array
+    overlap: Array
+    squares: Array
+    bent: Array
+
+
+def _quadratic(z: Array, x: Array, y: Array, of: Array) -> _Quadratic:
+    """Compute tr(P G_i), tr(P G_i P G_j), y' P G_i P y and y' P G_i P G_j P y without any matrix of all trials."""
+    basis, triangle = np.linalg.qr(x.reshape(-1, x.shape[2]))
+    along = basis.T @ y.ravel()
+    left = y - (basis @ along).reshape(y.shape)
+    back = z.transpose(0, 2, 1)
+    shared = back @ basis.reshape(x.shape)
+    own, pulls = back @ z, (back @ left[:, :, None])[:, :, 0]
+    taken = shared @ shared.transpose(0, 2, 1)
+    between = np.einsum("gak,gal,aj->jkl", shared, shared, of).reshape(of.shape[1], -1)
+    lost = np.einsum("ga,gak,aj->jk", pulls, shared, of)
+    return _Quadratic(
+        triangle,
+        along,
+        float((left**2).sum()),
+        own,
+        np.einsum("gaa->a", own - taken) @ of,
+        of.T @ (own * (own - 2.0 * taken)).sum(axis=0) @ of + between @ between.T,
+        (pulls**2).sum(axis=0) @ of,
+        of.T @ (pulls[:, :, None] * own * pulls[:, None, :]).sum(axis=0) @ of - lost @ lost.T,
+    )
+
+
+def _search(data: _Data, start: Array) -> tuple[_Point, bool]:
+    """Go down from a start, by Newton's steps among ratios that are not negative; say whether an end was found."""
+    here = data.at(start)
+    for _ in range(STEPS):
+        step = _step(here)
+        promised = -float(here.gradient @ step)
+        for share in 0.5 ** np.arange(HALVINGS):
+            there = data.at(np.clip(here.ratios + share * step, 0.0, LARGEST))
+            if there.value <= here.value - 1e-4 * share * promised:
+                break
+        else:
+            # Nothing near is lower: an end, unless the step promised more than rounding takes away.
+            return here, promised < 1e4 * ENOUGH
+        here = there
+        if promised < ENOUGH or here.ratios.max() >= LARGEST:
+            return here, True
+    return here, False
+
+
+def _step(here: _Point) -> Array:
+    """Go where a parabola is lowest: that of the curvature, or of the expected one where this is no valley."""
+    both = np.outer(here.scale, here.scale)
+    scaled = here.curvature * both
+    if np.linalg.eigvalsh(scaled)[0] < FLAT:
+        scaled = here.expected * both + FLAT * np.eye(len(both))
+    root = np.linalg.cholesky(scaled)
+    lowest = root.T @ (here.ratios / here.scale) - np.linalg.solve(root, here.scale * here.gradient)
+    there: Array = nnls(root.T, lowest)[0]
+    return here.scale * there - here.ratios

@@ -1,0 +1,100 @@
+"""Degrees of freedom and standard errors of fixed effects in small studies: Satterthwaite's and Kenward and Roger's.
+
+The covariance of the coefficients takes the estimated variances for the true ones. With few dyads they are not well
+known, so the ratio of an effect and its standard error has heavier tails than the normal distribution. Both methods
+approximate it by Student's t.
+
+    Satterthwaite   2 v^2 / (g' A g),   v = l' Phi l, g its gradient by the variances, A their asymptotic covariance
+    Kenward-Roger   the same with the expected information, and a covariance Phi that is enlarged for the uncertainty
+                    of the variances and for its own bias (Kenward and Roger, Biometrics 53:983, 1997)
+
+A variance that is estimated as 0 is at the end of its range. Satterthwaite's method takes it for known to be 0, as
+lmerTest does. Kenward and Roger's keeps it among the uncertain ones, as pbkrtest does.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.analysis.statistics.restricted import Moments
+
+Array = NDArray[np.float64]
+
+
+def satterthwaite_freedom(moments: Moments, contrast: Array) -> float:
+    """Return Satterthwaite's degrees of freedom of a linear combination of coefficients.
+
+    As in lmerTest (Kuznetsova et al., J. Stat. Softw. 82:13, 2017): with the observed information about the variances.
+
+    Parameters
+    ----------
+    moments : Moments
+        Of the fit.
+    contrast : ndarray of float64, shape (k,)
+        How much of each coefficient [1].
+
+    Returns
+    -------
+    float
+        Degrees of freedom; infinite if the effect's variance does not depend on the estimated ones [1].
+    """
+    active = moments.active
+    inverse = _inverse(moments.observed[np.ix_(active, active)])
+    return _freedom(moments, contrast, active, inverse)
+
+
+def kenward_roger_freedom(moments: Moments, contrast: Array) -> float:
+    """Return Kenward and Roger's degrees of freedom of a linear combination of coefficients.
+
+    As in pbkrtest (Halekoh and Hojsgaard, J. Stat. Softw. 59:9, 2014); for one combination the scale of their F is 1.
+
+    Parameters
+    ----------
+    moments : Moments
+        Of the fit.
+    contrast : ndarray of float64, shape (k,)
+        How much of each coefficient [1].
+
+    Returns
+    -------
+    float
+        Degrees of freedom [1].
+    """
+    return _freedom(moments, contrast, np.ones_like(moments.active), _inverse(moments.expected))
+
+
+def kenward_roger_covariance(moments: Moments) -> Array:
+    """Return Kenward and Roger's covariance of the coefficients, which is larger than that with known variances.
+
+    Parameters
+    ----------
+    moments : Moments
+        Of the fit.
+
+    Returns
+    -------
+    ndarray of float64, shape (k, k)
+        The covariance [square of a coefficient's].
+    """
+    c, first = moments.unscaled, moments.first
+    doubt = moments.second - np.einsum("iab,bc,jcd->ijad", first, c, first, optimize=True)
+    added = c @ np.einsum("ij,ijab->ab", _inverse(moments.expected), doubt) @ c
+    enlarged: Array = moments.residual * (c + 4.0 * 0.5 * (added + added.T))
+    return enlarged
+
+
+def _freedom(moments: Moments, contrast: Array, of: NDArray[np.bool_], inverse: Array) -> float:
+    """Return 2 v^2 / var(v); the residual variance cancels."""
+    along = moments.unscaled @ contrast
+    gradient = np.einsum("a,iab,b->i", along, moments.first, along)[of]
+    spread = float(gradient @ inverse @ gradient)
+    return float(contrast @ along) ** 2 / spread if spread > 0.0 else np.inf
+
+
+def _inverse(information: Array) -> Array:
+    """Invert what is known about the variances; directions in which there is no information add nothing."""
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(information), np.finfo(float).tiny))
+    values, vectors = np.linalg.eigh(information * np.outer(scale, scale))
+    known = values > 1e-10 * values[-1]
+    roots = vectors[:, known] / np.sqrt(values[known]) * scale[:, None]
+    inverse: Array = roots @ roots.T
+    return inverse

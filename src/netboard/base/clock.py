@@ -1,0 +1,53 @@
+"""Time of a process: the monotonic clock and the 1 kHz pacer.
+
+Time is an integer number of nanoseconds of CLOCK_MONOTONIC (`time.monotonic_ns`), never stepped. The pacer keeps
+absolute deadlines: a late tick is followed by the next one at its own time, so that lateness never adds up. A loop that
+falls far behind does not run a burst of ticks to catch up: it moves its deadlines and says by how much.
+"""
+
+import time
+
+from netboard.base.tick import TICK_NS
+
+CATCH_UP_TICKS = 20
+"""A pacer further behind than this moves its deadlines instead of running ticks in a burst [1]."""
+
+
+def now_ns() -> int:
+    """Monotonic time of this machine [ns]."""
+    return time.monotonic_ns()
+
+
+class Pacer:
+    """Absolute-time ticks of 1 ms.
+
+    Attributes
+    ----------
+    due_ns : int
+        When the present tick was due; before the first `wait`, one tick before it [ns].
+    moved_ns : int
+        By how much the deadlines have been moved since the start [ns].
+    """
+
+    def __init__(self, start_ns: int) -> None:
+        self.due_ns = start_ns - TICK_NS
+        self.moved_ns = 0
+
+    def shift(self, span_ns: int) -> None:
+        """Let this and all later ticks be later by so much; earlier if it is negative [ns]."""
+        self.due_ns += span_ns
+
+    def wait(self) -> int:
+        """Sleep until the next tick is due and return how late it is [ns]."""
+        self.due_ns += TICK_NS
+        now = now_ns()
+        if now < self.due_ns:
+            time.sleep((self.due_ns - now) * 1e-9)
+            now = now_ns()
+        late = now - self.due_ns
+        if late > CATCH_UP_TICKS * TICK_NS:
+            missed = late - late % TICK_NS
+            self.due_ns += missed
+            self.moved_ns += missed
+            late -= missed
+        return late

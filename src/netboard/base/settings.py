@@ -1,0 +1,462 @@
+"""How tables of settings, frozen dataclasses, are read from TOML text and written as TOML text.
+
+Every field is annotated with `about`: what it is, its unit and its limits. From that alone come the validation, the
+error messages, the commented template and the tables of the documentation. A problem is reported as one line with
+source, table, key, what was found and what was expected, and all problems of a text are reported together.
+
+This module knows no particular setting; `netboard.base.tables` says which there are.
+"""
+
+import dataclasses
+import difflib
+import functools
+import json
+import tomllib
+from collections.abc import Callable, Iterator, Sequence
+from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
+
+from pydantic import ConfigDict, Field, StrictStr, TypeAdapter, ValidationError
+from pydantic.fields import FieldInfo
+from pydantic_core import ErrorDetails
+
+from netboard.base.errors import ConfigError
+
+NO_EXTRAS = ConfigDict(extra="forbid")
+"""Configuration of every table: an unknown key is an error."""
+
+T = TypeVar("T")
+Path = tuple[str, ...]
+"""Names of nested tables, outermost first."""
+
+_KINDS = {float: "a number", int: "a whole number", bool: "true or false", str: "text"}
+_SIGNS = {"gt": ">", "ge": ">=", "lt": "<", "le": "<="}
+
+
+def about(text: str, unit: str = "", **limits: Any) -> FieldInfo:
+    """Describe one key.
+
+    Parameters
+    ----------
+    text : str
+        What it is, in one line for people.
+    unit : str
+        SI unit symbol, "1" for a pure number, "" for what is not a quantity.
+    **limits
+        pydantic constraints: ``gt``, ``ge``, ``lt``, ``le``, ``min_length``, ``pattern``.
+
+    Returns
+    -------
+    FieldInfo
+        The annotation; a quantity must be finite, and nothing but a whole number for a number is converted.
+    """
+    words = _in_words(limits)
+    if unit:
+        limits.update(strict=True, allow_inf_nan=False)
+    info: FieldInfo = Field(description=text, json_schema_extra={"unit": unit, "limits": words}, **limits)
+    return info
+
+
+def _in_words(limits: dict[str, Any]) -> str:
+    """Limits as people write them: ``> 0 and <= 10``."""
+    words = [f"{sign} {limits[name]:.10g}" for name, sign in _SIGNS.items() if name in limits]
+    if "min_length" in limits:
+        words.append("of at least one character")
+    if "pattern" in limits:
+        words.append(f"matching {limits['pattern']}")
+    return " and ".join(words)
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Key:
+    """One key of a table, as the documentation and the error messages need it.
+
+    Attributes
+    ----------
+    name : str
+        Its name.
+    kind : str
+        What values it takes, in words, such as "a number" or "left or right".
+    unit : str
+        SI unit symbol, "1" for a pure number, "" for what is not a quantity.
+    limits : str
+        Limits in words, empty if there are none.
+    text : str
+        What it is.
+    default : object
+        Its default.
+    plain_text : bool
+        True if it takes text of any form.
+    """
+
+    name: str
+    kind: str
+    unit: str
+    limits: str
+    text: str
+    default: Any
+    plain_text: bool
+
+    @property
+    def expected(self) -> str:
+        """Kind, limits and unit in one phrase."""
+        unit = f" [{self.unit}]" if self.unit not in ("", "1") else ""
+        return " ".join(part for part in (self.kind, self.limits) if part) + unit
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Table:
+    """One table of settings.
+
+    Attributes
+    ----------
+    path : tuple of str
+        Its name in TOML, one item per dot; empty for the whole.
+    text : str
+        What it holds.
+    keys : tuple of Key
+        Its keys, in order.
+    tables : tuple of str
+        Names of the tables within it.
+    """
+
+    path: Path
+    text: str
+    keys: tuple[Key, ...]
+    tables: tuple[str, ...]
+
+    @property
+    def name(self) -> str:
+        """The name as written in TOML."""
+        return ".".join(self.path)
+
+
+def tables(cls: type[Any], path: Path = ()) -> Iterator[Table]:
+    """Walk a dataclass of dataclasses: a table, then the tables within it.
+
+    Parameters
+    ----------
+    cls : type
+        The dataclass.
+    path : tuple of str
+        Its own name in TOML.
+
+    Yields
+    ------
+    Table
+        What there is to set.
+    """
+    hints = get_type_hints(cls, include_extras=True)
+    fields = dataclasses.fields(cls)
+    inner = [f.name for f in fields if dataclasses.is_dataclass(hints[f.name])]
+    keys = tuple(_key(f, hints[f.name]) for f in fields if f.name not in inner)
+    yield Table(path, (cls.__doc__ or "").strip(), keys, tuple(inner))
+    for name in inner:
+        yield from tables(hints[name], (*path, name))
+
+
+def _key(field: dataclasses.Field[Any], hint: Any) -> Key:
+    """Describe one annotated field, which may take a word instead: ``Annotated[float, about(...)] | Literal["x"]``."""
+    others = [part for part in get_args(hint) if get_origin(part) is Literal] if get_origin(hint) is Union else []
+    (hint,) = (part for part in get_args(hint) if part not in others) if others else (hint,)
+    kind, *_, info = get_args(hint) or (hint, None)
+    if get_origin(hint) is not Annotated or not isinstance(info, FieldInfo):
+        raise TypeError(f"{field.name}: a setting is annotated with about(...)")
+    extra = info.json_schema_extra
+    assert isinstance(extra, dict)
+    words = " or ".join(_kind_words(part) for part in (*others, kind))
+    if field.default_factory is not dataclasses.MISSING:
+        default = field.default_factory()
+    else:
+        default = field.default
+    text = info.description or ""
+    return Key(field.name, words, str(extra["unit"]), str(extra["limits"]), text, default, kind is str)
+
+
+def _kind_words(kind: Any) -> str:
+    """Say what values a type takes."""
+    if get_origin(kind) is Literal:
+        return " or ".join(f'"{choice}"' for choice in get_args(kind))
+    if get_origin(kind) is tuple:
+        return f"a list of {_many(get_args(kind)[0])}"
+    if get_origin(kind) is dict:
+        return _kind_words(get_args(kind)[1])
+    if kind is Any or dataclasses.is_dataclass(kind):
+        return "a table"
+    return _KINDS.get(kind, "text, a number, true or false")
+
+
+def _many(kind: Any) -> str:
+    """Say what several values of a type are."""
+    if get_origin(kind) is Literal:
+        return ", ".join(f'"{choice}"' for choice in get_args(kind))
+    return {str: "texts", StrictStr: "texts", float: "numbers"}.get(kind, "whole numbers")
+
+
+# --- reading -----------------------------------------------------------------------------------------------------
+
+
+def read(adapter: TypeAdapter[T], cls: type[T], text: str, source: str, overrides: Sequence[str] = ()) -> T:
+    """Check a TOML text and turn it into a dataclass.
+
+    Parameters
+    ----------
+    adapter : TypeAdapter
+        pydantic's validator of the dataclass.
+    cls : type
+        The dataclass.
+    text : str
+        The TOML text; missing tables and keys take their defaults.
+    source : str
+        Name of the file, for error messages.
+    overrides : sequence of str
+        Settings as ``table.key=value`` that go before those of the text.
+
+    Returns
+    -------
+    dataclass
+        The settings.
+
+    Raises
+    ------
+    ConfigError
+        If the text is not TOML, or a key is unknown, of the wrong type or out of range.
+    """
+    known = {table.path: table for table in tables(cls)}
+    try:
+        values, given = tomllib.loads(text), tomllib.loads(text)
+    except ValueError as error:
+        raise ConfigError(f"{source}: not valid TOML: {error}") from None
+    overridden = [_override(values, word, known) for word in overrides]
+
+    def source_of(path: Path) -> str:
+        within = any(one[: len(path)] == path for one in overridden)
+        return "--set" if path in overridden or (within and not _has(given, path)) else source
+
+    return _checked(adapter, values, known, source_of)
+
+
+def _has(values: Any, path: Path) -> bool:
+    """Tell whether a table or key was given."""
+    return not path or (isinstance(values, dict) and path[0] in values and _has(values[path[0]], path[1:]))
+
+
+def check(cls: type[T], values: dict[str, Any], path: Path) -> T:
+    """Check one table that has been read already and turn it into a dataclass.
+
+    Parameters
+    ----------
+    cls : type
+        The dataclass; it has no tables within it.
+    values : dict
+        Keys and values; missing keys take their defaults.
+    path : tuple of str
+        The table's name, one item per dot.
+
+    Returns
+    -------
+    dataclass
+        The settings.
+
+    Raises
+    ------
+    ConfigError
+        If a key is unknown, of the wrong type or out of range.
+    """
+    adapter: TypeAdapter[T] = _adapter(cls)  # type: ignore[arg-type]  # mypy doubts that a class can be hashed
+    return _checked(adapter, values, {table.path: table for table in tables(cls, path)}, None, path)
+
+
+@functools.cache
+def _adapter(cls: Any) -> TypeAdapter[Any]:
+    """Make pydantic's validator of a dataclass, which takes some milliseconds, once."""
+    return TypeAdapter(cls)
+
+
+def _checked(
+    adapter: TypeAdapter[T],
+    values: dict[str, Any],
+    known: dict[Path, Table],
+    source_of: Callable[[Path], str] | None,
+    base: Path = (),
+) -> T:
+    """Validate a table; all its problems in one error, each with its source if there is one."""
+    try:
+        return adapter.validate_python(values)
+    except ValidationError as error:
+        problems: dict[Path, str] = {}
+        for detail in error.errors(include_url=False):
+            path, problem = _explain(detail, known, base)
+            problems.setdefault(path, f"{source_of(path)}: {problem}" if source_of else problem)
+        raise ConfigError("\n".join(problems.values())) from None
+
+
+def _override(values: dict[str, Any], word: str, known: dict[Path, Table]) -> Path:
+    """Put one ``table.key=value`` into the values read from the file; give the path of the key."""
+    name, equals, value = (part.strip() for part in word.partition("="))
+    path = tuple(name.split("."))
+    if not equals or len(path) < 2 or not all(path):
+        raise ConfigError(f"--set {word}: write table.key=value, such as block.trials=6")
+    table = values
+    for step in path[:-1]:
+        table = table.setdefault(step, {})
+        if not isinstance(table, dict):
+            return path  # the file gives a value where a table belongs, which validation reports
+    key = _find(known.get(path[:-1]), path[-1])
+    table[path[-1]] = value.strip("\"'") if key is not None and key.plain_text else _value_of(value)
+    return path
+
+
+def _value_of(word: str) -> Any:
+    """Read a TOML value; what is none is taken as text, so that a shell needs no nested quotes."""
+    try:
+        return tomllib.loads(f"value = {word}")["value"]
+    except ValueError:
+        return word
+
+
+def _find(table: Table | None, name: str) -> Key | None:
+    """Find the key of that name, if there is one."""
+    return next((key for key in table.keys if key.name == name), None) if table else None
+
+
+def _explain(detail: ErrorDetails, known: dict[Path, Table], base: Path) -> tuple[Path, str]:
+    """Put one of pydantic's errors into words: the path it is about, and the problem."""
+    path = (*base, *(str(step) for step in detail["loc"]))
+    found = detail["input"]
+    if detail["type"] == "unexpected_keyword_argument":
+        return path, _unknown(path, found, known)
+    for cut in range(len(path) - 1, -1, -1):
+        key = _find(known.get(path[:cut]), path[cut])
+        if key is not None:
+            name = ".".join(path[cut : cut + 2]) if isinstance(key.default, dict) else key.name
+            where = _where(path[:cut], name)
+            return path[: cut + 1], f"{where}: found {_show(found)}, expected {key.expected} ({key.text})"
+    return path, f"[{'.'.join(path)}]: found {_show(found)}, expected a table"
+
+
+def _unknown(path: Path, found: Any, known: dict[Path, Table]) -> str:
+    """Say that there is no such key, and which was probably meant."""
+    *parent, name = path
+    table = known[tuple(parent)]
+    names = [*table.tables, *(key.name for key in table.keys)]
+    kind = "table" if isinstance(found, dict) or not table.keys else "key"
+    where = f"[{'.'.join(path)}]" if isinstance(found, dict) else _where(table.path, name)
+    folded = {other.casefold(): other for other in names}
+    near = difflib.get_close_matches(name, names, 1) or difflib.get_close_matches(name.casefold(), folded, 1)
+    at_home = [other.name for other in known.values() if _find(other, name)]
+    if near:
+        meant = folded.get(near[0], near[0]) if near[0] not in names else near[0]
+        key = _find(table, meant)
+        hint = f"did you mean {meant} ({key.expected})?" if key else f"did you mean [{'.'.join((*parent, meant))}]?"
+    elif at_home:
+        hint = f"it belongs in [{at_home[0]}]"
+    else:
+        hint = f"there are {', '.join(names)}"
+    return f"{where}: unknown {kind}; {hint}"
+
+
+def _where(path: Path, name: str) -> str:
+    """Name a key with its table, as in the file."""
+    return f"[{'.'.join(path)}] {name}" if path else name
+
+
+def _show(value: Any) -> str:
+    """Show a value found in a file as it would be written there."""
+    if isinstance(value, str | bool | int | float):
+        return to_toml(value)
+    return "a table" if isinstance(value, dict) else f"a {type(value).__name__}"
+
+
+# --- writing -----------------------------------------------------------------------------------------------------
+
+
+def to_toml(value: str | bool | int | float | tuple[int | float | str, ...]) -> str:
+    """Write a TOML value that reads back as the same value, to the last bit.
+
+    Parameters
+    ----------
+    value : str, bool, int, float or tuple of these
+        The value.
+
+    Returns
+    -------
+    str
+        Its TOML.
+    """
+    if isinstance(value, tuple):
+        return f"[{', '.join(map(to_toml, value))}]"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):  # JSON's escapes are TOML's, but for DEL
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    return repr(value)
+
+
+def write(settings: Any) -> str:
+    """Write a dataclass of dataclasses as TOML, every key of it.
+
+    Parameters
+    ----------
+    settings : dataclass
+        The settings.
+
+    Returns
+    -------
+    str
+        TOML text; reading it gives equal settings.
+    """
+    lines: list[str] = []
+    for table in tables(type(settings)):
+        node = settings
+        for step in table.path:
+            node = getattr(node, step)
+        lines += _table_lines(table, {key.name: getattr(node, key.name) for key in table.keys}, comments=False)
+    return "\n".join(lines).lstrip("\n") + "\n"
+
+
+def write_template(cls: type[Any]) -> str:
+    """Write the defaults as TOML, with what every key is, its unit and its limits as comments.
+
+    Parameters
+    ----------
+    cls : type
+        The dataclass.
+
+    Returns
+    -------
+    str
+        TOML text; reading it gives the defaults.
+    """
+    lines: list[str] = []
+    for table in tables(cls):
+        lines += _table_lines(table, {key.name: key.default for key in table.keys}, comments=True)
+    return "\n".join(lines).lstrip("\n") + "\n"
+
+
+def _table_lines(table: Table, values: dict[str, Any], *, comments: bool) -> list[str]:
+    """One table, with a table of its own for each key whose value is one."""
+    if not values:
+        return []
+    plain = [(key, f"{key.name} = {to_toml(values[key.name])}") for key in table.keys if not _is_table(values, key)]
+    width = max(len(line) for _, line in plain)
+    lines = ["", f"[{table.name}]"]
+    if comments:
+        lines.insert(1, f"# {table.text.splitlines()[0]}")
+    lines += [f"{line:<{width}}  # {_comment(key)}" if comments else line for key, line in plain]
+    for key in table.keys:
+        if _is_table(values, key):
+            lines += ["", f"[{table.name}.{key.name}]" + (f"  # {key.text}" if comments else "")]
+            lines += [f"{to_toml(name)} = {to_toml(value)}" for name, value in values[key.name].items()]
+    return lines
+
+
+def _is_table(values: dict[str, Any], key: Key) -> bool:
+    """Whether the value of this key is a table."""
+    return isinstance(values[key.name], dict)
+
+
+def _comment(key: Key) -> str:
+    """Say what a key is, its unit and its limits (or choices)."""
+    unit = f" [{key.unit}]" if key.unit else ""
+    limits = f"{key.kind} {key.limits}".strip() if key.kind.startswith('"') else key.limits
+    return f"{key.text}{unit}" + (f"; {limits}" if limits else "")

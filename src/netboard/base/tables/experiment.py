@@ -1,0 +1,171 @@
+"""The tables of the configuration that say what participants are asked to do, and when a trial is doubtful.
+
+Every default is the paper's. `netboard.base.config` reads them, and says what holds for all.
+"""
+
+from dataclasses import dataclass, field
+from typing import Annotated, Literal
+
+from pydantic import StrictBool, StrictInt
+
+from netboard.base.settings import NO_EXTRAS, about
+from netboard.base.tables.declared import Force
+
+MOST_TRIALS = 10_000
+"""A block has at most so many trials [1]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Session:
+    """Who takes part, and how the session is labelled."""
+
+    __pydantic_config__ = NO_EXTRAS
+    name: Annotated[str, about("label of the session, part of the recording's name", pattern=r"^[A-Za-z0-9_-]+$")] = (
+        "S01"
+    )
+    dyad: Annotated[str, about("pseudonymous id of the dyad", pattern=r"^[A-Za-z0-9_-]+$")] = "D01"
+    pilot: Annotated[StrictBool, about("true: a pilot run, marked as such in the data")] = False
+    study: Annotated[str, about("name of the study; empty: none, a single block")] = ""
+    participant_a: Annotated[str, about("pseudonymous id of participant A", pattern=r"^[A-Za-z0-9_-]+$")] = "A"
+    participant_b: Annotated[str, about("pseudonymous id of participant B", pattern=r"^[A-Za-z0-9_-]+$")] = "B"
+    hand_a: Annotated[Literal["right", "left"], about("dominant hand of participant A")] = "right"
+    hand_b: Annotated[Literal["right", "left"], about("dominant hand of participant B")] = "right"
+    seat_a: Annotated[Literal["left", "right"], about("where participant A sits; B sits at the other side")] = "left"
+    consent: Annotated[StrictBool, about("true: both participants have given their consent")] = False
+
+    @property
+    def ready(self) -> bool:
+        """Whether a block of a study may begin: with consent, or as a pilot run."""
+        return self.consent or self.pilot
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """One block: trials under one condition; a plan has many."""
+
+    __pydantic_config__ = NO_EXTRAS
+    number: Annotated[int, about("number of the block in its plan", "1", ge=1, le=1000)] = 1
+    blocks: Annotated[int, about("how many blocks the plan has", "1", ge=1, le=1000)] = 1
+    label: Annotated[str, about("what people call the block; empty: its condition")] = ""
+    configuration: Annotated[
+        Literal["dyadic", "bimanual"], about("two people with one hand each, or one person with both hands")
+    ] = "dyadic"
+    performer: Annotated[Literal["A", "B"], about("the participant who performs a bimanual block")] = "A"
+    station: Annotated[Literal["left", "right"], about("the seat whose display a bimanual block is shown at")] = "left"
+    force: Annotated[
+        Force,
+        about("what the hands feel: all of the board, only what the partner does, all but that, nothing, or a record"),
+    ] = "full"
+    force_scale: Annotated[float, about("what is felt is multiplied by this", "1", ge=0, le=2)] = 1.0
+    force_delay_ms: Annotated[int, about("what is felt comes so much later", "ms", ge=0, le=500)] = 0
+    catch: Annotated[
+        tuple[StrictInt, ...],
+        about("catch trials: the numbers of those in which nothing is felt", max_length=1000, strict=False),
+    ] = ()
+    trial_scales: Annotated[
+        tuple[float, ...],
+        about("factor of the felt force in each trial, in place of force_scale; repeated from the first", strict=False),
+    ] = ()
+    unrelated: Annotated[str, about('recording whose forces are felt with force = "unrelated"')] = ""
+    left: Annotated[
+        Literal["person", "still", "robot"],
+        about("who moves the left hand: a person, nobody (it is held still at height 0), or a simulated partner"),
+    ] = "person"
+    right: Annotated[Literal["person", "still", "robot"], about("who moves the right hand, likewise")] = "person"
+    trials: Annotated[int, about("successful trials in the block", "1", ge=1, le=MOST_TRIALS)] = 60
+    duration: Annotated[
+        float, about("no trial begins after so long; 0: only the number of trials counts", "s", ge=0, le=36_000)
+    ] = 0.0
+    first_target: Annotated[Literal["left", "right", "random"], about("side of the first target")] = "random"
+    rest: Annotated[float, about("rest before the block", "s", ge=0, le=3600)] = 0.0
+    instructions: Annotated[str, about("what the participants read before the block; empty: the standard text")] = ""
+    questionnaires: Annotated[str, about("what the operator is to ask after the block, in words; empty: nothing")] = ""
+    seed: Annotated[int, about("seed of everything random in the session", "1", ge=0, lt=2**31)] = 1
+
+    @property
+    def haptics(self) -> bool:
+        """Whether the hands feel anything."""
+        return self.force != "none"
+
+
+Role = Literal["practice", "familiarisation", "baseline", "test"]
+"""What the trials of a block are for."""
+
+FactorType = Literal["numeric", "categorical", "boolean"]
+"""What the levels of a factor are."""
+
+
+@dataclass(frozen=True, slots=True)
+class Design:
+    """What a block is in the design of its study: its role, and the level of each factor."""
+
+    __pydantic_config__ = NO_EXTRAS
+    kind: Annotated[str, about("kind of block, as in the study; empty: none")] = ""
+    role: Annotated[
+        Literal["auto", "practice", "familiarisation", "baseline", "test"],
+        about("what its trials are for; auto: by the name of its kind or its label, else test"),
+    ] = "auto"
+    between: Annotated[
+        tuple[str, ...], about("factors of which a dyad has one level in all of its blocks", strict=False)
+    ] = ()
+    factors: Annotated[dict[str, str], about("level of each factor in the block")] = field(default_factory=dict)
+    trials: Annotated[
+        dict[str, tuple[str, ...]],
+        about("level in each trial, of factors that vary within the block; repeated from the first", strict=False),
+    ] = field(default_factory=dict)
+    levels: Annotated[dict[str, tuple[str, ...]], about("all levels of each factor, in their order", strict=False)] = (
+        field(default_factory=dict)
+    )
+    types: Annotated[dict[str, FactorType], about("type of each factor: numeric, categorical or boolean")] = field(
+        default_factory=dict
+    )
+    values: Annotated[dict[str, tuple[float, ...]], about("value of each level of numeric factors", strict=False)] = (
+        field(default_factory=dict)
+    )
+    units: Annotated[dict[str, str], about("unit of these values")] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Quality:
+    """What makes a trial doubtful: rules that are declared before, and applied by code."""
+
+    __pydantic_config__ = NO_EXTRAS
+    late_ticks: Annotated[int, about("most ticks of a trial that may be late", "1", ge=0, le=1_000_000)] = 20
+    lost_share: Annotated[float, about("largest share of a trial without a fresh sample", "1", ge=0, le=1)] = 0.02
+    clipped_share: Annotated[float, about("largest share with a force at its limit", "1", ge=0, le=1)] = 0.05
+    saturated_share: Annotated[
+        float, about("largest share with a stylus at the edge of its range", "1", ge=0, le=1)
+    ] = 0.05
+    start_tilt_deg: Annotated[float, about("largest tilt at the release", "deg", gt=0, le=90)] = 1.5
+    stuck: Annotated[
+        float, about("longest time for which the height of a stylus may not change at all", "s", gt=0, le=60)
+    ] = 2.0
+    shortest: Annotated[float, about("a completion time below this is too short", "s", ge=0, le=60)] = 0.3
+    longest: Annotated[float, about("a completion time above this is too long", "s", gt=0, le=3600)] = 60.0
+    frozen_ms: Annotated[
+        float, about("longest time between two frames of a display while the board moves", "ms", gt=0, le=60_000)
+    ] = 250.0
+    repeat: Annotated[
+        Literal["none", "flagged"], about("flagged: a doubtful trial is repeated at the end of its block")
+    ] = "none"
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """The rules of a trial (readings B1-B7 of the paper are the defaults)."""
+
+    __pydantic_config__ = NO_EXTRAS
+    hold_time: Annotated[float, about("time the ball must stay in the target", "s", gt=0, le=60)] = 1.5
+    level_angle_deg: Annotated[float, about("tilt below which the board counts as level", "deg", gt=0, le=45)] = 1.0
+    level_rate_deg_s: Annotated[
+        float, about("rotation below which the board counts as level", "deg/s", gt=0, le=360)
+    ] = 1.0
+    level_height: Annotated[
+        float, about("height of the board centre within which it counts as level", "m", gt=0, le=1)
+    ] = 0.010
+    level_time: Annotated[
+        float, about("time the board must be level before the ball is released", "s", ge=0, le=60)
+    ] = 0.5
+    fall_distance: Annotated[float, about("ball centre beyond which it has fallen off", "m", gt=0, le=5)] = 0.350
+    time_limit: Annotated[float, about("a trial running longer has failed; 0 for no limit", "s", ge=0, le=3600)] = 0.0
+    stylus_range: Annotated[float, about("stylus heights are clipped to +- this", "m", gt=0, le=1)] = 0.075

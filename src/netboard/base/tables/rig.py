@@ -1,0 +1,171 @@
+"""The tables of the configuration that say what the rig is: network, machines, devices, windows, files.
+
+`netboard.base.config` reads them, and says what holds for all.
+"""
+
+from dataclasses import dataclass, field
+from typing import Annotated, Literal
+
+from pydantic import StrictBool
+
+from netboard.base.settings import NO_EXTRAS, about
+
+MOUSE = "mouse"
+"""Device backend of a side that a person plays in the display's window."""
+
+
+@dataclass(frozen=True, slots=True)
+class Network:
+    """Where the server listens, and how peers are watched."""
+
+    __pydantic_config__ = NO_EXTRAS
+    host: Annotated[str, about("address of the physics server as the peers see it", min_length=1)] = "127.0.0.1"
+    bind: Annotated[str, about("address the server binds to", min_length=1)] = "127.0.0.1"
+    port: Annotated[int, about("first of the six TCP ports in use", "1", ge=1024, le=65_000)] = 5550
+    transport: Annotated[
+        Literal["tcp", "ipc"], about("tcp, or sockets of this machine's file system, named after the port")
+    ] = "tcp"
+    curve: Annotated[
+        Literal["auto", "on", "off"], about("encryption and keys; auto: on where other machines can reach the server")
+    ] = "auto"
+    keys: Annotated[str, about("folder of this machine's keys (netboard keys)", min_length=1)] = "keys"
+    sample_timeout_ms: Annotated[
+        float, about("a stylus sample older than this pauses the trial", "ms", gt=0, le=10_000)
+    ] = 50.0
+    clock_bound_ms: Annotated[
+        float, about("a device is armed only while its clock is known to this bound", "ms", gt=0, le=1000)
+    ] = 0.5
+    delay_action: Annotated[
+        Literal["warn", "soften", "disarm"],
+        about("a hand's loop takes more than half of what is stable: say so, soften what is felt, or pause the trial"),
+    ] = "warn"
+    view_rate_hz: Annotated[float, about("highest rate of views sent to a display", "Hz", gt=0, le=1000)] = 120.0
+    log_ring_s: Annotated[float, about("seconds of records the server keeps for a late logger", "s", ge=1, le=3600)] = (
+        120.0
+    )
+    log_spill_mb: Annotated[
+        float, about("records that leave the ring unwritten go to a file of at most this size", "MB", ge=0, le=1e6)
+    ] = 4000.0
+    require_logger: Annotated[StrictBool, about("true: a block starts only while a logger records")] = True
+
+
+@dataclass(frozen=True, slots=True)
+class Realtime:
+    """What each process asks its machine for; what is refused is said, and the process goes on without it."""
+
+    __pydantic_config__ = NO_EXTRAS
+    scheduling: Annotated[StrictBool, about("true: real-time scheduling (SCHED_FIFO) of the 1 kHz loops")] = True
+    lock_memory: Annotated[StrictBool, about("true: keep the processes' memory from being paged out")] = True
+    server_cpus: Annotated[
+        str, about("CPUs of the server, such as 2 or 0,2-3; auto: one; empty: any", pattern=r"^(auto|[0-9,-]*)$")
+    ] = "auto"
+    agent_cpus: Annotated[
+        str, about("CPUs of the agents, likewise; auto: one each, where there are enough", pattern=r"^(auto|[0-9,-]*)$")
+    ] = "auto"
+
+
+@dataclass(frozen=True, slots=True)
+class Safety:
+    """Limits the agent enforces next to the motor, whatever it is told."""
+
+    __pydantic_config__ = NO_EXTRAS
+    max_force: Annotated[float, about("largest force at the stylus (norm)", "N", gt=0, le=40)] = 3.0
+    mean_force: Annotated[
+        float,
+        about("largest mean force over some 10 s; a device's own rating counts where it is less", "N", gt=0, le=40),
+    ] = 0.88
+    max_slew: Annotated[float, about("largest change of force", "N/s", gt=0, le=10_000)] = 500.0
+    max_speed: Annotated[float, about("stylus speed above which the force is cut", "m/s", gt=0, le=10)] = 1.0
+    stale_after_ms: Annotated[float, about("age of the last force at which it begins to fade", "ms", gt=0, le=1000)] = (
+        9.0
+    )
+    fade_ms: Annotated[float, about("time a stale force takes to fade to zero", "ms", gt=0, le=1000)] = 50.0
+    disarm_after_ms: Annotated[
+        float, about("age of the last force at which the device is disarmed", "ms", gt=0, le=10_000)
+    ] = 100.0
+    hold_damping: Annotated[float, about("damping while a stale force fades", "N s/m", ge=0, le=5)] = 1.0
+    arm_time: Annotated[float, about("ramp from no force to full force after arming", "s", gt=0, le=10)] = 1.0
+    arm_gate: Annotated[float, about("arming waits until the wanted force is below this", "N", gt=0, le=5)] = 0.2
+    passivity: Annotated[
+        StrictBool, about("true: the agent keeps forces that come late from making energy (passivity control)")
+    ] = False
+
+
+@dataclass(frozen=True, slots=True)
+class Fixture:
+    """The lateral constraint: the stylus is held in the vertical line x = y = 0 by the agent itself (reading B9)."""
+
+    __pydantic_config__ = NO_EXTRAS
+    stiffness: Annotated[float, about("stiffness towards x = y = 0", "N/m", ge=0, le=2000)] = 400.0
+    damping: Annotated[float, about("damping of x and y", "N s/m", ge=0, le=20)] = 4.0
+
+
+@dataclass(frozen=True, slots=True)
+class Agent:
+    """One device and the agent that owns it."""
+
+    __pydantic_config__ = NO_EXTRAS
+    device: Annotated[
+        str, about("device backend, of those that `netboard devices list` names: openhaptics, mouse, ...", min_length=1)
+    ] = "virtual"
+    zero: Annotated[float, about("height of the device's own origin that is the scene's z = 0", "m", ge=-1, le=1)] = 0.0
+    stop_buttons: Annotated[
+        int, about("sum of the bits of buttons that are an emergency stop", "1", ge=0, le=65535)
+    ] = 0
+    consent_buttons: Annotated[
+        int, about("sum of the bits of buttons that must be held down for a force; 0: none", "1", ge=0, le=65535)
+    ] = 0
+    velocity: Annotated[
+        Literal["device", "adaptive", "chai3d", "difference", "alpha_beta", "kalman"],
+        about("who estimates the stylus' velocity: the device or its driver, or netboard from the positions, and how"),
+    ] = "device"
+    options: Annotated[dict[str, str | int | float | bool], about("options handed to the device backend")] = field(
+        default_factory=dict
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Agents:
+    """The two agents."""
+
+    __pydantic_config__ = NO_EXTRAS
+    profiles: Annotated[
+        str, about("folder of the profiles of devices, which are named after serial numbers", min_length=1)
+    ] = "profiles"
+    left: Agent = field(default_factory=Agent)
+    right: Agent = field(default_factory=Agent)
+
+
+@dataclass(frozen=True, slots=True)
+class Display:
+    """The participants' windows."""
+
+    __pydantic_config__ = NO_EXTRAS
+    width: Annotated[int, about("window width in pixels", "1", ge=200, le=20_000)] = 1200
+    height: Annotated[int, about("window height in pixels", "1", ge=150, le=20_000)] = 700
+    fullscreen: Annotated[StrictBool, about("true: the whole screen, no frame")] = False
+    screen: Annotated[int, about("number of the screen the window opens on; 0: the main one", "1", ge=0, le=15)] = 0
+    mm_per_pixel: Annotated[
+        float, about("size of a pixel, so that the board has its true size; 0: it fills the window", "mm", ge=0, le=10)
+    ] = 0.0
+    language: Annotated[str, about("en, de, fr, es, it, or a file of words", min_length=1)] = "en"
+    smooth: Annotated[StrictBool, about("true: what moves is drawn at every refresh, between the views")] = True
+    patch: Annotated[StrictBool, about("true: a patch in the corner, for a photodiode, is white in a trial")] = False
+    markers: Annotated[
+        str, about("where trial events are marked as they are painted: none, lsl, or a serial port such as /dev/ttyS0")
+    ] = "none"
+    link_timeout_ms: Annotated[
+        float, about("without a view for this long the window blanks", "ms", gt=0, le=60_000)
+    ] = 500.0
+
+
+@dataclass(frozen=True, slots=True)
+class Recording:
+    """Where and how the logger writes."""
+
+    __pydantic_config__ = NO_EXTRAS
+    directory: Annotated[str, about("folder of the recordings", min_length=1)] = "recordings"
+    flush_ms: Annotated[float, about("a chunk is written and synced at least this often", "ms", gt=0, le=5000)] = 200.0
+    chunk_bytes: Annotated[
+        int, about("a chunk is written when it grows to this size, in bytes", "1", ge=1024, le=2**24)
+    ] = 262_144

@@ -1,0 +1,95 @@
+"""The tables of the configuration that say what is simulated: the board, the ball, and their sizes.
+
+Every default is the paper's. `netboard.base.config` reads them, and says what holds for all.
+"""
+
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from netboard.base.settings import NO_EXTRAS, about
+from netboard.base.tables.declared import Extrapolation
+
+
+@dataclass(frozen=True, slots=True)
+class Physics:
+    """The virtual board and ball, in the paper's symbols (its Table I)."""
+
+    __pydantic_config__ = NO_EXTRAS
+    M: Annotated[float, about("mass of the board", "kg", gt=0, le=10)] = 0.01
+    m: Annotated[float, about("mass of the ball", "kg", gt=0, le=10)] = 0.05
+    g: Annotated[float, about("gravitational acceleration", "m/s2", ge=0, le=30)] = 9.81
+    k_h: Annotated[float, about("stiffness of the coupling between stylus and board", "N/m", ge=0, le=10_000)] = 200.0
+    c_h: Annotated[float, about("damping of the coupling between stylus and board", "N s/m", ge=0, le=100)] = 2.0
+    k_s: Annotated[float, about("stiffness of the spring from board centre to origin", "N/m", ge=0, le=10_000)] = 140.0
+    l: Annotated[float, about("control point to board centre", "m", gt=0, le=2)] = 0.25  # noqa: E741
+    I: Annotated[float, about("moment of inertia of the board", "kg m2", gt=0, le=10)] = 0.0004  # noqa: E741
+    ball_sign: Annotated[
+        Literal["downhill", "printed"],
+        about("sign of the ball's equation: downhill (-g sin theta) or as printed in the paper (+)"),
+    ] = "downhill"
+    fixed_ball: Annotated[
+        Literal["loads_board", "carried"],
+        about("a fixed ball's weight loads the board, or is carried by the fixture (a force step at release)"),
+    ] = "loads_board"
+    model: Annotated[
+        Literal["paper", "lagrangian"],
+        about("the paper's equations, or those of Lagrange for the same scene: with the ball's inertia on the board"),
+    ] = "paper"
+    board: Annotated[
+        Literal["free", "hinged", "level"],
+        about("free: it heaves and tilts; hinged: it tilts about its fixed centre; level: it heaves and cannot tilt"),
+    ] = "free"
+    coupling: Annotated[Literal["both", "left", "right", "none"], about("which hands are coupled to the board")] = (
+        "both"
+    )
+    coupling_at: Annotated[
+        Literal["server", "both"],
+        about("where a hand's force is computed: on the server, or, for long delays, in both server and agent"),
+    ] = "server"
+    balls: Annotated[int, about("how many balls, each of mass m; they pass each other", ge=0, le=4)] = 1
+    ball_inertia: Annotated[
+        float,
+        about("moment of inertia of a ball over m r2: 0 slides, 0.4 rolls (solid sphere), 0.667 (hollow)", ge=0, le=1),
+    ] = 0.0
+    ball_height: Annotated[
+        float, about("height of a ball's centre above the board, in the lagrangian model", "m", ge=0, le=0.2)
+    ] = 0.0
+    ball_stop: Annotated[
+        float, about("where stops turn a ball back, from the board's centre; 0: there are none", "m", ge=0, le=2)
+    ] = 0.0
+    restitution: Annotated[float, about("share of its speed that a stop gives back to a ball", ge=0, le=1)] = 0.0
+    b_z: Annotated[float, about("damping of the board's heave", "N s/m", ge=0, le=100)] = 0.0
+    b_theta: Annotated[float, about("damping of the board's tilt", "N m s/rad", ge=0, le=100)] = 0.0
+    hold: Annotated[
+        Extrapolation,
+        about("how a stylus moves after its last sample: not at all, with its velocity, or with its acceleration too"),
+    ] = "ca"
+    method: Annotated[
+        Literal[
+            "auto",
+            "euler",
+            "semi_implicit",
+            "heun",
+            "verlet",
+            "midpoint",
+            "rk4",
+            "etd2rk",
+            "etdrk4",
+            "dop853",
+            "exact",
+        ],
+        about("how the board is stepped; auto: whatever holds the scene, rk4 if it does; exact: for a level board"),
+    ] = "auto"
+    substeps: Annotated[int, about("steps in a tick; 0: as many as the scene needs", ge=0, le=1000)] = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Geometry:
+    """Sizes that are drawn and that end a trial."""
+
+    __pydantic_config__ = NO_EXTRAS
+    board_length: Annotated[float, about("length of the board", "m", gt=0, le=5)] = 0.700
+    board_thickness: Annotated[float, about("height of the board as drawn", "m", gt=0, le=1)] = 0.050
+    ball_radius: Annotated[float, about("radius of the ball as drawn", "m", gt=0, le=1)] = 0.025
+    target_distance: Annotated[float, about("target centre to board centre", "m", gt=0, le=2)] = 0.150
+    target_width: Annotated[float, about("width of the target", "m", gt=0, le=1)] = 0.070

@@ -1,0 +1,90 @@
+"""The tables of the configuration that stand for what is not there: a simulated device, and a simulated person.
+
+`netboard.base.config` reads them, and says what holds for all.
+"""
+
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from netboard.base.settings import NO_EXTRAS, about
+
+OfModel = Literal["model"]
+
+
+@dataclass(frozen=True, slots=True)
+class VirtualDevice:
+    """The simulated device of the ``virtual`` backend; "model" stands for its model's number (docs/participants.md)."""
+
+    __pydantic_config__ = NO_EXTRAS
+    model: Annotated[
+        Literal["touch", "omni", "touch_x", "premium_1_5", "premium_3_0", "falcon", "omega_3"],
+        about("device that it stands for, whose numbers count where none is written"),
+    ] = "touch"
+    mass: Annotated[float, about("apparent mass at the stylus", "kg", gt=0, le=5)] | OfModel = "model"
+    friction: Annotated[float, about("Coulomb friction of the mechanism", "N", ge=0, le=5)] | OfModel = "model"
+    damping: Annotated[float, about("viscous damping of the mechanism", "N s/m", ge=0, le=20)] | OfModel = "model"
+    resolution: (
+        Annotated[float, about("size of one encoder step at the stylus; 0: none", "m", ge=0, le=0.01)] | OfModel
+    ) = "model"
+    max_force: Annotated[float, about("largest force the motors give", "N", gt=0, le=40)] | OfModel = "model"
+    continuous_force: Annotated[float, about("largest force they give for ever", "N", gt=0, le=40)] | OfModel = "model"
+    workspace: Annotated[float, about("radius of the workspace", "m", gt=0, le=1)] | OfModel = "model"
+    cable_stiffness: (
+        Annotated[float, about("stiffness between motors and stylus; 0: rigid", "N/m", ge=0, le=100_000)] | OfModel
+    ) = 0.0
+    cable_damping: (
+        Annotated[float, about("damping between motors and stylus, if not rigid", "N s/m", ge=0, le=1000)] | OfModel
+    ) = "model"
+    tip_share: (
+        Annotated[float, about("share of the mass on the stylus' side of the cables", "1", gt=0, lt=1)] | OfModel
+    ) = "model"
+    thermal_time: (
+        Annotated[float, about("time constant of the motors' temperature; 0: they stay cool", "s", ge=0, le=10_000)]
+        | OfModel
+    ) = 0.0
+    read_latency_ms: Annotated[
+        float, about("time from a position to its reading, of which the device does not know", "ms", ge=0, le=1000)
+    ] = 0.0
+    write_latency_ms: Annotated[float, about("time from a force's writing to its acting", "ms", ge=0, le=1000)] = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Participant:
+    """The simulated person: arm, senses and controller."""
+
+    __pydantic_config__ = NO_EXTRAS
+    arm_mass: Annotated[float, about("effective mass of hand and arm", "kg", gt=0, le=10)] = 0.5
+    arm_damping: Annotated[float, about("damping of the arm", "N s/m", ge=0, le=100)] = 8.0
+    arm_stiffness: Annotated[
+        float, about("stiffness of the arm towards its equilibrium point", "N/m", gt=0, le=2000)
+    ] = 150.0
+    muscle_lag: Annotated[float, about("each of the two muscle lags", "s", gt=0, le=1)] = 0.040
+    force_noise: Annotated[float, about("standard deviation of the arm's force noise", "N", ge=0, le=1)] = 0.02
+    kp: Annotated[float, about("wanted ball acceleration per distance to the target", "1/s2", ge=0, le=100)] = 2.17
+    kd: Annotated[float, about("wanted ball acceleration per ball velocity", "1/s", ge=0, le=100)] = 2.50
+    max_tilt_deg: Annotated[float, about("largest tilt asked for", "deg", gt=0, le=45)] = 2.97
+    lookahead: Annotated[float, about("prediction, in units of the visual delay", "1", ge=0, le=10)] = 2.1
+    threshold_deg: Annotated[float, about("tilt error that triggers a submovement", "deg", ge=0, le=45)] = 0.93
+    threshold_cv: Annotated[float, about("variability of that threshold", "1", ge=0, le=2)] = 0.44
+    refractory: Annotated[float, about("shortest time between submovements", "s", ge=0, le=5)] = 0.296
+    movement_time: Annotated[float, about("duration of a submovement", "s", gt=0, le=5)] = 0.313
+    movement_cv: Annotated[float, about("variability of that duration", "1", ge=0, le=2)] = 0.15
+    amplitude_cv: Annotated[float, about("variability of a submovement's amplitude", "1", ge=0, le=2)] = 0.08
+    visual_delay: Annotated[float, about("delay of what is seen", "s", ge=0, le=2)] = 0.175
+    haptic_delay: Annotated[float, about("delay of what is felt", "s", ge=0, le=2)] = 0.070
+    reaction_time: Annotated[float, about("delay of the first movement of a trial", "s", ge=0, le=5)] = 0.32
+    position_noise: Annotated[float, about("standard deviation of the seen ball position", "m", ge=0, le=1)] = 0.003
+    velocity_noise: Annotated[float, about("standard deviation of the seen ball velocity", "m/s", ge=0, le=1)] = 0.010
+    tilt_noise_deg: Annotated[float, about("standard deviation of the seen tilt", "deg", ge=0, le=45)] = 0.25
+    partner_noise: Annotated[float, about("uncertainty about the partner's movement", "1", ge=0, le=5)] = 0.5
+    centring: Annotated[float, about("pull of the hand's height towards the neutral height", "1", ge=0, le=2)] = 0.46
+    haptic_gain: Annotated[
+        float, about("weight of the partner's height inferred from one's own force", "1", ge=0, le=1)
+    ] = 0.45
+    haptic_noise: Annotated[float, about("standard deviation of that inferred height", "m", ge=0, le=1)] = 0.002
+    bimanual_async: Annotated[
+        float, about("standard deviation of the onset difference between one person's hands", "s", ge=0, le=1)
+    ] = 0.045
+    bimanual_amplitude_cv: Annotated[
+        float, about("variability of the amplitude between one person's hands", "1", ge=0, le=2)
+    ] = 0.2

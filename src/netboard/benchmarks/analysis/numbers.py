@@ -1,0 +1,205 @@
+"""The numbers that the paper reports, of a study, under a name each, so that two readings can be compared.
+
+They are those of `netboard.analysis.results`; what is added are the means of the strategy, the sides of the ellipses, and what
+the last group's spread is of the first one's.
+"""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from math import nan
+
+from netboard.analysis.extraction.study import Study
+from netboard.analysis.results.classes import classes
+from netboard.analysis.results.delay import PERCENT, delay
+from netboard.analysis.results.dyads import dyads
+from netboard.analysis.results.groups import CLASSES, conditions, counted, of_dyads, of_performers
+from netboard.analysis.results.learning import learning
+from netboard.analysis.results.strategy import EVERYBODY, TeamStrategy, strategy
+from netboard.benchmarks.analysis.readings import Family
+
+OF: dict[str, Family] = {"completion": "time", "peaks": "peaks"}
+"""Family of what is in a column of the table of trials."""
+
+SHORT = {"completion": "completion time", "peaks": "peaks"}
+"""What it is called here."""
+
+
+@dataclass(frozen=True, slots=True)
+class Number:
+    """A number that is reported.
+
+    Attributes
+    ----------
+    value : float
+        The number; NaN where there is none [its unit].
+    kind : {"mean", "spread", "count"}
+        A mean or a size; a standard deviation or an interval; or how many dyads.
+    """
+
+    family: Family
+    value: float
+    unit: str
+    kind: str = "mean"
+
+
+Numbers = dict[str, Number]
+"""By name [SI]."""
+
+
+def numbers(study: Study, like: Numbers | None = None) -> Numbers:
+    """Compute all of them.
+
+    Parameters
+    ----------
+    like : dict of Number, optional
+        Those of the same study by other readings: where these leave a condition without a trial, its numbers are NaN.
+
+    Returns
+    -------
+    dict of Number
+        In a fixed order; the names are the same for studies with the same conditions.
+    """
+    found: Numbers = {name: replace(one, value=nan) for name, one in (like or {}).items()}
+    for part in (_learning, _dyads, _shares, _delays, _strategies, _spreads):
+        found |= dict(part(study))
+    return found
+
+
+def _learning(study: Study) -> Iterator[tuple[str, Number]]:
+    """First and last trials."""
+    for team in learning(study).teams:
+        for course in team.courses:
+            column = course.quantity.column
+            for when, found in (("first", course.ends.first), ("last", course.ends.last)):
+                name = f"{SHORT[column]}, {team.team}, {when}"
+                yield name, Number(OF[column], found.mean, course.quantity.unit)
+                yield f"SD of {name}", Number(OF[column], found.deviation, course.quantity.unit, "spread")
+
+
+def _dyads(study: Study) -> Iterator[tuple[str, Number]]:
+    """How many dyads do better than the mean of their two participants."""
+    for one in dyads(study).comparisons:
+        name = "faster" if one.quantity.column == "completion" else "smoother"
+        value = float(one.better) if one.known else nan
+        yield (
+            f"dyads {name} than their mean, {one.condition.feeling}",
+            Number(OF[one.quantity.column], value, "1", "count"),
+        )
+
+
+def _shares(study: Study) -> Iterator[tuple[str, Number]]:
+    """Shares of the classes of movement."""
+    for one in classes(study).shares:
+        for name, mean in zip(CLASSES, one.means, strict=True):
+            yield f"{name} share, {one.condition.label}", Number("shares", mean.value, "1")
+
+
+def _delays(study: Study) -> Iterator[tuple[str, Number]]:
+    """Delays at the thresholds, and half the width of their intervals."""
+    for one in delay(study).conditions:
+        for percent, mean in zip(PERCENT, one.as_set.means, strict=True):
+            name = f"delay at {percent} %, {one.condition.label}"
+            yield name, Number("delay", mean.value, "s")
+            yield f"half the interval of the {name}", Number("delay", (mean.high - mean.low) / 2, "s", "spread")
+
+
+def _strategies(study: Study) -> Iterator[tuple[str, Number]]:
+    """Distance and velocity at the first braking movement."""
+    trials = counted(study)
+    for one in conditions(study):
+        own = trials[trials["condition"] == one.name]
+        for quantity, unit in (("distance", "m"), ("velocity", "m/s")):
+            mean = float(of_dyads(of_performers(own, f"braking_{quantity}")).mean())
+            yield f"braking {quantity}, {one.label}", Number("strategy", mean, unit)
+
+
+def _spreads(study: Study) -> Iterator[tuple[str, Number]]:
+    """Ellipses of everybody's first and last groups, and how variances change between these."""
+    standardised = study.readings.summaries.scaling == "standardised"
+    for team in strategy(study).teams:
+        if team.team == EVERYBODY:
+            continue
+        for when, one in (("first", team.ellipses[0]), ("last", team.ellipses[-1])):
+            group = f"{team.team}, {when} group"
+            yield f"ellipse's width, {group}", Number("strategy", one.width, "SD" if standardised else "m, m/s")
+            yield f"ellipse's height, {group}", Number("strategy", one.height, "SD" if standardised else "m, m/s")
+            yield f"ellipse's area, {group}", Number("strategy", one.area, "m2/s")
+        yield from _ratios(team)
+
+
+def _ratios(team: TeamStrategy) -> Iterator[tuple[str, Number]]:
+    """What the last group's variances are of the first one's; the generalised one has no parts and stands for both."""
+    each = {spread.quantity: spread.means for spread in team.spreads}
+    for quantity in ("distance", "velocity"):
+        means = each.get(f"variance of {quantity}", team.spreads[0].means)
+        value = means[-1].value / means[0].value if means[0].value > 0 else nan
+        yield f"variance of {quantity}, last group over first, {team.team}", Number("strategy", value, "1")
+
+
+# --- what follows from them ---------------------------------------------------------------------------------------
+
+Gap = Callable[[Mapping[str, float]], float]
+
+
+@dataclass(frozen=True, slots=True)
+class Statement:
+    """Something that the paper says.
+
+    Attributes
+    ----------
+    gap : callable
+        Takes the values by name; gives a difference that is positive if it is so [of the numbers in it].
+    """
+
+    words: str
+    gap: Gap
+
+
+def _less(smaller: str, larger: str) -> Gap:
+    return lambda found: found[larger] - found[smaller]
+
+
+def _falls(name: str, of: str = "") -> Gap:
+    return _less(f"{name}, last{of}", f"{name}, first{of}")
+
+
+def _with_haptics(name: str, *, more: bool) -> Gap:
+    off, on = f"{name}, haptics off", f"{name}, haptics on"
+    return _less(off, on) if more else _less(on, off)
+
+
+STATEMENTS = (
+    Statement("alone, completion times fall from the first to the last trials", _falls("completion time, bimanual")),
+    Statement("together, completion times fall", _falls("completion time, dyadic")),
+    Statement("alone, peaks become fewer", _falls("peaks, bimanual")),
+    Statement("together, peaks become fewer", _falls("peaks, dyadic")),
+    Statement(
+        "more dyads are faster than their mean with haptics than without",
+        _with_haptics("dyads faster than their mean", more=True),
+    ),
+    Statement(
+        "more dyads are smoother than their mean with haptics than without",
+        _with_haptics("dyads smoother than their mean", more=True),
+    ),
+    Statement("with haptics, dyads move more cooperatively", _with_haptics("cooperative share, dyadic", more=True)),
+    Statement("with haptics, dyads have less single movement", _with_haptics("single share, dyadic", more=False)),
+    Statement(
+        "with haptics, dyads have less competitive movement", _with_haptics("competitive share, dyadic", more=False)
+    ),
+    Statement(
+        "without haptics, delays of dyads are longer than of one person (20 %)",
+        _less("delay at 20 %, bimanual, haptics off", "delay at 20 %, dyadic, haptics off"),
+    ),
+    Statement("with haptics, delays of dyads are shorter (20 %)", _with_haptics("delay at 20 %, dyadic", more=False)),
+    Statement(
+        "without haptics, delays of dyads grow from 10 to 40 %",
+        _less("delay at 10 %, dyadic, haptics off", "delay at 40 %, dyadic, haptics off"),
+    ),
+    Statement("alone, ellipses shrink", _falls("ellipse's area, bimanual", " group")),
+    Statement("together, ellipses shrink", _falls("ellipse's area, dyadic", " group")),
+    Statement(
+        "together, the variance of the distance falls",
+        lambda found: 1 - found["variance of distance, last group over first, dyadic"],
+    ),
+)
+"""What the paper says of these numbers, as far as it can come out one way or the other."""

@@ -1,0 +1,110 @@
+"""``netboard bench analysis --truth``: what the measures say of trials whose numbers are known beforehand."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.analysis.extraction.recordings import Measured, measure
+from netboard.analysis.extraction.settings import Readings
+from netboard.analysis.extraction.study import study_of
+from netboard.benchmarks.analysis.truth import Known, block
+from netboard.benchmarks.harness.results import Folder, Part
+from netboard.benchmarks.harness.running import Tell
+from netboard.recording.export.runs import runs_of
+from netboard.recording.files.offline_writer import Keeper
+
+WHOLE, QUICK = (16, 12), (2, 6)
+"""Blocks, and trials in each [1]."""
+
+IMPORTED = {"imported": "measured", "imported_from": "closed form"}
+
+TOLERANCES = {"s": 0.0015, "m": 0.0005, "W": 0.001, "N2 s": 0.01, "1": 0.0}
+"""What counts as exact, by unit: a tick, half a millimetre, and what the filters take from a sine [SI]."""
+
+UNITS = {"entries": "1", "peaks": "1", "overshoots": "1", "overshoot": "m", "power": "W", "effort": "N2 s"}
+"""Units of measures that are no time, by their last word."""
+
+
+def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
+    """Make recordings of known trials, measure them as an analysis does, and compare."""
+    blocks, trials = QUICK if quick else WHOLE
+    known: list[Known] = []
+    found: list[Measured] = []
+    with TemporaryDirectory() as where:
+        for seed in range(blocks):
+            tell(f"block {seed + 1} of {blocks}", seed / blocks)
+            more, one = measured_block(Path(where), trials, seed)
+            known += more
+            found.append(one)
+    yield table(known, found)
+
+
+def measured_block(folder: Path, trials: int, seed: int) -> tuple[list[Known], Measured]:
+    """Write a block of known trials as a recording, and measure it."""
+    known, rows, config = block(trials, seed)
+    keeper = Keeper(folder, config, f"{seed:08x}".ljust(32, "0"), seed * 10**12, IMPORTED, int(rows["time_ns"][0]))
+    keeper.take(rows)
+    keeper.finish()
+    return known, measure(runs_of([keeper.path])[0], Readings())
+
+
+def table(known: list[Known], found: list[Measured]) -> Part:
+    """Put truth and measures beside each other."""
+    counted = sum(len(study_of([one], Readings()).counted) for one in found)
+    trials = {
+        name: np.concatenate([one.trials[name] for one in found]) for name in (*known[0].values, "completion_source")
+    }
+    rows = [
+        _row(name, np.array([one.values[name] for one in known]), trials[name], UNITS.get(name.rpartition("_")[2], "s"))
+        for name in known[0].values
+    ]
+    clear = np.array([one.clear for one in known])
+    peaks = np.array([one.values["peaks"] for one in known])
+    rows.append(_row("peaks, none near the completion", peaks[clear], trials["peaks"][clear], "1"))
+    rows += _movements(known, found)
+    told = int((trials["completion_source"] == "recording").sum())
+    return Part(
+        "truth",
+        f"Measures of {len(known)} trials whose numbers are known beforehand; {counted} count, {told} of them with the "
+        "completion time told by the recording, whose hold is a sample short",
+        ("measure", "unit", "n", "exact [%]", "bias", "largest error"),
+        rows,
+    )
+
+
+def _row(name: str, truth: NDArray[np.float64], found: NDArray[np.float64], unit: str) -> tuple[str | float, ...]:
+    """Compare one measure; what is not known in both counts as an error, unless it is in neither."""
+    both = np.isfinite(truth) & np.isfinite(found)
+    errors = np.where(both, found - truth, np.inf)
+    errors[np.isnan(truth) & np.isnan(found)] = 0.0
+    exact = np.abs(errors) <= TOLERANCES[unit] + 1e-9
+    known = errors[np.isfinite(errors)]
+    return name, unit, len(truth), 100.0 * float(exact.mean()), float(known.mean()), float(np.abs(known).max())
+
+
+def _movements(known: list[Known], found: list[Measured]) -> Iterator[tuple[str | float, ...]]:
+    """Compare how many movements of the board there are, when they begin, and their delays."""
+    counts: list[tuple[float, float]] = []
+    onsets: list[tuple[float, float]] = []
+    delays: list[tuple[float, float]] = []
+    place = 0
+    for one in found:
+        turns = one.movements
+        for number in one.trials["trial"]:
+            own = turns["trial"] == number
+            truth = known[place]
+            place += 1
+            counts.append((len(truth.turns), int(own.sum())))
+            if len(truth.turns) == own.sum():
+                onsets += zip(truth.turns, turns["onset"][own], strict=True)
+                delays += [(truth.delay, value) for value in turns["own_delay_20"][own]]
+    for name, pairs, unit in (
+        ("movements of the board", counts, "1"),
+        ("onset of a movement", onsets, "s"),
+        ("delay at 20 % of own peaks", delays, "s"),
+    ):
+        truth_, found_ = np.array(pairs, float).T
+        yield _row(name, truth_, found_, unit)

@@ -1,0 +1,1 @@
+"""The virtual coupling over a delay, and the force conditions."""

@@ -1,0 +1,69 @@
+"""``netboard bench coupling``: how far a hand may be from its server, in theory and in the simulated service.
+
+Every part is a table with verdicts, which are computed. Nothing here depends on the time of day or on the machine, but
+for how long it takes.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from importlib.util import find_spec
+from typing import Any
+
+import numpy as np
+
+from netboard.base.tables.scene import Physics
+from netboard.benchmarks.coupling import boundary, releases, remedies
+from netboard.benchmarks.coupling.boundary import HANDS, MAPS, STIFFEST, Found
+from netboard.benchmarks.harness.results import Folder, Part
+from netboard.benchmarks.harness.running import Tell
+from netboard.physics.stability.delayed_coupling import ruled_stiffness
+
+QUICK_HANDS = ("bare stylus", "hand")
+
+REMEDY_WAYS, QUICK_REMEDY_WAYS = (0, 5, 10, 20, 30), (20,)
+FELT_WAYS, QUICK_FELT_WAYS = (0, 1, 5, 20), (20,)
+EVERYDAY_WAYS, QUICK_EVERYDAY_WAYS = (0, 1, 5), (0,)
+
+
+def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
+    """Run the parts of the study, one after the other."""
+    hands = QUICK_HANDS if quick else tuple(HANDS)
+    yield boundary.delays_part(hands, tell)
+    ways = boundary.QUICK_WAYS if quick else boundary.WAYS
+    found = boundary.limits(hands, ways, tell, 2 * boundary.AGREED if quick else 5e-3)
+    if find_spec("matplotlib") is not None:
+        folder.save(draw_limits(found), "coupling")
+    yield boundary.limits_part(found)
+    yield releases.releases_part(releases.QUICK_WAYS if quick else releases.WAYS, tell)
+    yield remedies.remedies_part(QUICK_REMEDY_WAYS if quick else REMEDY_WAYS, tell)
+    yield remedies.transparency_part(QUICK_FELT_WAYS if quick else FELT_WAYS, tell)
+    yield remedies.everyday_part(QUICK_EVERYDAY_WAYS if quick else EVERYDAY_WAYS, tell)
+
+
+def draw_limits(found: Sequence[Found]) -> Any:
+    """Draw the largest stable stiffness over the delay: theory as lines, the simulated service as dots."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(12, 4), layout="constrained")
+    axes = figure.subplots(1, len(MAPS), sharey=True)
+    physics = Physics()
+    for axis, (at, end) in zip(axes, MAPS, strict=True):
+        for number, hand in enumerate(HANDS):
+            mine = [one for one in found if (one.case.at, one.case.end, one.case.hand) == (at, end, hand)]
+            ways = [one.case.way for one in mine]
+            axis.plot(ways, [_shown(one.virtual) for one in mine], color=f"C{number}", label=hand if mine else None)
+            axis.plot(ways, [one.simulated for one in mine], "o", color=f"C{number}", markersize=4)
+            if mine and at == "server" and end == "fixed":
+                ruled = [ruled_stiffness(HANDS[hand], physics.c_h, 2e-3 * way) for way in ways]
+                axis.plot(ways, ruled, ":", color=f"C{number}", linewidth=1)
+        axis.axhline(physics.k_h, color="grey", linewidth=0.8, linestyle="--")
+        axis.set(yscale="log", ylim=(5.0, STIFFEST), xlabel="delay one way (ms)")
+        axis.set_title(f"coupling at {at}, {'a fixed end' if end == 'fixed' else 'the board of the paper'}")
+    axes[0].set_ylabel("largest stable stiffness (N/m)")
+    axes[0].legend(title="lines: theory, dots: simulated,\ndotted: Gil's rule", fontsize=8, title_fontsize=8)
+    return figure
+
+
+def _shown(k: float) -> float:
+    """Return a stiffness for the figure."""
+    return STIFFEST if math.isinf(k) else k if k > 0.0 else np.nan

@@ -1,0 +1,288 @@
+"""Where the loop becomes unstable: exact eigenvalues beside the simulated service, and rules of thumb beside both.
+
+Linear: no friction, no encoder steps, and motions so small that no limit is met. The simulation steps its stylus as the
+virtual device does; so does the prediction that it is held against, and another one has the exact motion of a device.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from netboard.base.config import Config
+from netboard.base.tables.scene import Physics
+from netboard.base.tables.simulated import VirtualDevice
+from netboard.benchmarks.coupling.far import Distance, Far
+from netboard.benchmarks.harness.results import Part, Value, Verdict
+from netboard.benchmarks.harness.running import Tell
+from netboard.devices.safety.virtual_coupling import REACH
+from netboard.physics.stability.delayed_coupling import (
+    FIXED,
+    At,
+    Loop,
+    Mechanism,
+    ends_of,
+    largest_delay,
+    largest_stiffness,
+    passive_stiffness,
+    ruled_stiffness,
+    turning,
+)
+from netboard.physics.stability.delayed_coupling import LONGEST as LONGEST_WAY
+
+HANDS = {
+    "bare stylus": Mechanism(0.045, 0.1),
+    "light finger": Mechanism(0.1, 0.5),
+    "hand": Mechanism(0.2, 2.0),
+    "arm": Mechanism(0.5, 5.0),
+}
+"""What moves with the stylus."""
+
+SUBSTEPS = 4
+"""The virtual device is stepped so many times in a tick [1]."""
+
+STIFFEST = 10_000.0
+"""The configuration allows no stiffer coupling [N/m]."""
+
+LOOSEST = 10.0
+"""Below this a coupling is none: its damper alone decides, and theory and simulation are not compared [N/m]."""
+
+AGREED = 0.01
+"""Prediction and simulation shall agree to this share [1]."""
+
+NUDGE = 1e-5
+"""A simulation begins so far from rest [m]."""
+
+LOST, FOUND = 1e-2, 1e-10
+"""Motions beyond this are unstable, and below this have died away [m]."""
+
+PERIODS = 24.0
+"""A motion is watched for so many of its periods [1]."""
+
+SHORTEST, LONGEST = 1200, 24_000
+"""And for at least and at most so long [ms]."""
+
+SLOWEST = 2.0
+"""No motion is taken to be slower than this [rad/s]."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """What is looked for.
+
+    Attributes
+    ----------
+    end : str
+        ``fixed``, or ``board`` for the paper's with both hands on it.
+    way : int
+        Delay one way [ms].
+    """
+
+    hand: str
+    at: At
+    end: str
+    way: int
+
+
+def physics_of(case: Case, k: float, hold: str = "zoh") -> Physics:
+    """Return the scene of a case: no ball, no gravity, solved exactly whatever the stiffness."""
+    plain = Physics(k_h=k, balls=0, g=0.0, hold=hold, method="etdrk4", substeps=1, coupling_at=case.at)  # type: ignore[arg-type]
+    return plain if case.end == "board" else replace(plain, board="hinged", I=1e9)
+
+
+def loops_of(case: Case, k: float, substeps: int = SUBSTEPS) -> dict[str, Loop]:
+    """Return the loops of a case, one for each way in which both hands can move."""
+    ends = ends_of(Physics()) if case.end == "board" else {"fixed": FIXED}
+    mechanism = replace(HANDS[case.hand], substeps=substeps)
+    return {
+        name: Loop(mechanism, end, k, Physics().c_h, case.way, case.way, case.at, "zoh", 1, REACH)
+        for name, end in ends.items()
+    }
+
+
+def predicted(case: Case, substeps: int = SUBSTEPS, start: float = 1.0) -> tuple[float, str]:
+    """Return the largest stable stiffness, and the way of moving that becomes unstable first."""
+    limits = {
+        name: largest_stiffness(loop, start, most=STIFFEST) for name, loop in loops_of(case, 1.0, substeps).items()
+    }
+    mode = min(limits, key=lambda name: limits[name])
+    return limits[mode], mode
+
+
+def simulated_is_stable(case: Case, k: float, mode: str) -> bool:
+    """Tell whether a small motion dies away in the simulated service.
+
+    Parameters
+    ----------
+    mode : str
+        ``tilt`` for hands that begin against each other, else they begin alike.
+    """
+    hand = HANDS[case.hand]
+    device = VirtualDevice(mass=hand.mass, damping=hand.damping, friction=0.0, resolution=0.0)
+    far = Far(Config(physics=physics_of(case, k), virtual=device), Distance(case.way, case.way))
+    far.get_ready()
+    far.put(NUDGE, -NUDGE if mode == "tilt" else NUDGE)
+    period = 2.0 * math.pi / max(turning(loops_of(case, k)[mode]), SLOWEST)
+    quarter = int(min(max(PERIODS * 1000.0 * period, SHORTEST), LONGEST)) // 4
+    sizes = []
+    for _ in range(4):
+        far.heights.clear()
+        far.live(quarter)
+        heights = np.array(far.heights)
+        sizes.append(float(np.ptp(heights[:, 0] - (heights[:, 1] if mode == "tilt" else 0.0))))
+        if not sizes[-1] < LOST:
+            return False
+        if sizes[-1] < FOUND:
+            return True
+    return sizes[3] < sizes[1]
+
+
+def simulated(case: Case, near: float, mode: str, precision: float = 5e-3) -> float:
+    """Return the largest stiffness that is stable in the simulated service, near one that theory says.
+
+    Returns
+    -------
+    float
+        The stiffness; NaN if it is more than 10 % away [N/m].
+    """
+    stable, unstable = near * (1.0 - AGREED), near * (1.0 + AGREED)
+    if not simulated_is_stable(case, stable, mode):
+        stable, unstable = 0.9 * near, stable
+        if not simulated_is_stable(case, stable, mode):
+            return math.nan
+    elif simulated_is_stable(case, unstable, mode):
+        stable, unstable = unstable, 1.1 * near
+        if simulated_is_stable(case, unstable, mode):
+            return math.nan
+    while unstable - stable > precision * near:
+        middle = 0.5 * (stable + unstable)
+        stable, unstable = (middle, unstable) if simulated_is_stable(case, middle, mode) else (stable, middle)
+    return 0.5 * (stable + unstable)
+
+
+# --- parts of the study ------------------------------------------------------------------------------------------
+
+
+WAYS = (0, 1, 2, 3, 5, 10, 20, 40, 60)
+QUICK_WAYS = (1, 5)
+MAPS: tuple[tuple[At, str], ...] = (("server", "fixed"), ("server", "board"), ("both", "board"))
+"""Where the coupling is computed, and what the hand is coupled to. With both and a fixed end no delay matters."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """One limit.
+
+    Attributes
+    ----------
+    exact : float
+        Largest stable stiffness of a real device [N/m].
+    virtual : float
+        Of the virtual one [N/m].
+    simulated : float
+        In the simulated service; NaN where there is nothing to look for [N/m].
+    """
+
+    case: Case
+    exact: float
+    virtual: float
+    simulated: float
+    mode: str
+
+
+def limits(hands: Sequence[str], ways: Sequence[int], tell: Tell, precision: float = 5e-3) -> list[Found]:
+    """Look for all limits."""
+    cases = [Case(hand, at, end, way) for at, end in MAPS for hand in hands for way in ways]
+    found = []
+    for i, case in enumerate(cases):
+        tell(f"{case.hand}, {case.at}, {case.end}: {case.way} ms", i / len(cases))
+        virtual, mode = predicted(case)
+        exact, _ = predicted(case, 0, 0.6 * virtual) if 0.0 < virtual < math.inf else predicted(case, 0)
+        there = LOOSEST <= virtual < math.inf
+        found.append(
+            Found(case, exact, virtual, simulated(case, virtual, mode, precision) if there else math.nan, mode)
+        )
+    return found
+
+
+def limits_part(found: Sequence[Found]) -> Part:
+    """Put limits in a table."""
+    rows: list[tuple[Value, ...]] = []
+    for one in found:
+        case, hand = one.case, HANDS[one.case.hand]
+        ruled = ruled_stiffness(hand, Physics().c_h, 2e-3 * case.way) if case.at == "server" else math.nan
+        rows.append(
+            (
+                *(case.at, case.end, case.hand, case.way, _stiffness(one.exact), _stiffness(one.virtual)),
+                _stiffness(one.simulated),
+                "-" if math.isnan(one.simulated) else f"{100 * (one.simulated / one.virtual - 1):+.2f} %",
+                one.mode,
+                _stiffness(ruled),
+                _stiffness(passive_stiffness(hand, Physics().c_h)),
+            )
+        )
+    compared = [one for one in found if LOOSEST <= one.virtual < math.inf]
+    off = [abs(one.simulated / one.virtual - 1.0) for one in compared]
+    worst = math.inf if any(map(math.isnan, off)) else max(off, default=0.0)
+    return Part(
+        "limits",
+        f"Largest stable stiffness with 2 N s/m, up to {STIFFEST:g} N/m, for equal delays both ways",
+        (
+            *("coupling at", "end", "hand", "one way [ms]", "theory, real device [N/m]", "theory, virtual [N/m]"),
+            *("simulated service [N/m]", "off", "unstable first", "Gil [N/m]", "Colgate [N/m]"),
+        ),
+        rows,
+        [
+            Verdict(
+                f"the simulated service and the eigenvalues agree to {AGREED:.0%} in stiffness",
+                bool(worst <= AGREED),
+                f"at worst {worst:.2%} in {len(compared)} cases",
+            )
+        ],
+    )
+
+
+def _stiffness(k: float) -> str:
+    """Write a stiffness for the table."""
+    if math.isnan(k):
+        return "-"
+    return f"> {STIFFEST:g}" if math.isinf(k) else f"{k:.4g}"
+
+
+def delays_part(hands: Sequence[str], tell: Tell) -> Part:
+    """Look for the largest delay of the paper's coupling, for each hand."""
+    physics = Physics()
+    rows: list[tuple[Value, ...]] = []
+    agreeing, checked = 0, 0
+    for i, hand in enumerate(hands):
+        for j, (at, end) in enumerate(MAPS):
+            tell(f"largest delay: {hand}, {at}, {end}", (i + j / len(MAPS)) / len(hands))
+            ways = {}
+            for substeps in (0, SUBSTEPS):
+                loops = loops_of(Case(hand, at, end, 0), physics.k_h, substeps)
+                ways[substeps] = {name: largest_delay(loop) for name, loop in loops.items()}
+            mode = min(ways[SUBSTEPS], key=lambda name: ways[SUBSTEPS][name])
+            way = ways[SUBSTEPS][mode]
+            tried = [(way, True), (way + 1, False)] if way < LONGEST_WAY else [(way, True)]
+            right = [simulated_is_stable(Case(hand, at, end, w), physics.k_h, mode) == so for w, so in tried]
+            agreeing, checked = agreeing + sum(right), checked + len(right)
+            rows.append((at, end, hand, _way(min(ways[0].values())), _way(way), "yes" if all(right) else "no"))
+    return Part(
+        "delays",
+        "Largest stable delay one way, 200 N/m and 2 N s/m",
+        ("coupling at", "end", "hand", "theory, real device [ms]", "theory, virtual [ms]", "and so it is simulated"),
+        rows,
+        [
+            Verdict(
+                "the simulated service is stable at the largest delay, and not 1 ms beyond",
+                agreeing == checked,
+                f"{agreeing} of {checked}",
+            )
+        ],
+    )
+
+
+def _way(way: int) -> str:
+    """Write a delay for the table."""
+    return f">= {LONGEST_WAY}" if way >= LONGEST_WAY else str(way)

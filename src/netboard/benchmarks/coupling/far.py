@@ -1,0 +1,229 @@
+"""A dyad far from its server, in simulated time: what netboard is made of, with delays in between.
+
+The stage, the server's seats, the messages in their fixed form, the virtual devices, the agent's copy of the coupling,
+its passivity control and its safety chain are those of a session, called in the order of a session; only sockets and
+clocks are left out. Every millisecond each agent reads its stylus, and at the same moment the server does its tick with
+what has arrived. A frame is so many whole milliseconds on its way; all clocks agree, and are known to.
+"""
+
+from collections import deque
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.base.config import SIDES, Config, Side
+from netboard.base.tables.rig import Agent, Agents, Fixture
+from netboard.base.tables.scene import Physics
+from netboard.base.tick import START_NS, TICK, TICK_NS
+from netboard.devices.safety.chain import Guard, Safety
+from netboard.devices.safety.passivity import Passivity
+from netboard.devices.safety.virtual_coupling import hand_force
+from netboard.devices.simulated.virtual import VirtualTouch
+from netboard.network.protocol import fixed
+from netboard.network.protocol.motion import Force, Point, Safeguard, Stylus
+from netboard.nodes.ports import samples
+from netboard.stage.stage import Stage, make_stage
+from netboard.task.trials.state_machine import Cause
+
+TIMEOUT_NS = 1_000_000_000
+"""No sample is too old: how long a trial goes on without any is not studied here [ns]."""
+
+READY = 10
+"""Ticks from the start until both devices are armed and the trial is on, with room to spare [1]."""
+
+ARMED = 1e-3
+"""Forces grow to their full size within the first tick in which there are any [s]."""
+
+_COMMAND = (TICK.names or ()).index("command")
+_STYLUS, _FORCE, _POINT = (fixed.packer_of(message) for message in (Stylus, Force, Point))
+
+
+@dataclass(frozen=True)
+class Distance:
+    """How far away the server is.
+
+    Attributes
+    ----------
+    up, down : int
+        Delay of a sample, and of its answer [ms].
+    """
+
+    up: int
+    down: int
+
+
+@cache
+def _stage(physics: Physics) -> Stage:
+    """Make the stage of a scene, once."""
+    return make_stage(Config(physics=physics))
+
+
+def prepared(config: Config) -> Config:
+    """Return a configuration for a simulation: nobody holds a stylus, and nothing waits."""
+    free = Agent(options={"held": False})
+    return replace(
+        config,
+        safety=replace(config.safety, arm_time=ARMED, mean_force=config.safety.max_force),
+        agents=Agents(left=free, right=free),
+        fixture=Fixture(0.0, 0.0),
+    )
+
+
+class Station:
+    """One side: device and agent, and what is on its way to the server and back."""
+
+    def __init__(self, side: Side, config: Config, distance: Distance) -> None:
+        self.device = VirtualTouch(side, config)
+        self.rendered = 0.0
+        self.safeguards = 0
+        self.sent: deque[NDArray[np.uint8]] = deque()
+        self.told: deque[NDArray[np.uint8]] = deque()
+        self._distance = distance
+        most = self.device.open().max_force
+        self._safety = Safety(config.safety, most, most)  # a run is too short to wear motors
+        self._passivity = Passivity() if config.safety.passivity else None
+        self._newest: Force | Point | None = None
+        self._force = np.zeros(len(fixed.FORCE.markers), np.int64)
+        self._point = np.zeros(len(fixed.POINT.markers), np.int64)
+        self._sample = np.zeros(len(fixed.STYLUS.markers), np.int64)
+
+    def read(self, number: int, now_ns: int) -> None:
+        """Read the stylus and send it."""
+        self.reading = self.device.read(now_ns)
+        x, y, z, vx, vy, vz = self.reading[1:7]
+        _STYLUS.pack_into(
+            self._sample.data,
+            0,
+            *(number, now_ns, x, y, z, vx, vy, vz, 0, self.safeguards, self.rendered, -1, 0, 0, now_ns, 0),
+        )
+        frame = np.zeros(fixed.STYLUS.size, np.uint8)
+        fixed.write(frame, *fixed.STYLUS[:2], self._sample)
+        self.sent.append(frame)
+        if self._passivity is not None:
+            self._passivity.remember(number, z)
+        if self._safety.guard is Guard.DISARMED:
+            self._safety.arm()
+
+    def arriving(self) -> NDArray[np.uint8] | None:
+        """Take the sample that arrives at the server now, if one does."""
+        return self.sent.popleft() if len(self.sent) > self._distance.up else None
+
+    def tell(self, frame: NDArray[np.uint8]) -> None:
+        """Send an answer on its way."""
+        self.told.append(frame)
+
+    def render(self, now_ns: int) -> None:
+        """Take the answer that arrives now, if one does, and let the device render a force."""
+        if len(self.told) > self._distance.down:
+            self._hear(self.told.popleft())
+        limited = self._safety.step(now_ns, (0.0, 0.0, self._wanted(now_ns)), now_ns, self.reading[4:7])
+        self.device.write(limited.fx, limited.fy, limited.fz)
+        self.rendered = limited.fz
+        self.safeguards = int(limited.safeguards)
+
+    def _hear(self, frame: NDArray[np.uint8]) -> None:
+        if fixed.read(frame, *fixed.FORCE[:2], self._force):
+            self._newest = Force(*_FORCE.unpack(self._force.data))
+        elif fixed.read(frame, *fixed.POINT[:2], self._point):
+            self._newest = Point(*_POINT.unpack(self._point.data))
+
+    def _wanted(self, now_ns: int) -> float:
+        """Force on the hand as the agent wants it."""
+        message, reading = self._newest, self.reading
+        if isinstance(message, Point):
+            return hand_force(message, now_ns, reading)
+        if message is None:
+            return 0.0
+        if self._passivity is None:
+            return message.force
+        return self._passivity.step(message.force, message.stylus_seq, reading.z, reading.vz, self.rendered)
+
+
+class Far:
+    """Both sides, and the server.
+
+    Attributes
+    ----------
+    heights, forces : list of (float, float)
+        Of both styluses, for each millisecond since both were ready [m, N].
+    cut : bool
+        Since then a safety chain has taken a force away: the stylus was too fast.
+    """
+
+    def __init__(self, config: Config, distance: Distance) -> None:
+        config = prepared(config)
+        self.stations = [Station(side, config, distance) for side in SIDES]
+        self.heights: list[tuple[float, float]] = []
+        self.forces: list[tuple[float, float]] = []
+        self.cut = False
+        self._both = config.physics.coupling_at == "both"
+        self._ends = samples.ends_of(config.physics)
+        self._stage = _stage(config.physics)
+        self._state = self._stage.initial()
+        self._rows = np.zeros(1, TICK)
+        self._row = self._rows.view(np.int64).reshape(-1)
+        self._seats = np.zeros((len(SIDES), samples.WORDS), np.int64)
+        for seat in self._seats:
+            samples.empty(seat)
+            seat[samples.CLOCK_KNOWN] = 1
+        self._sample = np.zeros(samples.SAMPLE_WORDS, np.int64)
+        form = fixed.POINT if self._both else fixed.FORCE
+        self._form, self._words = form, np.zeros(len(form.markers), np.int64)
+        self._gains = np.ones(len(SIDES))
+        self._number = 0
+
+    def live(self, ticks: int) -> None:
+        """Let time pass."""
+        for _ in range(ticks):
+            self._tick(START_NS + self._number * TICK_NS)
+            self._number += 1
+
+    def get_ready(self) -> None:
+        """Begin: both devices are armed, a trial is on, and whatever is on its way has come."""
+        distance = self.stations[0]._distance
+        self.live(READY + 2 * (distance.up + distance.down))
+        self.heights.clear()
+        self.forces.clear()
+        self.cut = False
+
+    def put(self, left: float, right: float) -> None:
+        """Take both styluses to heights and let them go there, at rest."""
+        for station, height in zip(self.stations, (left, right), strict=True):
+            station.device.put(height)
+
+    def _tick(self, now_ns: int) -> None:
+        for station in self.stations:
+            station.read(self._number, now_ns)
+        self._serve(now_ns)
+        for station in self.stations:
+            station.render(now_ns)
+        left, right = self.stations
+        self.heights.append((left.reading.z, right.reading.z))
+        self.forces.append((left.rendered, right.rendered))
+        self.cut |= not left.safeguards & right.safeguards & Safeguard.ARMED
+
+    def _serve(self, now_ns: int) -> None:
+        """Do the server's tick."""
+        for seat, station in zip(self._seats, self.stations, strict=True):
+            frame = station.arriving()
+            if frame is not None:
+                samples.take_frame(seat, frame, *fixed.STYLUS[:2], self._sample, now_ns, now_ns)
+        samples.fill(self._row, self._seats, self._number, now_ns, 0, TIMEOUT_NS)
+        self._row[_COMMAND] = int(Cause.START) if self._number == 0 else int(Cause.NONE)
+        self._stage.advance(self._state, self._rows)
+        for place, station in enumerate(self.stations):
+            station.tell(self._answer(place, now_ns))
+
+    def _answer(self, place: int, now_ns: int) -> NDArray[np.uint8]:
+        """Write what one side is told of a tick."""
+        words: Any = self._words
+        if self._both:
+            samples.tell_point(words, self._row, self._seats, self._gains, place, self._ends, now_ns)
+        else:
+            samples.tell_force(words, self._row, self._row, self._seats, self._gains, place, now_ns)
+        frame = np.zeros(self._form.size, np.uint8)
+        fixed.write(frame, self._form.head, self._form.markers, words)
+        return frame

@@ -1,0 +1,230 @@
+"""``netboard bench forces``: what both hands feel of one movement under each of the five force conditions.
+
+Two styluses carry the ball from one target to the other along a smooth path, the right hand doing more than the left
+and both swaying up and down together. The same samples go through five stages that differ in the force condition alone,
+without sockets and clocks, so the figure is the same on every machine. The unrelated force is that of another movement
+by other hands.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from importlib.util import find_spec
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.base.config import SIDES, Config
+from netboard.base.tables.declared import FORCES, Force, require
+from netboard.base.tick import STATE, TICK, TICK_NS, TICK_SECONDS
+from netboard.benchmarks.harness.results import Folder, Part, Value, Verdict
+from netboard.benchmarks.harness.running import Tell
+from netboard.stage.stage import make_stage
+from netboard.task.trials.state_machine import BALL_FREE, Cause, Phase
+
+Rows = NDArray[Any]
+CONDITIONS: tuple[Force, ...] = ("full", "partner_only", "environment_only", "unrelated", "none")
+
+TICKS, QUICK_TICKS = 4300, 2000
+"""Length of the movement [1]."""
+
+SETTLED = 100
+"""From then on the board has come to rest under its hands, and what is compared is no transient of the start [1]."""
+
+
+@dataclass(frozen=True)
+class Movement:
+    """How two hands carry the ball over.
+
+    Attributes
+    ----------
+    sway : float
+        Both hands go up and down together by so much [m].
+    rate : float
+        So often [Hz].
+    duration : float
+        The ball takes so long [s].
+    """
+
+    share: float
+    sway: float
+    rate: float
+    duration: float
+
+
+MINE, OTHERS = Movement(0.7, 0.008, 0.45, 2.4), Movement(0.4, -0.012, 0.7, 1.7)
+
+
+def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
+    """Run the movement under all conditions."""
+    count = QUICK_TICKS if quick else TICKS
+    tell("a movement, and another one", 0.0)
+    config = _config("full")
+    samples, others = record(config, MINE, count), record(config, OTHERS, count)
+    for side in SIDES:
+        samples[f"{side}_other"] = others[f"{side}_force"]
+    found = {}
+    for step, force in enumerate(CONDITIONS):
+        tell(f"forces: {force}", step / len(CONDITIONS))
+        found[force] = played(_config(force), samples)
+    if find_spec("matplotlib") is not None:
+        folder.save(draw(found), "forces")
+    yield conditions_part(found)
+
+
+def _config(force: Force) -> Config:
+    """Return the paper's block with the ball on the left, and a force condition."""
+    block = replace(Config().block, first_target="right", force=force)
+    return replace(Config(), block=replace(block, unrelated="another" if force == "unrelated" else ""))
+
+
+def record(config: Config, movement: Movement, count: int) -> Rows:
+    """Let two hands make a movement, and return its ticks.
+
+    The hands know the ball's path and tilt the board by what that takes and by how far the ball is off it: left to
+    itself, a ball that is a hair off is far off a second later.
+    """
+    physics, distance = config.physics, config.geometry.target_distance
+    stage, rows = make_stage(config), _rows(count)
+    state = stage.initial()
+    before, released = (0.0, 0.0), count
+    for i in range(count):
+        s = state[0]
+        if s["phase"] in BALL_FREE:
+            released = min(released, i)
+        t = (i - released) * TICK_SECONDS
+        p, vp, ap = _path(t / movement.duration, movement.duration, distance)
+        tilt = -(ap + 6.0 * (p - s["p"]) + 4.0 * (vp - s["vp"])) / physics.g if t >= 0.0 else 0.0
+        # The board gives way to the ball's weight.
+        rise = 2 * physics.l * tilt + s["p"] * physics.m * physics.g / (physics.k_h * physics.l)
+        begun = min(max(t, 0.0) / 0.5, 1.0)
+        sway = movement.sway * begun**2 * (3 - 2 * begun) * np.sin(2 * np.pi * movement.rate * t)
+        now = sway - (1.0 - movement.share) * rise, sway + movement.share * rise
+        for side, height, last in zip(SIDES, now, before, strict=True):
+            rows[f"{side}_sent_z"][i] = height
+            rows[f"{side}_sent_vz"][i] = (height - last) / TICK_SECONDS if i > 0 else 0.0
+        before = now
+        stage.advance(state, rows, i)
+    return rows
+
+
+def _path(share: float, duration: float, distance: float) -> tuple[float, float, float]:
+    """Return place, rate and acceleration of a ball that goes over with the least snap: its hands have no kinks."""
+    x = min(max(share, 0.0), 1.0)
+    place = x**4 * (35 - 84 * x + 70 * x**2 - 20 * x**3)
+    rate = 140 * (x * (1 - x)) ** 3 / duration
+    acceleration = 420 * (x * (1 - x)) ** 2 * (1 - 2 * x) / duration**2
+    return distance * (2 * place - 1), 2 * distance * rate, 2 * distance * acceleration
+
+
+def _rows(count: int) -> Rows:
+    """Return ticks with fresh samples of nothing yet, the first of which starts the block."""
+    rows = np.zeros(count, TICK)
+    rows["tick"] = np.arange(count)
+    rows["time_ns"] = (1 + rows["tick"]) * TICK_NS
+    for side in SIDES:
+        rows[f"{side}_live"], rows[f"{side}_stamp_ns"] = 1, rows["time_ns"]
+    rows["command"][0] = Cause.START
+    return rows
+
+
+def played(config: Config, samples: Rows) -> Rows:
+    """Return what a stage makes of samples."""
+    stage, rows = make_stage(config), samples.copy()
+    stage.advance(stage.initial(), rows, 0, len(rows))
+    return rows
+
+
+def forces_of(rows: Rows) -> NDArray[np.float64]:
+    """Return the forces on both hands."""
+    return np.stack([rows["left_force"], rows["right_force"]], axis=1)
+
+
+def conditions_part(found: dict[Force, Rows]) -> Part:
+    """Return how large the forces are, and what holds between them."""
+    rows: list[tuple[Value, ...]] = []
+    for force, ticks in found.items():
+        felt = forces_of(ticks)[SETTLED:]
+        rms = np.sqrt(np.mean(felt**2, axis=0))
+        mean = felt.mean(axis=0)
+        rows.append((force, *mean.tolist(), *rms.tolist(), float(np.abs(felt).max())))
+    heads = (*(f"mean, {side} [N]" for side in SIDES), *(f"rms, {side} [N]" for side in SIDES), "largest [N]")
+    return Part("conditions", "What both hands feel of one movement", ("", *heads), rows, _verdicts(found))
+
+
+def _verdicts(found: dict[Force, Rows]) -> list[Verdict]:
+    """Return what holds between the conditions."""
+    states = {b"".join(ticks[name].tobytes() for name in STATE.names or ()) for ticks in found.values()}
+    left = residual(found)
+    rms, largest = float(np.sqrt(np.mean(left**2))), float(np.abs(left).max())
+    recorded = np.stack([found["unrelated"][f"{side}_other"] for side in SIDES], axis=1)
+    nothing = not forces_of(found["none"]).any()
+    alike = bool(np.array_equal(forces_of(found["unrelated"])[SETTLED:], recorded[SETTLED:]))
+    return [
+        Verdict("board, ball and trial are the same to the bit", len(states) == 1, f"{len(states)} of them"),
+        Verdict(
+            "partner and environment add up to the whole but for what moves and damps",
+            rms < 0.02,
+            f"what is left has an rms of {1e3 * rms:.1f} mN and is {1e3 * largest:.1f} mN at the most",
+        ),
+        Verdict("the unrelated force is the one recorded", alike, "to the bit" if alike else "it is another"),
+        Verdict("without forces there is none", nothing, "0 N" if nothing else "there is one"),
+    ]
+
+
+def residual(found: dict[Force, Rows]) -> NDArray[np.float64]:
+    """Return what the whole force has beyond its two parts at rest."""
+    full, partner, environment = (forces_of(found[name]) for name in ("full", "partner_only", "environment_only"))
+    return (full - partner - environment)[SETTLED:]
+
+
+_COLOURS: dict[Force, str] = {
+    "full": "black",
+    "partner_only": "tab:blue",
+    "environment_only": "tab:orange",
+    "unrelated": "tab:green",
+    "none": "tab:gray",
+}
+
+require("the conditions of the study in netboard/benchmarks/coupling/forces.py", CONDITIONS, FORCES)
+require("their colours in netboard/benchmarks/coupling/forces.py", _COLOURS, FORCES)
+
+
+def draw(found: dict[Force, Rows]) -> Any:
+    """Draw the movement, and what each hand feels of it."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(11, 9), layout="constrained")
+    FigureCanvasAgg(figure)
+    moved, *felt = figure.subplots(3, 1, sharex=True, height_ratios=(1.0, 1.3, 1.3))
+    shown = {force: rows[SETTLED:] for force, rows in found.items()}
+    ticks = shown["full"]
+    t = ticks["tick"] * TICK_SECONDS
+    moved.plot(t, 1e3 * ticks["left_used_z"], color="tab:purple", label="left stylus")
+    moved.plot(t, 1e3 * ticks["right_used_z"], color="tab:red", label="right stylus")
+    moved.set_ylabel("height of the styluses (mm)")
+    ball = moved.twinx()
+    ball.plot(t, 1e3 * ticks["p"], color="tab:brown", linestyle="--", label="ball (right scale)")
+    ball.set_ylabel("ball along the board (mm)")
+    lines = [*moved.get_lines(), *ball.get_lines()]
+    moved.legend(lines, [str(line.get_label()) for line in lines], fontsize=8, loc="upper left")
+    for place, (side, axis) in enumerate(zip(SIDES, felt, strict=True)):
+        for force, rows in shown.items():
+            axis.plot(t, forces_of(rows)[:, place], color=_COLOURS[force], label=force, linewidth=1.4)
+        parts = forces_of(shown["partner_only"]) + forces_of(shown["environment_only"])
+        axis.plot(t, parts[:, place], color="white", linestyle=":", linewidth=1.0, label="partner + environment")
+        axis.set_ylabel(f"force on the {side} hand (N), + = up")
+        axis.grid(True, alpha=0.3)
+    for axis in (moved, *felt):
+        for phase, colour in ((Phase.LEVELLING, "0.92"), (Phase.HOLDING, "0.96")):
+            axis.fill_between(
+                t, 0, 1, where=ticks["phase"] == phase, color=colour, transform=axis.get_xaxis_transform(), zorder=0
+            )
+    handles, labels = felt[0].get_legend_handles_labels()
+    figure.legend(handles, labels, fontsize=9, ncols=6, loc="outside lower center", facecolor="0.85")
+    moved.set_title(
+        "one movement, five force conditions (shaded: the board is being levelled, the ball is in its target)"
+    )
+    felt[-1].set_xlabel("time since the start of the block (s)")
+    return figure

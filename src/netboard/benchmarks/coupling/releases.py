@@ -1,0 +1,162 @@
+"""A stylus that is let go: 10 mm from rest, with friction, encoder steps, and every limit of the safety chain.
+
+Whoever tries the loop gently may find it quiet where it is not: friction holds a small motion and not a large one.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from netboard.base.config import Config
+from netboard.base.tables.rig import Safety
+from netboard.base.tables.scene import Physics
+from netboard.base.tables.simulated import VirtualDevice
+from netboard.benchmarks.coupling.boundary import HANDS, Case, loops_of
+from netboard.benchmarks.coupling.far import Distance, Far
+from netboard.benchmarks.harness.results import Part, Value, Verdict
+from netboard.benchmarks.harness.running import Tell
+from netboard.participants.device_models import resolved
+from netboard.physics.stability.delayed_coupling import At, is_stable
+
+RELEASED = 0.010
+"""A stylus is let go so far from rest [m]."""
+
+LED, WAITED = 300, 200
+"""It is led there in so long a time, and held for so long [ms]."""
+
+SECONDS = 4
+"""It is watched for so long [s]."""
+
+QUIET = 0.5e-3
+"""A stylus that moves by less, from end to end, is at rest: some encoder steps [m]."""
+
+FRICTION = resolved(VirtualDevice()).friction
+
+WAYS = (0, 1, 2, 3, 4, 5, 10, 20, 40)
+QUICK_WAYS = (2, 10)
+
+
+@dataclass(frozen=True)
+class Release:
+    """What became of it.
+
+    Attributes
+    ----------
+    swing : float
+        How far it moved in the last second, from end to end [m].
+    rest : float
+        Time until it stayed within `QUIET` of where it came to rest; infinite if it did not [s].
+    cut : bool
+        The safety chain took the force away on the way: the stylus was too fast.
+    """
+
+    swing: float
+    rest: float
+    cut: bool
+
+    @property
+    def quiet(self) -> bool:
+        """Whether it came to rest, with its forces on."""
+        return self.swing < QUIET and not self.cut
+
+    def __str__(self) -> str:
+        if self.cut:
+            return "cut by the safety chain"
+        return f"rests in {self.rest:.2f} s" if self.quiet else f"{self.swing * 1e3:.1f} mm"
+
+
+class Loop(Protocol):
+    """A simulated loop of the left hand."""
+
+    heights: list[tuple[float, float]]
+    forces: list[tuple[float, float]]
+    cut: bool
+
+    def get_ready(self) -> None:
+        """Begin."""
+
+    def put(self, left: float, right: float) -> None:
+        """Take styluses to heights [m]."""
+
+    def live(self, ticks: int) -> None:
+        """Let time pass [ms]."""
+
+
+def lead(loop: Loop, height: Callable[[int], float], ticks: int) -> None:
+    """Lead the left stylus."""
+    for t in range(ticks):
+        loop.put(height(t), 0.0)
+        loop.live(1)
+
+
+def let_go(loop: Loop) -> Release:
+    """Lead the left stylus away, hold it there until the server knows, and let it go."""
+    loop.get_ready()
+    lead(loop, lambda t: RELEASED * smooth(t / LED), LED + WAITED)
+    start = len(loop.heights)
+    loop.live(1000 * SECONDS)
+    heights = np.array(loop.heights)[start:, 0]
+    away = np.flatnonzero(np.abs(heights - heights[-1]) > QUIET)
+    rest = (int(away[-1]) + 1) * 1e-3 if len(away) else 0.0
+    swing = float(np.ptp(heights[-1000:]))
+    return Release(swing, rest if swing < QUIET else float("inf"), loop.cut)
+
+
+def smooth(share: float) -> float:
+    """Return how much of a smooth movement is done after a share of its time, from 0 to 1 [1]."""
+    s = min(max(share, 0.0), 1.0)
+    return s * s * s * (10.0 - 15.0 * s + 6.0 * s * s)
+
+
+def scene(at: At, end: str, hold: str = "zoh") -> Physics:
+    """Return the paper's couplings at a fixed end, or on the paper's board, without weights."""
+    plain = Physics(balls=0, g=0.0, hold=hold, method="etdrk4", substeps=1, coupling_at=at)  # type: ignore[arg-type]
+    return plain if end == "board" else replace(plain, board="hinged", I=1e9)
+
+
+def release(physics: Physics, device: VirtualDevice, way: int, *, passivity: bool = False) -> Release:
+    """Let the left stylus go."""
+    far = Far(Config(physics=physics, virtual=device, safety=Safety(passivity=passivity)), Distance(way, way))
+    return let_go(far)
+
+
+def releases_part(ways: Sequence[int], tell: Tell) -> Part:
+    """Let a bare stylus go over many delays."""
+    rows: list[tuple[Value, ...]] = []
+    bare = HANDS["bare stylus"]
+    slick, rough = (VirtualDevice(mass=bare.mass, damping=bare.damping, friction=f) for f in (0.0, FRICTION))
+    quiet: dict[tuple[str, str], list[int]] = {}
+    for i, way in enumerate(ways):
+        tell(f"releases: {way} ms one way", i / len(ways))
+        row: list[Value] = [way]
+        for at in ("server", "both"):
+            case = Case("bare stylus", at, "fixed" if at == "server" else "board", way)
+            stable = all(is_stable(loop) for loop in loops_of(case, Physics().k_h).values())
+            row.append("stable" if stable else "unstable")
+            for name, device in (("no friction", slick), ("friction", rough)):
+                found = release(scene(at, case.end), device, way)
+                row.append(str(found))
+                if found.quiet:
+                    quiet.setdefault((at, name), []).append(way)
+        rows.append(tuple(row))
+    furthest = {key: max(found) for key, found in quiet.items()}
+    return Part(
+        "releases",
+        "A bare stylus let go 10 mm from rest, 200 N/m and 2 N s/m, encoder steps and limits on: swing in the last "
+        "second, or time to rest",
+        (
+            "one way [ms]",
+            *("server, fixed end: theory", "no friction", "friction 0.26 N"),
+            *("both, paper's board: theory", "no friction ", "friction 0.26 N "),
+        ),
+        rows,
+        [
+            Verdict(
+                "with both a stylus comes to rest further from its server than with the server alone",
+                all(furthest[("both", name)] > furthest[("server", name)] for name in ("no friction", "friction")),
+                ", ".join(f"{at}, {name}: {way} ms" for (at, name), way in furthest.items()),
+            )
+        ],
+    )

@@ -1,0 +1,229 @@
+"""What makes a long delay bearable, and what it costs: passivity control, wave variables, and the coupling in both.
+
+Passivity control and the coupling in both are the service's own. Wave variables are here for comparison only: a loop of
+the virtual device and a fixed end with the couplings of the paper, and waves in place of positions and forces.
+
+G. Niemeyer, J.-J. E. Slotine, Stable adaptive teleoperation, IEEE J. Oceanic Engineering 16 (1991).
+"""
+
+import math
+from collections import deque
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.base.config import Config
+from netboard.base.tables.rig import Safety
+from netboard.base.tables.scene import Physics
+from netboard.base.tables.simulated import VirtualDevice
+from netboard.base.tick import START_NS, TICK_NS, TICK_SECONDS
+from netboard.benchmarks.coupling.far import Distance, Far, prepared
+from netboard.benchmarks.coupling.releases import FRICTION, Loop, lead, let_go, scene, smooth
+from netboard.benchmarks.harness.results import Part, Value, Verdict
+from netboard.benchmarks.harness.running import Tell
+from netboard.devices.simulated.virtual import VirtualTouch
+from netboard.physics.stability.delayed_coupling import At
+
+IMPEDANCE = 1.0
+"""Wave impedance: of the size of what a device of 45 g can stand at the frequencies of a hand [N s/m]."""
+
+FREQUENCIES = (1.0, 5.0)
+"""What is felt is measured at these [Hz]."""
+
+AMPLITUDE = 0.005
+"""And with hands that move so far either way [m]."""
+
+IMMOVABLE = 1e4
+"""A stylus of this mass goes where it is put, whatever it is made to feel [kg]."""
+
+CYCLES = 3
+"""Cycles that are measured, after one that is not [1]."""
+
+NAMES = ("server alone", "with passivity control", "wave variables", "both")
+
+
+class Waves:
+    """The left hand at a fixed end, by wave variables.
+
+    Parameters
+    ----------
+    way : int
+        Delay one way [ms].
+    """
+
+    def __init__(self, config: Config, way: int) -> None:
+        self.heights: list[tuple[float, float]] = []
+        self.forces: list[tuple[float, float]] = []
+        self.cut = False
+        self._k, self._c = config.physics.k_h, config.physics.c_h
+        self._device = VirtualTouch("left", prepared(config))
+        self._device.open()
+        self._up, self._down = deque([0.0] * way), deque([0.0] * way)
+        self._height = self._there = 0.0
+        self._number = 0
+
+    def get_ready(self) -> None:
+        """Begin."""
+        self.live(10)
+
+    def put(self, left: float, right: float) -> None:
+        """Take the stylus to a height."""
+        self._device.put(left)
+
+    def live(self, ticks: int) -> None:
+        """Let time pass."""
+        root = math.sqrt(2.0 * IMPEDANCE)
+        for _ in range(ticks):
+            reading = self._device.read(START_NS + self._number * TICK_NS)
+            self._number += 1
+            rate, self._height = (reading.z - self._height) / TICK_SECONDS, reading.z
+            back = self._down.popleft() if self._down else 0.0
+            resisting = IMPEDANCE * rate - root * back
+            self._up.append((IMPEDANCE * rate + resisting) / root)
+            self._down.append(self._reflected(self._up.popleft(), root))
+            self._device.write(0.0, 0.0, -resisting)
+            self.heights.append((reading.z, 0.0))
+            self.forces.append((-resisting, 0.0))
+
+    def _reflected(self, wave: float, root: float) -> float:
+        """Move the server's end of the coupling by a wave, and return the one that goes back."""
+        rate = (root * wave - self._k * self._there) / (IMPEDANCE + self._k * TICK_SECONDS + self._c)
+        self._there += TICK_SECONDS * rate
+        return (IMPEDANCE * rate - (root * wave - IMPEDANCE * rate)) / root
+
+
+def make_loop(name: str, device: VirtualDevice, way: int) -> Loop:
+    """Make one of the loops of `NAMES`, with a fixed end."""
+    at: At = "both" if name == "both" else "server"
+    safety = Safety(passivity=name == "with passivity control")
+    config = Config(physics=scene(at, "fixed"), virtual=device, safety=safety)
+    return Waves(config, way) if name == "wave variables" else Far(config, Distance(way, way))
+
+
+# --- releases ----------------------------------------------------------------------------------------------------
+
+
+def remedies_part(ways: Sequence[int], tell: Tell) -> Part:
+    """Let a bare stylus go with every remedy."""
+    rows: list[tuple[Value, ...]] = []
+    quiet: dict[tuple[str, float], list[int]] = {}
+    for i, way in enumerate(ways):
+        for j, friction in enumerate((0.0, FRICTION)):
+            tell(f"remedies: {way} ms one way", (i + j / 2) / len(ways))
+            told = []
+            for name in NAMES:
+                found = let_go(make_loop(name, VirtualDevice(friction=friction), way))
+                told.append(str(found))
+                if found.quiet:
+                    quiet.setdefault((name, friction), []).append(way)
+            rows.append((way, f"{friction:g} N", *told))
+    stable = quiet.get(("with passivity control", 0.0), [])
+    return Part(
+        "remedies",
+        "A bare stylus let go 10 mm from rest at a fixed end, 200 N/m and 2 N s/m: time to rest, or swing in the last "
+        "second",
+        ("one way [ms]", "friction", *NAMES),
+        rows,
+        [
+            Verdict(
+                "with passivity control a bare stylus without friction comes to rest 20 ms from its server",
+                bool(stable) and max(stable) >= min(20, max(ways)),
+                f"at {', '.join(map(str, stable))} ms of {', '.join(map(str, ways))}",
+            )
+        ],
+    )
+
+
+# --- what it feels like ------------------------------------------------------------------------------------------
+
+
+def felt(name: str, way: int, frequency: float) -> tuple[float, float]:
+    """Return the stiffness and the damping that a hand feels which moves to and fro."""
+    loop = make_loop(name, VirtualDevice(mass=IMMOVABLE, damping=0.0, friction=0.0), way)
+    loop.get_ready()
+    cycle = round(1000 / frequency)
+    start = len(loop.heights)
+    lead(loop, lambda t: AMPLITUDE * math.sin(2.0 * math.pi * t / cycle), (CYCLES + 1) * cycle)
+    heights, forces = (np.array(kept)[start + cycle :, 0] for kept in (loop.heights, loop.forces))
+    turns = np.exp(-2j * math.pi * np.arange(len(heights)) / cycle)
+    ratio = -(forces @ turns) / (heights @ turns)
+    return float(ratio.real), float(ratio.imag / (2.0 * math.pi * frequency))
+
+
+def transparency_part(ways: Sequence[int], tell: Tell) -> Part:
+    """Measure what a hand feels of the paper's coupling."""
+    rows: list[tuple[Value, ...]] = []
+    for i, way in enumerate(ways):
+        for frequency in FREQUENCIES:
+            tell(f"what is felt: {way} ms, {frequency:g} Hz", i / len(ways))
+            found = [felt(name, way, frequency) for name in NAMES]
+            rows.append((way, frequency, *(f"{k:.0f}, {c:.2f}" for k, c in found)))
+    lag = felt("both", max(ways), FREQUENCIES[0])
+    physics = Physics()
+    right = abs(lag[0] / physics.k_h - 1.0) < 0.03 and abs(lag[1] / physics.c_h - 1.0) < 0.15
+    return Part(
+        "transparency",
+        "Stiffness and damping felt at a fixed end by a hand that moves 5 mm either way [N/m, N s/m]; ideal: 200, 2.00",
+        ("one way [ms]", "frequency [Hz]", *NAMES),
+        rows,
+        [
+            Verdict(
+                "with both a hand feels the coupling itself at any distance",
+                right,
+                f"{lag[0]:.0f} N/m and {lag[1]:.2f} N s/m at {max(ways)} ms, {FREQUENCIES[0]:g} Hz",
+            )
+        ],
+    )
+
+
+# --- in everyday use ---------------------------------------------------------------------------------------------
+
+SUBMOVEMENT = 313
+"""A movement takes so long, as the simulated people's do [ms]."""
+
+PAUSE = 200
+"""And so long after it the hand rests [ms]."""
+
+
+def everyday_part(ways: Sequence[int], tell: Tell) -> Part:
+    """Measure what passivity control does to the forces of ordinary movements, on the paper's board."""
+    rows: list[tuple[Value, ...]] = []
+    for i, way in enumerate(ways):
+        tell(f"everyday movements: {way} ms", i / len(ways))
+        plain, limited = (_played(way, passivity=passivity) for passivity in (False, True))
+        off = limited - plain
+        scale = float(np.sqrt(np.mean(plain**2)))
+        rows.append((way, scale, float(np.sqrt(np.mean(off**2))) / scale, float(np.abs(off).max())))
+    nearest = rows[0]
+    return Part(
+        "everyday",
+        "Movements of 5 to 20 mm by both hands on the paper's board: force with passivity control less force without",
+        ("one way [ms]", "force, rms [N]", "difference, rms, of that [1]", "largest difference [N]"),
+        rows,
+        [
+            Verdict(
+                "next to its server passivity control changes an everyday force by less than 5 %",
+                bool(float(nearest[2]) < 0.05),
+                f"{float(nearest[2]):.2%} rms at {nearest[0]} ms",
+            )
+        ],
+    )
+
+
+def _played(way: int, *, passivity: bool) -> NDArray[np.float64]:
+    """Let both hands make movements, and return the forces on them."""
+    device = VirtualDevice(mass=IMMOVABLE, damping=0.0, friction=0.0)
+    config = Config(physics=scene("server", "board"), virtual=device, safety=Safety(passivity=passivity))
+    far = Far(config, Distance(way, way))
+    far.get_ready()
+    rng = np.random.default_rng(1)
+    at = np.zeros(2)
+    for _ in range(20):
+        aim = np.clip(rng.choice((-1.0, 1.0), 2) * rng.uniform(0.005, 0.020, 2), -0.03, 0.03)
+        for t in range(SUBMOVEMENT + PAUSE):
+            here = at + (aim - at) * smooth(t / SUBMOVEMENT)
+            far.put(float(here[0]), float(here[1]))
+            far.live(1)
+        at = aim
+    return np.array(far.forces)

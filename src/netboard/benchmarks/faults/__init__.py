@@ -1,0 +1,1 @@
+"""Faults, attacks and malformed messages against real processes."""

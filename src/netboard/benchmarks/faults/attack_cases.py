@@ -1,0 +1,282 @@
+"""Attacks: peers that send the most that the protocol allows, as fast as their links take it, and what a tick loses.
+
+Each stretch of an attack is compared with equally long stretches of the same run just before and after it.
+"""
+
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import sqrt
+
+from netboard.base.clock import now_ns
+from netboard.base.errors import NetboardError
+from netboard.benchmarks.faults.case import Case
+from netboard.benchmarks.faults.checks import Check, noted, nothing_lost
+from netboard.benchmarks.faults.evidence import between
+from netboard.benchmarks.faults.gathering import Evidence
+from netboard.benchmarks.faults.harm import Act, Facts
+from netboard.benchmarks.faults.sites import GUESTS, Setup, Site
+from netboard.benchmarks.harness.results import Value, Verdict
+from netboard.network import keys
+from netboard.network.protocol.codec import decode, encode
+from netboard.network.protocol.joining import Hello, Welcome
+from netboard.network.protocol.messages import PROTOCOL_VERSION
+from netboard.network.transport import channels, sockets
+from netboard.nodes.server.tick_clock import LATE_NS
+
+SECONDS, QUICK_SECONDS = 60.0, 2.0
+"""An attack lasts so long, and is compared with as much time without one [s]."""
+
+START_S = 60.0
+"""An attacker is ready within this time [s]."""
+
+RATIO = 1.2
+"""Deadline misses may grow by this factor, beyond what chance makes of so many [1]."""
+
+JOIN_S = 0.5
+"""A peer with a good key joins within this time, whoever knocks [s]."""
+
+JOINS, QUICK_JOINS = 20, 4
+"""Joins that are timed before and in an attack [1]."""
+
+PATIENCE_S = 20.0
+PART = "attacks"
+COLUMNS = (
+    *("case", "messages [1]", "connections [1]", "misses without / with [1]"),
+    *("per 100 000 ticks without / with [1]", "ratio [1]", "pauses without / with [1]"),
+    *("latest tick without / with [ms]", "slowest join without / with [s]", "holds"),
+)
+
+OPEN_DYAD = Setup("one dyad, attacked", settings=("network.curve=off",))
+KEYED_DYAD = Setup("one dyad with keys, attacked", settings=("network.curve=on",), keyed=True)
+
+
+def attack(name: str, seconds: float = SECONDS) -> Act:
+    """Let an attacker do its worst for a while [s]."""
+
+    def act(site: Site) -> Facts:
+        span = QUICK_SECONDS if site.quick else seconds
+        with _attacker(name, site, span) as process:
+            before_ns = now_ns()
+            time.sleep(span / 2)
+            calm_ns = now_ns()
+            _begin(process)
+            done = _finish(process, name, span)
+            after_ns = now_ns()
+            time.sleep(span / 2)
+        return _facts(done, (before_ns, calm_ns), (after_ns, now_ns()))
+
+    return act
+
+
+def join_during(name: str, seconds: float = SECONDS) -> Act:
+    """Let strangers knock for a while [s], and consoles with a good key join before and meanwhile."""
+
+    def act(site: Site) -> Facts:
+        span = 3 * QUICK_SECONDS if site.quick else seconds
+        joins = QUICK_JOINS if site.quick else JOINS
+        with _attacker(name, site, span) as process:
+            calm_ns = now_ns()
+            calm = [_join(site) for _ in range(joins)]
+            time.sleep(max(0.0, span - (now_ns() - calm_ns) * 1e-9))
+            over_ns = now_ns()
+            _begin(process)
+            time.sleep(span / 3)
+            meanwhile = [_join(site) for _ in range(joins)]
+            done = _finish(process, name, span)
+        slowest = {"join without": f"{max(calm):.3f}", "join with": f"{max(meanwhile):.3f}"}
+        return {**_facts(done, (calm_ns, over_ns), (over_ns, over_ns)), **slowest}
+
+    return act
+
+
+def _attacker(name: str, site: Site, seconds: float) -> "subprocess.Popen[str]":
+    """Start an attacker, and wait until it is ready."""
+    command = (sys.executable, "-m", "netboard.benchmarks.faults.attackers", name, str(site.rig.file))
+    process = subprocess.Popen(
+        [*command, str(site.rig.folder / GUESTS), str(seconds)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+        env=os.environ | {"OMP_NUM_THREADS": "1"},
+    )
+    assert process.stdout is not None
+    if not process.stdout.readline().startswith("ready"):
+        raise NetboardError(f"the attacker {name} did not start")
+    return process
+
+
+def _begin(process: "subprocess.Popen[str]") -> None:
+    assert process.stdin is not None
+    process.stdin.write("go\n")
+    process.stdin.flush()
+
+
+def _finish(process: "subprocess.Popen[str]", name: str, seconds: float) -> dict[str, int]:
+    try:
+        said, _ = process.communicate(timeout=seconds + START_S)
+        return dict(json.loads(said))
+    except (subprocess.TimeoutExpired, ValueError) as error:
+        process.kill()
+        raise NetboardError(f"the attacker {name} did not end well: {error}") from error
+
+
+def _facts(done: dict[str, int], *calm: tuple[int, int]) -> dict[str, str]:
+    """What an attacker did, and when it did not [ns]."""
+    times = " ".join(str(time_ns) for stretch in calm for time_ns in stretch)
+    return {"calm": times, **{name: str(value) for name, value in done.items()}}
+
+
+def _join(site: Site) -> float:
+    """Time it takes a console to be welcome [s]."""
+    hello = encode(Hello("console", "", PROTOCOL_VERSION, "guest:1", "0", {}))
+    network = site.rig.config.network
+    began = time.monotonic()
+    with sockets.open_context() as context:
+        endpoint = keys.reach(network, "console").reach(channels.CONTROL)
+        console = sockets.control_client(context, endpoint, f"console@guest-{now_ns()}")
+        said = False
+        while time.monotonic() - began < PATIENCE_S:
+            said = said or sockets.send(console, hello)
+            frame = sockets.receive(console)
+            if frame is not None and isinstance(decode(frame), Welcome):
+                return time.monotonic() - began
+            time.sleep(0.002)
+    return PATIENCE_S
+
+
+# --- judging -----------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Toll:
+    """What ticks lost in some stretches.
+
+    Attributes
+    ----------
+    latest : float
+        The latest one [ms].
+    """
+
+    ticks: int
+    misses: int
+    pauses: int
+    latest: float
+
+    @property
+    def rate(self) -> float:
+        """Misses per 100 000 ticks [1]."""
+        return 1e5 * self.misses / max(self.ticks, 1)
+
+
+def tolls(evidence: Evidence) -> tuple[Toll, Toll]:
+    """What was lost without the attack, and with it."""
+    facts = evidence.window.facts
+    first, second, third, fourth = map(int, facts["calm"].split())
+    attacked = int(facts["begun_ns"]), int(facts["over_ns"])
+    return _toll(evidence, [(first, second), (third, fourth)]), _toll(evidence, [attacked])
+
+
+def _toll(evidence: Evidence, stretches: Sequence[tuple[int, int]]) -> Toll:
+    late = [tick for start, stop in stretches for tick in between(evidence.rig.ticks, start, stop)["late_ns"].tolist()]
+    pauses = sum(start <= pause.at_ns < stop for pause in evidence.rig.pauses for start, stop in stretches)
+    return Toll(len(late), sum(tick > LATE_NS for tick in late), pauses, max(late, default=0) * 1e-6)
+
+
+def unmoved(evidence: Evidence) -> Verdict:
+    """Check that no more deadlines are missed than without the attack, but for chance."""
+    claim = f"deadline misses grow by a factor of {RATIO:g} at most, beyond chance (3 standard deviations)"
+    if "calm" not in evidence.window.facts:
+        return Verdict(claim, False, "the attack was not made")
+    calm, attacked = tolls(evidence)
+    expected = RATIO * (calm.misses + 1) * attacked.ticks / max(calm.ticks, 1)
+    good = attacked.ticks > 0 and attacked.misses <= expected + 3 * sqrt(2 * expected)
+    found = f"{attacked.misses} in {attacked.ticks} ticks, {calm.misses} in {calm.ticks} without"
+    return Verdict(claim, good, found)
+
+
+def unpaused(evidence: Evidence) -> Verdict:
+    """Check that the attack causes no pause: no more than the machine itself makes in the same run."""
+    claim = "no pause in the attack that there is not without it"
+    if "calm" not in evidence.window.facts:
+        return Verdict(claim, False, "the attack was not made")
+    calm, attacked = tolls(evidence)
+    return Verdict(claim, attacked.pauses <= calm.pauses, f"{attacked.pauses}, {calm.pauses} without")
+
+
+def joined(evidence: Evidence) -> Verdict:
+    """Check that a peer with a good key joined in time."""
+    slowest = float(evidence.window.facts.get("join with", PATIENCE_S))
+    return Verdict(f"a peer with a good key joins within {JOIN_S:g} s", slowest < JOIN_S, f"at most {slowest:.3f} s")
+
+
+def figures(evidence: Evidence) -> tuple[Value, ...]:
+    """Figures of an attack: what its row in the table has after its name."""
+    facts = evidence.window.facts
+    if "calm" not in facts:
+        return ("",) * (len(COLUMNS) - 2)
+    calm, attacked = tolls(evidence)
+    ratio: Value = attacked.rate / calm.rate if calm.misses else ""
+    return (
+        int(facts.get("messages", 0)),
+        int(facts.get("connections", 0)),
+        f"{calm.misses} / {attacked.misses}",
+        f"{calm.rate:.0f} / {attacked.rate:.0f}",
+        ratio,
+        f"{calm.pauses} / {attacked.pauses}",
+        f"{calm.latest:.2f} / {attacked.latest:.2f}",
+        f"{facts['join without']} / {facts['join with']}" if "join with" in facts else "",
+    )
+
+
+# --- the cases ---------------------------------------------------------------------------------------------------
+
+_EXPECTED = "no deadline is missed for it, no trial paused; what is refused is counted"
+_WHAT = {
+    "display": "displays send reports of 256 frames, one of them after its goodbye",
+    "agent": "agents whose side is taken send greetings of 4 kB, samples and goodbyes",
+    "console": "consoles give commands of 8 kB and ask for everything",
+    "logger": "loggers ask for all records again and again, and acknowledge",
+    "stranger": "nobody in particular sends 8 kB messages, greetings and nonsense on every channel",
+    "churn": "connections are made, say hello and are closed, on every channel",
+}
+
+
+def _case(what: str, *, keyed: bool) -> Case:
+    setup = KEYED_DYAD if keyed else OPEN_DYAD
+    checks: tuple[Check, ...] = (unmoved, unpaused, nothing_lost())
+    return Case(
+        f"attack-{what}" + ("-keys" if keyed else ""),
+        PART,
+        f"{_WHAT[what]}, as fast as it goes" + (", with good keys" if keyed else ""),
+        _EXPECTED,
+        setup,
+        attack(what),
+        checks,
+        quick=not keyed and what in ("display", "stranger"),
+    )
+
+
+def _knock(channel: str) -> Case:
+    return Case(
+        f"strangers-{channel}-keys",
+        PART,
+        f"1000 connections with unknown keys knock on the {channel} channel; consoles join on control",
+        f"a good key is let in within {JOIN_S:g} s; {_EXPECTED}",
+        KEYED_DYAD,
+        join_during(f"knock-{channel}"),
+        (unmoved, unpaused, joined, noted("refused", "its key is not known here"), nothing_lost()),
+        quick=channel == "motion",
+    )
+
+
+ATTACKS = (
+    *(_case(what, keyed=False) for what in _WHAT),
+    *(_case(what, keyed=True) for what in _WHAT if what != "stranger"),
+    *(_knock(channel) for channel in ("motion", "log", "control")),
+)
+"""Peers that send too much."""

@@ -1,0 +1,312 @@
+"""``netboard bench faults``: makes every fault of the table on real processes, and judges what came of it.
+
+Faults that need the same site are made in it one after the other; after one that did not end well the next ones get a
+site of their own. What a site leaves behind (recordings, what was handed to the devices, what the processes said) is
+kept in the folder of the results, until everything in it was judged and holds.
+"""
+
+import shutil
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
+from itertools import groupby
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+from netboard.base.clock import now_ns
+from netboard.base.config import SIDES
+from netboard.base.errors import NetboardError
+from netboard.base.terminal import FittedTable
+from netboard.benchmarks.faults import attack_cases
+from netboard.benchmarks.faults.case import PARTS, Case
+from netboard.benchmarks.faults.cases import CASES, choose
+from netboard.benchmarks.faults.checks import UNDISTURBED_NS, Falls, disturbed, fades_of, verdict_of
+from netboard.benchmarks.faults.evidence import largest_step, without_cut
+from netboard.benchmarks.faults.gathering import Evidence, Window, gather
+from netboard.benchmarks.faults.sites import Setup, Site, open_site
+from netboard.benchmarks.harness.machine import describe
+from netboard.benchmarks.harness.results import Folder, Part, Value, Verdict, new_folder, show
+
+COLUMNS = (
+    *("case", "falls after [ms]", "zero after [ms]", "largest step / limit [1]"),
+    *("pauses [1]", "ticks lost [1]", "check", "holds"),
+)
+
+WELL_S = 90.0
+"""After a fault a trial is on again within this time, or something is wrong [s]."""
+
+NOTICED_S = 0.2
+"""Whatever is noticed of the end of a fault is noticed within this time [s]."""
+
+CALM_S = 0.5
+"""Time after all is well which still belongs to the fault [s]."""
+
+AGAIN = "pauses while a trial was waited for"
+"""Name of the fact that tells how often a trial was paused before the fault could be made."""
+
+MOST_AGAIN = 3
+"""A case is prepared again so often where the machine had paused the trial just before the fault was made [1]."""
+
+Tell = Callable[[str], object]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came of a case.
+
+    Attributes
+    ----------
+    verdicts : tuple of Verdict
+        What must hold, and whether it does; empty if the case could not be played.
+    disturbed : str
+        Why the machine itself had paused the trial just before the fault was made, or nothing.
+    again : int
+        How often the case was prepared again because of that [1].
+    """
+
+    case: Case
+    verdicts: tuple[Verdict, ...] = ()
+    figures: tuple[Value, ...] = ("", "", "", "", "", "")
+    facts: tuple[tuple[str, str], ...] = ()
+    refusal: str = ""
+    disturbed: str = ""
+    again: int = 0
+
+    @property
+    def holds(self) -> bool:
+        """Whether everything holds, as far as it could be tried."""
+        return all(verdict.holds for verdict in self.verdicts)
+
+
+def main(output: Path | None, *, quick: bool, force: bool, names: Sequence[str]) -> int:
+    """Make faults, and judge them."""
+    console = Console(highlight=False)
+    chosen = choose(names, quick=quick)
+    folder = Folder(output or new_folder("faults"), force=force)
+    for line in describe().lines():
+        console.print(line)
+    outcomes: list[Outcome] = []
+    columns = TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn()
+    with Progress(*columns, console=console, transient=True) as progress:
+        task = progress.add_task("", total=len(chosen))
+
+        def tell(name: str) -> None:
+            progress.update(task, description=name)
+
+        for outcome in play_all(chosen, folder.path / "sites", quick, tell):
+            outcomes.append(outcome)
+            progress.advance(task)
+            folder.write(parts_of(outcomes), about(outcomes, quick))
+    for part in parts_of(outcomes):
+        show(console, part)
+    held = sum(outcome.holds for outcome in outcomes if not outcome.refusal)
+    played = sum(not outcome.refusal for outcome in outcomes)
+    console.print(f"{held} of {played} cases hold, {len(outcomes) - played} could not be played; all in {folder.path}")
+    console.print(told_again(outcomes))
+    return 0 if held == played else 1
+
+
+def told_again(outcomes: Sequence[Outcome]) -> str:
+    """Say how often the machine itself paused a trial before a fault could be made in it."""
+    names = [f"{outcome.case.name} ({outcome.again})" for outcome in outcomes if outcome.again]
+    total = sum(outcome.again for outcome in outcomes)
+    told = f"Prepared again, because the machine had paused the trial before the fault was made: {total} times"
+    return f"{told}: {', '.join(names)}" if names else told
+
+
+def list_cases() -> int:
+    """Print the table of cases; exit code 0."""
+    console = Console(highlight=False)
+    for part, title in PARTS.items():
+        table = FittedTable("case", "what is done", "what must happen", title=title)
+        for case in CASES:
+            if case.part == part:
+                table.add_row(case.name, case.done, case.expected)
+        console.print(table)
+    return 0
+
+
+def play_all(cases: Sequence[Case], folder: Path, quick: bool, tell: Tell) -> Iterator[Outcome]:
+    """Play cases, those that need the same site together."""
+    together = {setup: list(group) for setup, group in groupby(sorted(cases, key=_setup_name), lambda case: case.setup)}
+    for setup, group in together.items():
+        if refusal := setup.refusal():
+            yield from (Outcome(case, refusal=refusal) for case in group)
+            continue
+        left = group
+        again: Counter[str] = Counter()
+        while left:
+            place = folder / f"{left[0].name}{'-again' * again[left[0].name]}"
+            outcomes = play(setup, [left[0]] if left[0].alone else [c for c in left if not c.alone], place, quick, tell)
+            outcomes = judged(outcomes, again)
+            yield from outcomes
+            if all(outcome.holds for outcome in outcomes):
+                shutil.rmtree(place)
+            done = {outcome.case.name for outcome in outcomes}
+            left = [case for case in left if case.name not in done]
+
+
+def judged(outcomes: Sequence[Outcome], again: Counter[str]) -> list[Outcome]:
+    """Leave out the cases that are prepared again, because the machine had paused the trial before the fault was made.
+
+    Parameters
+    ----------
+    again : Counter of str
+        How often each case was prepared again so far; counted on.
+    """
+    kept = []
+    for outcome in outcomes:
+        name = outcome.case.name
+        if outcome.disturbed and again[name] < MOST_AGAIN:
+            again[name] += 1
+        else:
+            kept.append(replace(outcome, again=outcome.again + again[name]))
+    return kept
+
+
+def _setup_name(case: Case) -> str:
+    return case.setup.name
+
+
+def play(setup: Setup, cases: Sequence[Case], folder: Path, quick: bool, tell: Tell) -> list[Outcome]:
+    """Play cases in one site, up to the first one after which nothing goes on."""
+    tell(f"{cases[0].name}: starting")
+    with open_site(setup, folder, quick=quick) as site:
+        windows: list[Window] = []
+        try:
+            site.start()
+        except NetboardError as error:
+            return [Outcome(case, (Verdict("a trial begins", False, str(error)),)) for case in cases]
+        for case in cases:
+            tell(case.name)
+            windows.append(make(case, site))
+            if windows[-1].trouble:
+                break
+        else:
+            windows[-1] = _finished(site, windows[-1])
+        site.end()
+        tell(f"{cases[0].name}: judging")
+        found = gather(site, windows)
+    return [_from_within(folder, judge(case, evidence)) for case, evidence in zip(cases, found, strict=False)]
+
+
+def _from_within(folder: Path, outcome: Outcome) -> Outcome:
+    """Name the files of a site as they are called in it."""
+    outside = f"{folder.resolve()}/"
+    return replace(
+        outcome,
+        verdicts=tuple(replace(verdict, found=verdict.found.replace(outside, "")) for verdict in outcome.verdicts),
+        facts=tuple((name, fact.replace(outside, "")) for name, fact in outcome.facts),
+    )
+
+
+def _finished(site: Site, last: Window) -> Window:
+    """Shut everything down in order; the last window, with what went wrong in that."""
+    try:
+        site.finish()
+    except NetboardError as error:
+        return replace(last, trouble=str(error))
+    return last
+
+
+def make(case: Case, site: Site) -> Window:
+    """Make the fault of a case in a site where a trial is on, and wait until one is on again."""
+    start_ns = now_ns()
+    facts: dict[str, str] = {}
+    try:
+        pauses = site.rig.until_undisturbed(UNDISTURBED_NS * 1e-9, WELL_S)
+        start_ns = now_ns()
+        if pauses:
+            facts[AGAIN] = str(pauses)
+        facts.update(case.act(site))
+        site.sleep(NOTICED_S)
+        site.rig.until_felt(WELL_S)
+    except (NetboardError, OSError) as error:
+        return Window(start_ns, now_ns(), facts, f"{type(error).__name__}: {error}")
+    site.sleep(CALM_S)
+    return Window(start_ns, now_ns(), facts)
+
+
+def judge(case: Case, evidence: Evidence) -> Outcome:
+    """Judge a case."""
+    verdicts = tuple(check(evidence) for check in case.all_checks)
+    found = attack_cases.figures(evidence) if case.part == attack_cases.PART else figures(case, evidence)
+    facts = evidence.window.facts
+    again = int(facts.get(AGAIN, "0"))
+    return Outcome(case, verdicts, found, tuple(facts.items()), disturbed=disturbed(evidence), again=again)
+
+
+def figures(case: Case, evidence: Evidence) -> tuple[Value, ...]:
+    """Figures of a case: what its row in the table has after its name."""
+    sides = {side for check in case.checks if isinstance(check, Falls) for side in check.sides}
+    fades = [found[0] for side in sides if (found := fades_of(evidence, side))]
+    slew = evidence.limits.max_slew
+    shares = [
+        largest_step(part, slew).share
+        for side in SIDES
+        for trace in evidence.traces[side]
+        for part in (without_cut(trace, slew) if side == case.cut else [trace])
+    ]
+    lost = sum(stretch.last - stretch.first + 1 for account in evidence.rig.accounts for stretch in account.lost)
+    return (
+        max((fade.begun * 1e3 for fade in fades), default=""),
+        max((fade.zero * 1e3 for fade in fades if fade.zero == fade.zero), default=""),
+        max(shares, default=0.0),
+        len(evidence.pauses),
+        lost,
+        verdict_of(evidence),
+    )
+
+
+def parts_of(outcomes: Sequence[Outcome]) -> list[Part]:
+    """Write outcomes as tables."""
+    order = [case.name for case in CASES]
+    found = []
+    for part, title in PARTS.items():
+        mine = sorted((o for o in outcomes if o.case.part == part), key=lambda o: order.index(o.case.name))
+        if mine:
+            columns = attack_cases.COLUMNS if part == attack_cases.PART else COLUMNS
+            rows: list[tuple[Value, ...]] = [(o.case.name, *_padded(o, len(columns) - 2), _word(o)) for o in mine]
+            found.append(Part(part, title, columns, rows, [_verdict(o) for o in mine]))
+    return found
+
+
+def _padded(outcome: Outcome, count: int) -> tuple[Value, ...]:
+    """Figures of an outcome; as many empty ones of a case that was not played."""
+    return outcome.figures if len(outcome.figures) == count else ("",) * count
+
+
+def _word(outcome: Outcome) -> str:
+    return "not played" if outcome.refusal else "yes" if outcome.holds else "NO"
+
+
+def _verdict(outcome: Outcome) -> Verdict:
+    """A case as one verdict: what fails, or what was found."""
+    claim = f"{outcome.case.name}: {outcome.case.done}: {outcome.case.expected}"
+    if outcome.refusal:
+        return Verdict(claim, True, f"not played: {outcome.refusal}")
+    failed = [verdict for verdict in outcome.verdicts if not verdict.holds]
+    if failed:
+        return Verdict(claim, False, "; ".join(f"NOT {verdict.claim}: {verdict.found}" for verdict in failed))
+    again = f"; prepared again {outcome.again} times" if outcome.again else ""
+    return Verdict(claim, True, "; ".join(verdict.found for verdict in outcome.verdicts) + again)
+
+
+def about(outcomes: Sequence[Outcome], quick: bool) -> dict[str, object]:
+    """Everything that was found, for the JSON file."""
+    cases = [
+        {
+            "name": outcome.case.name,
+            "done": outcome.case.done,
+            "expected": outcome.case.expected,
+            "site": outcome.case.setup.name,
+            "refusal": outcome.refusal,
+            "prepared_again": outcome.again,
+            "verdicts": [asdict(verdict) for verdict in outcome.verdicts],
+            "facts": dict(outcome.facts),
+        }
+        for outcome in outcomes
+    ]
+    return {"study": "faults", "quick": quick, "cases": cases}

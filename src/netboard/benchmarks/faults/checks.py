@@ -1,0 +1,398 @@
+"""What must hold after a fault: each check is made once, with what it asks for, and judges the evidence of any case.
+
+Where a time is judged, the time for which the machine itself held the agent up is taken off: that is the machine's
+fault, and on a machine in use it happens. It is read from the rows the agent wrote, which are then far apart. A pause
+nobody asked for is excused for the same reason only: because an agent or the server stood still shortly before.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.base.config import SIDES, Side
+from netboard.base.tick import TICK_NS
+from netboard.benchmarks.faults.evidence import (
+    Fade,
+    Pause,
+    between,
+    fades,
+    largest_step,
+    steps_to_nothing,
+    without_cut,
+)
+from netboard.benchmarks.faults.gathering import Evidence, Taken
+from netboard.benchmarks.harness.results import Verdict
+from netboard.network.protocol.motion import Safeguard
+from netboard.nodes.ports import emergency
+from netboard.recording.integrity.severity import Grade
+from netboard.task.trials.state_machine import Phase
+
+Check: TypeAlias = Callable[[Evidence], Verdict]
+
+STALE_NS = 8_000_000
+"""A force that is not renewed for longer than this is looked at [ns]."""
+
+DONE_NS = 2_000_000
+"""What is done at once is done so long after the beginning, and what was under way has arrived [ns]."""
+
+GONE = 0.06
+"""So long after a force has begun to fall it is zero [s]."""
+
+UNDISTURBED_NS = 300_000_000
+"""A trial must have been on for so long, without a pause, when a fault is made [ns]."""
+
+EXCUSED_NS = 150_000_000
+"""A pause this soon after a loop stood still is put down to that [ns]."""
+
+WAY_DOWN = 3
+"""Steps that the largest force takes to zero at the slew limit, for an agent that has been held up [1]."""
+
+STOPPED_WITHIN = 0.003
+"""An emergency stop is on its way to the devices for at most so long [s]."""
+
+UNKNOWN_TICKS = 20
+"""What was rendered may stay unknown for so many ticks after an interruption [1]."""
+
+JUST_BEFORE = 6
+"""A recorded force was handed to the device at most so many milliseconds before the tick: a sample is three old [1]."""
+
+LATELY_NS = 1_000_000_000
+_WORDS = {Grade.SOUND: "complete", Grade.LOSS: "losses", Grade.DAMAGE: "damaged"}
+TICK = TICK_NS * 1e-9
+
+
+def fades_of(evidence: Evidence, side: Side) -> list[Fade]:
+    """Every time a side's force was not renewed: the first one is what was done, others may be the machine's fault."""
+    return [fade for trace in evidence.traces[side] for fade in fades(trace, STALE_NS)]
+
+
+@dataclass(frozen=True)
+class Falls:
+    """Check that a force that is no longer renewed begins to fall in time each time, and is zero in time the first."""
+
+    sides: tuple[Side, ...]
+    to_zero: bool
+
+    def __call__(self, evidence: Evidence) -> Verdict:
+        """Judge."""
+        stale = evidence.limits.stale_after_ms * 1e-3 + TICK
+        claim = f"the force begins to fall within {stale * 1e3:g} ms of the last fresh one"
+        claim += f" and is zero {GONE * 1e3:g} ms later" if self.to_zero else ""
+        good, words = True, []
+        for side in self.sides:
+            found = fades_of(evidence, side)
+            if not found:
+                return Verdict(claim, False, f"{side}: it was renewed all the time")
+            good &= all(fade.held <= stale + fade.held_up for fade in found)
+            gone = stale + GONE + found[0].held_up + _before(evidence, found[0])
+            good &= not self.to_zero or found[0].zero <= gone
+            words.append(f"{side} {found[0]}" + (f" and {len(found) - 1} times more" if found[1:] else ""))
+        return Verdict(claim, good, ", ".join(words))
+
+
+def falls(*sides: Side, to_zero: bool = True) -> Falls:
+    """Check that the force of these sides falls in time."""
+    return Falls(sides, to_zero)
+
+
+def _before(evidence: Evidence, fade: Fade) -> float:
+    """How long before the fault a force was not renewed: the machine was late already, and it may have been renewed."""
+    return max(0, evidence.window.start_ns + DONE_NS - fade.last_ns) * 1e-9
+
+
+def gentle(cut: Side | None = None) -> Check:
+    """Check that no force changes faster than the slew limit; on one side it may be cut to zero, by a fault."""
+
+    def check(evidence: Evidence) -> Verdict:
+        slew = evidence.limits.max_slew
+        claim = f"no step of the force is larger than {slew:g} N/s allow"
+        worst, cuts = 0.0, 0
+        for side in SIDES:
+            for trace in evidence.traces[side]:
+                cuts += len(steps_to_nothing(trace, slew)) if side == cut else 0
+                parts = without_cut(trace, slew) if side == cut else [trace]
+                worst = max([worst, *(largest_step(part, slew).share for part in parts)])
+        found = f"at most {worst:.2f} of it" + (f", cut to zero at once {cuts} times" if cut else "")
+        return Verdict(claim + (", except to nothing" if cut else ""), worst <= 1.0 + 1e-9, found)
+
+    return check
+
+
+def paused(*whys: str) -> Check:
+    """Check that the trial is paused, that it is recorded why, and that the same trial comes again."""
+
+    def check(evidence: Evidence) -> Verdict:
+        claim = f"the trial is paused ({' or '.join(whys)}), marked and repeated"
+        mine = [pause for pause in evidence.pauses if any(why in pause.why for why in whys)]
+        if not mine:
+            return Verdict(claim, False, f"pauses: {_told(evidence.pauses)}")
+        repeated = all(pause.repeated for pause in evidence.pauses if pause.again is not None)
+        again = mine[-1].again is not None or evidence.pauses[-1].again is not None
+        return Verdict(claim, repeated and again, _told(evidence.pauses))
+
+    return check
+
+
+def goes_on() -> Check:
+    """Check that no trial is paused, but for what the machine itself did."""
+
+    def check(evidence: Evidence) -> Verdict:
+        return _undisturbed("the trial goes on", evidence.pauses, evidence.held_up)
+
+    return check
+
+
+def either(*whys: str) -> Check:
+    """Check that the trial goes on, or is paused for one of these reasons and repeated."""
+
+    def check(evidence: Evidence) -> Verdict:
+        if not [pause for pause in evidence.pauses if any(why in pause.why for why in whys)]:
+            return goes_on()(evidence)
+        return paused(*whys)(evidence)
+
+    return check
+
+
+def rests() -> Check:
+    """Check that nothing vertical is felt from shortly after a pause until the trial is resumed."""
+
+    def check(evidence: Evidence) -> Verdict:
+        claim = "while the trial is paused no hand is given a vertical force"
+        late = evidence.limits.stale_after_ms * 1e-3 + TICK + GONE
+        ticks = evidence.ticks
+        largest, looked = 0.0, 0
+        for pause in evidence.pauses:
+            later = ticks[ticks["time_ns"] > pause.at_ns]
+            on = later["time_ns"][later["phase"] != Phase.PAUSED]
+            from_ns = pause.at_ns + round(late * 1e9)
+            to_ns = int(on[0]) - 2 * TICK_NS if on.size else evidence.window.stop_ns  # done early, told a tick later
+            for trace in (trace for side in SIDES for trace in evidence.traces[side]):
+                rows = between(trace, from_ns, to_ns)[WAY_DOWN:]
+                looked += rows.size
+                largest = max(largest, float(np.max(np.abs(rows["fz"]), initial=0.0)))
+        return Verdict(claim, largest == 0.0, f"at most {largest:.3g} N in {looked} forces")
+
+    return check
+
+
+def whole() -> Check:
+    """Check that the recordings account for every tick: it is there, or listed as lost with its cause."""
+
+    def check(evidence: Evidence) -> Verdict:
+        return _accounted(evidence.rig)
+
+    return check
+
+
+def nothing_lost() -> Check:
+    """Check that no tick is lost at all."""
+
+    def check(evidence: Evidence) -> Verdict:
+        lost = sum(stretch.last - stretch.first + 1 for account in evidence.rig.accounts for stretch in account.lost)
+        return Verdict("no tick is lost", lost == 0 and _accounted(evidence.rig).holds, f"{lost} lost")
+
+    return check
+
+
+def _accounted(taken: Taken) -> Verdict:
+    claim = "every tick is recorded, or listed as lost with its cause"
+    lost = [stretch for account in taken.accounts for stretch in account.lost]
+    unexplained = [
+        stretch for account in taken.accounts for stretch in (*account.unexplained, *account.unexplained_records)
+    ]
+    count = sum(stretch.last - stretch.first + 1 for stretch in lost)
+    words = f"{taken.ticks.size} ticks in {sum(len(account.parts) for account in taken.accounts)} parts, {count} lost"
+    causes = sorted({stretch.cause for stretch in lost})
+    words += f" ({'; '.join(causes)})" if causes else ""
+    words += f", unexplained: {unexplained}" if unexplained else ""
+    sound = bool(taken.accounts) and all(account.sound for account in taken.accounts)
+    return Verdict(claim, sound, words)
+
+
+def noted(name: str, *words: str) -> Check:
+    """Check that an event is recorded, with these words somewhere in its details."""
+
+    def check(evidence: Evidence) -> Verdict:
+        claim = f"recorded: {name}" + (f" ({', '.join(words)})" if words else "")
+        told = [" ".join(event.details.values()) for event in evidence.events if event.name == name]
+        good = any(all(word in text for word in words) for text in told)
+        return Verdict(claim, good, f"{len(told)} times" + (f": {told[-1]}" if told else ""))
+
+    return check
+
+
+def powerless(side: Side, *, to_the_end: bool) -> Check:
+    """Check that a device that gives no numbers was handed no force to the end, or one that does not answer meanwhile.
+
+    The first force may be what tells the agent that its device does not answer.
+    """
+
+    def check(evidence: Evidence) -> Verdict:
+        trace = evidence.traces[side][0]
+        failing = np.flatnonzero(np.isnan(trace["z"]))
+        if to_the_end and failing.size:
+            failing = np.arange(failing[0], trace.size)
+        rows = trace[failing[1:] if failing.size > 1 else failing]
+        largest = float(np.max(np.abs([rows["fx"], rows["fy"], rows["fz"]]), initial=0.0))
+        found = f"at most {largest:.3g} N in {rows.size} writes"
+        return Verdict(f"the {side} device is handed no force while it fails", rows.size > 0 and largest == 0.0, found)
+
+    return check
+
+
+def stopped(evidence: Evidence) -> Verdict:
+    """Check that an emergency stop reaches both devices with the next tick, and holds until it is released."""
+    events = {event.name: event.time_ns for event in evidence.events}
+    claim = "both forces go to zero by the slew limit from the next tick on, and stay there until released"
+    if not {emergency.STOP, emergency.RELEASE} <= set(events):
+        return Verdict(claim, False, "no stop and release are recorded")
+    way_down = evidence.limits.max_force / evidence.limits.max_slew
+    good, words = True, []
+    for side in SIDES:
+        trace = between(evidence.traces[side][0], events[emergency.STOP], events[emergency.RELEASE])
+        felt = trace["time_ns"][np.any([trace[axis] != 0.0 for axis in ("fx", "fy", "fz")], axis=0)]
+        last = (int(felt[-1]) - events[emergency.STOP]) * 1e-9 if felt.size else 0.0
+        good &= last <= way_down + STOPPED_WITHIN
+        words.append(f"{side} zero {last * 1e3:.1f} ms after the stop")
+    return Verdict(claim, good, ", ".join(words))
+
+
+def safeguarded(side: Side, guard: Safeguard) -> Check:
+    """Check that an agent has reported what its safety chain did."""
+
+    def check(evidence: Evidence) -> Verdict:
+        ticks = int(np.count_nonzero(evidence.ticks[f"{side}_safeguards"] & guard.value))
+        name = str(guard.name).lower().replace("_", " ")
+        return Verdict(f"the {side} agent reports: {name}", ticks > 0, f"in {ticks} ticks")
+
+    return check
+
+
+def rendered_known(side: Side) -> Check:
+    """Check that the recorded force is what the device was handed, and unknown at a few ticks only."""
+
+    def check(evidence: Evidence) -> Verdict:
+        claim = (
+            f"the {side} force is recorded as the device was handed it, and unknown in {UNKNOWN_TICKS} ticks at most"
+        )
+        recorded = evidence.ticks[f"{side}_rendered"]
+        known = ~np.isnan(recorded)
+        handed = np.sort(np.concatenate(evidence.traces[side]), order="time_ns")
+        times = evidence.ticks["time_ns"][known]
+        wrong = ~_was_handed(handed, times, recorded[known])
+        count = int(np.count_nonzero(~known))
+        found = f"{int(np.count_nonzero(wrong))} of {times.size} ticks hold another force, {count} are unknown"
+        return Verdict(claim, times.size > 0 and not wrong.any() and count <= UNKNOWN_TICKS, found)
+
+    return check
+
+
+def _was_handed(handed: NDArray[Any], times: NDArray[np.int64], forces: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Which forces were handed to a device just before these times, or were the last ones then."""
+    newest = np.searchsorted(handed["time_ns"], times + TICK_NS, side="right") - 1
+    found = np.zeros(times.size, bool)
+    for back in range(3 * JUST_BEFORE):  # an agent that was held up makes up for it in a burst
+        place = np.maximum(newest - back, 0)
+        later = handed["time_ns"][np.minimum(place + 1, handed.size - 1)]
+        in_force = (newest >= back) & ((later > times - JUST_BEFORE * TICK_NS) | (place == handed.size - 1))
+        found |= in_force & (handed["fz"][place] == forces)
+    return found
+
+
+def shown(station: Side) -> Check:
+    """Check that a display has shown frames at the end."""
+
+    def check(evidence: Evidence) -> Verdict:
+        painted = evidence.rig.painted_ns[station]
+        stop = evidence.window.stop_ns
+        count = int(np.count_nonzero((painted > stop - LATELY_NS) & (painted < stop)))
+        return Verdict(f"the {station} display shows frames again", count > 0, f"{count} in the last second")
+
+    return check
+
+
+def told(fact: str, wanted: str) -> Check:
+    """Check what was noted while the fault was made: it contains what is wanted."""
+
+    def check(evidence: Evidence) -> Verdict:
+        found = evidence.window.facts.get(fact, "nothing")
+        return Verdict(f"{fact}: {wanted}", wanted in found, found)
+
+    return check
+
+
+def back(evidence: Evidence) -> Verdict:
+    """Check that everything was made as meant, and was well again at the end."""
+    return Verdict("a trial is on again", not evidence.window.trouble, evidence.window.trouble or "it is")
+
+
+def no_damage(evidence: Evidence) -> Verdict:
+    """Check that `netboard check` calls no recording damaged: what is missing is listed."""
+    claim = "netboard check calls no recording damaged"
+    damage = [
+        f"{report.path.name}: {finding.text}"
+        for report in evidence.reports
+        for finding in report.findings
+        if finding.grade == Grade.DAMAGE
+    ]
+    return Verdict(claim, not damage, "; ".join(damage) or f"netboard check: {verdict_of(evidence)}")
+
+
+def verdict_of(evidence: Evidence) -> str:
+    """Return the worst result of `netboard check` on the recordings, in one word."""
+    return _WORDS[max((report.grade for report in evidence.reports), default=Grade.SOUND)]
+
+
+def neighbour_unmoved(evidence: Evidence) -> Verdict:
+    """Check that the other dyad notices nothing: no pause, no tick lost, and no later than at other times."""
+    claim = "the other dyad does not notice"
+    other, window = evidence.neighbour, evidence.window
+    if other is None:
+        return Verdict(claim, True, "there is none")
+    mine = [pause for pause in other.pauses if window.start_ns <= pause.at_ns < window.stop_ns]
+    calm = _undisturbed(claim, mine, evidence.held_up)
+    now = (other.ticks["time_ns"] >= window.start_ns) & (other.ticks["time_ns"] < window.stop_ns)
+    sound = _accounted(other)
+    words = f"ticks late by {_late(other.ticks[now])}, at all times {_late(other.ticks)}; {calm.found}"
+    return Verdict(claim, calm.holds and sound.holds, words if sound.holds else f"{words}; {sound.found}")
+
+
+def _late(ticks: NDArray[Any]) -> str:
+    """Median and 99th percentile of the lateness of ticks, in words."""
+    if not ticks.size:
+        return "nothing"
+    half, most = np.percentile(ticks["late_ns"], (50, 99)) * 1e-6
+    return f"{half:.2f} / {most:.2f} ms (p50 / p99)"
+
+
+def disturbed(evidence: Evidence) -> str:
+    """Why the machine itself had paused the trial just before the fault was made, or nothing: then it was not tried.
+
+    A pause for which the machine is not to blame is no excuse: it is judged with the rest.
+    """
+    start_ns = evidence.window.start_ns
+    just_before = [pause for pause in evidence.rig.pauses if start_ns - UNDISTURBED_NS <= pause.at_ns < start_ns]
+    return next((pause.why for pause in just_before if _excused(pause, evidence.stalls)), "")
+
+
+def _undisturbed(claim: str, found: list[Pause], held_up: NDArray[np.int64]) -> Verdict:
+    excused = [pause for pause in found if _excused(pause, held_up)]
+    words = f"pauses: {_told(found)}" + (f", {len(excused)} of them the machine's fault" if excused else "")
+    return Verdict(claim, len(excused) == len(found), words)
+
+
+def _excused(pause: Pause, held_up: NDArray[np.int64]) -> bool:
+    """Whether the machine, not what was done, may have made a pause."""
+    if "stood still" in pause.why:
+        return True
+    started, ended = held_up[:, 0], held_up[:, 1]
+    return bool(np.any((started < pause.at_ns) & (pause.at_ns < ended + EXCUSED_NS)))
+
+
+def _told(found: list[Pause]) -> str:
+    if not found:
+        return "none"
+    return "; ".join(f"trial {p.trial}.{p.attempt} {p.why}" for p in found)

@@ -1,0 +1,178 @@
+"""Backend ``tampered``: the virtual device, which writes down what it is handed and can be made to fail while it runs.
+
+It is no backend of netboard: the harness puts it in the way of its own processes as a plug-in (`install`), as a lab
+would. Every force handed to it goes to a file of its process at once, with the time, so that the file tells what was at
+the motors even if the process is killed. What it does wrong is one byte in another file, read at every reading.
+
+Options (``agents.<side>.options``): see `Options`.
+"""
+
+import os
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from math import nan
+from pathlib import Path
+from typing import Annotated, Any, Literal, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.base.clock import now_ns
+from netboard.base.config import Config, Side
+from netboard.base.errors import DeviceLost, DeviceNotFound
+from netboard.base.settings import NO_EXTRAS, about
+from netboard.base.tables.rig import Agent
+from netboard.devices.contract.device import Device, DeviceInfo, Reading
+from netboard.devices.contract.registry import GROUP
+from netboard.devices.contract.velocity import Velocimeter
+from netboard.devices.simulated.virtual import VirtualTouch
+from netboard.participants.device_models import resolved
+from netboard.participants.submovement import Submovement
+
+NAME = "tampered"
+
+TRACE = np.dtype([("time_ns", "<i8"), ("fx", "<f8"), ("fy", "<f8"), ("fz", "<f8"), ("z", "<f8")])
+"""One row for each force handed to the device: when, the force, and the height read last, or no number if the device
+gives none or is gone [ns, N, N, N, m]."""
+
+Trick = Literal["none", "nan", "frozen", "jump", "gone"]
+
+_TRICKS: dict[bytes, Trick] = {b"-": "none", b"n": "nan", b"f": "frozen", b"j": "jump", b"g": "gone"}
+
+JUMP = 0.1
+"""How far the stylus seems to jump [m]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """Options of the tampered device."""
+
+    __pydantic_config__ = NO_EXTRAS
+    folder: Annotated[str, about("where both files are", min_length=1)] = "."
+
+
+@final
+class TamperedTouch(Device):
+    """A virtual device that can be tampered with."""
+
+    def __init__(self, side: Side, config: Config) -> None:
+        super().__init__(side, config)
+        self._folder = Path(self.read_options(Options).folder)
+        self._touch = VirtualTouch(side, _plain(config, side))
+        self._velocimeter = Velocimeter(resolved(config.virtual).resolution)
+        self._reading: Reading | None = None
+        self._trace = self._trick = -1
+
+    @property
+    def felt(self) -> float:
+        """Vertical force the motors exert on the hand now [N]."""
+        return self._touch.felt
+
+    def command(self, moves: Iterable[Submovement]) -> None:
+        """Let the hand do something."""
+        self._touch.command(moves)
+
+    def live(self, now_ns: int) -> None:
+        """Let the hand's mechanics run up to now."""
+        self._touch.live(now_ns)
+
+    def _open(self) -> DeviceInfo:
+        flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND
+        self._trace = os.open(trace_file(self._folder, self.side, os.getpid()), flags, 0o600)
+        self._trick = os.open(_trick_file(self._folder, self.side), os.O_RDONLY | os.O_CREAT, 0o600)
+        if self._tricked() == "gone":
+            self._close_files()
+            raise DeviceNotFound("the device is gone")
+        return self._touch.open(placed=False)  # the profile is applied once, to the device around it
+
+    def _read(self, now_ns: int) -> Reading:
+        trick = self._tricked()
+        if trick == "gone":
+            raise DeviceLost("the device is gone")
+        if trick == "frozen" and self._reading is not None:
+            return self._reading
+        there = self._touch.read(now_ns)
+        x, y, z = (nan, nan, nan) if trick == "nan" else (there.x, there.y, there.z)
+        if trick == "jump":
+            z += JUMP
+        vx, vy, vz = self._velocimeter.update(now_ns, x, y, z)
+        self._reading = there._replace(x=x, y=y, z=z, vx=vx, vy=vy, vz=vz)
+        return self._reading
+
+    def _write(self, fx: float, fy: float, fz: float) -> None:
+        gone = self._tricked() == "gone"
+        z = self._reading.z if self._reading is not None and not gone else nan
+        os.write(self._trace, np.array((now_ns(), fx, fy, fz, z), TRACE).tobytes())
+        if gone:
+            raise DeviceLost("the device is gone")
+        self._touch.write(fx, fy, fz)
+
+    def _close(self) -> None:
+        self._close_files()
+        self._reading = None
+        self._touch.close()
+
+    def _close_files(self) -> None:
+        os.close(self._trace)
+        os.close(self._trick)
+
+    def _tricked(self) -> Trick:
+        return _TRICKS.get(os.pread(self._trick, 1, 0), "none")
+
+
+def _plain(config: Config, side: Side) -> Config:
+    """Return the configuration as the virtual device within is to see it."""
+    agents = replace(config.agents, left=Agent()) if side == "left" else replace(config.agents, right=Agent())
+    return replace(config, agents=agents)
+
+
+def _trick_file(folder: Path, side: Side) -> Path:
+    return folder / f"{side}.trick"
+
+
+def play_trick(folder: Path, side: Side, trick: Trick) -> None:
+    """Make the device of a side fail, or work again."""
+    letter = next(letter for letter, name in _TRICKS.items() if name == trick)
+    _trick_file(folder, side).write_bytes(letter)
+
+
+def trace_file(folder: Path, side: Side, process_id: int) -> Path:
+    """File with what the device of a process was handed."""
+    return folder / f"{side}-{process_id}.trace"
+
+
+def read_traces(folder: Path, side: Side) -> list[NDArray[Any]]:
+    """Read what was handed to all devices of a side.
+
+    Returns
+    -------
+    list of ndarray of TRACE
+        One for each agent that was started, the first one first.
+    """
+    traces = [read_trace(path) for path in folder.glob(f"{side}-*.trace")]
+    return sorted((trace for trace in traces if trace.size), key=lambda trace: int(trace["time_ns"][0]))
+
+
+def read_trace(path: Path, newest: int | None = None) -> NDArray[Any]:
+    """Read what a device was handed, up to now if its agent still runs.
+
+    Parameters
+    ----------
+    newest : int or None
+        Only so many of the last forces; None for all [1].
+    """
+    there = path.stat().st_size // TRACE.itemsize if path.exists() else 0
+    count = there if newest is None else min(there, newest)
+    if not count:
+        return np.empty(0, TRACE)
+    return np.fromfile(path, TRACE, count, offset=(there - count) * TRACE.itemsize)
+
+
+def install(folder: Path) -> dict[str, str]:
+    """Make a folder that, put in a process' way, gives it this backend."""
+    info = folder / "netboard_faults-0.dist-info"
+    info.mkdir(parents=True, exist_ok=True)
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: netboard-faults\nVersion: 0\n", encoding="utf-8")
+    (info / "entry_points.txt").write_text(f"[{GROUP}]\n{NAME} = {__name__}:TamperedTouch\n", encoding="utf-8")
+    before = os.environ.get("PYTHONPATH")
+    return {"PYTHONPATH": os.pathsep.join(filter(None, (str(folder), before)))}

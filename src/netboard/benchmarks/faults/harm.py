@@ -1,0 +1,386 @@
+"""What can be done to a site: each of these makes what does it, when it is called with a site in which a trial is on.
+
+What is done is undone again where it can be, and whatever cannot recover by itself is started anew, as an operator
+would. What is worth noting beside the recordings is returned.
+"""
+
+import os
+import shutil
+import signal
+import socket as net
+import time
+from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+from typing import TypeAlias
+
+import numpy as np
+
+from netboard.base.clock import now_ns
+from netboard.benchmarks.faults.devices import Trick, play_trick, read_trace, trace_file
+from netboard.benchmarks.faults.relay import FAIR, Weather
+from netboard.benchmarks.faults.rigs import PATIENCE
+from netboard.benchmarks.faults.sites import START_S, Site, side_of
+from netboard.network.protocol.codec import decode, encode
+from netboard.network.protocol.joining import Hello, Refusal
+from netboard.network.protocol.messages import PROTOCOL_VERSION
+from netboard.network.protocol.motion import Stylus
+from netboard.network.transport import channels, poller, sockets
+from netboard.nodes.operator.launcher import CHANNELS
+from netboard.nodes.ports import emergency
+
+Facts: TypeAlias = Mapping[str, str]
+Act: TypeAlias = Callable[[Site], Facts]
+
+ANSWER_SECONDS = 5.0
+AWAY = 1.0
+"""Whatever is killed is started again so much later [s]."""
+
+STRANGER = Hello("agent", "left", PROTOCOL_VERSION, "stranger:1", "0", {})
+SAMPLE = Stylus(0, 0, 0.0, 0.0, 0.05, 0.0, 0.0, 0.0, 0, 0, 0.0, -1, 0, 0, 0, 0)
+
+# --- processes ---------------------------------------------------------------------------------------------------
+
+
+def stand_still(process: str, seconds: float, quick: float | None = None) -> Act:
+    """Stop a process where it is, for a while [s]."""
+
+    def act(site: Site) -> Facts:
+        site.rig.send_signal(process, signal.SIGSTOP)
+        site.sleep(seconds, quick)
+        site.rig.send_signal(process, signal.SIGCONT)
+        return {}
+
+    return act
+
+
+def kill(process: str, seconds: float = AWAY, quick: float | None = None) -> Act:
+    """Kill a process and start it again a while later [s]."""
+
+    def act(site: Site) -> Facts:
+        site.rig.kill(process)
+        site.sleep(seconds, quick)
+        site.start_again(process)
+        if process == "server":
+            site.rig.until_felt(START_S)
+        else:
+            name = f":{site.rig.running[process].pid}"
+            site.rig.until(lambda status: any(link[1].endswith(name) for link in status.links))
+        return {}
+
+    return act
+
+
+def kill_logger_until_it_matters(site: Site) -> Facts:
+    """Kill the logger, and start it again only after the server has noticed that it cannot keep the records."""
+    site.rig.kill("logger")
+    status = site.rig.until(lambda status: status.phase == "paused")
+    site.sleep(10.0, 2.0)
+    site.start_again("logger")
+    return {"notice": status.notice}
+
+
+def kill_with_peer_frozen(site: Site) -> Facts:
+    """Kill the server and start another one while an agent stands still: it wakes in the session of before."""
+    site.rig.send_signal("left agent", signal.SIGSTOP)
+    site.rig.kill("server")
+    site.start_again("server")
+    site.rig.until(lambda status: "agent.right" in status.peers, START_S)
+    site.rig.send_signal("left agent", signal.SIGCONT)
+    return {}
+
+
+def together(*acts: Act) -> Act:
+    """Do several things at the same time."""
+
+    def act(site: Site) -> Facts:
+        with ThreadPoolExecutor(len(acts)) as workers:
+            facts = workers.map(lambda one: one(site), acts)
+        return {name: fact for found in facts for name, fact in found.items()}
+
+    return act
+
+
+# --- links -------------------------------------------------------------------------------------------------------
+
+
+def hold(process: str, seconds: float, quick: float | None = None) -> Act:
+    """Let nothing pass on a process' line for a while [s]."""
+
+    def act(site: Site) -> Facts:
+        site.relays[process].hold()
+        site.sleep(seconds, quick)
+        site.relays[process].mend()
+        return {}
+
+    return act
+
+
+def cut(process: str, seconds: float, quick: float | None = None) -> Act:
+    """Reset a process' connections, and refuse new ones for a while [s]."""
+
+    def act(site: Site) -> Facts:
+        site.relays[process].cut()
+        site.sleep(seconds, quick)
+        site.relays[process].mend()
+        return {}
+
+    return act
+
+
+def swallow(process: str, seconds: float) -> Act:
+    """Reset a process' connections, and accept new ones in which nothing passes for a while [s]."""
+
+    def act(site: Site) -> Facts:
+        line = site.relays[process]
+        line.cut()
+        time.sleep(0.01)
+        line.mend()
+        line.hold()
+        time.sleep(seconds)
+        line.mend()
+        return {}
+
+    return act
+
+
+def blow(process: str, up: Weather = FAIR, down: Weather = FAIR, seconds: float = 3.0, quick: float = 1.0) -> Act:
+    """Let the weather on a process' line be bad for a while [s]."""
+
+    def act(site: Site) -> Facts:
+        site.relays[process].weather(up, down)
+        site.sleep(seconds, quick)
+        site.relays[process].weather()
+        return {}
+
+    return act
+
+
+def double(process: str, seconds: float = 2.0) -> Act:
+    """Let a process' connections be made twice: reset, and from then on doubled for a while [s]."""
+
+    def act(site: Site) -> Facts:
+        line = site.relays[process]
+        line.double(True)
+        line.cut()
+        time.sleep(0.01)
+        line.mend()
+        time.sleep(seconds)
+        line.double(False)
+        line.cut()
+        time.sleep(0.01)
+        line.mend()
+        return {}
+
+    return act
+
+
+def distrust(process: str, weather: Weather) -> Act:
+    """Start an agent anew over so slow a line that its clock cannot be known well enough to arm the device."""
+
+    def act(site: Site) -> Facts:
+        site.relays[process].weather(weather, weather)
+        site.rig.kill(process)
+        site.start_again(process)
+        status = site.rig.until(lambda status: any("clock" in lack for lack in status.waiting_for))
+        site.relays[process].weather()
+        return {"waiting for": ", ".join(status.waiting_for)}
+
+    return act
+
+
+def pull_cable(process: str, seconds: float, quick: float | None = None) -> Act:
+    """Set a station's real link down for a while [s]."""
+
+    def act(site: Site) -> Facts:
+        if site.spaces is None:
+            raise ValueError("there are no cables at this site")
+        site.spaces.pull(side_of(process))
+        site.sleep(seconds, quick)
+        site.spaces.plug(side_of(process))
+        return {}
+
+    return act
+
+
+# --- peers that do not belong --------------------------------------------------------------------------------------
+
+
+def second_agent(site: Site) -> Facts:
+    """Start a second agent for a side."""
+    second = site.rig.start("second left agent", "agent", "--side", "left")
+    wanted = "already has an agent"
+    until = time.monotonic() + PATIENCE
+    while wanted not in site.rig.said("second left agent") and time.monotonic() < until:
+        time.sleep(0.1)
+    time.sleep(1.0)
+    said = site.rig.said("second left agent")
+    site.rig.kill("second left agent")
+    forces = read_trace(trace_file(site.rig.folder, "left", second.pid))["fz"]
+    largest = float(np.max(np.abs(forces), initial=0.0))
+    answer = next((line for line in said.splitlines() if wanted in line), said[-200:])
+    return {"answer": answer, "largest force of the second": f"{largest:g} N in {forces.size}"}
+
+
+def say(*frames: bytes) -> Act:
+    """Say something to the motion channel, as a stranger, and note what is answered to each frame."""
+
+    def act(site: Site) -> Facts:
+        answers: dict[str, None] = {}
+        with sockets.open_context() as context:
+            stranger = sockets.motion_agent(context, _reach(site).reach(channels.MOTION), "stranger")
+            until = time.monotonic() + ANSWER_SECONDS
+            while len(answers) < len(frames) and time.monotonic() < until:
+                for frame in frames:
+                    sockets.send(stranger, frame)
+                if poller.wait_readable(stranger, 0.2):
+                    answers[_words(sockets.receive(stranger))] = None
+        return {"answer": "; ".join(answers)}
+
+    return act
+
+
+def speak_other_version(site: Site) -> Facts:
+    """Introduce an agent of another version of the protocol, which goes on to send samples."""
+    return say(encode(replace(STRANGER, protocol=PROTOCOL_VERSION + 1)), encode(SAMPLE))(site)
+
+
+def _words(frame: bytes | None) -> str:
+    message = decode(frame) if frame is not None else None
+    return message.reason if isinstance(message, Refusal) else str(message)
+
+
+def flood(seconds: float = 3.0, quick: float = 1.5) -> Act:
+    """Send nonsense and greetings on every channel, as fast as they go, and open one connection after the other."""
+
+    def act(site: Site) -> Facts:
+        sent = connections = 0
+        frames = (b"nonsense", b"\xc1" * 2000, encode(STRANGER), encode(SAMPLE), encode(replace(STRANGER, side="")))
+        until = time.monotonic() + (quick if site.quick else seconds)
+        with sockets.open_context() as context:
+            where = _reach(site)
+            floods = [
+                sockets.motion_agent(context, where.reach(channels.MOTION), "flood"),
+                sockets.control_client(context, where.reach(channels.CONTROL), "flood"),
+                sockets.log_client(context, where.reach(channels.LOG), "flood"),
+            ]
+            while time.monotonic() < until:
+                for _ in range(200):
+                    sent += sum(sockets.send(socket, frames[sent % len(frames)]) for socket in floods)
+                connections += _knock(site)
+        return {"flood": f"{sent} frames, {connections} connections in {quick if site.quick else seconds:g} s"}
+
+    return act
+
+
+def _knock(site: Site) -> int:
+    """Connect to every channel, say something that is not ZeroMQ, and hang up."""
+    network = site.rig.config.network
+    for channel in range(CHANNELS - 1):
+        with net.create_connection((network.host, network.port + channel), ANSWER_SECONDS) as connection:
+            connection.sendall(b"GET / HTTP/1.1\r\n\r\n")
+    return CHANNELS - 1
+
+
+def _reach(site: Site) -> channels.Addresses:
+    return channels.addresses(site.rig.config.network)
+
+
+# --- devices -----------------------------------------------------------------------------------------------------
+
+
+def trick(process: str, what: Trick, seconds: float = 1.0) -> Act:
+    """Let an agent's device fail for a while [s]."""
+
+    def act(site: Site) -> Facts:
+        play_trick(site.rig.folder, side_of(process), what)
+        time.sleep(seconds)
+        play_trick(site.rig.folder, side_of(process), "none")
+        return {}
+
+    return act
+
+
+def trick_and_restart(process: str, what: Trick) -> Act:
+    """Let an agent's device fail, and start the agent anew with one that works."""
+
+    def act(site: Site) -> Facts:
+        play_trick(site.rig.folder, side_of(process), what)
+        site.rig.until(lambda status: status.phase == "paused")
+        time.sleep(AWAY)
+        ended = site.rig.running[process].poll()
+        play_trick(site.rig.folder, side_of(process), "none")
+        code = site.rig.wait(process) if ended is not None else site.rig.stop(process)
+        site.start_again(process)
+        return {"exit code of the agent": str(code), "its last words": site.rig.said(process).splitlines()[-1]}
+
+    return act
+
+
+def stop_in_an_emergency(site: Site) -> Facts:
+    """Let an operator stop everything, release it a while later, and resume."""
+    site.rig.do(emergency.STOP)
+    site.rig.until(lambda status: emergency.LACKING in status.waiting_for)
+    time.sleep(AWAY)
+    site.rig.do(emergency.RELEASE)
+    site.rig.until(lambda status: status.phase == "paused" and not status.waiting_for)
+    site.rig.do("resume")
+    return {}
+
+
+# --- clocks and disks --------------------------------------------------------------------------------------------
+
+
+def set_wall_clock(*seconds: int) -> Act:
+    """Set the wall clock of all processes, to one time after the other [s]."""
+
+    def act(site: Site) -> Facts:
+        if site.clock is None:
+            raise ValueError("the wall clock cannot be set at this site")
+        for shift in (*seconds, 0):
+            site.clock.set(shift)
+            time.sleep(1.0)
+        return {}
+
+    return act
+
+
+def fill_disk(left: int) -> Act:
+    """Fill the recordings' disk until so many bytes are left, and let another logger go on elsewhere."""
+
+    def act(site: Site) -> Facts:
+        place = Path(site.rig.config.recording.directory)
+        _fill(place, left)
+        return _next_logger(site)
+
+    return act
+
+
+def _fill(place: Path, left: int) -> None:
+    """Take the space at once, before anybody has looked twice."""
+    spare = shutil.disk_usage(place).free - left
+    with (place / "filler").open("wb") as filler:
+        os.posix_fallocate(filler.fileno(), 0, spare)
+
+
+def remove_directory(site: Site) -> Facts:
+    """Delete the recordings' folder with the recording in it, and let another logger go on elsewhere."""
+    shutil.rmtree(site.rig.config.recording.directory)
+    return _next_logger(site)
+
+
+def _next_logger(site: Site) -> Facts:
+    """Wait until the logger has given up, note how, and start the next one, which writes elsewhere."""
+    began = now_ns()
+    code = site.rig.wait("logger")
+    seconds = (now_ns() - began) * 1e-9
+    said = site.rig.said("logger").splitlines()
+    status = site.rig.until(lambda status: status.phase == "paused")
+    site.rig.start("logger", "logger", "--once", "--set", f"recording.directory={site.rig.folder / 'elsewhere'}")
+    warned = next((line for line in said if "only" in line), "no warning")
+    return {
+        "logger": f"exit code {code} after {seconds:.1f} s: {said[-1]}",
+        "warning": warned,
+        "notice": status.notice,
+    }

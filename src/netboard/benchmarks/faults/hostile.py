@@ -1,0 +1,206 @@
+"""A server that is none: it does what a server does, and between its messages says whatever comes to its mind.
+
+Real agents, displays and loggers connect to it. What it says in earnest is as plain as can be, so that any effect of
+the rest is seen: one force that never changes, ticks that are numbered and else empty, a board that moves a little; and
+now and then another block, which is like the one before.
+"""
+
+import socket as net
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import replace
+from math import sin
+
+import numpy as np
+
+from netboard.base.clock import now_ns
+from netboard.base.config import SIDES, Config, resolve
+from netboard.base.tables.rig import Network
+from netboard.base.tick import TICK
+from netboard.benchmarks.faults import zmtp
+from netboard.benchmarks.faults.mutants import parse
+from netboard.network.protocol.codec import encode
+from netboard.network.protocol.joining import Goodbye, Hello, Refusal, Welcome
+from netboard.network.protocol.messages import PROTOCOL_VERSION, Message
+from netboard.network.protocol.motion import Beat, Force, Point, Safeguard, Stylus
+from netboard.network.protocol.records import LogAck, LogBatch, LogEnd, LogRequest, TickRecord
+from netboard.network.protocol.views import Frames
+from netboard.network.transport import channels, sockets
+from netboard.stage.view import View
+
+FORCE = 0.1
+"""The force on every hand: small enough to arm the device with it [N]."""
+
+SESSION = "f" * 32
+_GROWN = Safeguard.ARMED | Safeguard.RAMPING
+
+ROWS = 10
+"""Ticks in a batch for the logger; a batch goes out in as many turns [1]."""
+
+VIEW_TURNS = 16
+"""A view goes out in every so many turns [1]."""
+
+BLOCK_TURNS = 5000
+"""A block begins in every so many turns [1]."""
+
+BLOCKS = 1000
+"""Blocks that there are; after the last one it begins anew [1]."""
+
+KEPT_OPEN = 4
+"""Connections in which no ZeroMQ is spoken are left open, so many of them [1]."""
+
+MEANT: tuple[type[Message], ...] = (Welcome, Goodbye, Refusal, Force, Point, Beat, LogBatch, LogEnd)
+"""What a peer must believe its server: what happens to be one of these is no nonsense, and not said."""
+
+
+class HostileServer:
+    """Everything a server binds, and the nerve of a bimanual participant.
+
+    Attributes
+    ----------
+    grown : set of bytes
+        Those of them whose force has grown to what is wanted.
+    durable : int
+        Number of the first record that the logger does not have on disk [1].
+    """
+
+    def __init__(self, config: Config, context: sockets.Context, mutants: Iterator[bytes]) -> None:
+        where = channels.addresses(config.network)
+        self.armed: set[bytes] = set()
+        self.grown: set[bytes] = set()
+        self.samples = self.shown = self.ticks = self.durable = 0
+        self._mutants = mutants
+        self._config = config
+        self._welcome = self._begin(1)
+        self._routers = {
+            "motion": sockets.motion_server(context, where.listen(channels.MOTION)),
+            "log": sockets.log_server(context, where.listen(channels.LOG)),
+            "control": sockets.control_server(context, where.listen(channels.CONTROL)),
+        }
+        self._views = {side: sockets.view_publisher(context, where.listen(channels.VIEW[side])) for side in SIDES}
+        bimanual = config.block.configuration == "bimanual"
+        self._nerve = sockets.nerve_sender(context, where.listen(channels.NERVE)) if bimanual else None
+        self._peers: dict[str, set[bytes]] = {channel: set() for channel in self._routers}
+        self._wanted: dict[bytes, int] = {}
+        self._turns = 0
+        self._log_ended = False
+        self.nonsense = dict.fromkeys([*self._routers, "view", *(["nerve"] if bimanual else [])], 0)
+
+    def turn(self, *channels: str) -> None:
+        """Do what is due in a millisecond, and say something malformed on some channels."""
+        self._turns += 1
+        for channel in self._routers:
+            self._hear(channel)
+        self._speak()
+        for channel in channels:
+            self._babble(channel)
+
+    def end_log(self) -> None:
+        """Say to the loggers that this was all."""
+        self._log_ended = True
+
+    # --- in earnest --------------------------------------------------------------------------------------------------
+
+    def _begin(self, number: int) -> bytes:
+        """What peers are told of a block."""
+        block = replace(self._config.block, number=number, blocks=BLOCKS)
+        return encode(Welcome(SESSION, PROTOCOL_VERSION, now_ns(), resolve(replace(self._config, block=block))))
+
+    def _hear(self, channel: str) -> None:
+        router = self._routers[channel]
+        while (received := router.receive()) is not None:
+            name, frame = received
+            match parse(frame):
+                case Hello():
+                    self._peers[channel].add(name)
+                    router.send(name, self._welcome)
+                case Stylus(safeguards=bits):
+                    self.samples += 1
+                    (self.armed.add if bits & Safeguard.ARMED else self.armed.discard)(name)
+                    (self.grown.add if bits & _GROWN == Safeguard.ARMED else self.grown.discard)(name)
+                case Frames(shown=shown):
+                    self.shown += len(shown)
+                case LogRequest(first=first):
+                    self._wanted[name] = max(first, 0)
+                case LogAck(durable=durable):
+                    self.durable = durable
+
+    def _speak(self) -> None:
+        turn, now = self._turns, now_ns()
+        for name in self._peers["motion"]:
+            force = Force(turn, now, -1, FORCE, 0) if name in self.armed else Beat(turn, now, -1, 0, arm=True)
+            self._routers["motion"].send(name, encode(force))
+        if turn % BLOCK_TURNS == 0:
+            self._welcome = self._begin(turn // BLOCK_TURNS % BLOCKS + 1)
+            for channel, router in self._routers.items():
+                for name in self._peers[channel]:
+                    router.send(name, self._welcome)
+        if turn % ROWS == 0:
+            for name in self._wanted:
+                self._send_ticks(name)
+        if turn % VIEW_TURNS == 0:
+            for side, publisher in self._views.items():
+                publisher.send(encode(_view(side, turn)))
+
+    def _send_ticks(self, name: bytes) -> None:
+        """The next records of a logger: it asks again for what it has, after nonsense, and gets that again."""
+        first = self._wanted[name]
+        if self._log_ended and first >= self.ticks:
+            self._routers["log"].send(name, encode(LogEnd(self.ticks - 1)))
+            return
+        records = []
+        for number in range(first, first + ROWS):
+            row = np.zeros(1, TICK)
+            row["tick"] = number
+            records.append(encode(TickRecord(row.tobytes())))
+        if self._routers["log"].send(name, encode(LogBatch(first, 0, tuple(records)))):
+            self._wanted[name] = first + ROWS
+            self.ticks = max(self.ticks, first + ROWS)
+
+    # --- and not -----------------------------------------------------------------------------------------------------
+
+    def _babble(self, channel: str) -> None:
+        frame = next(self._mutants)
+        if isinstance(parse(frame), MEANT):
+            return
+        if channel == "view":
+            self.nonsense[channel] += self._views["left"].send(frame)
+        elif channel == "nerve" and self._nerve is not None:
+            self.nonsense[channel] += sockets.send(self._nerve, frame)
+        else:
+            self.nonsense[channel] += sum(self._routers[channel].send(name, frame) for name in self._peers[channel])
+
+
+def _view(side: str, turn: int) -> View:
+    """A board that sways."""
+    z = 0.01 * sin(turn * 1e-3)
+    return View(
+        side, turn, now_ns(), "running", z, 0.1 * z, 0.0, 0.15, z, z, 1, 6, 0, None, None, "", turn, 0.0, 1, 1, None
+    )
+
+
+class Babbler:
+    """Listens where a server would, not where the nerve is, and says what is no ZeroMQ to whoever connects."""
+
+    def __init__(self, network: Network, seed: int) -> None:
+        self.heard = 0
+        self._talk = zmtp.Talk(KEPT_OPEN, seed)
+        places = [(network.host, network.port + channel) for channel in range(channels.NERVE)]
+        self._listeners = [net.create_server(place) for place in places]
+        for listener in self._listeners:
+            listener.setblocking(False)
+
+    def turn(self) -> None:
+        """Answer whoever has connected."""
+        for listener in self._listeners:
+            with suppress(BlockingIOError):
+                connection, _ = listener.accept()
+                self.heard += 1
+                self._talk.take(connection)
+        self._talk.turn()
+
+    def close(self) -> None:
+        """Hang up."""
+        for listener in self._listeners:
+            listener.close()
+        self._talk.close()

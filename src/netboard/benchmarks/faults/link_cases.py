@@ -1,0 +1,184 @@
+"""Faults of the links between the agents and the server: through relays, and by pulling real cables."""
+
+from netboard.base.config import SIDES
+from netboard.benchmarks.faults.case import (
+    CABLED,
+    DISTRUSTED,
+    FALLS,
+    LEFT,
+    LEFT_FALLS,
+    OUTAGE,
+    PAUSED,
+    RELAYED,
+    REMEMBERED,
+    RIGHT,
+    Case,
+)
+from netboard.benchmarks.faults.checks import Check, either, falls, goes_on, paused, rendered_known, told
+from netboard.benchmarks.faults.harm import (
+    Act,
+    blow,
+    cut,
+    distrust,
+    double,
+    hold,
+    pull_cable,
+    swallow,
+    together,
+)
+from netboard.benchmarks.faults.relay import FAIR, Weather
+from netboard.benchmarks.faults.sites import Setup
+
+_GONE = (falls("left"), paused(*OUTAGE), rendered_known("left"))
+_ANY = f"the trial goes on, or is {PAUSED}"
+
+
+def _case(
+    name: str, done: str, expected: str, act: Act, *checks: Check, setup: Setup = RELAYED, quick: bool = True
+) -> Case:
+    return Case(name, "links", done, expected, setup, act, checks, quick=quick)
+
+
+def _blown(
+    name: str, done: str, expected: str, *checks: Check, up: Weather = FAIR, down: Weather = FAIR, quick: bool = True
+) -> Case:
+    """Weather on the left agent's line, for 3 s."""
+    return _case(name, done, expected, blow(LEFT, up, down), *checks, quick=quick)
+
+
+def _delayed(name: str, done: str, delay: float, *, quick: bool) -> Case:
+    """The same delay both ways, under which a trial goes on."""
+    return _blown(name, done, "the trial goes on", goes_on(), up=Weather(delay), down=Weather(delay), quick=quick)
+
+
+LINKS = (
+    _case(
+        "line-held-20ms",
+        "nothing passes between an agent and the server for 20 ms, and all of it comes later",
+        f"the left force begins to fall in time; {_ANY}",
+        hold(LEFT, 0.02),
+        *(falls("left", to_zero=False), either(*OUTAGE)),
+    ),
+    _case("line-held-200ms", "the same for 200 ms", f"{LEFT_FALLS}{PAUSED}; {REMEMBERED}", hold(LEFT, 0.2), *_GONE),
+    _case(
+        "line-held-5s", "the same for 5 s", f"{LEFT_FALLS}{PAUSED}; {REMEMBERED}", hold(LEFT, 5.0), *_GONE, quick=False
+    ),
+    _case(
+        "lines-held-200ms",
+        "the same on the lines of both agents for 200 ms",
+        FALLS + PAUSED,
+        together(hold(LEFT, 0.2), hold(RIGHT, 0.2)),
+        *(falls(*SIDES), paused("agent", "not armed")),
+        quick=False,
+    ),
+    _case(
+        "line-cut-20ms",
+        "an agent's connections are reset, and new ones for 20 ms",
+        f"{LEFT_FALLS}{PAUSED}; {REMEMBERED}",
+        cut(LEFT, 0.02),
+        *_GONE,
+    ),
+    _case(
+        "line-cut-200ms",
+        "the same for 200 ms",
+        f"{LEFT_FALLS}{PAUSED}; {REMEMBERED}",
+        cut(LEFT, 0.2),
+        *_GONE,
+        quick=False,
+    ),
+    _case(
+        "line-cut-5s", "the same for 5 s", f"{LEFT_FALLS}{PAUSED}; {REMEMBERED}", cut(LEFT, 5.0), *_GONE, quick=False
+    ),
+    _case(
+        "black-hole",
+        "an agent's connections are reset; new ones are accepted and swallow everything for 2 s",
+        f"{LEFT_FALLS}{PAUSED}; {REMEMBERED}",
+        swallow(LEFT, 2.0),
+        *_GONE,
+    ),
+    _case(
+        "doubled",
+        "an agent's connections are reset, and made twice for 2 s: the server gets every byte twice",
+        f"{LEFT_FALLS}{PAUSED}; one of the two gets the seat; {REMEMBERED}",
+        double(LEFT),
+        *_GONE,
+    ),
+    _delayed("delay-1ms", "1 ms each way on an agent's line for 3 s", 0.001, quick=False),
+    _delayed("delay-10ms", "10 ms each way", 0.01, quick=True),
+    _blown("delay-20ms-up", "20 ms from agent to server only", _ANY, either(*OUTAGE), up=Weather(0.02)),
+    _blown(
+        "delay-20ms-down",
+        "20 ms from server to agent only",
+        f"the left force begins to fall where the delay begins; {_ANY}",
+        *(falls("left", to_zero=False), either(*OUTAGE)),
+        down=Weather(0.02),
+        quick=False,
+    ),
+    _blown(
+        "delay-50ms",
+        "50 ms each way",
+        f"{PAUSED}; not resumed before it is over",
+        paused(*OUTAGE),
+        up=Weather(0.05),
+        down=Weather(0.05),
+    ),
+    _blown(
+        "jitter-20ms",
+        "up to 20 ms each way, at random",
+        _ANY,
+        either(*OUTAGE),
+        up=Weather(jitter=0.02),
+        down=Weather(jitter=0.02),
+    ),
+    _blown(
+        "loss",
+        "stalls of 200 ms, as TCP makes of lost packets, twice a second on average",
+        _ANY,
+        either(*OUTAGE),
+        up=Weather(stalls=1.0),
+        down=Weather(stalls=1.0),
+        quick=False,
+    ),
+    _blown(
+        "throttled",
+        "50 kB/s from agent to server, a third of what is sent",
+        f"{PAUSED}: samples that had to wait do not count",
+        paused(*OUTAGE),
+        up=Weather(rate=5e4),
+        quick=False,
+    ),
+    _case(
+        "clock-unknown",
+        "an agent is started again over a line of 5 ms each way: its clock cannot be known to 0.5 ms",
+        "its device is not armed, and the server says why, until the line is better",
+        distrust(LEFT, Weather(0.005)),
+        *(paused("left agent"), told("waiting for", "the left agent's clock")),
+        setup=DISTRUSTED,
+    ),
+    _case(
+        "cable-20ms",
+        "the cable of a station (veth) is pulled for 20 ms",
+        f"the left force begins to fall in time; {_ANY}",
+        pull_cable(LEFT, 0.02),
+        *(falls("left", to_zero=False), either(*OUTAGE)),
+        setup=CABLED,
+    ),
+    _case(
+        "cable-200ms",
+        "the same for 200 ms",
+        f"{LEFT_FALLS}{PAUSED}; {REMEMBERED}",
+        pull_cable(LEFT, 0.2),
+        *_GONE,
+        setup=CABLED,
+    ),
+    _case(
+        "cable-5s",
+        "the same for 5 s",
+        f"{LEFT_FALLS}{PAUSED}; {REMEMBERED}",
+        pull_cable(LEFT, 5.0),
+        *_GONE,
+        setup=CABLED,
+        quick=False,
+    ),
+)
+"""The table."""

@@ -1,0 +1,91 @@
+"""Real links between stations and server: network namespaces on this machine, joined by pairs of virtual cables.
+
+Each station is alone in a namespace, with an address of its own; the server and whoever has entered `Spaces` are in a
+third one, away from the machine's own network. A cable that is pulled is one whose end is set down: the kernels on both
+sides behave as they would with a real one. Needs the right to make namespaces; `refusal` tells.
+"""
+
+import ctypes
+import os
+import shutil
+import subprocess
+from contextlib import ExitStack
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from netboard.base.config import SIDES, Side
+from netboard.base.errors import NetboardError
+from netboard.benchmarks.faults.rigs import Way
+
+SERVER = "10.213.0.1"
+_OWN_SPACE = Path("/proc/thread-self/ns/net")
+_CLONE_NEWNET = 0x4000_0000
+_TRIAL = "ip link add cable0 type veth peer name cable1"
+
+
+def refusal() -> str:
+    """Why there can be no such links on this machine, or nothing."""
+    if not _OWN_SPACE.exists() or shutil.which("ip") is None or shutil.which("unshare") is None:
+        return "this machine has no network namespaces, or no ip command"
+    tried = subprocess.run(["unshare", "-n", "sh", "-c", _TRIAL], capture_output=True, text=True, check=False)
+    return f"namespaces are not permitted ({tried.stderr.strip()})" if tried.returncode else ""
+
+
+class Spaces:
+    """While entered, this thread and whatever it starts are in a network of their own, with a cable to each station."""
+
+    def __init__(self) -> None:
+        self._names = {side: f"netboard-{os.getpid()}-{side}" for side in SIDES}
+        self._stack = ExitStack()
+
+    def __enter__(self) -> Self:
+        with self._stack:
+            before = self._stack.enter_context(_OWN_SPACE.open("rb"))
+            _call("unshare", _CLONE_NEWNET)
+            self._stack.callback(_call, "setns", before.fileno(), _CLONE_NEWNET)
+            _ip("link set lo up")
+            _ip(f"addr add {SERVER}/32 dev lo")
+            for number, side in enumerate(SIDES, start=1):
+                self._lay_cable(side, f"10.213.{number}")
+            self._stack = self._stack.pop_all()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self._stack.close()
+
+    def way(self, side: Side, port: int) -> Way:
+        """How a process at a station gets to the server at this port."""
+        return Way(SERVER, port, ("ip", "netns", "exec", self._names[side]))
+
+    def pull(self, side: Side) -> None:
+        """Pull the cable of a station."""
+        _ip(f"link set {side} down")
+
+    def plug(self, side: Side) -> None:
+        """Plug it in again."""
+        _ip(f"link set {side} up")
+
+    def _lay_cable(self, side: Side, net: str) -> None:
+        name = self._names[side]
+        _ip(f"netns add {name}")
+        self._stack.callback(_ip, f"netns del {name}")
+        _ip(f"link add {side} type veth peer name cable netns {name}")
+        _ip(f"addr add {net}.1/30 dev {side}")
+        _ip(f"link set {side} up")
+        _ip(f"-n {name} addr add {net}.2/30 dev cable")
+        _ip(f"-n {name} link set lo up")
+        _ip(f"-n {name} link set cable up")
+        _ip(f"-n {name} route add default via {net}.1")
+
+
+def _ip(words: str) -> None:
+    done = subprocess.run(["ip", *words.split()], capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise NetboardError(f"ip {words}: {done.stderr.strip()}")
+
+
+def _call(name: str, *arguments: int) -> None:
+    """Call a function of the C library that Python 3.11 does not have."""
+    if getattr(ctypes.CDLL(None, use_errno=True), name)(*arguments):
+        raise NetboardError(f"{name}: {os.strerror(ctypes.get_errno())}")

@@ -1,0 +1,308 @@
+"""A TCP relay: the line between one peer and the server, all channels of it, in a thread of its own.
+
+It delays, jitters, throttles and stalls what passes; it can hold everything (a pulled plug: connections stay, nothing
+comes through, all of it comes later), cut (connections are reset, new ones too, until it is mended), and double
+connections (the server gets the same bytes twice). Bytes keep their order, as TCP keeps it: what is late holds up what
+follows. It understands nothing of what passes.
+"""
+
+import logging
+import os
+import random
+import select
+import socket as net
+import struct
+import threading
+from collections import deque
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from math import inf
+from types import TracebackType
+from typing import Self, TypeAlias
+
+from netboard.base.clock import now_ns
+from netboard.nodes.operator.launcher import CHANNELS, free_port
+
+log = logging.getLogger(__name__)
+
+Place: TypeAlias = tuple[str, int]
+"""Address and port."""
+
+STALL_NS = 200_000_000
+"""TCP waits so long at least before it sends a lost packet again [ns]."""
+
+CHUNK_BYTES = 65_536
+MOST_BYTES = 2**20
+"""Of a sender with so many bytes under way no more is taken [bytes]."""
+
+CONNECT_SECONDS = 1.0
+PRIORITY = 45
+"""SCHED_FIFO priority of the thread, below those who wait for what it passes."""
+
+_RESET = struct.pack("ii", 1, 0)
+"""SO_LINGER that makes closing a reset."""
+
+
+@dataclass(frozen=True)
+class Weather:
+    """What happens to bytes on their way, in one direction.
+
+    Attributes
+    ----------
+    delay : float
+        Time every byte takes [s].
+    jitter : float
+        Largest time on top of it, even chances [s].
+    stalls : float
+        How often everything stands still for 200 ms, as after a lost packet, on average [Hz].
+    """
+
+    delay: float = 0.0
+    jitter: float = 0.0
+    stalls: float = 0.0
+    rate: float = inf
+
+
+FAIR = Weather()
+
+
+class Flow:
+    """One direction of one connection: bytes on their way, each with the time it comes out."""
+
+    def __init__(self, source: net.socket, sink: net.socket, double: net.socket | None, seed: int) -> None:
+        self.source, self.sink, self.double = source, sink, double
+        self.bytes = 0
+        self.ended = False
+        self._queue: deque[tuple[int, bytes]] = deque()
+        self._taken_ns = self._last_ns = 0
+        self._random = random.Random(seed)
+
+    @property
+    def due_ns(self) -> float:
+        """When the next byte comes out; never without one [ns]."""
+        return self._queue[0][0] if self._queue else inf
+
+    @property
+    def open(self) -> bool:
+        """Whether more may be taken."""
+        return not self.ended and self.bytes < MOST_BYTES
+
+    @property
+    def over(self) -> bool:
+        """Whether everything has come out that ever will."""
+        return self.ended and not self._queue
+
+    def take(self, weather: Weather, now: int) -> None:
+        """Take what the source has sent."""
+        data = self.source.recv(CHUNK_BYTES)
+        if data:
+            self._queue.append((self._arrival(weather, len(data), now), data))
+            self.bytes += len(data)
+        else:
+            self.ended = True
+
+    def give(self, now: int) -> None:
+        """Let out what is due, as far as the sink takes it."""
+        while self._queue and self._queue[0][0] <= now:
+            due, data = self._queue.popleft()
+            try:
+                sent = self.sink.send(data)
+            except BlockingIOError:
+                sent = 0
+            self.bytes -= sent
+            if self.double is not None:
+                with suppress(BlockingIOError):
+                    self.double.send(data[:sent])
+            if sent < len(data):
+                self._queue.appendleft((due, data[sent:]))
+                return
+
+    def _arrival(self, weather: Weather, size: int, now: int) -> int:
+        """When a chunk comes out: after the one before it, whatever happens."""
+        seconds = weather.delay + weather.jitter * self._random.random() + size / weather.rate
+        arrival = max(now + round(seconds * 1e9), self._last_ns + round(size / weather.rate * 1e9))
+        since = (now - self._taken_ns) * 1e-9 if self._taken_ns else 0.0
+        if self._random.random() < weather.stalls * since:
+            arrival += STALL_NS
+        self._taken_ns, self._last_ns = now, arrival
+        return arrival
+
+
+@dataclass(frozen=True, eq=False)
+class Connection:
+    """A peer's connection through the relay, and what doubles it."""
+
+    up: Flow
+    down: Flow
+
+    @property
+    def sockets(self) -> tuple[net.socket, ...]:
+        """Every socket of it."""
+        ends = (self.up.source, self.up.sink, self.up.double)
+        return tuple(end for end in ends if end is not None)
+
+
+class Relay:
+    """The line of one peer.
+
+    Parameters
+    ----------
+    host : str
+        Where the relay listens, at as many ports from `port` on.
+    """
+
+    def __init__(self, targets: Sequence[Place], host: str = "127.0.0.1") -> None:
+        self.port = free_port()
+        self._targets = targets
+        self._listeners = [_listen((host, self.port + channel)) for channel in range(len(targets))]
+        self._connections: list[Connection] = []
+        self._up = self._down = FAIR
+        self._holding = self._cutting = self._doubling = self._ending = False
+        self._made = 0
+        self._waker, self._woken = net.socketpair()
+        self._thread = threading.Thread(target=self._run, name=f"relay {self.port}", daemon=True)
+        self._thread.start()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self._ending = True
+        self._wake()
+        self._thread.join()
+        for socket in (*self._listeners, self._waker, self._woken):
+            socket.close()
+
+    def weather(self, up: Weather = FAIR, down: Weather = FAIR) -> None:
+        """Change what happens to bytes from now on: to the server, and from it."""
+        self._up, self._down = up, down
+
+    def hold(self) -> None:
+        """Let nothing pass; nothing is lost either."""
+        self._holding = True
+        self._wake()
+
+    def cut(self) -> None:
+        """Reset all connections, and whatever connects, until mended."""
+        self._cutting = True
+        self._wake()
+
+    def mend(self) -> None:
+        """Hold and cut no more."""
+        self._holding = self._cutting = False
+        self._wake()
+
+    def double(self, wanted: bool) -> None:
+        """Let whoever connects from now on be heard by the server twice, or no more."""
+        self._doubling = wanted
+
+    def _wake(self) -> None:
+        self._waker.send(b"!")
+
+    def _run(self) -> None:
+        _hurry()
+        while not self._ending:
+            readable = self._wait()
+            if self._cutting:
+                self._drop(_reset, *self._connections)
+            for connection in tuple(self._connections):
+                self._serve(connection, readable)
+        self._drop(_reset, *self._connections)
+
+    def _wait(self) -> set[net.socket]:
+        """Wait for whatever comes first, let in who connects, and return who has sent something."""
+        readers: list[net.socket] = [self._woken, *self._listeners]
+        writers: list[net.socket] = []
+        due = inf
+        if not self._holding:
+            now = now_ns()
+            for flow in self._flows():
+                if flow.open:
+                    readers.append(flow.source)
+                if flow.due_ns <= now:
+                    writers.append(flow.sink)
+                else:
+                    due = min(due, flow.due_ns)
+        left = None if due == inf else max(0.0, (due - now_ns()) * 1e-9)
+        readable, _, _ = select.select(readers, writers, (), left)
+        ready = set(readable)
+        if self._woken in ready:
+            self._woken.recv(CHUNK_BYTES)
+        for channel, listener in enumerate(self._listeners):
+            if listener in ready:
+                self._admit(listener, self._targets[channel])
+        return ready
+
+    def _flows(self) -> list[Flow]:
+        return [flow for connection in self._connections for flow in (connection.up, connection.down)]
+
+    def _admit(self, listener: net.socket, target: Place) -> None:
+        peer, _ = listener.accept()
+        if self._cutting:
+            _reset(peer)
+            return
+        try:
+            server = net.create_connection(target, CONNECT_SECONDS)
+            double = net.create_connection(target, CONNECT_SECONDS) if self._doubling else None
+        except OSError:  # no server there: the peer is to see as much
+            _reset(peer)
+            return
+        self._made += 1
+        up, down = Flow(peer, server, double, 2 * self._made), Flow(server, peer, None, 2 * self._made + 1)
+        connection = Connection(up, down)
+        for socket in connection.sockets:
+            socket.setblocking(False)
+            socket.setsockopt(net.IPPROTO_TCP, net.TCP_NODELAY, 1)
+        self._connections.append(connection)
+
+    def _serve(self, connection: Connection, readable: set[net.socket]) -> None:
+        """Pass on what there is in both directions; at the end of one, the other ends too."""
+        if self._holding:
+            return
+        over = False
+        try:
+            for flow, weather in ((connection.up, self._up), (connection.down, self._down)):
+                if flow.source in readable:
+                    flow.take(weather, now_ns())
+                flow.give(now_ns())
+                over |= flow.over
+            if connection.up.double is not None:
+                with suppress(BlockingIOError):  # what the server answers to the double is for nobody
+                    connection.up.double.recv(CHUNK_BYTES)
+        except OSError:  # one end has gone
+            over = True
+        if over:
+            self._drop(net.socket.close, connection)
+
+    def _drop(self, close: Callable[[net.socket], None], *connections: Connection) -> None:
+        for connection in connections:
+            for socket in connection.sockets:
+                close(socket)
+            self._connections.remove(connection)
+
+
+def between(peer_to: Place) -> Relay:
+    """Make the relay of a peer, whose port is then `Relay.port`."""
+    host, port = peer_to
+    return Relay([(host, port + channel) for channel in range(CHANNELS)])
+
+
+def _listen(place: Place) -> net.socket:
+    listener = net.create_server(place, backlog=64)
+    listener.setblocking(False)
+    return listener
+
+
+def _reset(socket: net.socket) -> None:
+    """Close a connection as if its cable had been cut: what was under way is lost."""
+    socket.setsockopt(net.SOL_SOCKET, net.SO_LINGER, _RESET)
+    socket.close()
+
+
+def _hurry() -> None:
+    """Ask that this thread passes things on before whoever can wait."""
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
+    except OSError as error:
+        log.info("the relay runs without real-time scheduling (%s)", error.strerror)

@@ -1,0 +1,280 @@
+"""A dyad on this machine, every process for real, that can be harmed: killed, stopped, reached by another way.
+
+A rig belongs to whoever entered it: on leaving, all its processes are ended, the stopped ones too. What a process says
+goes to a file of its name in the rig's folder. Two rigs may share a server, which then is the first one's.
+"""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from netboard.base.config import SIDES, Config, Side, parse, resolve
+from netboard.base.errors import NetboardError
+from netboard.base.process import WITH_PARENT
+from netboard.benchmarks.faults.devices import NAME, install, read_trace, trace_file
+from netboard.network.protocol.control import Status
+from netboard.network.transport import sockets
+from netboard.nodes.operator.launcher import free_port
+from netboard.nodes.operator.operator import Operator
+
+PATIENCE = 120.0
+"""Nothing here takes this long unless it is broken [s]."""
+
+ANSWER_SECONDS = 0.2
+LOOK_SECONDS = 0.02
+
+ACTIVE = ("levelling", "running", "holding")
+"""Phases in which there are forces, and that last."""
+
+FELT_ROWS = 50
+"""Both devices have been handed so many different forces in a row when a trial counts as felt [1]."""
+
+
+def _paused(status: Status) -> int:
+    """Attempts of the block that ended neither in a success nor in a failure: those that were paused [1]."""
+    return status.outcomes - status.successes - status.failures
+
+
+@dataclass(frozen=True)
+class Way:
+    """How a process gets to the server."""
+
+    host: str
+    port: int
+    before: tuple[str, ...] = ()
+
+
+class Rig:
+    """The processes of one dyad.
+
+    Parameters
+    ----------
+    ways : dict of str to Way
+        Who does not get to the server as the configuration has it, by name of the process.
+
+    Attributes
+    ----------
+    running : dict of str to Popen
+        The processes that have been started and not ended, by name.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        settings: tuple[str, ...] = (),
+        environment: Mapping[str, str] | None = None,
+        ways: Mapping[str, Way] | None = None,
+    ) -> None:
+        self.folder = folder.resolve()
+        own = (f"network.port={free_port()}", f"recording.directory={self.folder / 'recordings'}")
+        self.config: Config = parse("", "rig", (*own, *settings))
+        self.file = self._write("rig", self.config)
+        self.running: dict[str, subprocess.Popen[bytes]] = {}
+        self._environment = os.environ | {"QT_QPA_PLATFORM": "offscreen", WITH_PARENT: "1"} | dict(environment or {})
+        self._ways = dict(ways or {})
+        self._stack = ExitStack()
+        self.context = self._stack.enter_context(sockets.open_context())
+        self._line = ExitStack()
+        self._operator: Operator | None = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self.end()
+        self._line.close()
+        self._stack.close()
+
+    def end(self) -> None:
+        """Kill whatever still runs."""
+        for process in self.running.values():
+            process.kill()
+            process.wait()
+        self.running.clear()
+
+    @property
+    def operator(self) -> Operator:
+        """Whoever talks to the server for this rig; a new one after the server has ended."""
+        if self._operator is None:
+            self._operator = Operator(self.config.network, self._line.enter_context(sockets.open_context()))
+        return self._operator
+
+    def start(self, name: str, *arguments: str) -> subprocess.Popen[bytes]:
+        """Start ``netboard ARGUMENTS -c FILE`` under a name."""
+        way = self._ways.get(name)
+        file = self.file if way is None else self._write(name, _by_way(self.config, way))
+        before = () if way is None else way.before
+        command = [*before, sys.executable, "-m", "netboard.services.cli", *arguments, "-c", str(file)]
+        with self._words(name).open("ab") as said:
+            process = subprocess.Popen(
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=said,
+                stderr=said,
+                env=self._environment,
+                cwd=self.folder,
+                start_new_session=True,
+            )
+        self.running[name] = process
+        return process
+
+    def start_all(self, displays: bool = False) -> None:
+        """Start the processes of a session."""
+        self.start("logger", "logger", "--once")
+        self.start("server", "server")
+        self.start_stations(displays)
+
+    def start_stations(self, displays: bool = False) -> None:
+        """Start what belongs to the two stations."""
+        for side in SIDES:
+            self.start_agent(side)
+            if displays:
+                self.start(f"{side} display", "display", "--station", side)
+
+    def start_agent(self, side: Side) -> subprocess.Popen[bytes]:
+        """Start an agent."""
+        return self.start(f"{side} agent", "agent", "--side", side)
+
+    def until(self, what: Callable[[Status], bool], seconds: float = PATIENCE) -> Status:
+        """Wait for a status that answers a description."""
+        end = time.monotonic() + seconds
+        while time.monotonic() < end and not self._lost_server():
+            status = self.operator.ask(ANSWER_SECONDS)
+            if status is not None and what(status):
+                return status
+            time.sleep(LOOK_SECONDS)
+        raise NetboardError(
+            f"waited {seconds:g} s, or for a server that ended: {self.operator.status}; {self._last_words('server')}"
+        )
+
+    def _lost_server(self) -> bool:
+        """Whether this rig's server has ended, though nobody asked it to."""
+        return "server" in self.running and self.running["server"].poll() is not None
+
+    def do(self, command: str) -> None:
+        """Have the server do something."""
+        self.until(lambda status: True)
+        reply = self.operator.do(command)
+        if not reply.accepted:
+            raise NetboardError(f"{command}: refused: {reply.reason}")
+
+    def ask_to_end(self) -> None:
+        """Have the server end the session; its answer may be lost with the link."""
+        self.until(lambda status: True)
+        self.operator.command("end")
+
+    def until_felt(self, seconds: float = PATIENCE) -> Status:
+        """Wait until a trial is on and both hands feel it; for a rig with tampered devices."""
+
+        def felt(status: Status) -> bool:
+            self._look_after()
+            return status.phase in ACTIVE and all(map(self._feels, SIDES))
+
+        return self.until(felt, seconds)
+
+    def until_undisturbed(self, seconds: float, patience: float = PATIENCE) -> int:
+        """Wait until both hands have felt a trial for so long without a pause; how often a pause came between [s]."""
+        pauses = 0
+        end = time.monotonic() + patience
+        while True:
+            before = self.until_felt(patience)
+            time.sleep(seconds)
+            after = self.until(lambda status: True)
+            if after.phase != "paused" and _paused(after) == _paused(before):
+                return pauses
+            pauses += 1
+            if time.monotonic() > end:
+                raise NetboardError(f"waited {patience:g} s: no trial goes on for {seconds:g} s; {after.notice}")
+
+    def _look_after(self) -> None:
+        """Give up if a process has ended."""
+        for name, process in self.running.items():
+            if process.poll() is not None:
+                raise NetboardError(f"the {name} has ended: {self._last_words(name)}")
+
+    def _feels(self, side: Side) -> bool:
+        """Whether the device of a side is handed forces that change."""
+        agent = self.running[f"{side} agent"].pid
+        forces = read_trace(trace_file(self.folder, side, agent), FELT_ROWS)["fz"].tolist()
+        return len(forces) == FELT_ROWS and 0.0 not in forces and len(set(forces)) > FELT_ROWS // 4
+
+    def said(self, name: str) -> str:
+        """What a process has said so far."""
+        return self._words(name).read_text(errors="replace") if self._words(name).exists() else ""
+
+    def _last_words(self, name: str) -> str:
+        return self.said(name).strip().rpartition("\n")[2]
+
+    def send_signal(self, name: str, number: signal.Signals) -> None:
+        """Send a process a signal."""
+        self.running[name].send_signal(number)
+
+    def kill(self, name: str) -> None:
+        """Kill a process the hard way."""
+        process = self.running.pop(name)
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+        self._forget(name)
+
+    def stop(self, name: str, number: signal.Signals = signal.SIGTERM) -> int:
+        """Ask a process to stop; its exit code."""
+        self.running[name].send_signal(number)
+        return self.wait(name)
+
+    def wait(self, name: str) -> int:
+        """Wait until a process has ended by itself; its exit code."""
+        try:
+            code = self.running[name].wait(PATIENCE)
+        except subprocess.TimeoutExpired as error:
+            raise NetboardError(f"the {name} did not end within {PATIENCE:g} s: {self._last_words(name)}") from error
+        del self.running[name]
+        self._forget(name)
+        return code
+
+    def _forget(self, name: str) -> None:
+        """Nobody answers any more whom the operator has greeted."""
+        if name == "server":
+            self._line.close()
+            self._operator = None
+
+    def finish(self) -> list[Path]:
+        """Shut the session down in order; the recordings."""
+        self.ask_to_end()
+        for name in ("server", "logger"):
+            if self.wait(name) != 0:
+                raise NetboardError(f"the {name} did not end cleanly: {self._last_words(name)}")
+        return self.recordings()
+
+    def recordings(self) -> list[Path]:
+        """The finished recordings, oldest first."""
+        return sorted(Path(self.config.recording.directory).glob("*.mcap"))
+
+    def _words(self, name: str) -> Path:
+        return self.folder / f"{name}.log"
+
+    def _write(self, name: str, config: Config) -> Path:
+        file = self.folder / f"{name}.toml"
+        file.write_text(resolve(config), encoding="utf-8")
+        return file
+
+
+def _by_way(config: Config, way: Way) -> Config:
+    return replace(config, network=replace(config.network, host=way.host, port=way.port))
+
+
+def tampered(folder: Path) -> tuple[tuple[str, ...], dict[str, str]]:
+    """Settings and environment that give a rig in this folder devices that can be tampered with."""
+    settings = [
+        setting
+        for side in SIDES
+        for setting in (f"agents.{side}.device={NAME}", f"agents.{side}.options.folder={folder}")
+    ]
+    return tuple(settings), install(folder / "plug-in")

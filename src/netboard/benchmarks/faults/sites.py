@@ -1,0 +1,214 @@
+"""Where a fault is made: a rig, and around it whatever the fault needs.
+
+That may be a relay on a peer's line, real links between stations, a wall clock that can be set, a small disk, a second
+dyad on the same server to be looked at for what it notices. Which of these there are is a `Setup`; cases that need the
+same one can be played one after another in one site.
+"""
+
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import cast
+
+from netboard.base.config import SIDES, Side
+from netboard.base.errors import NetboardError
+from netboard.benchmarks.faults import links, wall_clock
+from netboard.benchmarks.faults.relay import Relay, between
+from netboard.benchmarks.faults.rigs import Rig, Way, tampered
+from netboard.network import keys
+from netboard.nodes.operator.launcher import free_port
+
+PACE = (
+    *("task.level_time=0.05", "task.level_angle_deg=5.0", "task.level_rate_deg_s=30.0", "block.trials=10000"),
+    *("safety.arm_time=0.2", "virtual.resolution=0", "virtual.friction=0"),
+)
+"""Trials that begin at once and never end the block, felt in full from the beginning, so that there is a force to judge
+at any time; and hands that nothing holds at rest, read in no steps, so that no two fresh forces are equal. No limit of
+the safety chain is changed."""
+
+START_S = 300.0
+"""A site is at work within this time, kernels compiled, on whatever machine [s]."""
+
+GUESTS = "guests"
+"""Folder of a dyad with keys for others than its own processes."""
+
+DISK_BYTES = 300_000_000
+"""Size of a small disk: little more than what a logger asks for to begin [bytes]."""
+
+
+@dataclass(frozen=True)
+class Setup:
+    """What a site is made of.
+
+    Attributes
+    ----------
+    neighbour : bool
+        A second dyad is on the same server, unless it is to be quick.
+    follow : bool
+        The logger goes on with the next session of the server.
+    """
+
+    name: str
+    settings: tuple[str, ...] = ()
+    relayed: tuple[str, ...] = ()
+    displays: bool = False
+    neighbour: bool = False
+    spaces: bool = False
+    wall_clock: bool = False
+    small_disk: bool = False
+    follow: bool = False
+    keyed: bool = False
+
+    def refusal(self) -> str:
+        """Why there can be no such site on this machine, or nothing."""
+        asked: list[tuple[bool, Callable[[], str]]] = [
+            (self.spaces, links.refusal),
+            (self.wall_clock, wall_clock.refusal),
+            (self.small_disk, _disk_refusal),
+        ]
+        return next((why for wanted, ask in asked if wanted and (why := ask())), "")
+
+
+@dataclass
+class Site:
+    """A rig and what is around it."""
+
+    setup: Setup
+    rig: Rig
+    relays: dict[str, Relay] = field(default_factory=dict)
+    neighbour: Rig | None = None
+    spaces: links.Spaces | None = None
+    clock: wall_clock.WallClock | None = None
+    quick: bool = False
+
+    @property
+    def rigs(self) -> list[Rig]:
+        """All dyads."""
+        return [self.rig] if self.neighbour is None else [self.rig, self.neighbour]
+
+    def start(self) -> None:
+        """Start everything and wait until a trial is on."""
+        self.start_again("server")
+        for rig in self.rigs:
+            rig.start("logger", *self._logger())
+            rig.start_stations(self.setup.displays)
+        for rig in self.rigs:
+            rig.until_felt(START_S)
+
+    def start_again(self, process: str) -> None:
+        """Start a process of the dyad that is harmed, or the server of all dyads."""
+        match process.split():
+            case ["server"]:
+                others = [word for rig in self.rigs[1:] for word in ("-c", str(rig.file))]
+                self.rig.start("server", "server", *others, *(["--insecure"] if self.setup.spaces else []))
+            case ["logger"]:
+                self.rig.start("logger", *self._logger())
+            case [side, "display"]:
+                self.rig.start(process, "display", "--station", side)
+            case [side, _]:
+                self.rig.start(process, "agent", "--side", side)
+
+    def _logger(self) -> tuple[str, ...]:
+        return ("logger",) if self.setup.follow else ("logger", "--once")
+
+    def sleep(self, seconds: float, quick: float | None = None) -> None:
+        """Let time pass, less of it if that is wanted [s]."""
+        time.sleep(quick if self.quick and quick is not None else seconds)
+
+    def end(self) -> None:
+        """Kill whatever still runs."""
+        for rig in self.rigs:
+            rig.end()
+
+    def finish(self) -> None:
+        """Shut the sessions down in order."""
+        for rig in reversed(self.rigs):
+            rig.ask_to_end()
+        self.rig.wait("server")
+        for rig in self.rigs:
+            if self.setup.follow:
+                rig.stop("logger")
+            else:
+                rig.wait("logger")
+
+
+@contextmanager
+def open_site(setup: Setup, folder: Path, *, quick: bool) -> Iterator[Site]:
+    """Make a site; nothing in it runs yet."""
+    (folder / "a").mkdir(parents=True)
+    settings, environment = tampered((folder / "a").resolve())
+    with ExitStack() as stack:
+        spaces = stack.enter_context(links.Spaces()) if setup.spaces else None
+        clock = wall_clock.WallClock(folder) if setup.wall_clock else None
+        if setup.small_disk:
+            stack.enter_context(_mounted(folder / "a" / "recordings"))
+        if setup.keyed:
+            settings += (f"network.keys={_keys(folder / 'a')}",)
+        port = free_port()
+        settings += (*PACE, f"network.port={port}", *_address(spaces), *setup.settings)
+        relays = {name: stack.enter_context(between(("127.0.0.1", port))) for name in setup.relayed}
+        ways = {name: Way("127.0.0.1", relay.port) for name, relay in relays.items()}
+        if spaces is not None:
+            ways |= {f"{side} agent": spaces.way(side, port) for side in SIDES}
+        rig = Rig(folder / "a", settings, environment | (clock.environment if clock else {}), ways)
+        site = Site(setup, stack.enter_context(rig), relays, None, spaces, clock, quick)
+        if setup.neighbour and not quick:
+            site.neighbour = stack.enter_context(_neighbour(folder / "b"))
+        yield site
+
+
+def _keys(folder: Path) -> Path:
+    """Make keys for everybody in a dyad's folder, and others as good for guests of it."""
+    made = (folder / "keys").resolve()
+    keys.init(made)
+    for place in (made, folder / GUESTS):
+        for side in SIDES:
+            keys.add(made, "agent", side, place)
+            keys.add(made, "display", side, place)
+        keys.add(made, "logger", "", place)
+        keys.add(made, "console", "", place)
+    return made
+
+
+def _neighbour(folder: Path) -> Rig:
+    folder.mkdir()
+    settings, environment = tampered(folder.resolve())
+    return Rig(folder, (*settings, *PACE, "session.name=S02", "session.dyad=D02"), environment)
+
+
+def _address(spaces: links.Spaces | None) -> tuple[str, ...]:
+    """Settings for a server that others than this machine shall reach."""
+    if spaces is None:
+        return ()
+    return f"network.host={links.SERVER}", f"network.bind={links.SERVER}", "network.curve=off"
+
+
+def side_of(process: str) -> Side:
+    """Whose process it is, by its name: ``left agent`` is of the left side."""
+    return cast("Side", process.split(maxsplit=1)[0])
+
+
+@contextmanager
+def _mounted(place: Path) -> Iterator[None]:
+    """A small disk, in memory."""
+    place.mkdir()
+    _system("mount", "-t", "tmpfs", "-o", f"size={DISK_BYTES}", "none", str(place))
+    try:
+        yield
+    finally:
+        _system("umount", "-l", str(place))
+
+
+def _disk_refusal() -> str:
+    """Why no small disk can be mounted here, or nothing."""
+    tried = subprocess.run(["unshare", "-m", "mount", "-t", "tmpfs", "none", "/mnt"], capture_output=True, check=False)
+    return "disks cannot be mounted here" if tried.returncode else ""
+
+
+def _system(*command: str) -> None:
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise NetboardError(f"{' '.join(command)}: {done.stderr.strip()}")

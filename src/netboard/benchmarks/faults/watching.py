@@ -1,0 +1,47 @@
+"""Looks after processes that are to withstand something: whether they run, and what they hold."""
+
+from pathlib import Path
+
+from netboard.base.errors import NetboardError
+from netboard.benchmarks.faults.rigs import Rig
+from netboard.benchmarks.harness.results import Part, Value, Verdict
+
+GROWN = 32e6
+"""No process may hold so much more than before, in bytes [1]."""
+
+
+def look(rig: Rig) -> None:
+    """See that all processes of a rig are there."""
+    for name, process in rig.running.items():
+        if (code := process.poll()) is not None:
+            raise NetboardError(f"the {name} ended with exit code {code}:\n{rig.said(name)[-2000:]}")
+
+
+def memory(rig: Rig) -> dict[str, float]:
+    """Memory that each process of a rig holds, in bytes [1]."""
+    return {name: resident(process.pid) for name, process in rig.running.items()}
+
+
+def resident(process: int | str = "self") -> float:
+    """Memory that a process holds, in bytes [1]; not a number on a system that does not tell."""
+    status = Path("/proc") / str(process) / "status"
+    if not status.exists():
+        return float("nan")
+    line = next(line for line in status.read_text().splitlines() if line.startswith("VmRSS"))
+    return 1024.0 * int(line.split()[1])
+
+
+def memory_part(name: str, title: str, before: dict[str, float], after: dict[str, float]) -> Part:
+    """Write down what processes held before and after."""
+    rows: list[tuple[Value, ...]] = [
+        (process, before[process] * 1e-6, after[process] * 1e-6, (after[process] - before[process]) * 1e-6)
+        for process in before
+    ]
+    most = max(after[process] - before[process] for process in before)
+    return Part(
+        name,
+        title,
+        ("process", "before [MB]", "after [MB]", "more [MB]"),
+        rows,
+        [Verdict("memory stays flat", not most > GROWN, f"at most {most * 1e-6:.1f} MB more")],
+    )

@@ -1,0 +1,1 @@
+"""How a benchmark is run: parts, results with verdicts, the machine."""

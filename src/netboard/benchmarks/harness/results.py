@@ -1,0 +1,138 @@
+"""What a study found: tables with verdicts, on the screen and in a folder that no other study has written to.
+
+A verdict is a claim and whether the numbers beside it bear it out; it is computed where the numbers are, never here.
+"""
+
+import csv
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console, Group
+from rich.text import Text
+
+from netboard.base.errors import ConfigError
+from netboard.base.terminal import Column, FittedTable
+from netboard.benchmarks.harness.machine import describe
+
+Value = str | float | int | bool
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """A claim, and what was found."""
+
+    claim: str
+    holds: bool
+    found: str
+
+
+@dataclass(frozen=True)
+class Part:
+    """One part of a study: a table, and what follows from it.
+
+    Attributes
+    ----------
+    on_screen : bool
+        It is for the screen too, and not too long for it.
+    """
+
+    name: str
+    title: str
+    columns: tuple[str, ...]
+    rows: list[tuple[Value, ...]]
+    verdicts: list[Verdict] = field(default_factory=list)
+    on_screen: bool = True
+
+    @property
+    def holds(self) -> bool:
+        """Whether every verdict holds."""
+        return all(verdict.holds for verdict in self.verdicts)
+
+
+class Folder:
+    """A folder of results.
+
+    Parameters
+    ----------
+    force : bool
+        It may be there already, and files in it be replaced.
+    """
+
+    def __init__(self, path: Path, *, force: bool = False) -> None:
+        try:
+            path.mkdir(parents=True, exist_ok=force)
+        except FileExistsError as error:
+            raise ConfigError(f"{path}: is there already; --force writes into it") from error
+        self.path = path
+
+    def write(self, parts: Sequence[Part], about: Mapping[str, Any]) -> None:
+        """Write a table for each part, and everything in one JSON file.
+
+        Parameters
+        ----------
+        about : mapping of str
+            What was asked for, for the head of the JSON file.
+        """
+        for part in parts:
+            with (self.path / f"{part.name}.csv").open("w", encoding="utf-8", newline="") as file:
+                csv.writer(file).writerows([part.columns, *part.rows])
+        whole = {"machine": describe().as_dict(), **about, "parts": [_plain(asdict(part)) for part in parts]}
+        text = json.dumps(whole, indent=1, allow_nan=False)
+        (self.path / "results.json").write_text(text + "\n", encoding="utf-8")
+
+    def save(self, figure: Any, name: str) -> None:
+        """Save a figure as PNG and SVG."""
+        import matplotlib as mpl
+
+        with mpl.rc_context({"svg.hashsalt": "netboard", "svg.fonttype": "none"}):
+            figure.savefig(self.path / f"{name}.png", dpi=150)
+            figure.savefig(self.path / f"{name}.svg", metadata={"Date": None})
+
+
+def _plain(value: Any) -> Any:
+    """Return the same in what JSON knows: what is not finite as text."""
+    if isinstance(value, dict):
+        return {name: _plain(inner) for name, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(inner) for inner in value]
+    return str(value) if isinstance(value, float) and not isfinite(value) else value
+
+
+def new_folder(name: str) -> Path:
+    """Return a folder here that is not there yet."""
+    number = 1
+    while (path := Path(f"{name}-{number}")).exists():
+        number += 1
+    return path
+
+
+def show(console: Console, part: Part) -> None:
+    """Print a part: table, and verdicts."""
+    head, *others = part.columns
+    table = FittedTable(head, *(Column(column, number=_counted(part, column)) for column in others), title=part.title)
+    for row in part.rows:
+        table.add_row(*map(shown, row))
+    console.print(Group(table, *(_line(verdict) for verdict in part.verdicts), Text("")))
+
+
+def _counted(part: Part, column: str) -> bool:
+    """Tell whether there are only numbers in a column."""
+    place = part.columns.index(column)
+    return all(isinstance(row[place], int | float) for row in part.rows)
+
+
+def _line(verdict: Verdict) -> Text:
+    """Write a verdict."""
+    word, style = ("holds", "green") if verdict.holds else ("FAILS", "bold red")
+    return Text.assemble((word, style), f"  {verdict.claim}: {verdict.found}")
+
+
+def shown(value: Value) -> str:
+    """Write a value with three digits."""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return f"{value:.3g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,84 @@
+"""How a study is run: the machine is told, parts come one after the other, each is shown and written as it is there.
+
+What is written after each part is whole, so a study that is interrupted has left what it found.
+"""
+
+import shutil
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import Any, Protocol
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+from netboard.benchmarks.harness.machine import describe
+from netboard.benchmarks.harness.results import Folder, Part, Verdict, new_folder, show
+
+Tell = Callable[[str, float], object]
+"""Hears what is being done, and which share of it is."""
+
+WIDTH = 160
+"""Tables are this wide at the least [characters]."""
+
+
+class Study(Protocol):
+    """What is run: it makes its parts one after the other, and may leave files in the folder of its results."""
+
+    def __call__(self, folder: Folder, tell: Tell, *, quick: bool) -> Iterable[Part]:
+        """Make the parts; in the short form if it is to be quick."""
+
+
+def run_named(
+    name: str, study: Study, output: Path | None, json: Path | None, *, quick: bool, force: bool
+) -> list[Verdict]:
+    """Run a study as a command does.
+
+    Returns
+    -------
+    list of Verdict
+        All verdicts; one that fails is a result, not an error.
+    """
+    folder = Folder(output or new_folder(f"bench-{name}"), force=force)
+    return run(folder, {"study": name, "quick": quick}, lambda tell: study(folder, tell, quick=quick), json)
+
+
+def run(
+    folder: Folder,
+    settings: Mapping[str, Any],
+    study: Callable[[Tell], Iterable[Part]],
+    json: Path | None = None,
+) -> list[Verdict]:
+    """Run a study, and say how it ended.
+
+    Parameters
+    ----------
+    settings : mapping of str
+        What goes into them beside the parts: ``study``, its name, and how it was run.
+
+    Returns
+    -------
+    list of Verdict
+        All verdicts; one that fails is a result, not an error.
+    """
+    console = Console(highlight=False, markup=False)
+    console.width = max(console.width, WIDTH)
+    for line in describe().lines():
+        console.print(line)
+    parts: list[Part] = []
+    columns = TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn()
+    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task("getting ready", total=1.0)
+
+        def tell(text: str, share: float) -> None:
+            progress.update(task, description=text, completed=share)
+
+        for part in study(tell):
+            parts.append(part)
+            if part.on_screen:
+                show(console, part)
+            folder.write(parts, settings)
+    if json is not None:
+        shutil.copyfile(folder.path / "results.json", json)
+    verdicts = [verdict for part in parts for verdict in part.verdicts]
+    console.print(f"{sum(one.holds for one in verdicts)} of {len(verdicts)} verdicts hold; all is in {folder.path}")
+    return verdicts

@@ -1,0 +1,1 @@
+"""Latency and jitter of the loop from stylus to force."""

@@ -1,0 +1,134 @@
+"""What there would be without netboard: an echo over the same sockets, and a timer; each in processes of its own.
+
+``echo`` answers frames of a stylus' size with frames of a force's size and does nothing else. ``peer`` wakes every
+millisecond, like an agent, sends one and waits for the answer. ``timer`` wakes every millisecond. They have the
+options, the scheduling, the memory and the garbage collection of netboard's loops, and wait in ZeroMQ itself, which is
+the quickest way there is.
+"""
+
+import sys
+import time
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from netboard.base.clock import Pacer, now_ns
+from netboard.base.config import Config, parse
+from netboard.base.process import NAME, Priority, cpus_for, io_priority, prepare, speak, steady_loop
+from netboard.base.tick import TICK_SECONDS
+from netboard.benchmarks.loop.workers import serve
+from netboard.network import keys
+from netboard.network.protocol.fixed import FORCE, STYLUS
+from netboard.network.transport import authenticator, channels, endpoints, sockets
+
+PATIENCE_MS = 10_000
+"""An echo that takes longer ends the benchmark [ms]."""
+
+Order = dict[str, Any]
+
+
+ANSWER = bytes(FORCE.size)
+
+
+def echo(router: endpoints.Router, door: authenticator.Door | None, order: Order) -> Order:
+    """Answer so many frames.
+
+    Parameters
+    ----------
+    order : dict
+        ``count``: how many [1]; ``greeting``: they are the first ones, so their senders are to be let in.
+    """
+    if order["greeting"]:
+        _greet(router, door, order["count"])
+        return {}
+    socket = router.socket
+    for _ in range(order["count"]):
+        sender, _ = socket.recv_multipart()
+        socket.send_multipart((sender, ANSWER))
+    return {}
+
+
+def _greet(router: endpoints.Router, door: authenticator.Door | None, count: int) -> None:
+    """Answer so many frames, and attend to the door meanwhile."""
+    while count > 0:
+        if door is not None:
+            door.attend()
+        if (received := router.receive()) is None:
+            time.sleep(TICK_SECONDS)
+        elif router.send(received[0], ANSWER):
+            count -= 1
+
+
+def peer(socket: sockets.Socket, order: Order) -> Order:
+    """Wake every millisecond, send a frame, wait for the answer.
+
+    Parameters
+    ----------
+    order : dict
+        ``count``: how often [1]; ``start_ns``: when to begin, by the monotonic clock [ns].
+    """
+    frame, took = bytes(STYLUS.size), []
+    pacer = Pacer(order["start_ns"])
+    for _ in range(order["count"]):
+        pacer.wait()
+        woke_ns = now_ns()
+        socket.send(frame)
+        socket.recv()
+        took.append(now_ns() - woke_ns)
+    return {"took_ns": took}
+
+
+def timer(order: Order) -> Order:
+    """Wake every millisecond.
+
+    Returns
+    -------
+    dict
+        ``late_ns``: how late each time [ns]; ``moved_ns``: by how much it fell behind in all beyond that [ns].
+    """
+    pacer, late = Pacer(order["start_ns"]), []
+    for _ in range(order["count"]):
+        late.append(pacer.wait())
+    return {"late_ns": late, "moved_ns": pacer.moved_ns}
+
+
+def main(role: str, name: str, file: Path) -> None:
+    """Be one of them.
+
+    Parameters
+    ----------
+    file : Path
+        Configuration: where the sockets are, and what is asked of the machine.
+    """
+    config = parse(file.read_text(encoding="utf-8"), str(file))
+    speak(f"{role} {name}")
+    agent = role == "peer"
+    priority = Priority.AGENT if agent else Priority.SERVER
+    came = prepare(
+        config.realtime, priority, cpus_for(name.removeprefix("agent.") if agent else "server", config.realtime)
+    )
+    with sockets.open_context(io_priority(came, priority)) as context:
+        carry_out = _role(role, name, config, context)
+        steady_loop()
+        serve(carry_out)
+
+
+def _role(role: str, name: str, config: Config, context: sockets.Context) -> Callable[[Order], Order]:
+    """Return what carries out the orders of a role."""
+    match role:
+        case "echo":
+            door = keys.door(config.network)
+            router = sockets.motion_server(context, channels.addresses(config.network, door).listen(channels.MOTION))
+            router.socket.rcvtimeo = PATIENCE_MS
+            return partial(echo, router, door)
+        case "peer":
+            where = keys.reach(config.network, name).reach(channels.MOTION)
+            socket = sockets.motion_agent(context, where, f"{name}@{NAME}")
+            socket.rcvtimeo = socket.sndtimeo = PATIENCE_MS
+            return partial(peer, socket)
+    return timer
+
+
+if __name__ == "__main__":
+    main(sys.argv[1], sys.argv[2], Path(sys.argv[3]))

@@ -1,0 +1,303 @@
+"""Peers that cost little, for many dyads at once: all agents in one process, all loggers and displays in another.
+
+They speak the real protocol over real sockets, so the server does all its work; they only do none of their own. An
+agent sends a sample every millisecond, answers as a clock probe, and lets the server set its phase; its hand moves up
+and down with the partner's, or rests. A logger acknowledges what it gets and keeps nothing but how late ticks were.
+What comes is counted from a given moment on.
+"""
+
+import struct
+import sys
+import time
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import replace
+from heapq import heapreplace
+from importlib.metadata import version
+from math import cos, pi, sin
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.base.clock import CATCH_UP_TICKS, now_ns
+from netboard.base.config import SIDES, Config, Side, parse
+from netboard.base.process import NAME, Priority, cpus_for, io_priority, prepare, speak, steady_loop
+from netboard.base.tick import TICK, TICK_NS
+from netboard.benchmarks.loop.played import passed_over
+from netboard.benchmarks.loop.workers import serve
+from netboard.network import keys
+from netboard.network.protocol import fixed
+from netboard.network.protocol.codec import decode, encode
+from netboard.network.protocol.joining import Hello, Ping, Pong, Welcome
+from netboard.network.protocol.messages import KINDS, PROTOCOL_VERSION
+from netboard.network.protocol.motion import Beat, Force, Safeguard, Stylus
+from netboard.network.protocol.records import LogAck, LogBatch, LogRequest, TickRecord
+from netboard.network.transport import channels, sockets
+from netboard.nodes.agent.agent import phase_shift
+from netboard.task.trials.state_machine import is_active
+
+HEIGHT, FREQUENCY = 0.005, 0.5
+"""A hand that moves goes so far up and down, so often [m, Hz]."""
+
+TAKE_NS = 400_000
+"""An agent looks for its force so long after it has sent its sample [ns]."""
+
+HELLO_NS = 500_000_000
+LOOK_NS = 2_000_000
+"""Loggers and displays look for something new this often [ns]."""
+
+PLENTY = 10**12
+"""Free space that a logger here tells of, in bytes [1]."""
+
+_SEND, _TAKE = 0, 1
+_STYLUS_AT = len(fixed.STYLUS.head)
+_FRAME = np.dtype(
+    {
+        "names": [name for name, _ in fixed.fields_of(Stylus)],
+        "formats": [kind.replace("<", ">") for _, kind in fixed.fields_of(Stylus)],
+        "offsets": [_STYLUS_AT + fixed.WIDE * k + 1 for k in range(len(fixed.STYLUS.markers))],
+        "itemsize": fixed.STYLUS.size,
+    }
+)
+"""The frame of a sample in its fixed form, field by field."""
+
+_FORCE = struct.Struct(
+    f">{len(fixed.FORCE.head)}x" + "".join("xd" if kind == "<f8" else "xq" for _, kind in fixed.fields_of(Force))
+)
+_FORCE_KIND = next(number for number, kind in KINDS.items() if kind.message is Force)
+_RECORD_HEAD = encode(TickRecord(bytes(TICK.itemsize)))[: -TICK.itemsize]
+
+
+def sample_frames(count: int) -> NDArray[Any]:
+    """Return frames of samples, to be filled in field by field and sent as they are in memory."""
+    raw = np.zeros((count, fixed.STYLUS.size), np.uint8)
+    for row in raw:
+        fixed.write(row, *fixed.STYLUS[:2], np.zeros(len(fixed.STYLUS.markers), np.int64))
+    frames: NDArray[Any] = raw.view(_FRAME)[:, 0]
+    return frames
+
+
+class LightAgent:
+    """An agent without a device."""
+
+    def __init__(self, config: Config, side: Side, context: sockets.Context, frame: Any) -> None:
+        where = keys.reach(config.network, f"agent.{side}")
+        self.lead_ns = 0
+        self.welcome = False
+        self._socket = sockets.motion_agent(context, where.reach(channels.MOTION), f"agent.{side}@{NAME}")
+        self._hello = encode(Hello("agent", side, PROTOCOL_VERSION, NAME, version("netboard"), {}))
+        self._frame = frame
+        frame["force_tick"] = -1
+
+    def greet(self) -> None:
+        """Say hello."""
+        sockets.send(self._socket, self._hello)
+
+    def send(self, z: float, vz: float) -> None:
+        """Send a sample."""
+        frame = self._frame
+        frame["seq"] += 1
+        frame["stamp_ns"] = frame["sent_ns"] = now_ns()
+        frame["z"], frame["vz"] = z, vz
+        sockets.send(self._socket, frame.tobytes())
+
+    def take(self, counts: Counter[str]) -> None:
+        """Take what has come."""
+        while (frame := sockets.receive(self._socket)) is not None:
+            if len(frame) == fixed.FORCE.size and frame[1] == _FORCE_KIND:
+                tick, sent_ns, _, _, lead_ns = _FORCE.unpack(frame)
+                self._note(tick, sent_ns, lead_ns)
+                counts["forces"] += 1
+                continue
+            match decode(frame):
+                case Beat(tick=tick, sent_ns=sent_ns, lead_ns=lead_ns, arm=arm):
+                    self._note(tick, sent_ns, lead_ns)
+                    self._frame["safeguards"] = int(Safeguard.ARMED) if arm else 0
+                    counts["beats"] += 1
+                case Welcome():
+                    self.welcome = True
+
+    def _note(self, tick: int, sent_ns: int, lead_ns: int) -> None:
+        frame = self._frame
+        frame["force_tick"], frame["force_sent_ns"], frame["force_received_ns"] = tick, sent_ns, now_ns()
+        self.lead_ns = lead_ns
+
+
+class LightDyad:
+    """Two agents that move as one."""
+
+    def __init__(self, config: Config, context: sockets.Context, frames: NDArray[Any], *, moving: bool) -> None:
+        self._agents = [LightAgent(config, side, context, frame) for side, frame in zip(SIDES, frames, strict=True)]
+        self._height = HEIGHT if moving else 0.0
+        self._greeted_ns = -HELLO_NS
+
+    def send(self, at_ns: int) -> None:
+        """Send both samples."""
+        if at_ns - self._greeted_ns >= HELLO_NS and not all(agent.welcome for agent in self._agents):
+            self._greeted_ns = at_ns
+            for agent in self._agents:
+                agent.greet()
+        angle = 2 * pi * FREQUENCY * (at_ns * 1e-9)
+        z, vz = self._height * sin(angle), self._height * 2 * pi * FREQUENCY * cos(angle)
+        for agent in self._agents:
+            if agent.welcome:
+                agent.send(z, vz)
+
+    def take(self, counts: Counter[str]) -> int:
+        """Take what has come for both; how much later the next samples shall be sent [ns]."""
+        for agent in self._agents:
+            agent.take(counts)
+        return phase_shift(min(agent.lead_ns for agent in self._agents))
+
+
+def be_agents(configs: Iterable[Config], context: sockets.Context, order: dict[str, Any]) -> dict[str, Any]:
+    """Be all agents for a while.
+
+    Parameters
+    ----------
+    order : dict
+        ``from_ns``, ``until_ns``: from when to count, and when to end [ns]; ``moving``: their hands move.
+    """
+    configs = list(configs)
+    frames = sample_frames(len(SIDES) * len(configs)).reshape(len(configs), len(SIDES))
+    dyads = [
+        LightDyad(config, context, pair, moving=order["moving"]) for config, pair in zip(configs, frames, strict=True)
+    ]
+    counts: Counter[str] = Counter()
+    late: list[int] = []
+    start_ns, measuring = now_ns() + TICK_NS, False
+    events = [(start_ns + k * TICK_NS // len(dyads), k, _SEND) for k in range(len(dyads))]
+    while (now := _awaited(events[0][0])) < order["until_ns"]:
+        due_ns, k, what = events[0]
+        if not measuring and now >= order["from_ns"]:
+            measuring = True
+            counts.clear()
+        if now - due_ns > CATCH_UP_TICKS * TICK_NS:
+            due_ns = now
+        if what == _SEND:
+            dyads[k].send(now)
+            heapreplace(events, (due_ns + TAKE_NS, k, _TAKE))
+            if measuring:
+                late.append(now - due_ns)
+        else:
+            heapreplace(events, (due_ns + TICK_NS - TAKE_NS + dyads[k].take(counts), k, _SEND))
+    return {"counts": counts, "late_ns": late}
+
+
+def _awaited(due_ns: int) -> int:
+    """Sleep until a time, if it is not over yet, and return what time it is then [ns]."""
+    now = now_ns()
+    if now >= due_ns:
+        return now
+    time.sleep((due_ns - now) * 1e-9)
+    return now_ns()
+
+
+class LightLogger:
+    """A logger that keeps nothing but how late ticks were."""
+
+    def __init__(self, config: Config, context: sockets.Context) -> None:
+        where = keys.reach(config.network, "logger")
+        self.late: list[NDArray[Any]] = []
+        self._socket = sockets.log_client(context, where.reach(channels.LOG), f"logger@{NAME}")
+        self._hello = Hello("logger", "", PROTOCOL_VERSION, NAME, version("netboard"), {})
+        self._welcomed = False
+        self._greeted_ns = -HELLO_NS
+
+    def look(self, now: int, counts: Counter[str]) -> None:
+        """Take what has come."""
+        if not self._welcomed and now - self._greeted_ns >= HELLO_NS:
+            self._greeted_ns = now
+            sockets.send(self._socket, encode(self._hello))
+        while (frame := sockets.receive(self._socket)) is not None:
+            match decode(frame):
+                case LogBatch(first=first, records=records):
+                    counts["batches"] += 1
+                    counts["records"] += len(records)
+                    self._keep(records)
+                    sockets.send(self._socket, encode(LogAck(first + len(records), PLENTY, "", 0)))
+                case Ping(sent_ns=ping_ns):
+                    sockets.send(self._socket, encode(Pong(ping_ns, now, now_ns())))
+                case Welcome() if not self._welcomed:
+                    self._welcomed = True
+                    sockets.send(self._socket, encode(LogRequest(-1)))
+
+    def _keep(self, records: tuple[bytes, ...]) -> None:
+        ticks = [record[len(_RECORD_HEAD) :] for record in records if record.startswith(_RECORD_HEAD)]
+        if ticks:
+            rows = np.frombuffer(b"".join(ticks), TICK)
+            self.late.append(np.stack([rows[name] for name in ("time_ns", "late_ns", "phase")], axis=1))
+
+
+def be_watchers(configs: Iterable[Config], context: sockets.Context, order: dict[str, Any]) -> dict[str, Any]:
+    """Be all loggers and displays for a while.
+
+    Parameters
+    ----------
+    order : dict
+        ``from_ns``, ``until_ns``: from when to count, and when to end [ns]; ``loggers``, ``displays``: whether there
+        are any.
+
+    Returns
+    -------
+    dict
+        ``counts``: what came; of all ticks from then on, if there are loggers: ``late_ns``: how late each was [ns],
+        ``passed_over``: how many never were [1]; ``active``: share in a trial [1].
+    """
+    configs = list(configs)
+    loggers = [LightLogger(config, context) for config in configs if order["loggers"]]
+    views = [
+        sockets.view_subscriber(context, keys.reach(config.network, f"display.{side}").reach(channels.VIEW[side]))
+        for config in configs
+        for side in SIDES
+        if order["displays"]
+    ]
+    counts: Counter[str] = Counter()
+    measuring = False
+    while (now := now_ns()) < order["until_ns"]:
+        if not measuring and now >= order["from_ns"]:
+            measuring = True
+            counts.clear()
+        for logger in loggers:
+            logger.look(now, counts)
+        for view in views:
+            counts["views"] += sockets.receive(view) is not None
+        time.sleep(max(0.0, (now + LOOK_NS - now_ns()) * 1e-9))
+    return {"counts": counts, **_ticks_of(loggers, order["from_ns"])}
+
+
+def _ticks_of(loggers: Iterable[LightLogger], from_ns: int) -> dict[str, Any]:
+    """Sum up how all ticks from a moment on kept their time."""
+    late_ns, never, active = [], 0, []
+    for logger in loggers:
+        rows = np.concatenate([np.empty((0, 3), np.int64), *logger.late])
+        rows = rows[rows[:, 0] >= from_ns]
+        late_ns += rows[:, 1].tolist()
+        never += passed_over(rows[:, 0])
+        active += [is_active(phase) for phase in rows[:, 2].tolist()]
+    return {"late_ns": late_ns, "passed_over": never, "active": float(np.mean(active)) if active else 0.0}
+
+
+def main(role: str) -> None:
+    """Be one of the two processes: each order is for other dyads."""
+    speak(role)
+    prepared: dict[str, str] | None = None
+
+    def carry_out(order: dict[str, Any]) -> dict[str, Any]:
+        nonlocal prepared
+        configs = [parse(Path(file).read_text(encoding="utf-8"), file) for file in order["files"]]
+        if prepared is None:
+            wanted = configs[0].realtime
+            mine = replace(wanted, scheduling=wanted.scheduling and role == "agents")
+            prepared = prepare(mine, Priority.AGENT, cpus_for("left", wanted))
+            steady_loop()
+        with sockets.open_context(io_priority(prepared, Priority.AGENT)) as context:
+            return (be_agents if role == "agents" else be_watchers)(configs, context, order)
+
+    serve(carry_out)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])

@@ -1,0 +1,242 @@
+"""``netboard bench display``: from the sending of a view to the end of its painting, and what a participant sees late.
+
+A process sends views of a board that both hands move, as the server does; the display's client runs here, in a window
+or offscreen, and every paint is noted. Both have one clock, so each part of the way is a difference of two times. What
+a picture shows is compared with where the board was at that moment: how far off it was, and by what delay that is
+explained. Compositor and panel come after, and are not measured.
+"""
+
+import json
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from math import ceil, cos, pi, sin
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Console
+
+from netboard.base.clock import now_ns
+from netboard.base.config import Config, parse, resolve
+from netboard.benchmarks.harness.machine import describe
+from netboard.benchmarks.harness.results import Folder, Part, Value, new_folder, show
+from netboard.benchmarks.loop.spreads import HEADS, Times, spread_rows
+from netboard.network.protocol.codec import encode
+from netboard.network.transport import channels, sockets
+from netboard.stage.view import View
+from netboard.windows.participant.client import DisplayClient
+from netboard.windows.participant.window import BoardWindow, application, work
+
+SECONDS, QUICK_SECONDS = 30.0, 3.0
+"""Each of the ways is measured for so long, unless told otherwise [s]."""
+
+WAVES = ((0.020, 0.7), (0.003, 2.2), (0.0002, 9.0))
+"""How a hand moves: amplitudes and frequencies of its aim, its corrections, its tremor [m, Hz]."""
+
+ALIVE_TICKS = 50
+"""Views that show nothing new are sent this often [1]."""
+
+WARM_UP = 0.5
+"""Frames are noted only so long after the first view [s]."""
+
+Frame = tuple[int, int, int, float]
+"""Tick of the view, when it came and was painted, and where the right end was drawn: [1, ns, ns, m]."""
+
+SPARE = 2.0
+"""Views are sent for so much longer than frames are noted, so that the end of them is not measured [s]."""
+
+LOOK_SECONDS = 0.01
+PATIENCE_NS = 60_000_000_000
+"""Whoever sends views waits so long for somebody to look [ns]."""
+
+WIDTH = 130
+
+
+@dataclass(frozen=True)
+class Shown:
+    """What came to a screen.
+
+    Attributes
+    ----------
+    sent_to_received, received_to_painted, between : ndarray of int64
+        For each frame with a view of its own: the two parts of its way; and times from frame to frame [ns].
+    painted : ndarray of int64
+        When each frame was painted [ns].
+    heights : ndarray of float64
+        Where each showed the right end of the board [m].
+    """
+
+    sent_to_received: Times
+    received_to_painted: Times
+    between: Times
+    painted: Times
+    heights: NDArray[np.float64]
+    busy: float
+    dropped: int
+
+
+def height_at(time_ns: int) -> tuple[float, float]:
+    """Where the right hand is at a time, and how fast it moves [m, m/s]."""
+    t = time_ns * 1e-9
+    z = sum(size * sin(2 * pi * hz * t) for size, hz in WAVES)
+    return z, sum(2 * pi * hz * size * cos(2 * pi * hz * t) for size, hz in WAVES)
+
+
+def send_views(config: Config, seconds: float, moving: bool) -> dict[int, int]:
+    """Be the server's end of the view channel for a while from when somebody looks; return when each tick was sent."""
+    ticks = ceil(1000 / config.network.view_rate_hz) if moving else ALIVE_TICKS
+    sent: dict[int, int] = {}
+    with sockets.open_context() as context:
+        publisher = sockets.view_publisher(context, channels.addresses(config.network).listen(channels.VIEW["left"]))
+        start = now_ns()
+        while not publisher.wanted() and now_ns() - start < PATIENCE_NS:
+            time.sleep(LOOK_SECONDS)
+        start = now_ns()
+        for seq in range(round(seconds * 1000 / ticks)):
+            time.sleep(max(0.0, (start + seq * ticks * 1_000_000 - now_ns()) * 1e-9))
+            now = now_ns()
+            z = height_at(now)[0] if moving else 0.0
+            board = ("left", seq * ticks, now, "running", z / 2, z / (2 * config.physics.l), -0.15, 0.15, -z, None)
+            publisher.send(encode(View(*board, 1, 60, 0, None, None, "", seq, 0.0, 1, 1, None)))
+            sent[seq * ticks] = now
+        publisher.close()
+    return sent
+
+
+def serve() -> None:
+    """Do that as a process: the order comes on standard input, the answer goes to standard output, both as JSON."""
+    order = json.load(sys.stdin)
+    json.dump(send_views(parse(order["config"]), order["seconds"], order["moving"]), sys.stdout)
+
+
+def measure(config: Config, seconds: float, *, moving: bool) -> Shown:
+    """Run a display for a while, beside a process that sends it views."""
+    application()
+    order = {"config": resolve(config), "seconds": seconds + SPARE, "moving": moving}
+    command = [sys.executable, "-c", f"from {__name__} import serve; serve()"]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as sender:
+        assert sender.stdin is not None
+        assert sender.stdout is not None
+        sender.stdin.write(json.dumps(order))
+        sender.stdin.close()
+        frames, busy, dropped = _watch(config, seconds, lambda: sender.poll() is None)
+        sent = {int(tick): at for tick, at in json.load(sender.stdout).items()}
+    return _shown(frames, sent, busy, dropped)
+
+
+def _watch(config: Config, seconds: float, served: Callable[[], bool]) -> tuple[list[Frame], float, int]:
+    """Run the display and note its frames; return them, the share of a core that it took, and what it dropped."""
+    frames: list[Frame] = []
+    window = BoardWindow("netboard bench display")
+    window.present(config.display)
+    with sockets.open_context() as context:
+        client = DisplayClient("left", config, context, window)
+        while not client.linked and served():
+            work(0.01)
+        work(WARM_UP)
+        window.board.painted.connect(lambda: _note(client, frames))
+        client.tally.clear()
+        dropped, busy, since = client.tally.dropped, time.process_time(), time.monotonic()
+        work(seconds)
+        busy = (time.process_time() - busy) / (time.monotonic() - since)
+        dropped = client.tally.dropped - dropped
+        client.close()
+    window.close()
+    return frames, busy, dropped
+
+
+def _note(client: DisplayClient, frames: list[Frame]) -> None:
+    """Note what has just been painted: tick of the view, when it came, when it was painted, where the right end was."""
+    report, picture = client.tally.report(), client.window.board.picture
+    if report is not None and report.shown and picture is not None and picture.handles:
+        frames.append((*report.shown[-1], picture.handles[1][1]))
+        client.tally.clear()
+
+
+def _shown(frames: list[Frame], sent: dict[int, int], busy: float, dropped: int) -> Shown:
+    """Take the frames apart; a frame that draws a view again is none of its own."""
+    own = [b for a, b in pairwise(frames) if b[0] != a[0] and b[0] in sent]
+    painted = np.array([frame[2] for frame in frames], np.int64)
+    return Shown(
+        sent_to_received=np.array([came - sent[tick] for tick, came, _, _ in own], np.int64),
+        received_to_painted=np.array([done - came for _, came, done, _ in own], np.int64),
+        between=np.diff(painted),
+        painted=painted,
+        heights=np.array([frame[3] for frame in frames]),
+        busy=busy,
+        dropped=dropped,
+    )
+
+
+def lateness(shown: Shown) -> tuple[float, float]:
+    """By what delay what was seen is explained best, and how far it was from the truth.
+
+    Returns
+    -------
+    (float, float)
+        Delay by least squares [s], root mean square of the distance at the end of the painting [m].
+    """
+    truth = np.array([height_at(int(at)) for at in shown.painted])
+    off = truth[:, 0] - shown.heights
+    return float(off @ truth[:, 1] / (truth[:, 1] @ truth[:, 1])), float(np.sqrt(np.mean(off**2)))
+
+
+def main(
+    config: Config, output: Path | None, json_file: Path | None, seconds: float | None, *, quick: bool, force: bool
+) -> int:
+    """Run the study.
+
+    Parameters
+    ----------
+    config : Config
+        How the window looks; it is shown on this machine's screen, or drawn without one where there is none.
+    seconds : float or None
+        For how long each is measured; None for the usual time [s].
+    """
+    seconds = seconds or (QUICK_SECONDS if quick else SECONDS)
+    folder = Folder(output or new_folder("bench-display"), force=force)
+    console = Console(highlight=False, markup=False)
+    console.width = max(console.width, WIDTH)
+    for line in describe().lines():
+        console.print(line)
+    found: dict[str, Shown] = {}
+    for name, smooth, moving in (("smooth", True, True), ("views as they are", False, True), ("at rest", True, False)):
+        console.print(f"{name}: {seconds:g} s")
+        shown = replace(config, display=replace(config.display, smooth=smooth))
+        found[name] = measure(shown, seconds, moving=moving)
+    parts = [_way(found), _sight(found, seconds)]
+    for part in parts:
+        show(console, part)
+    platform = application().platformName()
+    folder.write(parts, {"study": "display", "seconds": seconds, "quick": quick, "platform": platform})
+    if json_file is not None:
+        json_file.write_bytes((folder.path / "results.json").read_bytes())
+    console.print(f"drawn by: {platform}; written to {folder.path}")
+    return 0
+
+
+def _way(found: dict[str, Shown]) -> Part:
+    """Return the parts of the way of a view, as a table."""
+    times = {}
+    for name, shown in found.items():
+        if shown.sent_to_received.size:
+            times[f"{name}: sent to received"] = shown.sent_to_received
+            times[f"{name}: received to painted"] = shown.received_to_painted
+            times[f"{name}: frame to frame"] = shown.between
+    about = "The way of a view, from the server's sending to the end of the painting"
+    return Part("way", about, ("what", "times", *HEADS), spread_rows(times))
+
+
+def _sight(found: dict[str, Shown], seconds: float) -> Part:
+    """Return what a participant sees late, and what it costs, as a table."""
+    rows: list[tuple[Value, ...]] = []
+    for name, shown in found.items():
+        delay, off = lateness(shown) if shown.between.size else (float("nan"), float("nan"))
+        rate = len(shown.painted) / seconds
+        rows.append((name, rate, delay * 1e3, off * 1e3, shown.dropped, shown.busy * 100))
+    heads = ("what", "frames [Hz]", "seen late by [ms]", "off by, RMS [mm]", "dropped", "of a core [%]")
+    return Part("sight", "Where the board was at the end of a painting, and where it was drawn", heads, rows)

@@ -1,0 +1,126 @@
+"""What a recording says of the loop from stylus to force, and how well ticks kept their time.
+
+Every agent measures its loop itself and tells it with the next sample. Its parts follow from what the server notes of
+that sample: when it was read, when it came, when the tick began. All times are those of one clock: the processes of a
+benchmark share a machine.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.base.config import SIDES
+from netboard.base.tick import LATE_NS, TICK_NS
+from netboard.benchmarks.loop.spreads import Times
+from netboard.task.trials.state_machine import Phase, is_active
+
+UP, WAIT, REST = "stylus read to its arrival at the server", "its wait for the tick", "tick, way back and rendering"
+"""The parts of a loop."""
+
+
+@dataclass(frozen=True)
+class Punctuality:
+    """How ticks kept their time.
+
+    Attributes
+    ----------
+    late_ns : ndarray of int64
+        How late each began; negative: early [ns].
+    missed : int
+        Ticks that began more than a whole tick late, and those that were passed over [1].
+    """
+
+    late_ns: Times
+    late: int
+    missed: int
+
+    @property
+    def ticks(self) -> int:
+        """How many there were, those that were passed over not counted [1]."""
+        return self.late_ns.size
+
+    def missed_of(self, many: int) -> float:
+        """How many of so many are missed [1]."""
+        return self.missed * many / max(self.ticks, 1)
+
+
+def punctuality(late_ns: Times, passed_over: int) -> Punctuality:
+    """Count what was late."""
+    missed = int(np.count_nonzero(late_ns > TICK_NS)) + passed_over
+    return Punctuality(late_ns, int(np.count_nonzero(late_ns > LATE_NS)), missed)
+
+
+def passed_over(time_ns: Times) -> int:
+    """Count the ticks that never were: their time passed while the loop stood still [1]."""
+    return int(np.sum(np.diff(time_ns) // TICK_NS - 1))
+
+
+@dataclass(frozen=True)
+class Played:
+    """What a dyad's recording says of the times in which it was measured.
+
+    Attributes
+    ----------
+    took_ns : dict of str to ndarray of int64
+        Of each side: stylus read to the force that reflects it handed to the device, each such pair once [ns].
+    parts_ns : dict of str to ndarray of int64
+        Of both sides: ways and waits that a loop is made of [ns].
+    """
+
+    took_ns: dict[str, Times]
+    parts_ns: dict[str, Times]
+    ticks: Punctuality
+    answered: float
+
+
+def played(ticks: NDArray[Any], times: Sequence[tuple[int, int]]) -> Played:
+    """Read what a dyad did from its recording."""
+    inside = within(ticks["time_ns"], times)
+    felt = inside & np.isin(ticks["phase"], [phase for phase in Phase if is_active(phase)])
+    closed: dict[str, NDArray[np.bool_]] = {side: closed_loops(ticks[f"{side}_loop_ns"]) & felt for side in SIDES}
+    took: dict[str, Times] = {side: ticks[f"{side}_loop_ns"][closed[side]] for side in SIDES}
+    halves = [loop_parts(ticks, side, closed[side]) for side in SIDES]
+    parts = {name: np.concatenate([half[name] for half in halves]) for name in (UP, WAIT, REST)}
+    due = [ticks["time_ns"][within(ticks["time_ns"], [one])] for one in times]
+    return Played(
+        took,
+        parts,
+        punctuality(ticks["late_ns"][inside], sum(map(passed_over, due))),
+        sum(times.size for times in took.values()) / max(len(SIDES) * int(np.count_nonzero(felt)), 1),
+    )
+
+
+def within(time_ns: Times, times: Sequence[tuple[int, int]]) -> NDArray[np.bool_]:
+    """Tell what lies within some stretches of time."""
+    inside: NDArray[np.bool_] = np.zeros(time_ns.shape, np.bool_)
+    for start, end in times:
+        inside |= (time_ns >= start) & (time_ns < end)
+    return inside
+
+
+def closed_loops(loop_ns: Times) -> NDArray[np.bool_]:
+    """Tell at which ticks a loop is told for the first time: an agent repeats the newest until the next is closed."""
+    new: NDArray[np.bool_] = (np.diff(loop_ns, prepend=0) != 0) & (loop_ns > 0)
+    return new
+
+
+def loop_parts(ticks: NDArray[Any], side: str, closed: NDArray[np.bool_]) -> dict[str, Times]:
+    """Take loops apart, where a sample told of the loop of the one before it, which is the rule.
+
+    Parameters
+    ----------
+    closed : ndarray of bool, shape (n,)
+        Ticks at which a loop is told for the first time.
+    """
+    seq, loop_ns = ticks[f"{side}_seq"], ticks[f"{side}_loop_ns"]
+    fresh = np.diff(seq, prepend=-1) == 1
+    told = 1 + np.flatnonzero(closed[1:] & fresh[1:] & fresh[:-1])
+    begun = ticks[told - 1]
+    lead_ns = begun[f"{side}_lead_ns"]
+    up = begun["time_ns"] - lead_ns - begun[f"{side}_stamp_ns"]
+    wait = begun["late_ns"] + lead_ns
+    rest = loop_ns[told] - up - wait
+    return {UP: up, WAIT: wait, REST: rest}

@@ -1,0 +1,200 @@
+"""Netboard as labs use it, for a benchmark: all processes of some dyads on this machine, with simulated people.
+
+A block with forces runs in every dyad. Between measurements the processes can be stopped where they are, so that they
+cost nothing while something else is measured; when they go on, the server finds that it stood still, pauses the trials
+and resumes them as soon as everybody is there.
+"""
+
+import os
+import signal
+import time
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from netboard.base.clock import now_ns
+from netboard.base.config import SIDES, Config, resolve
+from netboard.base.errors import NetboardError
+from netboard.benchmarks.loop.usage import Usage, read_usage
+from netboard.network import keys
+from netboard.network.protocol.control import Status
+from netboard.network.transport import sockets
+from netboard.nodes.operator.launcher import Launcher, free_port
+from netboard.nodes.operator.operator import Operator
+from netboard.stage.curtain import PHASE_NAMES
+from netboard.task.trials.state_machine import is_active
+
+TRIALS = 10_000
+"""More than anybody will see [1]."""
+
+ANSWER_SECONDS = 0.2
+START_SECONDS = 120.0
+END_SECONDS = 60.0
+SETTLE_SECONDS = 2.0
+"""After a block has begun or gone on, agents find their phase and forces ramp up before anything is measured [s]."""
+
+LOOK_SECONDS = 1.0
+"""While something is measured, the processes are looked after this often [s]."""
+
+ACTIVE = frozenset(name for phase, name in PHASE_NAMES.items() if is_active(phase))
+"""Phases in which there are forces."""
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """A measurement.
+
+    Attributes
+    ----------
+    start_ns, end_ns : int
+        When, by the monotonic clock [ns].
+    """
+
+    start_ns: int
+    end_ns: int
+    before: dict[str, Usage]
+    after: dict[str, Usage]
+
+
+class Rig:
+    """The processes of some dyads; on leaving, all are ended."""
+
+    def __init__(self, configs: Sequence[Config], folder: Path, displays: int) -> None:
+        self._folder = folder
+        self._displays = displays
+        self._launcher = Launcher(folder, {"QT_QPA_PLATFORM": "offscreen"})
+        self._files = write_configs(configs, folder)
+        self._configs = configs
+        self._pids: dict[str, int] = {}
+
+    def __enter__(self) -> Self:
+        many = len(self._files) > 1
+        self._start("server", "server", *(word for file in self._files for word in ("-c", str(file))))
+        for number, file in enumerate(self._files, start=1):
+            of = f" {number}" if many else ""
+            self._start(f"logger{of}", "logger", "--once", "-c", str(file))
+            for side in SIDES:
+                self._start(f"{side} agent{of}", "agent", "--side", side, "-c", str(file))
+            for i in range(self._displays):
+                station = SIDES[i % len(SIDES)]
+                name = f"{station} display{of}" + (f" again {i // 2}" if i >= len(SIDES) else "")
+                self._start(name, "display", "--station", station, "--offscreen", "-c", str(file))
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.go_on()
+        self._launcher.stop(*self._launcher.running())
+
+    def _start(self, name: str, *arguments: str) -> None:
+        self._launcher.start(name, *arguments)
+        self._pids[name] = self._launcher.process_id(name)
+
+    def play(self) -> None:
+        """Wait until every dyad is in a trial, and has been for a while."""
+        with sockets.open_context() as context:
+            operators = [Operator(config.network, context) for config in self._configs]
+            for operator in operators:
+                self._until(operator, lambda status: status.phase in ACTIVE)
+        time.sleep(SETTLE_SECONDS)
+
+    def _until(self, operator: Operator, ready: Callable[[Status], bool]) -> None:
+        """Ask a server for its status until it is as wanted."""
+        until = time.monotonic() + START_SECONDS
+        while (status := operator.ask(ANSWER_SECONDS)) is None or not ready(status):
+            self.look()
+            if time.monotonic() > until:
+                said = operator.status.notice or operator.status.phase if operator.status else "the server is silent"
+                raise NetboardError(f"waited {START_SECONDS:.0f} s in vain: {said}")
+            time.sleep(ANSWER_SECONDS)
+
+    def measure(self, seconds: float, tell: Callable[[float], object]) -> Stretch:
+        """Let it run for a while."""
+        before, start_ns = self.usage(), now_ns()
+        while (done := (now_ns() - start_ns) * 1e-9) < seconds:
+            tell(done / seconds)
+            time.sleep(min(LOOK_SECONDS, seconds - done))
+            self.look()
+        return Stretch(start_ns, now_ns(), before, self.usage())
+
+    def usage(self) -> dict[str, Usage]:
+        """Look at what every process uses."""
+        return {name: read_usage(pid) for name, pid in self._pids.items()}
+
+    def halt(self) -> None:
+        """Stop all processes where they are."""
+        self._signal(signal.SIGSTOP)
+
+    def go_on(self) -> None:
+        """Let them go on."""
+        self._signal(signal.SIGCONT)
+
+    def finish(self) -> list[Path]:
+        """End the sessions in order, and return their recordings, in the order of the dyads."""
+        with sockets.open_context() as context:
+            operators = [Operator(config.network, context) for config in self._configs]
+            for operator in operators:
+                self._until(operator, lambda status: True)
+                operator.command("end")
+            names = [name for name in self._pids if name.startswith(("server", "logger"))]
+            for name in names:
+                if trouble := self._launcher.wait(name, END_SECONDS):
+                    raise NetboardError(trouble)
+                del self._pids[name]
+        found = [sorted(Path(config.recording.directory).glob("*.mcap")) for config in self._configs]
+        if any(len(paths) != 1 for paths in found):
+            raise NetboardError(f"expected one recording of each dyad, found {[len(paths) for paths in found]}")
+        return [path for (path,) in found]
+
+    def look(self) -> None:
+        """Look after the processes."""
+        if (ended := self._launcher.ended()) is not None:
+            raise NetboardError(str(ended))
+
+    def _signal(self, number: signal.Signals) -> None:
+        for pid in self._pids.values():
+            with suppress(ProcessLookupError):  # one that has ended is told of elsewhere
+                os.kill(pid, number)
+
+
+def own_configs(config: Config, folder: Path, count: int) -> list[Config]:
+    """Make configurations for some dyads on this machine, with their own ports and folders."""
+    ports: set[int] = set()
+    while len(ports) < count:
+        ports.add(free_port())
+    network = replace(config.network, host="127.0.0.1", bind="127.0.0.1", keys=str(folder / "keys"))
+    if keys.encrypted(network) and not Path(network.keys).exists():
+        make_keys(Path(network.keys))
+    return [
+        replace(
+            config,
+            session=replace(config.session, dyad=f"D{number:02d}"),
+            block=replace(config.block, trials=TRIALS, seed=config.block.seed + number),
+            network=replace(network, port=port),
+            recording=replace(config.recording, directory=str(folder / f"dyad-{number:02d}")),
+        )
+        for number, port in enumerate(sorted(ports), start=1)
+    ]
+
+
+def make_keys(folder: Path) -> None:
+    """Make keys for a server and every peer that a dyad may have."""
+    keys.init(folder)
+    for side in SIDES:
+        keys.add(folder, "agent", side, folder)
+        keys.add(folder, "display", side, folder)
+    keys.add(folder, "logger", "", folder)
+    keys.add(folder, "console", "", folder)
+
+
+def write_configs(configs: Sequence[Config], folder: Path) -> list[Path]:
+    """Write configurations into files."""
+    files = []
+    for config in configs:
+        files.append(folder / f"{config.session.dyad}.toml")
+        files[-1].write_text(resolve(config), encoding="utf-8")
+    return files

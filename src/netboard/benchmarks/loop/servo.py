@@ -1,0 +1,193 @@
+"""``netboard bench servo``: what the servo callback costs in Python and in C, in the vendor's servo thread.
+
+A watch in C notes when each callback is called and when it has returned: so the wait for Python's interpreter counts,
+and the watch needs none itself. The baseline is the same tick in which nothing is done. Each is measured in a process
+of its own that behaves like an agent: once in a millisecond its loop takes the newest sample and puts a force. Then
+again with another thread beside it that computes in Python and never rests.
+"""
+
+import json
+import subprocess
+import sys
+import threading
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Console
+
+from netboard.base.clock import Pacer, now_ns
+from netboard.base.errors import DeviceTimeout, NetboardError
+from netboard.base.process import steady_loop
+from netboard.base.tick import TICK_NS
+from netboard.benchmarks.harness.machine import describe
+from netboard.benchmarks.harness.results import Folder, Part, Value, Verdict, new_folder, show
+from netboard.benchmarks.loop.spreads import HEADS, Times, in_milliseconds, ratio_row, spread_rows
+from netboard.devices.touch.api import load
+from netboard.devices.touch.find import find
+from netboard.devices.touch.library import rig_of
+from netboard.devices.touch.servo import PythonServo, Servo
+from netboard.devices.touch.shim import ShimServo, Watch, shim
+from netboard.recording.format.summary import spread
+
+SECONDS, QUICK_SECONDS = 30.0, 2.0
+"""Each of the six is measured for so long, unless told otherwise [s]."""
+
+BARE, PYTHON, C = "bare tick", "python", "c"
+KINDS = (BARE, PYTHON, C)
+SERVOS: dict[str, type[PythonServo] | type[ShimServo]] = {BARE: ShimServo, PYTHON: PythonServo, C: ShimServo}
+
+TIMEOUT_NS = 20_000_000
+WARM_UP_TICKS = 200
+BUSY = {False: "", True: ", busy thread"}
+
+WIDTH = 120
+
+
+def main(
+    library: str, output: Path | None, json_file: Path | None, seconds: float | None, *, quick: bool, force: bool
+) -> int:
+    """Run the study.
+
+    Parameters
+    ----------
+    seconds : float or None
+        For how long each is measured; None for the usual time [s].
+
+    Returns
+    -------
+    int
+        Exit code: 0, also if verdicts fail, for that is a result.
+    """
+    load(library)
+    shim()
+    seconds = seconds or (QUICK_SECONDS if quick else SECONDS)
+    folder = Folder(output or new_folder("bench-servo"), force=force)
+    console = Console(highlight=False, markup=False)
+    console.width = max(console.width, WIDTH)
+    for line in describe().lines():
+        console.print(line)
+    found: dict[str, Times] = {}
+    for busy, company in BUSY.items():
+        for kind in KINDS:
+            name = kind + company
+            console.print(f"{name}: {seconds:g} s")
+            found[name] = measure(library, kind, seconds, busy=busy)
+    parts = [lateness_part(found), duration_part(found)]
+    for part in parts:
+        show(console, part)
+    folder.write(parts, {"study": "servo", "library": library, "seconds": seconds, "quick": quick})
+    if json_file is not None:
+        json_file.write_bytes((folder.path / "results.json").read_bytes())
+    console.print(f"written to {folder.path}")
+    return 0
+
+
+def lateness_part(found: Mapping[str, Times]) -> Part:
+    """Return how steady the ticks are, each beside the bare tick in the same company.
+
+    Parameters
+    ----------
+    found : mapping of str to ndarray of int64, shape (n, 2)
+        When each tick began and ended, by what was measured [ns].
+    """
+    off = {name: unsteadiness(times) for name, times in found.items()}
+    rows: list[tuple[Value, ...]] = list(spread_rows(off))
+    for company in BUSY.values():
+        for kind in (PYTHON, C):
+            name, *ratios = ratio_row(f"{kind} / {BARE}{company} [1]", off[kind + company], off[BARE + company])
+            rows.append((name, "", *ratios))
+    title = f"How early or late ticks are: how far from {TICK_NS / 1e6:g} ms after the one before"
+    return Part("lateness", title, ("callback", "ticks [1]", *HEADS), rows)
+
+
+def duration_part(found: Mapping[str, Times]) -> Part:
+    """Return how long the servo thread is held up by a callback.
+
+    Parameters
+    ----------
+    found : mapping of str to ndarray of int64, shape (n, 2)
+        When each tick began and ended, by what was measured [ns].
+    """
+    took = {name: times[:, 1] - times[:, 0] for name, times in found.items()}
+    rows: list[tuple[Value, ...]] = list(spread_rows(took))
+    for company in BUSY.values():
+        name, *ratios = ratio_row(f"{PYTHON} / {C}{company} [1]", took[PYTHON + company], took[C + company])
+        rows.append((name, "", *ratios))
+    verdicts = []
+    for kind in (PYTHON, C):
+        p999_ms = in_milliseconds(spread(took[kind + BUSY[True]]))[2]
+        claim = f"99.9 % of the callbacks in {kind} take less than a tick beside a busy thread"
+        verdicts.append(Verdict(claim, p999_ms < TICK_NS * 1e-6, f"{p999_ms:.3f} ms"))
+    title = "For how long a callback holds the servo thread up, the wait for the interpreter included"
+    return Part("duration", title, ("callback", "ticks [1]", *HEADS), rows, verdicts)
+
+
+def unsteadiness(times: Times) -> Times:
+    """Return how far from a tick's length after the one before each tick began [ns]."""
+    off: Times = np.abs(np.diff(times[:, 0]) - TICK_NS)
+    return off
+
+
+def measure(library: str, kind: str, seconds: float, *, busy: bool) -> Times:
+    """Measure one callback in a process of its own."""
+    order = json.dumps({"library": library, "kind": kind, "seconds": seconds, "busy": busy})
+    command = [sys.executable, "-m", "netboard.benchmarks.loop.servo", order]
+    done = subprocess.run(command, capture_output=True, check=False)
+    if done.returncode:
+        said = done.stderr.decode(errors="replace").strip().splitlines() or ["no word"]
+        raise NetboardError(f"measuring the servo callback ({kind}) failed: {said[-1]}")
+    return np.frombuffer(done.stdout, np.int64).reshape(-1, 2)
+
+
+def work(order: Mapping[str, Any]) -> NDArray[np.int64]:
+    """Be that process: let a watched servo run, with an agent's loop beside it."""
+    rig = rig_of(order["library"])
+    count = round(order["seconds"] * 1e9) // TICK_NS
+    with rig.paused():
+        seat = find(rig, "", "")
+        servo = SERVOS[order["kind"]](rig.library, seat.handle, TIMEOUT_NS)
+        watch = Watch(None if order["kind"] == BARE else servo.entry, count + 2 * WARM_UP_TICKS)
+        rig.schedule(seat, servo, watch.entry)
+    stopping = threading.Event()
+    thread = threading.Thread(target=compute, args=(stopping,), daemon=True)
+    try:
+        _loop(servo, 50)
+        if len(watch.times) == 0:
+            raise DeviceTimeout("the servo loop of the haptic device does not run")
+        steady_loop()
+        if order["busy"]:
+            thread.start()
+        _loop(servo, WARM_UP_TICKS)
+        first = len(watch.times)
+        _loop(servo, count)
+        return watch.times[first:]
+    finally:
+        stopping.set()
+        rig.release(seat)
+
+
+def compute(stopping: threading.Event) -> None:
+    """Compute in Python, without any rest, until told to stop."""
+    number = 1
+    while not stopping.is_set():
+        for _ in range(1000):
+            number = (number * 6364136223846793005 + 1442695040888963407) % 2**64
+
+
+def _loop(servo: Servo, count: int) -> None:
+    """Do what an agent does, so many times: take the newest sample, put a force."""
+    pacer = Pacer(now_ns())
+    for _ in range(count):
+        pacer.wait()
+        servo.shot()
+        servo.put((0.0, 0.0, 0.0), now_ns())
+
+
+if __name__ == "__main__":
+    try:
+        sys.stdout.buffer.write(work(json.loads(sys.argv[1])).tobytes())
+    except NetboardError as error:
+        sys.exit(str(error))

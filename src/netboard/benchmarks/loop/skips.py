@@ -1,0 +1,170 @@
+"""What a scene does not need is not done: the work of a server with and without each thing, counted and measured."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from time import perf_counter
+from typing import Literal
+
+import numpy as np
+
+from netboard.base.config import Config
+from netboard.base.tick import TICK, TICK_NS, TICK_SECONDS
+from netboard.benchmarks.harness.results import Part, Value, Verdict
+from netboard.benchmarks.harness.running import Tell
+from netboard.benchmarks.loop.scale import core_share, on_cores
+from netboard.benchmarks.loop.serving import Company, Crowd, Served
+from netboard.benchmarks.loop.usage import LOOP, TRANSPORT
+from netboard.stage.stage import make_stage
+from netboard.task.trials.state_machine import Phase
+
+
+@dataclass(frozen=True)
+class Case:
+    """Something that may be there or not."""
+
+    company: Company
+    haptics: bool = True
+    logger: bool = True
+
+    def of(self, config: Config) -> Config:
+        """Return what it makes of a configuration."""
+        return replace(
+            config,
+            block=replace(config.block, force="full" if self.haptics else "none"),
+            network=replace(config.network, require_logger=self.logger),
+        )
+
+
+FULL, WAITING, AT_REST, NOBODY = "everything, in a trial", "no trial", "no trial, hands at rest", "nobody"
+NO_FORCES = "no forces"
+CASES = {
+    FULL: Case(Company(displays=True)),
+    NO_FORCES: Case(Company(displays=True), haptics=False),
+    "no displays": Case(Company()),
+    "no logger": Case(Company(displays=True, loggers=False), logger=False),
+    WAITING: Case(Company(displays=True, trial=False)),
+    AT_REST: Case(Company(displays=True, trial=False, moving=False)),
+    "no agents": Case(Company(agents=False, displays=True, trial=False)),
+    NOBODY: Case(Company(agents=False, loggers=False, trial=False)),
+}
+
+
+def measure_skips(config: Config, crowd: Crowd, seconds: float, tell: Tell) -> dict[str, Served]:
+    """Run a server of one dyad in every case."""
+    found = {}
+    for step, (name, case) in enumerate(CASES.items()):
+        tell(f"work done: {name}", step / len(CASES))
+        found[name] = crowd.serve(case.of(on_cores(config)), 1, case.company, seconds)
+    return found
+
+
+SENT = ("forces", "beats", "views", "records", "batches")
+"""What a server sends."""
+
+
+def skips_part(found: dict[str, Served]) -> Part:
+    """Return the work done in every case."""
+    rows: list[tuple[Value, ...]] = []
+    for name, served in found.items():
+        spent, seconds = served.cost.spent, served.cost.seconds
+        rows.append(
+            (
+                name,
+                *(round(served.counts.get(what, 0.0)) for what in SENT),
+                *(round(spent[kind].slept / seconds) for kind in (LOOP, TRANSPORT)),
+                *(1e6 * spent[kind].seconds * TICK_SECONDS / seconds for kind in (LOOP, TRANSPORT)),
+                100 * core_share(served),
+            )
+        )
+    return Part(
+        "skips",
+        "What a server of one dyad does, with and without",
+        (
+            "",
+            *(f"{what} [Hz]" for what in SENT),
+            *(f"{kind} wakes [Hz]" for kind in (LOOP, TRANSPORT)),
+            *(f"{kind}, of a tick [us]" for kind in (LOOP, TRANSPORT)),
+            "of a core [%]",
+        ),
+        rows,
+        _verdicts(found),
+    )
+
+
+def _verdicts(found: dict[str, Served]) -> list[Verdict]:
+    """Return what follows from the work that was counted."""
+    forces, beats = (found[NO_FORCES].counts.get(what, 0.0) for what in ("forces", "beats"))
+    views, fewer = (found[name].counts.get("views", 0.0) for name in (WAITING, AT_REST))
+    busy, idle = core_share(found[FULL]), core_share(found[NOBODY])
+    return [
+        Verdict("no force is sent where none is felt", forces == 0, f"{forces:.0f} Hz, and beats with {beats:.0f} Hz"),
+        Verdict(
+            "a view is sent only if it is new, or now and then",
+            fewer < views / 2,
+            f"{fewer:.0f} Hz at rest, {views:.0f} Hz in motion",
+        ),
+        Verdict("a server that has nobody sleeps", idle < busy / 10, f"{idle:.2%} of a core instead of {busy:.1%}"),
+    ]
+
+
+# --- inside a tick -------------------------------------------------------------------------------------------------
+
+RUNS, TICKS = 30, 2000
+"""So many runs of so many ticks, of which the quickest counts [1]."""
+
+
+def tick_part(config: Config) -> Part:
+    """Return what the stage's part of a tick costs, with and without."""
+    bare = replace(config, physics=replace(config.physics, balls=0))
+    lone = replace(bare, physics=replace(bare.physics, coupling="left"))
+    part, unfelt = _with_force(config, "environment_only"), _with_force(config, "none")
+    costs = {
+        "the ball rolls": stage_cost(config, Phase.RUNNING),
+        "the ball rolls, forces of the environment only": stage_cost(part, Phase.RUNNING),
+        "the ball rolls, no forces": stage_cost(unfelt, Phase.RUNNING),
+        "the ball is fixed": stage_cost(config, Phase.LEVELLING),
+        "no ball": stage_cost(bare, Phase.LEVELLING),
+        "no ball, no forces: a board alone": stage_cost(_with_force(bare, "none"), Phase.LEVELLING),
+        "no ball, one hand": stage_cost(lone, Phase.LEVELLING),
+    }
+    whole = costs["the ball rolls"]
+    return Part(
+        "stage",
+        "The stage's part of a tick",
+        ("", "a tick [ns]", "of the whole [1]"),
+        [(name, cost * 1e9, cost / whole) for name, cost in costs.items()],
+    )
+
+
+def _with_force(config: Config, force: Literal["environment_only", "none"]) -> Config:
+    """Return the same with other forces."""
+    return replace(config, block=replace(config.block, force=force))
+
+
+def stage_cost(config: Config, phase: Phase) -> float:
+    """Time the stage's part of a tick [s].
+
+    Parameters
+    ----------
+    phase : Phase
+        In which the trial is, and stays: the board is not level, and the ball at rest is far from target and edge.
+    """
+    stage = make_stage(config)
+    rows = np.zeros(TICKS, TICK)
+    rows["time_ns"] = (1 + np.arange(TICKS)) * TICK_NS
+    for side, z in (("left", 0.02), ("right", 0.02)):
+        rows[f"{side}_live"], rows[f"{side}_stamp_ns"], rows[f"{side}_sent_z"] = 1, rows["time_ns"], z
+
+    def run() -> float:
+        state = stage.initial()
+        state["phase"] = phase
+        begun = perf_counter()
+        stage.advance(state, rows, 0, TICKS)
+        return (perf_counter() - begun) / TICKS
+
+    return quickest(run)
+
+
+def quickest(run: Callable[[], float]) -> float:
+    """Return the least of many runs [s]."""
+    return min(run() for _ in range(RUNS))

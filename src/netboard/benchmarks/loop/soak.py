@@ -1,0 +1,230 @@
+"""Netboard for a long time: nothing is lost, memory stays flat, ticks and loops stay as quick as they were.
+
+All processes are those that a lab runs. What they recorded is verified tick by tick at the end.
+"""
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.base.config import SIDES, Config
+from netboard.base.tick import LATE_NS
+from netboard.benchmarks.harness.results import Part, Value, Verdict
+from netboard.benchmarks.harness.running import Tell
+from netboard.benchmarks.loop.played import closed_loops
+from netboard.benchmarks.loop.rig import Rig, own_configs
+from netboard.benchmarks.loop.spreads import HEADS, Times, in_milliseconds
+from netboard.benchmarks.loop.usage import Usage
+from netboard.recording.files.reader import Recording
+from netboard.recording.format.summary import spread
+from netboard.recording.integrity.verification import verify_recording
+from netboard.task.trials.state_machine import Cause
+
+SAMPLE_SECONDS = 1.0
+
+WARM_SHARE, WARM_SECONDS = 0.25, 60.0
+"""Memory is watched after so large a share of the time, or so long, whichever is less: rings fill first [1, s]."""
+
+RING_SECONDS = 5.0
+"""The server keeps records for so long; in a soak less than usual, so that its ring is full soon [s]."""
+
+STRETCHES = 10
+"""A short soak is shown in so many stretches, a longer one minute by minute [1]."""
+
+MOST_LEAK, LEAST_SEEN = 4e6 / 3600, 1e6
+"""Memory is flat if it grows by less than this in a second, or by less than this in all, in bytes [1/s, 1]."""
+
+INDEX = 100e6 / 3600
+"""A logger keeps an entry of the recording's index for every chunk: it may grow by this in a second, in bytes [1/s]."""
+
+MOST_SLOWER = 1.5
+"""In the last third of the time, 99 % may take so many times as long as in the first [1]."""
+
+
+@dataclass(frozen=True)
+class Kept:
+    """What one dyad's recording amounts to.
+
+    Attributes
+    ----------
+    verified : bool
+        Whether the stage makes the same of its inputs, to the bit.
+    time_ns, late_ns : ndarray of int64
+        When each tick was due, and how late it began [ns].
+    loop_at_ns, loop_ns : ndarray of int64
+        Of each loop from stylus to force, of both sides: the tick at which it was told, and how long it took [ns].
+    """
+
+    ticks: int
+    missing: int
+    lost: int
+    faults: int
+    verified: bool
+    time_ns: Times
+    late_ns: Times
+    loop_at_ns: Times
+    loop_ns: Times
+    size: int
+
+    @property
+    def whole(self) -> bool:
+        """Whether nothing is missing and it is verified."""
+        return self.verified and self.missing == 0 and self.lost == 0
+
+
+@dataclass(frozen=True)
+class Soaked:
+    """What came of a soak."""
+
+    samples: list[dict[str, Usage]]
+    kept: list[Kept]
+
+
+def measure_soak(config: Config, folder: Path, dyads: int, displays: int, seconds: float, tell: Tell) -> Soaked:
+    """Run dyads for a long time."""
+    small = replace(config, network=replace(config.network, log_ring_s=RING_SECONDS))
+    with Rig(own_configs(small, folder, dyads), folder, displays) as rig:
+        tell("waiting for trials", 0.0)
+        rig.play()
+        samples = _watch(rig, seconds, tell)
+        tell("ending the sessions", 1.0)
+        paths = rig.finish()
+    kept = []
+    for path in paths:
+        tell(f"verifying {path.name}", 1.0)
+        kept.append(read_kept(path))
+    return Soaked(samples, kept)
+
+
+def _watch(rig: Rig, seconds: float, tell: Callable[[str, float], object]) -> list[dict[str, Usage]]:
+    """Look at all processes every second."""
+    samples = [rig.usage()]
+    begun = time.monotonic()
+    while (done := time.monotonic() - begun) < seconds:
+        tell(f"{done / 60:.1f} of {seconds / 60:g} minutes", done / seconds)
+        time.sleep(min(SAMPLE_SECONDS, seconds - done))
+        rig.look()
+        samples.append(rig.usage())
+    return samples
+
+
+def read_kept(path: Path) -> Kept:
+    """Read and verify a recording."""
+    with Recording(path) as recording:
+        ticks = recording.ticks()
+        lost = sum(int(remark.details["count"]) for remark in recording.remarks() if remark.name == "log_lost")
+        missing = sum(gap.count for gaps in recording.gaps().values() for gap in gaps)
+        verdict = verify_recording(recording)
+    closed = {side: closed_loops(ticks[f"{side}_loop_ns"]) for side in SIDES}
+    return Kept(
+        ticks.size,
+        missing,
+        lost,
+        int(np.count_nonzero(ticks["event"] == Cause.FAULT)),
+        verdict.identical,
+        ticks["time_ns"].copy(),
+        ticks["late_ns"].copy(),
+        np.concatenate([ticks["time_ns"][closed[side]] for side in SIDES]),
+        np.concatenate([ticks[f"{side}_loop_ns"][closed[side]] for side in SIDES]),
+        path.stat().st_size,
+    )
+
+
+# --- tables --------------------------------------------------------------------------------------------------------
+
+
+def records_part(kept: Sequence[Kept]) -> Part:
+    """Return what was recorded."""
+    rows: list[tuple[Value, ...]] = [
+        (number, one.ticks, one.missing, one.lost, one.faults, one.verified, one.size / 1e6)
+        for number, one in enumerate(kept, start=1)
+    ]
+    whole = sum(one.whole for one in kept)
+    return Part(
+        "records",
+        "What was recorded",
+        ("dyad", "ticks [1]", "missing numbers [1]", "records lost [1]", "faults [1]", "verified", "size [MB]"),
+        rows,
+        [Verdict("nothing is lost", whole == len(kept), f"{whole} of {len(kept)} recordings whole, to the bit")],
+    )
+
+
+def memory_part(samples: Sequence[dict[str, Usage]]) -> Part:
+    """Return what memory the processes held, and whether it grew."""
+    rows: list[tuple[Value, ...]] = []
+    verdicts = []
+    for name in samples[0]:
+        at = np.array([sample[name].at_ns for sample in samples]) * 1e-9
+        held = np.array([sample[name].resident for sample in samples], np.float64)
+        warm = at >= at[0] + min(WARM_SHARE * (at[-1] - at[0]), WARM_SECONDS)
+        slope, seconds = growth(at[warm], held[warm]), float(at[-1] - at[warm][0])
+        rows.append((name, held[0] / 1e6, held[-1] / 1e6, held.max() / 1e6, slope * 3600 / 1e6))
+        verdicts.append(_flat(name, slope, seconds))
+    return Part(
+        "memory",
+        "Memory of every process",
+        ("", "at first [MB]", "at last [MB]", "most [MB]", "growth, once warm [MB/h]"),
+        rows,
+        verdicts,
+    )
+
+
+def _flat(name: str, slope: float, seconds: float) -> Verdict:
+    """Judge how memory grew."""
+    logger = name.startswith("logger")
+    claim = f"memory of the {name} " + ("grows by no more than its index" if logger else "is flat")
+    flat = slope < (INDEX if logger else MOST_LEAK) or slope * seconds < LEAST_SEEN
+    return Verdict(claim, flat, f"{slope * seconds / 1e6:+.2f} MB in {seconds:.0f} s")
+
+
+def growth(at: NDArray[np.float64], held: NDArray[np.float64]) -> float:
+    """Return how fast memory grows, by least squares, in bytes [1/s]."""
+    return float(np.polyfit(at - at[0], held, 1)[0]) if at.size > 1 else 0.0
+
+
+def minutes_part(kept: Sequence[Kept]) -> Part:
+    """Return how late ticks were and how long loops took, as time went by."""
+    start, end = min(one.time_ns[0] for one in kept), max(one.time_ns[-1] for one in kept) + 1
+    count = max(STRETCHES, int((end - start) * 1e-9 / 60))
+    edges = np.linspace(start, end, count + 1).astype(np.int64)
+    rows: list[tuple[Value, ...]] = []
+    for since, until in pairwise(edges.tolist()):
+        late = _between(since, until, [(one.time_ns, one.late_ns) for one in kept])
+        loop = _between(since, until, [(one.loop_at_ns, one.loop_ns) for one in kept])
+        rows.append(
+            (
+                float(since - start) * 1e-9 / 60,
+                *in_milliseconds(spread(late)),
+                int(np.count_nonzero(late > LATE_NS)),
+                *in_milliseconds(spread(loop)),
+            )
+        )
+    heads = ("from [min]", *(f"tick late, {head}" for head in HEADS), "late [1]", *(f"loop, {head}" for head in HEADS))
+    return Part(
+        "minutes",
+        "As time went by",
+        heads,
+        rows,
+        [
+            steady("ticks begin", [float(row[2]) for row in rows]),
+            steady("loops close", [float(row[7]) for row in rows]),
+        ],
+    )
+
+
+def _between(since: int, until: int, series: Sequence[tuple[Times, Times]]) -> Times:
+    """Return all values that belong to times from one moment to another."""
+    return np.concatenate([values[(at >= since) & (at < until)] for at, values in series])
+
+
+def steady(what: str, p99: Sequence[float]) -> Verdict:
+    """Hold the last third of some percentiles against the first."""
+    third = max(len(p99) // 3, 1)
+    first, last = float(np.median(p99[:third])), float(np.median(p99[-third:]))
+    claim = f"in the end {what} as promptly as in the beginning, at 99 %"
+    return Verdict(claim, last <= max(MOST_SLOWER * first, first + 0.1), f"{last:.3f} ms, at first {first:.3f} ms")

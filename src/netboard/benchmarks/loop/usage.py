@@ -1,0 +1,162 @@
+"""What processes cost: time on a core, time waiting for one, switches and memory, thread by thread, from Linux's /proc.
+
+A thread is of one of three kinds: the loop (a process's first thread), ZeroMQ's I/O, or any other. Times are those of
+the scheduler, to the nanosecond where it tells them (``schedstat``), else to its clock tick.
+"""
+
+import os
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from netboard.base.clock import now_ns
+from netboard.base.errors import NetboardError
+
+LOOP, TRANSPORT, OTHER = "loop", "I/O", "other"
+KINDS = (LOOP, TRANSPORT, OTHER)
+"""Kinds of threads."""
+
+_TRANSPORT_NAME = "ZMQbg/IO"
+
+
+@dataclass(frozen=True, slots=True)
+class Spent:
+    """What threads have used.
+
+    Attributes
+    ----------
+    seconds : float
+        Time on a core [s].
+    waited : float
+        Time in which they could have run and had no core; 0 where the system does not tell [s].
+    """
+
+    seconds: float = 0.0
+    waited: float = 0.0
+    slept: int = 0
+    ousted: int = 0
+
+    def plus(self, other: "Spent", sign: int = 1) -> "Spent":
+        """Return the sum with another, or with sign -1 the difference."""
+        return Spent(
+            self.seconds + sign * other.seconds,
+            self.waited + sign * other.waited,
+            self.slept + sign * other.slept,
+            self.ousted + sign * other.ousted,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Usage:
+    """A process at one moment.
+
+    Attributes
+    ----------
+    at_ns : int
+        The moment, by the monotonic clock [ns].
+    """
+
+    at_ns: int
+    threads: dict[tuple[int, str], Spent]
+    resident: int
+
+    def since(self, before: "Usage") -> dict[str, Spent]:
+        """Return what was spent since an earlier moment, by kind of thread, without threads that have ended."""
+        found = dict.fromkeys(KINDS, Spent())
+        for thread, spent in self.threads.items():
+            change = spent.plus(before.threads.get(thread, Spent()), -1)
+            found[thread[1]] = found[thread[1]].plus(change)
+        return found
+
+
+def total(parts: Iterable[Spent]) -> Spent:
+    """Return the sum."""
+    whole = Spent()
+    for part in parts:
+        whole = whole.plus(part)
+    return whole
+
+
+@dataclass
+class Cost:
+    """What a process used while it was measured.
+
+    Attributes
+    ----------
+    seconds : float
+        For how long it was measured [s].
+    """
+
+    spent: dict[str, Spent] = field(default_factory=dict)
+    seconds: float = 0.0
+
+    def add(self, before: Usage, after: Usage) -> None:
+        """Add a measurement."""
+        for kind, spent in after.since(before).items():
+            self.spent[kind] = self.spent.get(kind, Spent()).plus(spent)
+        self.seconds += (after.at_ns - before.at_ns) * 1e-9
+
+
+Costs = dict[str, Cost]
+
+
+def add_costs(costs: Costs, before: Mapping[str, Usage], after: Mapping[str, Usage]) -> None:
+    """Add a measurement of some processes."""
+    for name, usage in after.items():
+        costs.setdefault(name, Cost()).add(before[name], usage)
+
+
+def kind_of(process: int, thread: int, name: str) -> str:
+    """Tell the kind of a thread."""
+    if name.startswith(_TRANSPORT_NAME):
+        return TRANSPORT
+    return LOOP if thread == process else OTHER
+
+
+def parse_thread(stat: str, schedstat: str, status: str, clock_hz: int) -> tuple[str, Spent]:
+    """Read what /proc says of a thread.
+
+    Parameters
+    ----------
+    stat, schedstat, status : str
+        The three files; an empty `schedstat` where the system has none.
+    """
+    head, _, tail = stat.rpartition(")")
+    fields = tail.split()
+    switches = dict(line.split(":", 1) for line in status.splitlines() if "ctxt_switches" in line)
+    if schedstat:
+        ran, waited, _ = map(int, schedstat.split())
+        times = ran * 1e-9, waited * 1e-9
+    else:
+        times = (int(fields[11]) + int(fields[12])) / clock_hz, 0.0
+    slept, ousted = (int(switches[f"{kind}_ctxt_switches"]) for kind in ("voluntary", "nonvoluntary"))
+    return head.partition("(")[2], Spent(*times, slept, ousted)
+
+
+def resident_bytes(statm: str, page: int) -> int:
+    """Read how much memory a process holds, in bytes [1]."""
+    return int(statm.split()[1]) * page
+
+
+def read_usage(process: int) -> Usage:
+    """Look at a process now."""
+    here = Path("/proc") / str(process)
+    clock_hz, page = os.sysconf("SC_CLK_TCK"), os.sysconf("SC_PAGE_SIZE")
+    try:
+        threads = dict(
+            _read_thread(process, int(folder.name), folder, clock_hz) for folder in (here / "task").iterdir()
+        )
+        return Usage(now_ns(), threads, resident_bytes((here / "statm").read_text(), page))
+    except OSError as error:
+        raise NetboardError(f"cannot tell what process {process} uses: {error}") from error
+
+
+def _read_thread(process: int, thread: int, folder: Path, clock_hz: int) -> tuple[tuple[int, str], Spent]:
+    schedstat = folder / "schedstat"
+    name, spent = parse_thread(
+        (folder / "stat").read_text(),
+        schedstat.read_text() if schedstat.exists() else "",
+        (folder / "status").read_text(),
+        clock_hz,
+    )
+    return (thread, kind_of(process, thread, name)), spent

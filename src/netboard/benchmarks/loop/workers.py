@@ -1,0 +1,111 @@
+"""Processes of a benchmark beside those of netboard: each waits for an order, carries it out, answers, and waits again.
+
+Orders and answers are lines of JSON over pipes, so a worker that has nothing to do disturbs nothing. It ends when its
+orders do: with whoever started it.
+"""
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from types import TracebackType
+from typing import IO, Any, Self
+
+from netboard.base.errors import NetboardError
+
+END_SECONDS = 5.0
+"""A worker gets this long to end before it is killed [s]."""
+
+
+class Worker:
+    """A worker as seen by who gives the orders."""
+
+    def __init__(self, module: str, *arguments: str, said: Path) -> None:
+        self._name = f"{module.rpartition('.')[2]} {' '.join(arguments[:-1])}".strip()
+        self._said = said
+        with said.open("ab") as file:
+            self._process = subprocess.Popen(
+                [sys.executable, "-m", module, *arguments],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=file,
+                text=True,
+                start_new_session=True,
+            )
+
+    @property
+    def process_id(self) -> int:
+        """Its process id [1]."""
+        return self._process.pid
+
+    def order(self, **order: Any) -> None:
+        """Tell it what to do next; its answer is to be taken before the next order."""
+        try:
+            _pipe(self._process.stdin).write(json.dumps(order) + "\n")
+            _pipe(self._process.stdin).flush()
+        except OSError as error:
+            raise self._gone() from error
+
+    def answer(self) -> dict[str, Any]:
+        """Wait until it has done what it was told, and return what it found."""
+        line = _pipe(self._process.stdout).readline()
+        if not line:
+            raise self._gone()
+        found: dict[str, Any] = json.loads(line)
+        return found
+
+    def stop(self) -> None:
+        """End it."""
+        process = self._process
+        try:
+            process.communicate(timeout=END_SECONDS)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.communicate()
+
+    def _gone(self) -> NetboardError:
+        words = self._said.read_text(errors="replace").strip().splitlines()
+        return NetboardError(f"the {self._name} ended: {words[-1] if words else 'it said nothing'}")
+
+
+class Workers:
+    """Some workers by name; on leaving, all are ended."""
+
+    def __init__(self) -> None:
+        self.all: dict[str, Worker] = {}
+
+    def start(self, name: str, module: str, *arguments: str, folder: Path) -> Worker:
+        """Start one more."""
+        worker = Worker(module, *arguments, said=folder / f"{name.replace(' ', '-')}.log")
+        self.all[name] = worker
+        return worker
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        for worker in self.all.values():
+            worker.stop()
+
+
+def serve(carry_out: Callable[[dict[str, Any]], dict[str, Any]]) -> None:
+    """Be a worker: carry out orders until there are no more.
+
+    Parameters
+    ----------
+    carry_out : callable
+        Takes an order and returns what was found, both plain data.
+    """
+    for line in sys.stdin:
+        sys.stdout.write(json.dumps(carry_out(json.loads(line))) + "\n")
+        sys.stdout.flush()
+
+
+def _pipe(stream: IO[str] | None) -> IO[str]:
+    """Return a stream that is there, for it was asked for."""
+    if stream is None:
+        raise ValueError("the worker was started without pipes")
+    return stream

@@ -1,0 +1,326 @@
+"""Exponential collocation, for runs of reference quality: steps of 4 to 40 ms, cheaper than small steps of any method.
+
+With ``x' = A x + N(x, t)`` the state at every node of a step is ``e^(c h A) x(0)`` and an integral of N (variation of
+constants). N is taken for the polynomial through its values at Gauss's nodes, so that the integrals are products with
+matrices made beforehand, and its values are found by sweeps over the nodes (Picard's iteration), from what the last
+step makes one expect, until they change no more. Only N is approximated: a transient of A, however fast, costs no step.
+
+The nodes are done at once, one in each lane of a vector. Not for recordings: products and sums are fused.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from decimal import Decimal, localcontext
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numba import types
+from numpy.typing import NDArray
+
+from netboard.base.compiled import borrowed, fast, inlined, loosened, specialised
+from netboard.physics.arithmetic.simd import lanes_at, listed, pair_at, put, width_of, within, written
+from netboard.physics.arithmetic.trig import EIGHTH_TURN, sincos, small
+from netboard.physics.arithmetic.vectors import State
+from netboard.physics.methods.phi import DIGITS, cardinals, gauss_nodes, integrals
+from netboard.physics.methods.semilinear import FIXED, columns_of, kicked_rows, known_of, needed_rows, remainder
+from netboard.physics.scene.linear import scene_matrix
+from netboard.physics.scene.models import stopped
+from netboard.physics.scene.parameters import Parts
+
+Array = NDArray[np.float64]
+
+TOLERANCE = 1e-15
+"""Of the sweeps, unless told otherwise [m, rad]."""
+
+ROUNDING = 5e-17
+"""What never settles of an acceleration, by the largest element of A: the last digits of the state [m, rad]."""
+
+_SWEEPS = 40
+"""Most sweeps in a step [1]."""
+
+
+def _write_flows(n: int, _: int, s: int, known: int) -> str:
+    rows = needed_rows(n, known)
+    return listed(
+        [
+            " + ".join(f"lanes_at(flow, {(r * n + j) * s}, {s}) * x[{j}]" for j in columns_of(i, n, known))
+            for r, i in enumerate(rows)
+        ]
+    )
+
+
+def _write_moved(n: int, _: int, __: int, ___: int, s: int, known: int) -> str:
+    every, sums = kicked_rows(n, known), []
+    for r, i in enumerate(needed_rows(n, known)):
+        places = [(r * len(every) + q, q) for q, j in enumerate(every) if j in columns_of(i, n, known)]
+        sums.append(" + ".join([f"base[{r}]", *(f"applied(push, {p * s * s}, rest[{q}], {s})" for p, q in places)]))
+    return listed(sums)
+
+
+def _write_expected(n: int, _: int, __: int, s: int, known: int) -> str:
+    start = f"lanes_at(ahead, {s * s}, {s})"
+    return listed(
+        [f"applied(ahead, 0, last[{r}], {s}) + {start} * x[{i}]" for r, i in enumerate(needed_rows(n, known))]
+    )
+
+
+def _write_resting(n: int, s: int, known: int) -> str:
+    return listed([f"gathered((), {s}) + x[{i}]" for i in needed_rows(n, known)])
+
+
+def _write_whole(n: int, _: int, known: int) -> str:
+    rows = needed_rows(n, known)
+    return listed(
+        [f"values[{rows.index(i)}]" if i in rows else f"x[{i}]" if known & FIXED and i > 3 else "0.0" for i in range(n)]
+    )
+
+
+def _write_ended(n: int, _: int, __: int, ___: int, s: int, width: int, known: int) -> str:
+    flows = [f"lanes_at(end_flow, {j * width}, {width}) * x[{j}]" for j in range(n)]
+    kicks = [f"applied(end_push, {q * s * width}, rest[{q}], {width})" for q in range(len(kicked_rows(n, known)))]
+    return " + ".join(["(" + " + ".join(flows[::2]) + ")", "(" + " + ".join(flows[1::2]) + ")", *kicks])
+
+
+_flows = written("x, flow, nodes, known", _write_flows)
+"""Of every row that N depends on, the lanes that the flow e^(cA) makes of the state at the start."""
+
+_moved = written("x, base, push, rest, nodes, known", _write_moved)
+"""The same with what N, known at the nodes, adds."""
+
+_expected = written("x, last, ahead, nodes, known", _write_expected)
+"""The same rows as the polynomial through the last step's, and through the state at the start, goes on."""
+
+_resting = written("x, nodes, known", _write_resting)
+"""The same rows as if nothing moved."""
+
+_whole = written("x, values, known", _write_whole)
+"""A state whose rows are lanes; without those on which N does not depend."""
+
+_picked = written("rate, known", lambda n, known: listed([f"rate[{j}]" for j in kicked_rows(n, known)]))
+"""The rows in which N is something other than 0."""
+
+_ended = written("x, rest, end_flow, end_push, nodes, width, known", _write_ended)
+"""The state at the end of the step, in one vector."""
+
+_taken = written("x, end", lambda n, _: listed([f"lane(end, {i})" for i in range(n)]))
+"""The same as a tuple."""
+
+_settled = written(
+    "new, old, bound", lambda n, _, __: " and ".join(f"within(new[{q}] - old[{q}], bound)" for q in range(n))
+)
+"""Whether nothing changed by more than a bound."""
+
+
+@fast
+def _far(angles: Any) -> None:
+    """Set sines and cosines, in the second and the third row, of angles of any size, in the first."""
+    for i in range(angles.shape[1]):
+        angles[1, i], angles[2, i] = sincos(angles[0, i])
+
+
+def _turned(theta: Any) -> Any:
+    """Return sine and cosine of a float, or of lanes: at once, if all are within an eighth of a turn."""
+    if isinstance(theta, float):
+        return sincos(theta)
+    angles = np.empty((3, len(theta)))
+    angles[0] = theta
+    _far(angles)
+    return angles[1], angles[2]
+
+
+_small = loosened(small, {})
+
+
+@inlined
+def _turned_at_once(theta: Any, count: int) -> Any:
+    """Return sine and cosine of lanes; one by one, if an angle is too large for the short form."""
+    if within(theta, EIGHTH_TURN):
+        return _small(theta, 0.0)
+    angles = np.empty((3, count))
+    put(angles, 0, theta)
+    _far(angles)
+    return lanes_at(angles, count, count), lanes_at(angles, 2 * count, count)
+
+
+@specialised(_turned)
+def _turned_lanes(theta: Any) -> Any:
+    """Choose, when a kernel is compiled."""
+    if isinstance(theta, types.Float):
+        return lambda theta: sincos(theta)  # noqa: PLW0108  (numba takes no compiled function here)
+    count = theta.count
+    return lambda theta: _turned_at_once(theta, count)
+
+
+_remainder = loosened(remainder, {sincos: _turned})
+
+
+@cache
+def make_collocation(PARTS: Parts, LENGTH: int, NODES: int) -> Callable[..., int]:
+    """Compile collocation for a kind of scene.
+
+    Returns
+    -------
+    callable
+        ``collocate(x, hands, bound, tables..., scene, every, out)`` fills `out`, of shape (n // every + 1, length),
+        with the first state and that after every so many steps, and returns how many sweeps it took; `bound` is the
+        largest change of an acceleration that ends the sweeps [SI].
+    """
+    KNOWN, WIDTH = known_of(PARTS), width_of(LENGTH)
+
+    @fast
+    def collocate(
+        x: State,
+        hands: Any,
+        bound: float,
+        a: Any,
+        flow: Any,
+        push: Any,
+        ahead: Any,
+        end_flow: Any,
+        end_push: Any,
+        scene: Any,
+        every: int,
+        out: Any,
+    ) -> int:
+        one, hands, tables = scene[0], borrowed(hands), (borrowed(a), 0)
+        flow, push, ahead = borrowed(flow), borrowed(push), borrowed(ahead)
+        end_flow, end_push = borrowed(end_flow), borrowed(end_push)
+        for j in range(LENGTH):
+            out[0, j] = x[j]
+        last, sweeps = _resting(x, NODES, KNOWN), 0
+        for i in range(len(hands)):
+            left, right = pair_at(hands, i * (2 * NODES), NODES)
+            base = _flows(x, flow, NODES, KNOWN)
+            last = _expected(x, last, ahead, NODES, KNOWN)
+            rest = _picked(_remainder(_whole(x, last, KNOWN), left, right, tables, PARTS, one), KNOWN)
+            for _ in range(_SWEEPS):
+                sweeps += 1
+                last = _moved(x, base, push, rest, NODES, KNOWN)
+                new = _picked(_remainder(_whole(x, last, KNOWN), left, right, tables, PARTS, one), KNOWN)
+                done = _settled(new, rest, bound)
+                rest = new
+                if done:
+                    break
+            x = stopped(_taken(x, _ended(x, rest, end_flow, end_push, NODES, WIDTH, KNOWN)), PARTS, one)
+            if (i + 1) % every == 0:
+                for j in range(LENGTH):
+                    out[(i + 1) // every, j] = x[j]
+        return sweeps
+
+    return collocate
+
+
+@dataclass(frozen=True)
+class Tables:
+    """What collocation multiplies with, for one scene and one length of step.
+
+    Attributes
+    ----------
+    a : ndarray of float64, shape (1, 1, n, n)
+        A by its columns [SI].
+    flow : ndarray of float64, shape (rows, n, nodes)
+        e^(c h A), of the rows on which N depends, for every node c [SI].
+    push : ndarray of float64, shape (rows, kicks, nodes, nodes)
+        What N at each node makes of them at every node [SI].
+    ahead : ndarray of float64, shape (nodes + 1, nodes)
+        What the nodes of the last step, and its end, make one expect at every node [1].
+    end_flow, end_push : ndarray of float64, shapes (n, width) and (kicks, nodes, width)
+        The same as `flow` and `push` for the end of the step, of all rows [SI].
+    """
+
+    a: Array
+    flow: Array
+    push: Array
+    ahead: Array
+    end_flow: Array
+    end_push: Array
+
+
+def make_tables(parts: Parts, scene: Any, length: int, h: float, count: int) -> Tables:
+    """Return what collocation multiplies with."""
+    known = known_of(parts)
+    rows, kicks, width = needed_rows(length, known), kicked_rows(length, known), width_of(length)
+    a, nodes = scene_matrix(parts, scene, length), gauss_nodes(count)
+    polynomials = cardinals(nodes)
+    inner = [integrals(a, h, c, polynomials) for c in nodes]
+    end, ends = integrals(a, h, Decimal(1), polynomials)
+    end_flow, end_push = np.zeros((length, width)), np.zeros((len(kicks), count, width))
+    end_flow[:, :length], end_push[:, :, :length] = end.T, ends[:, :, kicks].transpose(2, 0, 1)
+    tables = (
+        a.T[None, None],
+        np.stack([flow[rows] for flow, _ in inner], axis=-1),
+        np.stack([pushes[:, rows][:, :, kicks].transpose(1, 2, 0) for _, pushes in inner], axis=-1),
+        _continued(nodes),
+        end_flow,
+        end_push,
+    )
+    return Tables(*(np.ascontiguousarray(table) for table in tables))
+
+
+def _continued(nodes: Sequence[Decimal]) -> Array:
+    """Return the values, at the nodes, of the polynomials for the nodes a step before and for 0."""
+    with localcontext() as context:
+        context.prec = DIGITS
+        before = cardinals([*(c - 1 for c in nodes), Decimal(0)])
+        values = [[sum(x * c**k for k, x in enumerate(polynomial)) for c in nodes] for polynomial in before]
+    return np.array(values, dtype=np.float64)
+
+
+def prepare_collocation(
+    x: State,
+    hands: Array,
+    h: float,
+    parts: Parts,
+    scene: NDArray[Any],
+    every: int = 1,
+    tolerance: float = TOLERANCE,
+) -> Callable[[], Array]:
+    """Prepare a run of a scene by collocation: its tables are made, and room for its states.
+
+    Parameters
+    ----------
+    hands : ndarray of float64, shape (n, nodes, 2)
+        Drives of the left and of the right hand at the nodes (`netboard.physics.methods.phi.gauss_nodes`) of every
+        step; there are 4, 8 or 16 of them [N].
+    tolerance : float
+        Sweeps end when what still changes of the accelerations would move nothing by more in a step [m, rad].
+
+    Returns
+    -------
+    callable
+        Does the run, and returns the states; every call returns the same array.
+    """
+    nodes, hands = hands.shape[1], np.ascontiguousarray(hands)
+    out = np.empty((len(hands) // every + 1, len(x)))
+    tables = make_tables(parts, scene[0], len(x), h, nodes)
+    march = make_collocation(parts, len(x), nodes)
+    bound = max(tolerance / (h * h), ROUNDING * float(np.abs(tables.a).max()))
+
+    def run() -> Array:
+        march(x, hands, bound, *vars(tables).values(), scene, every, out)
+        return out
+
+    return run
+
+
+def run_collocation(
+    x: State,
+    hands: Array,
+    h: float,
+    parts: Parts,
+    scene: NDArray[Any],
+    every: int = 1,
+    tolerance: float = TOLERANCE,
+) -> Array:
+    """Run a scene by collocation.
+
+    Parameters
+    ----------
+    hands : ndarray of float64, shape (n, nodes, 2)
+        Drives of the left and of the right hand at the nodes (`netboard.physics.methods.phi.gauss_nodes`) of every
+        step; there are 4, 8 or 16 of them [N].
+    tolerance : float
+        Sweeps end when what still changes of the accelerations would move nothing by more in a step [m, rad].
+    """
+    return prepare_collocation(x, hands, h, parts, scene, every, tolerance)()

@@ -1,0 +1,112 @@
+"""Work-precision diagrams, as SciML draws them: errors to the right, costs upwards, both logarithmic, a line a method.
+
+Better is down and to the left. Needs matplotlib, which is imported when a figure is drawn.
+"""
+
+from collections.abc import Callable, Sequence
+from itertools import groupby
+from math import isfinite
+from typing import Any
+
+from netboard.benchmarks.harness.results import Folder
+from netboard.benchmarks.physics.problem import SIGNALS
+from netboard.benchmarks.physics.solver import OURS
+from netboard.benchmarks.physics.work_precision import Row, frontier, physics_cost, whole_cost
+
+UNITS = {"z": "m", "theta": "rad", "p": "m", "force": "N"}
+
+_LARGEST = 1.0
+"""Runs with errors E beyond this are left out [1]."""
+
+_COLOURS = {
+    "heyoka": "tab:red",
+    "scipy": "tab:gray",
+    "CVODE": "tab:olive",
+    "diffrax": "tab:purple",
+    "Drake": "tab:brown",
+}
+_OTHER = "tab:orange"
+_MARKS = "osD^v<>pXP*h"
+
+
+def draw(rows: Sequence[Row], folder: Folder, signals: bool = True) -> None:
+    """Draw each problem: E against both costs, and each signal's error against the physics' cost."""
+    for problem in dict.fromkeys(row.problem for row in rows):
+        here = [row for row in rows if row.problem == problem and row.scaled < _LARGEST]
+        here.sort(key=lambda row: (row.family != OURS, row.family, row.method))
+        name = problem.replace(", ", "-")
+        folder.save(_overview(here, problem), f"work-precision-{name}")
+        if signals:
+            folder.save(_signals(here, problem), f"work-precision-{name}-signals")
+
+
+def _figure(width: float, height: float, across: int, down: int) -> tuple[Any, list[Any]]:
+    """Make a figure of several axes, without a screen."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width, height), layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure, list(figure.subplots(down, across, squeeze=False).flat)
+
+
+def _overview(rows: Sequence[Row], problem: str) -> Any:
+    """Draw E against the cost of the physics, and against the whole."""
+    figure, axes = _figure(15.0, 7.0, 2, 1)
+    for ax, cost, title in zip(
+        axes, (physics_cost, whole_cost), ("physics alone", "with evaluating the hands"), strict=True
+    ):
+        _curves(ax, rows, lambda row: row.scaled, cost)
+        best = frontier(rows, cost)
+        ax.plot([row.scaled for row in best], [cost(row) for row in best], color="black", alpha=0.15, linewidth=8)
+        ax.set_xlabel("E: largest error of any signal over the signal's largest value [1]")
+        ax.set_ylabel("cost of a second of simulated time [us]")
+        ax.set_title(f"{problem}: {title}")
+    axes[1].legend(fontsize=7, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    return figure
+
+
+def _signals(rows: Sequence[Row], problem: str) -> Any:
+    """Draw each signal's error."""
+    figure, axes = _figure(13.0, 10.0, 2, 2)
+    for i, (ax, signal) in enumerate(zip(axes, SIGNALS, strict=True)):
+        _curves(ax, rows, _error_of(i), physics_cost)
+        ax.set_xlabel(f"largest error of {signal} [{UNITS[signal]}]")
+        ax.set_ylabel("cost of a second of simulated time, physics alone [us]")
+    figure.suptitle(problem)
+    axes[1].legend(fontsize=7, loc="upper left", bbox_to_anchor=(1.0, 1.0))
+    return figure
+
+
+def _error_of(signal: int) -> Callable[[Row], float]:
+    """Return what tells the error of one signal."""
+    return lambda row: row.errors[signal]
+
+
+def _curves(ax: Any, rows: Sequence[Row], error: Callable[[Row], float], cost: Callable[[Row], float]) -> None:
+    """Draw a line for each method, without those of its settings that another beats."""
+    ours = [method for method, _ in groupby(row.method for row in rows if row.family == OURS)]
+    for i, ((family, method), curve) in enumerate(groupby(rows, key=lambda row: (row.family, row.method))):
+        shown = [(error(row), cost(row)) for row in frontier(curve, cost) if isfinite(error(row)) and error(row) > 0.0]
+        own = family == OURS
+        ax.plot(
+            [x for x, _ in shown],
+            [y for _, y in shown],
+            marker=_MARKS[i % len(_MARKS)],
+            markersize=4,
+            linewidth=1.5 if own else 1.0,
+            linestyle="-" if own else "--",
+            color=_shade(ours.index(method) / max(len(ours), 1)) if own else _COLOURS.get(family, _OTHER),
+            label=f"{family} {method}",
+        )
+    ax.set_xscale("log")
+    ax.set_yscale("log")
+    ax.invert_xaxis()
+    ax.grid(True, which="major", alpha=0.3)
+
+
+def _shade(share: float) -> Any:
+    """Return a colour from blue to green."""
+    import matplotlib as mpl
+
+    return mpl.colormaps["viridis"](0.05 + 0.8 * share)

@@ -1,0 +1,187 @@
+"""What error to expect of a run, signal by signal, after 1, 3 and 10 s: live, offline, and of the model.
+
+The hands of the test problem are sampled at 1 kHz, as devices do; what is between the samples each hold makes up in
+its own way. The truth is the same scene with hands that never stop moving smoothly. Errors of the ball grow with time,
+since the ball is a saddle: whatever is wrong with it grows by e in 2.28 s.
+"""
+
+from dataclasses import dataclass
+from math import exp
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.base.tables.scene import Physics
+from netboard.base.tick import TICK_SECONDS
+from netboard.benchmarks.harness.results import Part, Value
+from netboard.benchmarks.physics.problem import Problem, Reference, styluses_at
+from netboard.physics.arithmetic.vectors import State
+from netboard.physics.methods.march import forces_along, make_grid, run
+from netboard.physics.scene.parameters import pack_scene, parts_of
+from netboard.physics.scene.statics import ball_poles
+
+Array = NDArray[np.float64]
+Hold = Literal["zoh", "cv", "ca", "hermite"]
+
+HORIZONS = (1.0, 3.0, 10.0)
+"""How far runs go [s]."""
+
+NUDGE = 1e-6
+"""By how much the ball is put elsewhere, to see that grow [m]."""
+
+
+@dataclass(frozen=True)
+class Expectation:
+    """Errors of one way of running the scene.
+
+    Attributes
+    ----------
+    horizon : float
+        How long the run was [s].
+    errors : tuple of float
+        Largest error of each of `SIGNALS` so far [m, rad, m, N].
+    """
+
+    name: str
+    horizon: float
+    errors: tuple[float, ...]
+
+
+def sampled_hands(problem: Problem, hold: Hold, age: float = 0.0) -> Array:
+    """Return the drives through each tick as a hold makes them up from samples."""
+    ticks = np.arange(round(problem.duration / TICK_SECONDS) + 1) * TICK_SECONDS
+    z, vz = styluses_at(ticks - age)
+    _, before = styluses_at(ticks - age - TICK_SECONDS)
+    az = (vz - before) / TICK_SECONDS if hold == "ca" else np.zeros_like(vz)
+    k, c, h = problem.physics.k_h, problem.physics.c_h, TICK_SECONDS
+    if hold == "hermite":
+        mean = (z[1:] - z[:-1]) / h
+        bend, twist = (3 * mean - 2 * vz[:-1] - vz[1:]) / h, (vz[:-1] + vz[1:] - 2 * mean) / h**2
+        parts = (k * z[:-1] + c * vz[:-1], k * vz[:-1] + 2 * c * bend, k * bend + 3 * c * twist, k * twist)
+    elif hold == "zoh":
+        parts = (k * z + c * vz, 0 * z, 0 * z, 0 * z)
+    else:
+        z, vz = z + vz * age + az * age**2 / 2, vz + az * age
+        parts = (k * z + c * vz, k * vz + c * az, k * az / 2, 0 * z)
+    hands = np.stack(parts, axis=-1)[: len(ticks) - 1]
+    return np.ascontiguousarray(hands.reshape(len(hands), 8))
+
+
+def sampled_run(
+    problem: Problem, hold: Hold, method: str, substeps: int = 1, age: float = 0.0, nudge: float = 0.0
+) -> tuple[Array, Array]:
+    """Run a problem from samples of its hands.
+
+    Parameters
+    ----------
+    nudge : float
+        The ball starts so far from where the problem has it [m].
+
+    Returns
+    -------
+    forces : ndarray of float64, shape (n, 2)
+        That a server would have sent then, on the board [N].
+    """
+    z, vz, theta, omega, p, vp = problem.first
+    hands, first = sampled_hands(problem, hold, age), (z, vz, theta, omega, p + nudge, vp)
+    return _run(problem.physics, first, hands, method, substeps)
+
+
+def _run(physics: Physics, first: State, hands: Array, method: str, substeps: int) -> tuple[Array, Array]:
+    """Return states and forces at every tick but the last."""
+    n, parts, scene = len(hands), parts_of(physics), pack_scene(physics)
+    grid = make_grid(method, np.full(n, TICK_SECONDS), np.full(n, substeps, np.int64), parts, 6, scene)
+    states = run(method, first, hands, grid, parts, scene)[:-1]
+    return states, forces_along(states, np.ascontiguousarray(hands[:, [0, 4]]), parts, scene)
+
+
+def _largest(states: Array, forces: Array, horizon: float) -> tuple[float, ...]:
+    """Largest error of each signal up to a horizon; both on the grid of the reference."""
+    stop = round(horizon / 0.002)
+    return (*(float(np.abs(states[:stop, i]).max()) for i in (0, 2, 4)), float(np.abs(forces[:stop]).max()))
+
+
+def expectations(problem: Problem, reference: Reference) -> list[Expectation]:
+    """Return what to expect of the live tick with each hold, and of a run offline."""
+    ways: list[tuple[str, Hold, str, int, float]] = [
+        ("live, zoh", "zoh", "rk4", 1, 0.0),
+        ("live, cv", "cv", "rk4", 1, 0.0),
+        ("live, ca (the default)", "ca", "rk4", 1, 0.0),
+        ("live, ca, samples 0.5 ms old", "ca", "rk4", 1, 0.0005),
+        ("live, ca, samples 1 ms old", "ca", "rk4", 1, 0.001),
+        ("offline, hermite, rk4", "hermite", "rk4", 1, 0.0),
+        ("offline, hermite, etdrk4", "hermite", "etdrk4", 1, 0.0),
+        ("offline, hermite, dop853 (the default)", "hermite", "dop853", 2, 0.0),
+    ]
+    found = []
+    for name, hold, method, substeps, age in ways:
+        states, forces = sampled_run(problem, hold, method, substeps, age)
+        count = len(states[::2])
+        wrong = states[::2] - reference.states[:count], forces[::2] - reference.forces[:count]
+        found += [Expectation(name, horizon, _largest(*wrong, horizon)) for horizon in HORIZONS]
+    return found
+
+
+def left_out(problem: Problem) -> list[Expectation]:
+    """Return how far scenes that leave less out get from the paper's, from the same start under the same hands."""
+    scenes = {
+        "Lagrange's equations": Physics(model="lagrangian"),
+        "Lagrange's, and the ball rolls (solid sphere)": Physics(model="lagrangian", ball_inertia=0.4),
+        "the paper's, and the ball rolls": Physics(ball_inertia=0.4),
+    }
+    hands = sampled_hands(problem, "hermite")
+    states, forces = _run(problem.physics, problem.first, hands, "dop853", 2)
+    found = []
+    for name, physics in scenes.items():
+        other, felt = _run(physics, problem.first, hands, "dop853", 2)
+        wrong = (other - states)[::2], (felt - forces)[::2]
+        found += [Expectation(name, horizon, _largest(*wrong, horizon)) for horizon in HORIZONS]
+    return found
+
+
+def growth(problem: Problem) -> list[tuple[float, float, float]]:
+    """Return how a ball put a little elsewhere gets away, beside what the saddle alone would make of it.
+
+    Returns
+    -------
+    list of tuple of float
+        For each horizon: the horizon, how many times further away the ball is, and ``cosh`` of the pole's exponent
+        [s, 1, 1].
+    """
+    here, _ = sampled_run(problem, "hermite", "dop853", 2)
+    there, _ = sampled_run(problem, "hermite", "dop853", 2, nudge=NUDGE)
+    pole = abs(ball_poles(1, problem.parts, problem.scene[0])[0])
+    away = np.abs(there[:, 4] - here[:, 4]) / NUDGE
+    return [
+        (horizon, float(away[round(horizon * 1000) - 1]), (exp(pole * horizon) + exp(-pole * horizon)) / 2)
+        for horizon in HORIZONS
+    ]
+
+
+def expect_parts(problem: Problem, reference: Reference) -> list[Part]:
+    """Return the tables of what to expect.
+
+    Parameters
+    ----------
+    problem : Problem
+        The problem; what is left out is told of the paper's alone.
+
+    Returns
+    -------
+    list of Part
+        Errors by way and horizon, differences between models, and how the ball gets away.
+    """
+    head = ("horizon [s]", "z [m]", "theta [rad]", "p [m]", "force [N]")
+    errors: list[tuple[Value, ...]] = [
+        (found.name, found.horizon, *found.errors) for found in expectations(problem, reference)
+    ]
+    others: list[tuple[Value, ...]] = [(found.name, found.horizon, *found.errors) for found in left_out(problem)]
+    away, saddle = "times further away", "cosh of the ball's pole times the horizon"
+    parts = [Part("expect", "Errors to expect by each horizon, from samples at 1 kHz", ("run", *head), errors)]
+    if problem.model == "paper":
+        parts += [
+            Part("left-out", "What the paper's equations leave out: differences from them", ("scene", *head), others),
+            Part("growth", f"A ball put {NUDGE:g} m elsewhere", ("horizon [s]", away, saddle), list(growth(problem))),
+        ]
+    return parts

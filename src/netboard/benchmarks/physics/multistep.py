@@ -1,0 +1,247 @@
+"""Exponential multistep methods of Adams, for long smooth runs: one or two evaluations of N a step, of order 2 to 7.
+
+With ``x' = A x + N(x, t)`` the linear part is solved exactly, and N taken for the polynomial through its values at the
+last grid points: the explicit methods (Adams-Bashforth) predict with it, and the pair goes on to evaluate N at the
+prediction and to correct it with that (Adams-Moulton, PECE). The first steps are collocation at the same grid points,
+so that a run needs the hands on its grid and nowhere else. The history is of smooth hands and a smooth scene: for raw
+input, and for balls that meet stops, take a one-step method. Not for recordings: products and sums are fused.
+
+A state is in one vector, tilt first, since it is the first that the next evaluation waits for.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from decimal import Decimal
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.base.compiled import borrowed, fast, loosened
+from netboard.benchmarks.physics.collocation import ROUNDING
+from netboard.physics.arithmetic.simd import listed, width_of, written
+from netboard.physics.arithmetic.vectors import State
+from netboard.physics.methods.phi import cardinals, integrals
+from netboard.physics.methods.semilinear import kicked_rows, known_of, remainder
+from netboard.physics.scene.linear import scene_matrix
+from netboard.physics.scene.parameters import Parts
+
+Array = NDArray[np.float64]
+
+_FIRST = 8
+"""Grid points of which the first states are found together, for a start that is better than what follows [1]."""
+
+_SWEEPS = 100
+"""Most sweeps over these [1]."""
+
+
+@dataclass(frozen=True)
+class Multistep:
+    """A multistep method.
+
+    Attributes
+    ----------
+    past : int
+        Values of N that it predicts from, the newest included [1].
+    corrector : int
+        Values of N that it corrects with, that of the prediction included; 0 if it does not [1].
+    """
+
+    name: str
+    order: int
+    past: int
+    corrector: int = 0
+
+
+MULTISTEP = (
+    Multistep("etd_ab2", 2, 2),
+    Multistep("etd_ab4", 4, 4),
+    Multistep("etd_ab6", 6, 6),
+    Multistep("etd_pece6", 7, 6, 7),
+)
+"""All of them."""
+
+
+def _write_flow(n: int, _: int, width: int) -> str:
+    terms = [f"lanes_at(flow, {j * width}, {width}) * x[{j}]" for j in range(n)]
+    return "(" + " + ".join(terms[::2]) + ") + (" + " + ".join(terms[1::2]) + ")"
+
+
+def _write_pushed(count: int, _: int, width: int) -> str:
+    """Write a sum in three chains, that of the oldest values first, those of the newest at their ends."""
+    terms = [f"lanes_at(push, {q * width}, {width}) * past[{q}]" for q in range(count - 1, -1, -1)]
+    return " + ".join("(" + " + ".join(terms[c::3]) + ")" for c in range(min(3, count)))
+
+
+_flow = written("x, flow, width", _write_flow)
+"""What the linear part makes of a state through a step, in a vector."""
+
+_pushed = written("past, push, width", _write_pushed)
+"""What the values of N add."""
+
+_taken = written("lanes, x", lambda _, n: listed([f"lane(lanes, {(j - 2) % n})" for j in range(n)]))
+"""A state out of its vector."""
+
+_spread = written(
+    "rate, width, known",
+    lambda n, width, known: listed([f"gathered((), {width}) + rate[{j}]" for j in kicked_rows(n, known)]),
+)
+"""The rows in which N is something other than 0, each of them in all lanes."""
+
+_shifted = written(
+    "rest, past", lambda k, count: listed([f"rest[{q}]" for q in range(k)] + [f"past[{q}]" for q in range(count - k)])
+)
+"""A history with the newest value of N first, and without the oldest."""
+
+_with = written(
+    "rest, past", lambda k, count: listed([f"rest[{q}]" for q in range(k)] + [f"past[{q}]" for q in range(count)])
+)
+"""A history with a value before it."""
+
+_row = written("states, i, length", lambda _, __, n: listed([f"states[i, {j}]" for j in range(n)]))
+"""A state out of an array."""
+
+_blank = written("count, width", lambda count, width: listed([f"gathered((), {width})"] * count))
+"""A history of zeros."""
+
+_remainder = loosened(remainder, {})
+
+
+@cache
+def _make_start(PARTS: Parts, LENGTH: int) -> Callable[..., None]:
+    """Compile what finds the first states: those that agree with the polynomial through their own values of N."""
+
+    @fast
+    def start(x: State, hands: Any, bound: float, a: Any, flows: Any, pushes: Any, scene: Any, states: Any) -> None:
+        one, tables, rests = scene[0], (borrowed(a), 0), np.zeros((_FIRST, LENGTH))
+        for i in range(_FIRST):
+            for j in range(LENGTH):
+                states[i, j] = x[j]
+        for _ in range(_SWEEPS):
+            change = 0.0
+            for i in range(_FIRST):
+                rest = _remainder(_row(states, i, LENGTH), hands[i, 0], hands[i, 1], tables, PARTS, one)
+                for j in range(LENGTH):
+                    change = max(change, abs(rest[j] - rests[i, j]))
+                    rests[i, j] = rest[j]
+            if change <= bound:
+                break
+            for i in range(1, _FIRST):
+                for j in range(LENGTH):
+                    total = 0.0
+                    for k in range(LENGTH):
+                        total += flows[i, j, k] * x[k]
+                    for k in range(1, LENGTH, 2):
+                        for q in range(_FIRST):
+                            total += pushes[i, q, j, k] * rests[q, k]
+                    states[i, j] = total
+
+    return start
+
+
+@cache
+def _make_run(PARTS: Parts, LENGTH: int, PAST: int, CORRECTS: bool) -> Callable[..., None]:
+    """Compile a method for a kind of scene."""
+    KNOWN, WIDTH = known_of(PARTS), width_of(LENGTH)
+    ALL = PAST * len(kicked_rows(LENGTH, KNOWN))
+
+    @fast
+    def run(
+        first: Any, hands: Any, a: Any, flow: Any, predictor: Any, corrector: Any, scene: Any, every: int, out: Any
+    ) -> None:
+        one, hands, tables = scene[0], borrowed(hands), (borrowed(a), 0)
+        flow, predictor, corrector = borrowed(flow), borrowed(predictor), borrowed(corrector)
+        past, x = _blank(ALL, WIDTH), _row(first, 0, LENGTH)
+        for i in range(len(hands)):
+            if i < _FIRST:
+                x = _row(first, i, LENGTH)
+                rest = _spread(_remainder(x, hands[i, 0], hands[i, 1], tables, PARTS, one), WIDTH, KNOWN)
+            else:
+                flowed = _flow(x, flow, WIDTH)
+                x = _taken(flowed + _pushed(past, predictor, WIDTH), x)
+                rest = _spread(_remainder(x, hands[i, 0], hands[i, 1], tables, PARTS, one), WIDTH, KNOWN)
+                if CORRECTS:
+                    x = _taken(flowed + _pushed(_with(rest, past), corrector, WIDTH), x)
+                    rest = _spread(_remainder(x, hands[i, 0], hands[i, 1], tables, PARTS, one), WIDTH, KNOWN)
+            past = _shifted(rest, past)
+            if i % every == 0:
+                for j in range(LENGTH):
+                    out[i // every, j] = x[j]
+
+    return run
+
+
+def _packed(matrices: Array, rows: list[int], width: int) -> Array:
+    """Return some columns of matrices, one after the other, each as a vector with the tilt first."""
+    length = matrices.shape[-1]
+    packed = np.zeros((len(matrices), len(rows), width))
+    packed[:, :, :length] = np.roll(matrices, -2, axis=1)[:, :, rows].transpose(0, 2, 1)
+    return packed
+
+
+def _tables(method: Multistep, parts: Parts, scene: Any, length: int, h: float) -> tuple[Array, ...]:
+    """Return what a method multiplies with: A, the flow through a step, predictor, corrector, and two for the start."""
+    a, one = scene_matrix(parts, scene, length), Decimal(1)
+    rows, width = kicked_rows(length, known_of(parts)), width_of(length)
+    flow, predictor = integrals(a, h, one, cardinals([Decimal(-i) for i in range(method.past)]))
+    corrector = predictor
+    if method.corrector:
+        _, corrector = integrals(a, h, one, cardinals([Decimal(1 - i) for i in range(method.corrector)]))
+    polynomials = cardinals([Decimal(i) for i in range(_FIRST)])
+    firsts = [integrals(a, h, Decimal(i), polynomials) for i in range(_FIRST)]
+    return (
+        np.ascontiguousarray(a.T[None, None]),
+        _packed(flow[None], list(range(length)), width),
+        _packed(predictor, rows, width),
+        _packed(corrector, rows, width),
+        np.array([flow for flow, _ in firsts]),
+        np.array([pushes for _, pushes in firsts]),
+    )
+
+
+def prepare_multistep(
+    name: str, x: State, hands: Array, h: float, parts: Parts, scene: NDArray[Any], every: int = 1
+) -> Callable[[], Array]:
+    """Prepare a run of a scene by a multistep method: its tables are made, and room for its states.
+
+    Parameters
+    ----------
+    hands : ndarray of float64, shape (n + 1, 2)
+        Drives of the left and of the right hand at the ends of the steps, the first at the start [N].
+
+    Returns
+    -------
+    callable
+        Does the run, and returns the states; every call returns the same array.
+    """
+    method = next(m for m in MULTISTEP if m.name == name)
+    if parts.stops:
+        raise ValueError(f"{name} needs smooth motion: take a one-step method for balls that meet stops")
+    if len(hands) < _FIRST:
+        raise ValueError(f"{name} needs {_FIRST - 1} steps or more, not {len(hands) - 1}")
+    a, flow, predictor, corrector, flows, pushes = _tables(method, parts, scene[0], len(x), h)
+    hands, first = np.ascontiguousarray(hands), np.empty((_FIRST, len(x)))
+    begin, march = _make_start(parts, len(x)), _make_run(parts, len(x), method.past, method.corrector > 0)
+    out = np.empty(((len(hands) - 1) // every + 1, len(x)))
+    bound = ROUNDING * float(np.abs(a).max())
+
+    def run() -> Array:
+        begin(x, hands, bound, a, flows, pushes, scene, first)
+        march(first, hands, a, flow, predictor, corrector, scene, every, out)
+        return out
+
+    return run
+
+
+def run_multistep(
+    name: str, x: State, hands: Array, h: float, parts: Parts, scene: NDArray[Any], every: int = 1
+) -> Array:
+    """Run a scene by a multistep method.
+
+    Parameters
+    ----------
+    hands : ndarray of float64, shape (n + 1, 2)
+        Drives of the left and of the right hand at the ends of the steps, the first at the start [N].
+    """
+    return prepare_multistep(name, x, hands, h, parts, scene, every)()

@@ -1,0 +1,248 @@
+"""Our own methods as contenders: one-step and multistep methods with all lengths of step, and collocation.
+
+What a run reads is made beforehand: the hands at the method's nodes, and its tables. States are known where steps end,
+so that with steps longer than the grid of the reference fewer points of it are met.
+"""
+
+from collections.abc import Callable
+from functools import cache, partial
+from math import gcd
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.benchmarks.physics.collocation import Tables, make_collocation, make_tables
+from netboard.benchmarks.physics.problem import SPACING, Array, Problem, drives_at, multiples, node_times
+from netboard.benchmarks.physics.runs import OFFLINE, Offline
+from netboard.benchmarks.physics.solver import OURS, Contender, Solution
+from netboard.physics.methods.catalogue import METHODS, NUMBER, Method
+from netboard.physics.methods.march import Grid, make_grid, make_march, run
+from netboard.physics.methods.phi import gauss_nodes
+from netboard.physics.scene.parameters import SCENE, Parts
+
+STEPS = (0.020, 0.010, 0.005, 0.004, 0.002, 0.001, 0.0005, 0.00025)
+"""Lengths of the one-step methods' steps [s]."""
+
+QUICK_STEPS = (0.005, 0.004, 0.002, 0.001, 0.0005)
+QUICK_METHODS = ("semi_implicit", "rk4", "dop853")
+
+MULTISTEPS = (0.004, 0.002, 0.001, 0.0005, 0.00025)
+"""Lengths of the multistep methods' steps [s]."""
+
+COLLOCATION = {
+    4: ((0.1, 0.05, 0.04, 0.02, 0.01, 0.004, 0.002), (1e-4, 1e-6, 1e-9, 1e-12)),
+    8: ((0.1, 0.05, 0.04, 0.02, 0.01, 0.005, 0.004, 0.002), (1e-5, 1e-8, 1e-11, 1e-14)),
+    16: ((0.1, 0.05, 0.04, 0.02, 0.01), (1e-11, 1e-14)),
+}
+"""By the number of nodes: lengths of step, and changes of a place at which the sweeps end [s, m]."""
+
+QUICK_COLLOCATION = {8: ((0.1, 0.05, 0.04, 0.02, 0.01, 0.005), (1e-5, 1e-8, 1e-11, 1e-14))}
+
+OPENING, OPENING_STEPS = 0.1, (0.005, 0.0025, 0.002)
+"""A cold run may begin with shorter steps, for so long, which the throw dies away in [s]."""
+
+
+def meeting(h: float) -> tuple[int, int]:
+    """Return which steps meet which points of the reference."""
+    step, spacing = round(h * 1e6), round(SPACING * 1e6)
+    common = step * spacing // gcd(step, spacing)
+    return common // step, common // spacing
+
+
+# --- one-step methods --------------------------------------------------------------------------------------------
+
+
+def one_step_contenders(problem: Problem, quick: bool) -> list[Contender]:
+    """Return our one-step methods, each with all lengths of step."""
+    steps = QUICK_STEPS if quick else STEPS
+    return [
+        Contender(
+            OURS,
+            method.name,
+            f"{h * 1e3:g} ms",
+            partial(_solve, problem, method, h),
+            _march(problem, method, h, False),
+            inputs=False,
+            dense=_march(problem, method, h, True) if h <= SPACING else None,
+        )
+        for method in METHODS
+        if _fits(problem, method) and (not quick or method.name in QUICK_METHODS)
+        for h in steps
+        if _divides(h, problem.duration)
+    ]
+
+
+def _divides(h: float, duration: float) -> bool:
+    """Say whether a run is a whole number of steps."""
+    return abs(round(duration / h) * h - duration) < 1e-9
+
+
+def _fits(problem: Problem, method: Method) -> bool:
+    """Say whether a method can do a problem: the exact one needs a board that cannot tilt."""
+    return method.name != "exact" or not problem.parts.tilts
+
+
+def _hands(problem: Problem, method: Method, h: float) -> tuple[Grid, Array]:
+    """Return the steps of a run and the hands at the method's nodes in each."""
+    count = round(problem.duration / h)
+    grid = make_grid(method.name, np.full(count, h), np.ones(count, np.int64), problem.parts, 6, problem.scene)
+    return grid, drives_at(problem.waves, node_times(multiples(count, h), h, method.nodes))
+
+
+def _solve(problem: Problem, method: Method, h: float) -> Solution:
+    """Run a method, and keep the states that meet points of the reference."""
+    grid, hands = _hands(problem, method, h)
+    states = run(method.name, problem.first, hands, grid, problem.parts, problem.scene)
+    every, stride = meeting(h)
+    return Solution(np.ascontiguousarray(states[::every]), stride, len(hands), hands.shape[0] * hands.shape[1])
+
+
+def own_solution(problem: Problem, method: str, h: float) -> Array:
+    """Solve a problem by a one-step method whose steps meet all points of the reference."""
+    return _solve(problem, METHODS[NUMBER[method]], h).states
+
+
+def _march(problem: Problem, method: Method, h: float, keep: bool) -> Callable[[], object]:
+    """Return a run that keeps all states, or nothing."""
+
+    def prepared() -> Callable[[], object]:
+        grid, hands = _hands(problem, method, h)
+        march = make_march(NUMBER[method.name], problem.parts)
+        steps = grid.lengths, grid.counts, grid.kinds, grid.tables
+        return partial(march, problem.first, hands, *steps, problem.scene, np.empty((len(hands) + 1 if keep else 0, 6)))
+
+    return _Prepared(prepared)
+
+
+class _Prepared:
+    """A run whose preparations are made when it first runs, and kept."""
+
+    def __init__(self, prepare: Callable[[], Callable[[], object]]) -> None:
+        self._prepare = prepare
+        self._run: Callable[[], object] | None = None
+
+    def __call__(self) -> None:
+        self._run = self._run or self._prepare()
+        self._run()
+
+
+# --- exponential multistep methods -------------------------------------------------------------------------------
+
+
+def multistep_contenders(problem: Problem, quick: bool) -> list[Contender]:
+    """Return the exponential multistep methods, each with all lengths of step."""
+    return [
+        Contender(
+            OURS,
+            method.name,
+            f"{h * 1e3:g} ms",
+            partial(_follow, problem, method, h),
+            _Prepared(partial(_chained, problem, method, h, round(problem.duration / h))),
+            inputs=False,
+            dense=_Prepared(partial(_chained, problem, method, h, meeting(h)[0])) if h <= SPACING else None,
+        )
+        for method in OFFLINE
+        if method.chained and not quick
+        for h in MULTISTEPS
+        if _divides(h, problem.duration)
+    ]
+
+
+def _chained(problem: Problem, method: Offline, h: float, every: int) -> Callable[[], Array]:
+    """Return a run that keeps a state after every so many steps."""
+    count = round(problem.duration / h)
+    hands = drives_at(problem.waves, multiples(count + 1, h))
+    return method.prepare(problem.first, hands, h, problem.parts, problem.scene, every)
+
+
+def _follow(problem: Problem, method: Offline, h: float) -> Solution:
+    """Run a method, and keep the states that meet points of the reference."""
+    every, stride = meeting(h)
+    count = round(problem.duration / h)
+    return Solution(_chained(problem, method, h, every)(), stride, count, count + 1)
+
+
+# --- collocation -------------------------------------------------------------------------------------------------
+
+
+def collocation_contenders(problem: Problem, quick: bool) -> list[Contender]:
+    """Return exponential collocation, with several numbers of nodes, lengths of step and tolerances."""
+    found = []
+    for nodes, (steps, tolerances) in (QUICK_COLLOCATION if quick else COLLOCATION).items():
+        for h in steps:
+            for tolerance in tolerances:
+                if _divides(h, problem.duration):
+                    found.append(_collocation(problem, nodes, ((h, problem.duration),), tolerance))
+                rest = problem.duration - OPENING
+                if problem.start == "cold" and nodes == 8 and h > max(OPENING_STEPS) and rest > 0 and _divides(h, rest):
+                    found += [
+                        _collocation(problem, nodes, ((short, OPENING), (h, rest)), tolerance)
+                        for short in OPENING_STEPS
+                    ]
+    return found
+
+
+Segments = tuple[tuple[float, float], ...]
+"""Lengths of step, and how long each goes on [s, s]."""
+
+
+def _collocation(problem: Problem, nodes: int, segments: Segments, tolerance: float) -> Contender:
+    """Describe one setting."""
+    opening = ", short steps first" if len(segments) > 1 else ""
+    setting = " then ".join(f"{h * 1e3:g} ms" for h, _ in segments) + f", tol {tolerance:.0e}"
+    return Contender(
+        OURS,
+        f"collocation {nodes}{opening}",
+        setting,
+        partial(_collocate, problem, nodes, segments, tolerance),
+        _Prepared(partial(_chain, problem, nodes, segments, tolerance, False)),
+        inputs=False,
+        dense=_Prepared(partial(_chain, problem, nodes, segments, tolerance, True))
+        if max(h for h, _ in segments) <= SPACING
+        else None,
+    )
+
+
+def _collocate(problem: Problem, nodes: int, segments: Segments, tolerance: float) -> Solution:
+    """Run collocation, and keep the states that meet points of the reference, the same distance apart throughout."""
+    outs = _chain(problem, nodes, segments, tolerance, True)()
+    stride = meeting(segments[-1][0])[1]
+    steps = sum(round(length / h) for h, length in segments)
+    kept = [outs[0][:1]]
+    for (h, _), out in zip(segments, outs, strict=True):
+        kept.append(out[1:][stride // meeting(h)[1] - 1 :: stride // meeting(h)[1]])
+    return Solution(np.concatenate(kept), stride, steps, steps * nodes)
+
+
+def _chain(
+    problem: Problem, nodes: int, segments: Segments, tolerance: float, keep: bool
+) -> Callable[[], list[NDArray[Any]]]:
+    """Return what runs one segment after the other, each from where the last ended."""
+    march = make_collocation(problem.parts, 6, nodes)
+    inner = tuple(float(node) for node in gauss_nodes(nodes))
+    runs, outs, begin = [], [], 0.0
+    for h, length in segments:
+        count = round(length / h)
+        hands = drives_at(problem.waves, node_times(begin + multiples(count, h), h, inner))
+        tables = _tables(problem.parts, problem.scene.tobytes(), h, nodes)
+        every = meeting(h)[0] if keep else count
+        outs.append(np.empty((count // every + 1, 6)))
+        arguments = (hands, tolerance / (h * h), *vars(tables).values(), problem.scene, every, outs[-1])
+        runs.append(arguments)
+        begin += length
+
+    def chain() -> list[NDArray[Any]]:
+        x = problem.first
+        for arguments, out in zip(runs, outs, strict=True):
+            march(x, *arguments)
+            x = tuple(out[-1].tolist())
+        return outs
+
+    return chain
+
+
+@cache
+def _tables(parts: Parts, scene: bytes, h: float, nodes: int) -> Tables:
+    """Make the tables of a scene for a length of step, once."""
+    return make_tables(parts, np.frombuffer(scene, SCENE)[0], 6, h, nodes)

@@ -1,0 +1,331 @@
+"""The tables of ``netboard bench physics``, and the verdicts that follow from each."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from math import inf
+
+from netboard.benchmarks.harness.results import Part, Value, Verdict
+from netboard.benchmarks.physics.holds import HoldRow
+from netboard.benchmarks.physics.peer_mujoco import FAMILY as MUJOCO
+from netboard.benchmarks.physics.peer_mujoco import STAGES
+from netboard.benchmarks.physics.problem import SIGNALS, Problem, Reference
+from netboard.benchmarks.physics.skips import SkipRow
+from netboard.benchmarks.physics.solver import OURS
+from netboard.benchmarks.physics.tick_cost import TickCost
+from netboard.benchmarks.physics.work_precision import TARGETS, Comparison, Row, cost_at, frontier, least_cost
+
+SURE = 1e-11
+"""Two references that differ by less are good enough to tell an E of 1e-12 from 1e-11 [1]."""
+
+LIVE, OFFLINE = 1e-4, 1e-7
+"""Largest errors of force that sampling may leave [N]."""
+
+FLOORS, CALL, MANY = 2.0, 1000.0, 15_000.0
+"""What a tick may cost: compiled, in floors; called from Python; of a thousand simulations [1, ns, ns]."""
+
+STEPS, HELD_STEPS, HELD_ERROR = 100.0, 700.0, 1e-3
+"""How many times MuJoCo's cost is to be ours, at any error, and at one error with held controls [1]."""
+
+LEVEL, SAME = 4.0, 1e-8
+"""How many times cheaper a board that cannot tilt is to be; how far a lesser scene may be from the full one [1, SI]."""
+
+_ERRORS = tuple(f"{name} [{unit}]" for name, unit in zip(SIGNALS, ("m", "rad", "m", "N"), strict=True))
+
+
+@dataclass(frozen=True)
+class Checked:
+    """A reference, and how far another solution is from it."""
+
+    problem: Problem
+    reference: Reference
+    check: str
+    apart: float
+
+
+def reference_part(found: Sequence[Checked]) -> Part:
+    """Say what is taken for the truth, and how far another solution is from it."""
+    worst = max(one.apart for one in found)
+    return Part(
+        "reference",
+        "What is taken for the truth, what it was checked by, and the largest values of the signals",
+        ("problem", "reference", "check", "its E [1]", *_ERRORS),
+        [
+            (one.problem.name, one.reference.source, one.check, one.apart, *one.reference.scales.tolist())
+            for one in found
+        ],
+        [Verdict("two independent solvers agree", worst < SURE, f"to E = {worst:.1e}")],
+    )
+
+
+def runs_part(rows: Iterable[Row]) -> Part:
+    """List all runs."""
+    return Part(
+        "runs",
+        "All runs",
+        (
+            *("problem", "library", "method", "setting", "controls held", "E [1]", *_ERRORS),
+            *("ns per step", "physics [us/s]", "its median", "whole [us/s]", "its median", "dense [us/s]"),
+            *("steps", "evaluations of the hands", "errors every [s]", "turns", "warm-up [s]"),
+        ),
+        [_all_of(row) for row in rows],
+    )
+
+
+def _all_of(row: Row) -> tuple[Value, ...]:
+    """Return everything that is known of a run."""
+    who: tuple[Value, ...] = (row.problem, row.family, row.method, row.setting, row.held, row.scaled)
+    costs = (row.step_ns, row.physics, row.physics_median, row.whole, row.whole_median, row.dense)
+    counts: tuple[Value, ...] = (row.steps, row.calls, row.spacing, row.turns, row.warm_up)
+    return who + row.errors + costs + counts
+
+
+def steps_part(rows: Iterable[Row], setting: str = "1 ms") -> Part:
+    """List our methods at the length of a tick."""
+    return Part(
+        "steps",
+        f"Our methods in steps of {setting}",
+        ("problem", "method", "ns per step", "E [1]", *_ERRORS),
+        [
+            (row.problem, row.method, row.step_ns, row.scaled, *row.errors)
+            for row in rows
+            if row.family == OURS and row.setting == setting
+        ],
+    )
+
+
+def frontier_part(rows: Sequence[Row]) -> Part:
+    """List the runs that no other beats in both error and cost."""
+    best = [
+        row
+        for problem in dict.fromkeys(row.problem for row in rows)
+        for row in frontier(row for row in rows if row.problem == problem)
+        if row.scaled < 1.0
+    ]
+    return Part(
+        "frontier",
+        "The frontier: no run is both better and cheaper, hands not counted",
+        ("problem", "method", "setting", "E [1]", "errors every [s]", "physics [us/s]", "whole [us/s]"),
+        [
+            (row.problem, f"{row.family} {row.method}", row.setting, row.scaled, row.spacing, row.physics, row.whole)
+            for row in best
+        ],
+    )
+
+
+def costs_parts(rows: Sequence[Row]) -> list[Part]:
+    """Tell what errors cost with each method, problem by problem."""
+    parts = []
+    for problem in dict.fromkeys(row.problem for row in rows):
+        table: list[tuple[Value, ...]] = []
+        here = [row for row in rows if row.problem == problem]
+        for family, method in dict.fromkeys((row.family, row.method) for row in here):
+            curve = [row for row in here if (row.family, row.method) == (family, method)]
+            costs = [cost_at(curve, error) for error in TARGETS]
+            if min(costs) < inf:
+                table.append((f"{family} {method}", *(_short(cost) if cost < inf else "-" for cost in costs)))
+        parts.append(
+            Part(
+                f"costs-{_file(problem)}",
+                f"{problem}: what an error E costs, hands not counted [us for a second of simulated time]",
+                ("E [1]", *_HEADS),
+                table,
+            )
+        )
+    return parts
+
+
+_HEADS = tuple(f"{error:.0e}".replace("e-0", "e-") for error in TARGETS)
+
+
+def _file(problem: str) -> str:
+    """Write a problem's name for a file."""
+    return problem.replace(", ", "-")
+
+
+WHAT = {
+    "physics": "hands not counted",
+    "whole": "evaluating the hands counted",
+    "dense": "hands not counted, the states kept every 2 ms",
+}
+"""Which costs are compared."""
+
+
+def ratios_parts(comparisons: Sequence[Comparison]) -> list[Part]:
+    """Tell how many times cheaper the best of ours is than the best of each peer.
+
+    Returns
+    -------
+    list of Part
+        One for each cost; verdicts for the physics alone, and for dense states.
+    """
+    parts = []
+    for what, meaning in WHAT.items():
+        mine = [one for one in comparisons if one.what == what]
+        if mine:
+            parts.append(
+                Part(
+                    f"ratios-{what}",
+                    f"Cost of the peer's best over that of our best at equal error, {meaning}; "
+                    "inf: only ours reaches it, -: neither does",
+                    ("E [1]", *_HEADS, "beaten"),
+                    [(f"{one.problem}: {one.family}", *map(_ratio, one.ratios), one.beaten) for one in mine],
+                    [] if what == "whole" else _ahead(mine, meaning),
+                )
+            )
+    return parts
+
+
+def _ahead(comparisons: Sequence[Comparison], meaning: str) -> list[Verdict]:
+    """Say whom we are ahead of."""
+    verdicts = []
+    for family in dict.fromkeys(one.family for one in comparisons):
+        mine = [one for one in comparisons if one.family == family]
+        claim = f"ahead of {family} wherever it gets, {meaning}"
+        verdicts.append(Verdict(claim, all(one.beaten for one in mine), _least(mine)))
+    return verdicts
+
+
+def _ratio(ratio: float | None) -> Value:
+    """Write a ratio."""
+    return "-" if ratio is None else _short(ratio)
+
+
+def _short(value: float) -> Value:
+    """Write a large number without digits that nobody reads."""
+    return value if value < 100.0 or value == inf else round(value)
+
+
+def _least(comparisons: Sequence[Comparison]) -> str:
+    """Say where we are least ahead."""
+    all_of = [
+        (ratio, error, one.problem)
+        for one in comparisons
+        for ratio, error in zip(one.ratios, one.errors, strict=True)
+        if ratio is not None
+    ]
+    if not all_of:
+        return "it reaches none of these errors"
+    ratio, error, problem = min(all_of)
+    return f"at the least {ratio:.3g} times, at E = {error:.0e} ({problem})"
+
+
+def mujoco_part(rows: Sequence[Row], comparisons: Sequence[Comparison]) -> Part:
+    """Compare us with MuJoCo, in the problems that it takes part in."""
+    table: list[tuple[Value, ...]] = []
+    held = []
+    for problem in dict.fromkeys(row.problem for row in rows if row.family == MUJOCO):
+        ours = [row for row in rows if row.problem == problem and row.family == OURS]
+        own = [row for row in ours if row.method == "rk4"]
+        theirs = [row for row in rows if row.problem == problem and row.family == MUJOCO]
+        staged = min(row.step_ns for row in theirs if row.method == STAGES)
+        ns = min(row.step_ns for row in own if row.scaled < 1.0)
+        table.append((problem, "a step of RK4 on the same equations [ns]", staged, ns, staged / ns))
+        cost = least_cost((row for row in theirs if row.held), HELD_ERROR)
+        for name, curve in (("our rk4", own), ("our best", ours)):
+            other = least_cost(curve, HELD_ERROR)
+            if cost < inf and other < inf:
+                table.append(
+                    (problem, f"E = {HELD_ERROR:.0e}, controls held, {name} [us/s]", cost, other, cost / other)
+                )
+                held += [cost / other] if curve is ours else []
+    mine = [one for one in comparisons if one.family == MUJOCO and one.what == "physics"]
+    ratios = [ratio for one in mine for ratio in one.ratios if ratio is not None]
+    verdicts = []
+    if ratios:
+        claim = f"at equal error at least {STEPS:g} times cheaper than MuJoCo"
+        verdicts.append(Verdict(claim, min(ratios) >= STEPS, _least(mine)))
+    if held:
+        claim = (
+            f"at E = {HELD_ERROR:.0e} at least {HELD_STEPS:g} times cheaper than MuJoCo with controls held in a step"
+        )
+        verdicts.append(Verdict(claim, min(held) >= HELD_STEPS, f"{min(held):.3g} times"))
+    return Part("mujoco", "MuJoCo", ("problem", "what", "MuJoCo", "netboard", "ratio"), table, verdicts)
+
+
+def holds_part(rows: Sequence[HoldRow]) -> Part:
+    """Tell what sampling costs."""
+    verdicts = []
+    for problem in dict.fromkeys(row.problem for row in rows):
+        live = next(row for row in rows if row.problem == problem and row.hold == "ca")
+        offline = min((row for row in rows if row.problem == problem and row.hold == "hermite"), key=_force)
+        for name, row, most in (("live", live, LIVE), ("offline", offline, OFFLINE)):
+            claim = f"{problem}: forces {name} within {most:g} N of hands that never stop"
+            verdicts.append(Verdict(claim, _force(row) <= most, f"{_force(row):.2g} N ({row.hold}, {row.run})"))
+    return Part(
+        "holds",
+        "From samples at 1 kHz, against hands that never stop moving smoothly",
+        ("problem", "hold", "run by", *_ERRORS, "rms of force [N]"),
+        [(row.problem, row.hold, row.run, *row.errors, row.force_rms) for row in rows],
+        verdicts,
+    )
+
+
+def _force(row: HoldRow) -> float:
+    """Return the largest error of force."""
+    return row.errors[SIGNALS.index("force")]
+
+
+def tick_part(costs: Sequence[TickCost]) -> Part:
+    """Tell what a live tick costs."""
+    lines: list[tuple[str, list[float]]] = [
+        ("sine and cosine, each waiting for the last", [cost.sincos_latency_ns for cost in costs]),
+        ("sine and cosine, side by side", [cost.sincos_ns for cost in costs]),
+        ("right-hand side, each waiting for the last", [cost.right_side_latency_ns for cost in costs]),
+        ("right-hand side, side by side", [cost.right_side_ns for cost in costs]),
+        ("floor: four right-hand sides that wait", [cost.floor_ns for cost in costs]),
+        ("a step of RK4 and nothing else", [cost.step_ns for cost in costs]),
+        ("the server's tick: samples, hold, forces, trial, step", [cost.tick_ns for cost in costs]),
+        ("called from Python: median", [cost.call_ns for cost in costs]),
+        ("called from Python: 99th percentile", [cost.call_p99_ns for cost in costs]),
+        ("called from Python: worst", [cost.call_worst_ns for cost in costs]),
+        ("first tick after warming up", [cost.first_call_ns for cost in costs]),
+        (f"a tick of {costs[0].many} simulations side by side", [cost.many_ns for cost in costs]),
+    ]
+    verdicts = []
+    for cost in costs:
+        floors, alone = cost.tick_ns / cost.floor_ns, cost.tick_ns / cost.step_ns
+        verdicts += [
+            Verdict(
+                f"{cost.model}: a tick costs at most {FLOORS:g} floors",
+                floors <= FLOORS,
+                f"{floors:.2f} floors, {alone:.2f} times its step of RK4 alone",
+            ),
+            Verdict(
+                f"{cost.model}: a tick called from Python takes at most {CALL:g} ns",
+                cost.call_ns <= CALL,
+                f"{cost.call_ns:.0f} ns, the median",
+            ),
+            Verdict(
+                f"{cost.model}: the first tick compiles nothing",
+                not cost.compiled_late,
+                f"{cost.first_call_ns / 1e3:.0f} us",
+            ),
+            Verdict(
+                f"{cost.model}: a tick of 1000 simulations takes at most {MANY / 1e3:g} us",
+                cost.many_ns * 1000 / cost.many <= MANY,
+                f"{cost.many_ns / 1e3:.1f} us for {cost.many}",
+            ),
+        ]
+    return Part(
+        "tick",
+        "What a live tick costs [ns]",
+        ("what", *(cost.model for cost in costs)),
+        [(name, *values) for name, values in lines],
+        verdicts,
+    )
+
+
+def skips_part(rows: Sequence[SkipRow]) -> Part:
+    """Tell what is saved where a scene needs less."""
+    level = min(row.times for row in rows if row.method == "exact")
+    worst = max(row.difference for row in rows)
+    return Part(
+        "skips",
+        "What a scene lacks, a tick without it, and how far that is from the full scene with that part inert",
+        ("model", "lacks", "method", "ns per tick", "times cheaper", "inert by", "largest difference [SI]"),
+        [(row.model, row.name, row.method, row.tick_ns, row.times, row.proof, row.difference) for row in rows],
+        [
+            Verdict(f"a board that cannot tilt at least {LEVEL:g} times cheaper", level >= LEVEL, f"{level:.3g} times"),
+            Verdict("what is skipped changes nothing else", worst <= SAME, f"at the most {worst:.1e}"),
+        ],
+    )

@@ -1,0 +1,120 @@
+"""Drake (https://drake.mit.edu): its simulator with error control, on the equations as a symbolic system.
+
+A symbolic system is evaluated in C++; one written in Python takes three times as long. Drake's simulator gives states
+where it is told to stop, so that errors are taken at fewer points, 10 ms apart, and with steps that end there.
+"""
+
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from netboard.benchmarks.physics.problem import Problem, derivatives, push_and_turn
+from netboard.benchmarks.physics.solver import Contender, Solution, installed
+
+FAMILY = "Drake"
+SCHEMES = {
+    "bogacki_shampine3": (1e-2, 1e-3, 1e-4, 1e-5, 1e-6),
+    "runge_kutta3": (1e-2, 1e-3, 1e-4, 1e-5, 1e-6),
+    "runge_kutta5": (1e-2, 1e-3, 1e-5, 1e-7, 1e-9, 1e-11),
+    "radau3": (1e-2, 1e-3, 1e-5),
+}
+COARSE = {"runge_kutta5": (1e-3, 1e-7)}
+
+STRIDE = 5
+"""Every so many of the problem's points [1]."""
+
+_LONGEST = 0.1
+"""Longest step [s]."""
+
+
+def available() -> bool:
+    """Say whether the library is installed."""
+    return installed("pydrake")
+
+
+def contenders(problem: Problem, coarse: bool) -> list[Contender]:
+    """Return the settings that take part."""
+    chosen = COARSE if coarse else SCHEMES
+    return [_contender(problem, scheme, accuracy) for scheme, all_of in chosen.items() for accuracy in all_of]
+
+
+class Run:
+    """A simulator of the problem.
+
+    Parameters
+    ----------
+    accuracy : float
+        What it aims at in each step, in Drake's own measure [1].
+    """
+
+    def __init__(self, problem: Problem, scheme: str, accuracy: float, hands: bool = True) -> None:
+        from pydrake.all import ResetIntegratorFromFlags, Simulator, SymbolicVectorSystem, Variable, cos, sin
+
+        self._problem = problem
+        t, x = Variable("t"), [Variable(name) for name in ("z", "vz", "theta", "omega", "p", "vp")]
+        push, turn = push_and_turn(problem.waves.tolist(), t, sin) if hands else (0.0, 0.0)
+        rates = derivatives(problem.physics, x, push, turn, sin, cos)
+        system = SymbolicVectorSystem(time=t, state=np.array(x), dynamics=np.array(rates))
+        self._simulator = Simulator(system)
+        ResetIntegratorFromFlags(self._simulator, scheme, _LONGEST)
+        self._integrator = self._simulator.get_mutable_integrator()
+        self._integrator.set_fixed_step_mode(False)
+        self._integrator.set_target_accuracy(accuracy)
+
+    def _rewind(self, state: tuple[float, ...]) -> Any:
+        """Set the simulator back to the start, and return its context."""
+        context = self._simulator.get_mutable_context()
+        context.SetTime(0.0)
+        context.SetContinuousState(state)
+        self._simulator.Initialize()
+        self._integrator.ResetStatistics()
+        return context
+
+    def bare(self) -> None:
+        """Run without a stop."""
+        self._rewind(self._problem.first)
+        self._simulator.AdvanceTo(self._problem.duration)
+
+    def solve(self) -> Solution:
+        """Run without a stop, to count; and with stops, to see.
+
+        Returns
+        -------
+        Solution
+            The states, and what it took to run without a stop.
+        """
+        self.bare()
+        steps, calls = self._integrator.get_num_steps_taken(), self._integrator.get_num_derivative_evaluations()
+        context = self._rewind(self._problem.first)
+        states = [self._problem.first]
+        for time in self._problem.times[STRIDE::STRIDE]:
+            self._simulator.AdvanceTo(time)
+            states.append(context.get_continuous_state_vector().CopyToVector())
+        return Solution(np.array(states), STRIDE, steps, calls)
+
+    def evenly(self, steps: int) -> None:
+        """Run in so many equal steps."""
+        self._integrator.set_fixed_step_mode(True)
+        self._integrator.set_maximum_step_size(self._problem.duration / steps)
+        self._rewind((0.0, 0.0, 0.0, 0.0, 1e-3, 0.0))
+        self._simulator.AdvanceTo(self._problem.duration)
+
+
+def _contender(problem: Problem, scheme: str, accuracy: float) -> Contender:
+    """Describe one setting; its simulators are made when it is first run."""
+    made: dict[str, Any] = {}
+
+    def solve() -> Solution:
+        made["run"] = Run(problem, scheme, accuracy)
+        solution: Solution = made["run"].solve()
+        made["alone"] = partial(Run(problem, scheme, accuracy, hands=False).evenly, solution.steps)
+        return solution
+
+    def bare() -> None:
+        made["run"].bare()
+
+    def alone() -> object:
+        return made["alone"]()
+
+    return Contender(FAMILY, scheme, f"accuracy {accuracy:.0e}", solve, bare, inputs=True, alone=alone)

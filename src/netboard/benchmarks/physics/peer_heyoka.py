@@ -1,0 +1,102 @@
+"""heyoka (https://bluescarni.github.io/heyoka.py): Taylor's method, of adaptive steps, compiled for the problem.
+
+It is the strongest peer, and with 80 bits it gives the reference. The hands are part of its expressions, so that their
+cost cannot be taken off by counting calls: it is told by a twin whose drives are constants, run for as many steps.
+"""
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.benchmarks.physics.problem import Problem, derivatives, push_and_turn
+from netboard.benchmarks.physics.solver import Contender, Solution, installed
+
+FAMILY = "heyoka"
+TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-6, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-14)
+COARSE = (1e-3, 1e-6, 1e-9, 1e-12)
+TIGHTEST = 1e-19
+"""Tolerance of the reference, about the last bit of 80 [1]."""
+
+_ALONE = (0.0, 0.0, 0.0, 0.0, 1e-3, 0.0)
+"""First state of a run without hands: the ball a little off the centre, so that no term vanishes."""
+
+
+def available() -> bool:
+    """Say whether the library is installed."""
+    return installed("heyoka")
+
+
+def precise(problem: Problem) -> NDArray[np.longdouble]:
+    """Solve a problem with 80 bits."""
+    integrator = _make(problem, TIGHTEST, np.longdouble)
+    states: NDArray[np.longdouble] = integrator.propagate_grid(problem.times.astype(np.longdouble))[-1]
+    return states
+
+
+def contenders(problem: Problem, coarse: bool) -> list[Contender]:
+    """Return the settings that take part."""
+    return [_contender(problem, tolerance) for tolerance in (COARSE if coarse else TOLERANCES)]
+
+
+def _make(problem: Problem, tolerance: float, kind: type = float, hands: bool = True) -> Any:
+    """Compile an integrator; without hands their drives are parameters, 0 unless set."""
+    import heyoka
+
+    x = heyoka.make_vars("z", "vz", "theta", "omega", "p", "vp")
+    push, turn = heyoka.par[0], heyoka.par[1]
+    if hands:
+        push, turn = push_and_turn(problem.waves.tolist(), heyoka.time, heyoka.sin)
+    rates = derivatives(problem.physics, x, push, turn, heyoka.sin, heyoka.cos)
+    first: NDArray[Any] = np.array(problem.first if hands else _ALONE, dtype=kind)
+    return heyoka.taylor_adaptive([*zip(x, rates, strict=True)], state=first, tol=kind(tolerance), fp_type=kind)
+
+
+def _contender(problem: Problem, tolerance: float) -> Contender:
+    """Compile both integrators of one tolerance when they are first asked for."""
+    made: dict[str, Any] = {}
+
+    def integrator() -> Any:
+        if "whole" not in made:
+            made["whole"] = _make(problem, tolerance)
+        return _rewound(made["whole"], problem.first)
+
+    def alone() -> object:
+        return made["alone"]()
+
+    def bare() -> int:
+        steps: int = integrator().propagate_until(problem.duration)[3]
+        return steps
+
+    def dense() -> NDArray[np.float64]:
+        states: NDArray[np.float64] = integrator().propagate_grid(problem.times)[-1]
+        return states
+
+    def solve() -> Solution:
+        states = np.ascontiguousarray(dense())
+        steps = bare()
+        made["alone"] = _alone(problem, tolerance, steps)
+        return Solution(states, 1, steps, 0)
+
+    return Contender(FAMILY, "Taylor", f"tol {tolerance:.0e}", solve, bare, True, alone, dense=dense)
+
+
+def _rewound(integrator: Any, state: tuple[float, ...]) -> Any:
+    """Set an integrator back to the start."""
+    integrator.time = 0.0
+    integrator.state[:] = state
+    return integrator
+
+
+def _alone(problem: Problem, tolerance: float, steps: int) -> Callable[[], object]:
+    """Return what runs as many steps without hands."""
+    integrator = _make(problem, tolerance, hands=False)
+    longest = problem.duration / steps
+    return partial(_run_alone, integrator, problem.duration, longest)
+
+
+def _run_alone(integrator: Any, duration: float, longest: float) -> object:
+    """Run an integrator without hands, in steps no longer than those it made with them."""
+    return _rewound(integrator, _ALONE).propagate_until(duration, max_delta_t=longest)

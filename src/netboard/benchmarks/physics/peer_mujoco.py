@@ -1,0 +1,199 @@
+"""MuJoCo (https://mujoco.org): the Lagrangian scene as a model of its own, everything it does not need switched off.
+
+The couplings are actuators between a site of the board and one of the world, along the world's vertical: exactly the
+paper's spring and damper, driven by ``k z_s + c vz_s``. The equations are the same as ours, so that errors can be
+compared; MuJoCo knows no others, so that it takes part in the Lagrangian problems alone.
+
+Who steps MuJoCo sets its controls once per step: that is run, and timed, by its own rollout, in C, the controls given
+as an array. It is also shown with the controls of every stage, which only a callback can give: for the error, while the
+time is the least that can be had, one call that steps in C many times with controls that never change.
+"""
+
+from collections.abc import Callable
+from functools import cached_property, partial
+from typing import Any
+
+import numpy as np
+
+from netboard.base.tables.scene import Physics
+from netboard.benchmarks.physics.problem import SPACING, Array, Problem, drives_at, multiples
+from netboard.benchmarks.physics.solver import Contender, Solution, installed
+
+FAMILY = "MuJoCo"
+STEPS = (0.004, 0.002, 0.001, 0.0005, 0.00025)
+COARSE = (0.002, 0.0005)
+HELD = {"Euler": "Euler", "implicitfast": "implicitfast", "RK4": "RK4"}
+TIMED = 2000
+"""Steps that are timed; each costs the same [1]."""
+
+STAGES = "RK4, controls of each stage"
+MIDDLE = "RK4, controls of mid-step"
+
+_SWITCHED_OFF = (
+    *("constraint", "equality", "frictionloss", "limit", "contact", "clampctrl", "warmstart", "filterparent"),
+    *("refsafe", "sensor", "midphase", "eulerdamp", "autoreset", "nativeccd", "island"),
+)
+
+
+def available() -> bool:
+    """Say whether the library is installed."""
+    return installed("mujoco")
+
+
+def scene_xml(physics: Physics, integrator: str, step: float) -> str:
+    """Write the scene as a model of MuJoCo."""
+    flags = " ".join(f'{name}="disable"' for name in _SWITCHED_OFF)
+    hands = "".join(
+        f'<general site="{side}" refsite="origin" gear="0 0 1 0 0 0" gaintype="fixed" gainprm="1" '
+        f'biastype="affine" biasprm="0 {-physics.k_h!r} {-physics.c_h!r}"/>'
+        for side in ("left", "right")
+    )
+    return f"""
+<mujoco>
+  <option timestep="{step!r}" integrator="{integrator}" gravity="0 0 {-physics.g!r}"><flag {flags}/></option>
+  <worldbody>
+    <site name="origin"/>
+    <body>
+      <inertial pos="0 0 0" mass="{physics.M!r}" diaginertia="{physics.I!r} {physics.I!r} {physics.I!r}"/>
+      <joint type="slide" axis="0 0 1" stiffness="{physics.k_s!r}"/>
+      <joint type="hinge" axis="0 -1 0"/>
+      <site name="left" pos="{-physics.l!r} 0 0"/>
+      <site name="right" pos="{physics.l!r} 0 0"/>
+      <body>
+        <inertial pos="0 0 0" mass="{physics.m!r}" diaginertia="1e-14 1e-14 1e-14"/>
+        <joint type="slide" axis="1 0 0"/>
+      </body>
+    </body>
+  </worldbody>
+  <actuator>{hands}</actuator>
+</mujoco>"""
+
+
+class Scene:
+    """MuJoCo's model of a problem, for one method and length of step.
+
+    Parameters
+    ----------
+    step : float
+        Length of the step [s].
+    """
+
+    def __init__(self, problem: Problem, integrator: str, step: float) -> None:
+        self.problem, self.step = problem, step
+        self.steps = round(problem.duration / step)
+        self._xml = scene_xml(problem.physics, integrator, step)
+
+    @cached_property
+    def model(self) -> Any:
+        """MuJoCo's model."""
+        import mujoco
+
+        model = mujoco.MjModel.from_xml_string(self._xml)
+        if tuple(model.body_inertia[2]) != (1e-14,) * 3:
+            raise RuntimeError("MuJoCo changed the ball's inertia")
+        return model
+
+    @cached_property
+    def data(self) -> Any:
+        """MuJoCo's data."""
+        import mujoco
+
+        mujoco.set_mju_user_warning(lambda message: None)  # a run that fails would write a file into this folder
+        return mujoco.MjData(self.model)
+
+    def _rewind(self) -> Array:
+        """Set the data back to the start, and return MuJoCo's full state."""
+        import mujoco
+
+        kind = mujoco.mjtState.mjSTATE_FULLPHYSICS
+        mujoco.mj_resetData(self.model, self.data)
+        self.data.qpos[:], self.data.qvel[:] = self.problem.first[0::2], self.problem.first[1::2]
+        self.data.ctrl[:] = drives_at(self.problem.waves, np.zeros(1))[0]
+        state = np.empty(mujoco.mj_stateSize(self.model, kind))
+        mujoco.mj_getState(self.model, self.data, state, kind)
+        return state
+
+    def bare(self) -> None:
+        """Step in C, the controls those of the start."""
+        import mujoco
+
+        self._rewind()
+        mujoco.mj_step(self.model, self.data, nstep=TIMED)
+
+    def bare_held(self) -> None:
+        """Step in C by rollout, controls that change between steps given as an array."""
+        self._rollout(self._controls[:TIMED])
+
+    @cached_property
+    def _controls(self) -> Array:
+        """Controls for timing."""
+        return drives_at(self.problem.waves, multiples(self.steps, self.step))
+
+    def _rollout(self, controls: Array) -> Array:
+        """Step through controls, and return MuJoCo's full states."""
+        from mujoco import rollout
+
+        states: Array = rollout.rollout(self.model, self.data, self._rewind(), controls)[0][0]
+        return states
+
+    def held(self, ahead: float) -> Solution:
+        """Step through the run with controls that change between steps only.
+
+        Parameters
+        ----------
+        ahead : float
+            Where in the step the controls are taken, in lengths of the step [1].
+        """
+        times = multiples(self.steps, self.step) + ahead * self.step
+        states = self._rollout(drives_at(self.problem.waves, times))
+        return self._solution(np.concatenate([self._rewind()[np.newaxis], states])[:, 1:7], self.steps)
+
+    def sampled(self) -> Solution:
+        """Step through the run with the controls of each stage, by a callback."""
+        import mujoco
+
+        waves = self.problem.waves
+        time, states = np.empty(1), np.empty((self.steps + 1, 6))
+
+        def control(model: Any, data: Any) -> None:
+            time[0] = data.time
+            data.ctrl[:] = drives_at(waves, time)[0]
+
+        states[0] = self._rewind()[1:7]
+        mujoco.set_mjcb_control(control)
+        try:
+            for i in range(self.steps):
+                self.data.time = i * self.step
+                mujoco.mj_step(self.model, self.data)
+                states[i + 1, :3], states[i + 1, 3:] = self.data.qpos, self.data.qvel
+        finally:
+            mujoco.set_mjcb_control(None)
+        return self._solution(states, 3 * self.steps)
+
+    def _solution(self, states: Array, calls: int) -> Solution:
+        """Take the states that meet points of the grid, in our order, from places and rates."""
+        every, stride = max(1, round(SPACING / self.step)), max(1, round(self.step / SPACING))
+        kept = states[::every]
+        return Solution(np.ascontiguousarray(kept[:, [0, 3, 1, 4, 2, 5]]), stride, self.steps, calls)
+
+
+def contenders(problem: Problem, coarse: bool) -> list[Contender]:
+    """Return the settings that take part: none in the paper's problems."""
+    if problem.model != "lagrangian":
+        return []
+    found: list[Contender] = []
+    for step in COARSE if coarse else STEPS:
+        for method, integrator in HELD.items():
+            scene = Scene(problem, integrator, step)
+            found.append(_contender(f"{method}, controls held", scene, partial(scene.held, 0.0), held=True))
+        scene = Scene(problem, "RK4", step)
+        found.append(_contender(MIDDLE, scene, partial(scene.held, 0.5), held=True))
+        found.append(_contender(STAGES, scene, scene.sampled, held=False))
+    return found
+
+
+def _contender(method: str, scene: Scene, solve: Callable[[], Solution], held: bool) -> Contender:
+    """Describe one setting."""
+    share = TIMED / scene.steps
+    bare = scene.bare_held if held else scene.bare
+    return Contender(FAMILY, method, f"{scene.step * 1e3:g} ms", solve, bare, inputs=False, held=held, share=share)

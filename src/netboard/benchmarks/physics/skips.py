@@ -1,0 +1,252 @@
+"""What a scene does not need is not computed: the cost of a tick without it, and the proof that nothing else changed.
+
+Each lesser scene is compared with the full one in which that part is there and does nothing: a ball without mass, a
+board that nothing turns, a hand that follows the board and does not pull. Both are run here, through the hands of the
+test problem, and the largest difference of any signal is told.
+
+The tick is a loop of what is needed in each millisecond: drives of both hands by constant acceleration, one step, the
+forces of both couplings.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cache, partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.base.compiled import borrowed, inlined, kernel
+from netboard.base.tables.scene import Physics
+from netboard.base.tick import TICK_SECONDS
+from netboard.benchmarks.physics.problem import Array, Model, Problem, styluses_at
+from netboard.benchmarks.physics.work_precision import in_turns
+from netboard.physics.arithmetic.vectors import State, plus
+from netboard.physics.hands.extrapolation import drives, moving
+from netboard.physics.methods.catalogue import METHODS, NUMBER, advance
+from netboard.physics.scene.models import coupling, rates
+from netboard.physics.scene.parameters import Parts, pack_scene, parts_of, state_length
+
+HUGE = 1e30
+"""A moment of inertia that no torque here turns [kg m2]."""
+
+
+@dataclass(frozen=True)
+class Skip:
+    """A scene that lacks something.
+
+    Attributes
+    ----------
+    scene : mapping
+        How it is configured, where that differs from the full scene.
+    inert : mapping
+        Numbers of the full scene that make the part do nothing [SI].
+    limp : tuple of bool
+        The left hand, the right one follow the board in the full scene, so that they do not pull.
+    carried : bool
+        In the full scene the hands also carry what a hinge would.
+    """
+
+    name: str
+    proof: str
+    scene: Mapping[str, Any] = field(default_factory=dict)
+    inert: Mapping[str, float] = field(default_factory=dict)
+    method: str = "rk4"
+    proof_method: str = "rk4"
+    free: bool = True
+    forces: bool = True
+    limp: tuple[bool, bool] = (False, False)
+    carried: bool = False
+    still: tuple[int, ...] = ()
+    ticks: int = 10_000
+
+
+SKIPS = (
+    Skip("nothing (the full scene)", "itself"),
+    Skip("ball", "m = 0", {"balls": 0}, {"m": 0.0}),
+    Skip("ball's motion", "an inertia that keeps it", {}, {"ease": 0.0, "ball_gravity": 0.0}, free=False, still=(5,)),
+    Skip("tilt", "I = 1e30", {"board": "level"}, {"I": HUGE}, still=(2, 3)),
+    Skip("tilt", "I = 1e30, by dop853", {"board": "level"}, {"I": HUGE}, "exact", "dop853", still=(2, 3)),
+    Skip("heave", "the hands carry it", {"board": "hinged"}, carried=True, still=(0, 1)),
+    Skip("right hand", "it follows the board", {"coupling": "left"}, limp=(False, True), ticks=500),
+    Skip("both hands", "they follow the board", {"coupling": "none"}, limp=(True, True), ticks=200),
+    Skip("forces", "the same with forces", forces=False),
+)
+"""What can be left out. Without hands the board falls, so that those runs are short."""
+
+
+@dataclass(frozen=True)
+class SkipRow:
+    """What leaving something out saves.
+
+    Attributes
+    ----------
+    model, name, method, proof : str
+        Whose equations, what is left out, how it is stepped, what it is compared with.
+    tick_ns : float
+        A tick, the quickest of many runs [ns].
+    times : float
+        How many times cheaper that is than in the full scene [1].
+    difference : float
+        Largest difference of any height, tilt, place of the ball or force [SI].
+    """
+
+    model: str
+    name: str
+    method: str
+    proof: str
+    tick_ns: float
+    times: float
+    difference: float
+
+
+@inlined
+def _hands(samples: Any, i: int, scene: Any) -> State:
+    """Return the drives of both hands through a tick."""
+    a = moving(samples[i, 0], samples[i, 1], samples[i, 2], scene["k_left"], scene["c_left"])
+    b = moving(samples[i, 3], samples[i, 4], samples[i, 5], scene["k_right"], scene["c_right"])
+    return (a[0], a[1], a[2], a[3], b[0], b[1], b[2], b[3])
+
+
+@cache
+def _make_loop(METHOD: int, PARTS: Parts, FORCES: bool) -> Callable[..., State]:
+    """Compile a loop of ticks."""
+
+    @kernel
+    def loop(x: State, samples: Any, tables: Any, scene: Any, forces: Any, out: Any) -> State:
+        one, keep, table = scene[0], len(out) > 0, borrowed(tables)
+        for i in range(len(samples)):
+            if keep:
+                for j in range(len(x)):
+                    out[i, j] = x[j]
+            hands = _hands(samples, i, one)
+            if FORCES:
+                forces[i, 0], forces[i, 1] = coupling(x, hands[0], hands[4], PARTS, one)
+            x = advance(METHOD, x, TICK_SECONDS, hands, (table, 0), PARTS, one)
+        return x
+
+    return loop
+
+
+@cache
+def _make_inert(PARTS: Parts, LEFT: bool, RIGHT: bool, CARRIED: bool) -> Callable[..., None]:
+    """Compile a loop of RK4 of the full scene, with hands that follow the board or carry it."""
+
+    @inlined
+    def rate_of(x: State, hands: State, node: int, t: float, scene: Any) -> State:
+        left, right = drives(hands, node, t)
+        by_board = coupling(x, 0.0, 0.0, PARTS, scene)
+        left, right = -by_board[0] if LEFT else left, -by_board[1] if RIGHT else right
+        if CARRIED:
+            as_is = rates(x, left, right, PARTS, scene)[1]
+            lift = rates(x, left + 0.5, right + 0.5, PARTS, scene)[1] - as_is
+            carried = -as_is / lift
+            return rates(x, left + 0.5 * carried, right + 0.5 * carried, PARTS, scene)
+        return rates(x, left, right, PARTS, scene)
+
+    @kernel
+    def inert(x: State, samples: Any, tables: Any, scene: Any, forces: Any, out: Any) -> None:
+        one, h = scene[0], TICK_SECONDS
+        for i in range(len(samples)):
+            for j in range(len(x)):
+                out[i, j] = x[j]
+            hands = _hands(samples, i, one)
+            left, right = coupling(x, hands[0], hands[4], PARTS, one)
+            forces[i, 0], forces[i, 1] = 0.0 if LEFT else left, 0.0 if RIGHT else right
+            k1 = rate_of(x, hands, 0, 0.0, one)
+            k2 = rate_of(plus(x, 0.5 * h, k1), hands, 1, 0.5 * h, one)
+            k3 = rate_of(plus(x, 0.5 * h, k2), hands, 1, 0.5 * h, one)
+            k4 = rate_of(plus(x, h, k3), hands, 2, h, one)
+            x = plus(plus(plus(plus(x, h / 6.0, k1), h / 3.0, k2), h / 3.0, k3), h / 6.0, k4)
+
+    return inert
+
+
+def samples_of(ticks: int) -> Array:
+    """Return what the hands of the test problem do, as a live tick knows it.
+
+    Returns
+    -------
+    ndarray of float64, shape (ticks, 6)
+        Height, rate and acceleration of the left stylus, then of the right one [m, m/s, m/s2].
+    """
+    times = np.arange(-1, ticks) * TICK_SECONDS
+    z, vz = styluses_at(times)
+    az = np.diff(vz, axis=0) / TICK_SECONDS
+    return np.ascontiguousarray(np.stack([z[1:], vz[1:], az], axis=-1).reshape(ticks, 6))
+
+
+def _first(model: Model, skip: Skip, length: int) -> State:
+    """Return the first state of a lesser scene; the full one has the ball too."""
+    first = Problem(model, "settled").first
+    return tuple(0.0 if i in skip.still else value for i, value in enumerate(first[:length]))
+
+
+def _table(method: str, scene: NDArray[Any], parts: Parts, length: int) -> Array:
+    """Return the tables of a method for a tick."""
+    return METHODS[NUMBER[method]].tables(scene[0], parts, length, TICK_SECONDS)[np.newaxis]
+
+
+def _lesser(model: Model, skip: Skip) -> Callable[[Array, Array], object]:
+    """Return what runs the lesser scene into arrays of forces and states."""
+    physics = Physics(model=model, **skip.scene)
+    scene, parts, length = pack_scene(physics), parts_of(physics, skip.free), state_length(physics)
+    loop = _make_loop(NUMBER[skip.method], parts, skip.forces)
+    return partial(
+        loop,
+        _first(model, skip, length),
+        samples_of(skip.ticks),
+        _table(skip.method, scene, parts, length),
+        scene,
+    )
+
+
+def _full(model: Model, skip: Skip) -> Callable[[Array, Array], object]:
+    """Return what runs the full scene in which the part does nothing."""
+    physics = Physics(model=model)
+    scene, parts = pack_scene(physics), parts_of(physics)
+    for name, value in skip.inert.items():
+        scene[name] = value
+    if any(skip.limp) or skip.carried:
+        loop: Callable[..., object] = _make_inert(parts, *skip.limp, skip.carried)
+    else:
+        loop = _make_loop(NUMBER[skip.proof_method], parts, True)
+    return partial(
+        loop,
+        _first(model, skip, 6),
+        samples_of(skip.ticks),
+        _table(skip.proof_method, scene, parts, 6),
+        scene,
+    )
+
+
+def difference(model: Model, skip: Skip) -> float:
+    """Return the largest difference between a lesser scene and the full one in which that part does nothing.
+
+    Returns
+    -------
+    float
+        Of any height, tilt, place of the ball or force [SI].
+    """
+    length = state_length(Physics(model=model, **skip.scene))
+    states, forces = np.empty((skip.ticks, length)), np.zeros((skip.ticks, 2))
+    full_states, full_forces = np.empty((skip.ticks, 6)), np.zeros((skip.ticks, 2))
+    _lesser(model, skip)(forces, states)
+    _full(model, skip)(full_forces, full_states)
+    wrong = np.abs(states - full_states[:, :length])[:, ::2].max()
+    return float(max(wrong, np.abs(forces - full_forces).max()) if skip.forces else wrong)
+
+
+def skip_rows(model: Model, repeats: int) -> list[SkipRow]:
+    """Measure what leaving things out saves, in turns, and prove that nothing else changes."""
+    runs = [
+        partial(_lesser(model, skip), np.empty((skip.ticks, 2)), np.empty((0, 6 if "balls" not in skip.scene else 4)))
+        for skip in SKIPS
+    ]
+    differences = [difference(model, skip) for skip in SKIPS]
+    times = in_turns(runs, repeats, 10.0)
+    ns = [min(taken) / skip.ticks * 1e9 for taken, skip in zip(times, SKIPS, strict=True)]
+    return [
+        SkipRow(model, skip.name, skip.method, skip.proof, tick, ns[0] / tick, wrong)
+        for skip, tick, wrong in zip(SKIPS, ns, differences, strict=True)
+    ]

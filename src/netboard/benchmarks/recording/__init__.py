@@ -1,0 +1,1 @@
+"""What recordings withstand, and what writing and reading them costs."""

@@ -1,0 +1,192 @@
+"""``netboard bench recording``: what it costs to record a dyad, and to read an hour of it again.
+
+A real session with displays is run first; its recording is the matter of everything after it.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from netboard.benchmarks.harness.results import Folder, Part, Value, Verdict
+from netboard.benchmarks.harness.running import Tell
+from netboard.benchmarks.recording.feeding import live_log
+from netboard.benchmarks.recording.headroom import headroom_part
+from netboard.benchmarks.recording.hours import (
+    FOUR,
+    HOUR,
+    Session,
+    Written,
+    bytes_by_channel,
+    decode_upstream,
+    read_columns,
+    read_trial,
+    walk,
+    write_hour,
+    write_messages,
+)
+from netboard.benchmarks.recording.stalls import stalls_part, watch
+from netboard.recording.files.reader import Recording
+
+QUICK_TICKS = 150_000
+MINUTE = 60_000
+STALL_SECONDS, QUICK_STALL_SECONDS = 20.0, 3.0
+LOAD_SECONDS, QUICK_LOAD_SECONDS = 6.0, 2.0
+RATES, QUICK_RATES = (1, 5, 10, 15, 20, 30, 40, 60, 80), (1, 20)
+
+COLUMNS_SECONDS, TRIAL_SECONDS, HOUR_GB = 5.0, 0.05, 0.25
+"""What is asked for: an hour into columns [s], a trial out of it [s], and its size [GB]."""
+
+TURNS = 3
+"""The columns are read so many times, and the median counts [1]."""
+
+GROWTH_MB = 64.0
+"""A writer whose memory does not grow may still do so by the lists of what is in the file [MB]."""
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How much is measured.
+
+    Attributes
+    ----------
+    stall_seconds : float
+        How long the logger is treated in each way [s].
+    load_seconds : float
+        How long it is fed at each rate [s].
+    """
+
+    ticks: int = HOUR
+    stall_seconds: float = STALL_SECONDS
+    load_seconds: float = LOAD_SECONDS
+    rates: tuple[int, ...] = RATES
+
+
+QUICK = Effort(QUICK_TICKS, QUICK_STALL_SECONDS, QUICK_LOAD_SECONDS, QUICK_RATES)
+
+
+def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
+    """Measure everything.
+
+    Parameters
+    ----------
+    folder : Folder
+        Where everything is written: on the disk that is asked about.
+    """
+    place, effort = folder.path, QUICK if quick else Effort()
+    (place / "session").mkdir(exist_ok=True)
+    watched = watch(place / "session", effort.stall_seconds, tell)
+    yield stalls_part(watched)
+    yield headroom_part(place / "headroom", live_log(5000), effort.rates, effort.load_seconds, tell)
+    session = Session(watched.path)
+    yield size_part(session, place, min(MINUTE, effort.ticks), tell)
+    path = place / "hour.mcap"
+    path.unlink(missing_ok=True)
+    yield writing_part(write_hour(session, path, effort.ticks, tell))
+    yield reading_part(session, path, place, effort.ticks, tell)
+    path.unlink()
+
+
+def size_part(session: Session, folder: Path, ticks: int, tell: Tell) -> Part:
+    """Say what takes how many bytes."""
+    tell("bytes by channel", 0.5)
+    found = bytes_by_channel(session, folder, ticks)
+    single = write_messages(session, folder / "single.mcap", min(ticks, len(session.rows))) / min(
+        ticks, len(session.rows)
+    )
+    (folder / "single.mcap").unlink()
+    whole = sum(found.values())
+    rows: list[tuple[Value, ...]] = [(topic, size, size * HOUR / 1e9) for topic, size in found.items()]
+    return Part(
+        "size",
+        f"Where the bytes go: {ticks} ticks of a session with two displays, and all that came with them",
+        ("channel", "bytes a tick [1]", "an hour [GB]"),
+        [
+            *rows,
+            ("all", whole, whole * HOUR / 1e9),
+            ("beside: ticks alone, a message each", single, single * HOUR / 1e9),
+        ],
+        [
+            Verdict(
+                f"an hour of a dyad takes at most {HOUR_GB:g} GB",
+                whole * HOUR / 1e9 <= HOUR_GB,
+                f"{whole * HOUR / 1e9:.3f} GB",
+            )
+        ],
+    )
+
+
+def writing_part(written: Written) -> Part:
+    """Say what writing takes, and how long the writer waits for the disk."""
+    waits = [1e3 * float(value) for value in np.percentile(written.flushes, (50, 99, 99.9))]
+    waited = float(written.flushes.sum())
+    return Part(
+        "writing",
+        f"Writing {written.ticks} ticks and all that comes with them, with {len(written.flushes)} syncs",
+        (
+            *("writer", "a tick, syncs included [us]", "without [us]", "sync, 50 % [ms]", "99 % [ms]", "99.9 % [ms]"),
+            *("longest [ms]", "memory grown [MB]", "file [GB]"),
+        ),
+        [
+            (
+                "one dyad",
+                1e6 * written.seconds / written.ticks,
+                1e6 * (written.seconds - waited) / written.ticks,
+                *waits,
+                1e3 * float(written.flushes.max()),
+                written.grown / 1e6,
+                written.size / 1e9,
+            )
+        ],
+        [
+            Verdict(
+                f"memory grows by less than {GROWTH_MB:g} MB",
+                written.grown < GROWTH_MB * 1e6,
+                f"{written.grown / 1e6:.1f} MB",
+            )
+        ],
+    )
+
+
+def reading_part(session: Session, path: Path, folder: Path, ticks: int, tell: Tell) -> Part:
+    """Read a long recording in several ways."""
+    tell("reading", 0.9)
+    trial, length = read_trial(path)
+    whole, four = (float(np.median([read_columns(path, names) for _ in range(TURNS)])) for names in ((), FOUR))
+    tell("reading with the upstream library", 0.95)
+    decoded, walked = decode_upstream(path), walk(path)
+    minute, single = min(MINUTE, len(session.rows)), folder / "single.mcap"
+    write_messages(session, single, minute)
+    each = walk(single) * ticks / minute
+    single.unlink()
+    with Recording(path) as recording:
+        size = path.stat().st_size
+        messages = sum(recording.counts.values())
+    hours = ticks / HOUR
+    rows: list[tuple[Value, ...]] = [
+        ("all columns", whole, whole / hours),
+        ("four columns", four, four / hours),
+        (f"one trial of {length} ticks, opened anew", trial, trial),
+        ("upstream reader, msgpack and numpy: all columns", decoded, decoded / hours),
+        ("upstream reader and msgpack: every message, no columns", walked, walked / hours),
+        ("the same where each tick is a message (from a minute)", each, each / hours),
+    ]
+    return Part(
+        "reading",
+        f"Reading {ticks} ticks ({size / 1e9:.3f} GB, {messages} ticks and messages), the file in the system's cache",
+        ("what", "time [s]", "an hour [s]"),
+        rows,
+        [
+            Verdict(
+                f"an hour is in columns within {COLUMNS_SECONDS:g} s",
+                whole / hours < COLUMNS_SECONDS,
+                f"{whole / hours:.2f} s",
+            ),
+            Verdict(
+                f"a trial is out of it within {1e3 * TRIAL_SECONDS:g} ms",
+                trial < TRIAL_SECONDS,
+                f"{1e3 * trial:.1f} ms",
+            ),
+        ],
+    )

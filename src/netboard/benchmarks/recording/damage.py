@@ -1,0 +1,146 @@
+"""Damages a recording in every way a disk can, recovers it, and checks what comes out against what went in."""
+
+import hashlib
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from netboard.base.errors import RecordingError
+from netboard.benchmarks.recording.specimen import Piece, Specimen
+from netboard.recording.files.reader import Recording
+from netboard.recording.format.chunks import MAGIC
+from netboard.recording.format.summary import find_gaps
+from netboard.recording.recovery.recover import Report, recover
+
+LONGEST_STRETCH = 4096
+"""A destroyed stretch is at most so long, in bytes: a sector of a disk [1]."""
+
+
+@dataclass(frozen=True)
+class Harm:
+    """A damaged copy of a recording.
+
+    Attributes
+    ----------
+    start, stop : int
+        The bytes that are not as they were; a cut reaches to the end [1].
+    """
+
+    data: bytes
+    start: int
+    stop: int
+
+
+@dataclass(frozen=True)
+class Found:
+    """What came of one damaged file.
+
+    Attributes
+    ----------
+    lost : int
+        Ticks that were in the file before, and are not in the recovered one [1].
+    seconds : float
+        How long recovery took [s].
+    """
+
+    faults: tuple[str, ...]
+    lost: int
+    refused: bool
+    seconds: float
+
+
+def cuts_of_last_chunk(whole: Specimen, step: int) -> Iterator[Harm]:
+    """Cut it at the bytes of its last chunk with ticks, every one or one in so many."""
+    piece = [piece for piece in whole.pieces if piece.ticks[1]][-1]
+    for at in range(piece.start, piece.stop, step):
+        yield _cut(whole, at)
+
+
+def cuts(whole: Specimen, count: int, chance: np.random.Generator) -> Iterator[Harm]:
+    """Cut it anywhere."""
+    for at in chance.integers(len(MAGIC), len(whole.data), count):
+        yield _cut(whole, int(at))
+
+
+def flips(whole: Specimen, count: int, chance: np.random.Generator) -> Iterator[Harm]:
+    """Change a byte anywhere."""
+    for at in chance.integers(0, len(whole.data), count):
+        data = bytearray(whole.data)
+        data[at] ^= int(chance.integers(1, 256))
+        yield Harm(bytes(data), int(at), int(at) + 1)
+
+
+def zeroed(whole: Specimen, count: int, chance: np.random.Generator) -> Iterator[Harm]:
+    """Let a stretch anywhere be zeros."""
+    for at in chance.integers(0, len(whole.data), count):
+        stop = min(len(whole.data), int(at) + int(chance.integers(1, LONGEST_STRETCH)))
+        yield Harm(whole.data[:at] + bytes(stop - at) + whole.data[stop:], int(at), stop)
+
+
+def _cut(whole: Specimen, at: int) -> Harm:
+    return Harm(whole.data[:at], at, len(whole.data))
+
+
+def try_one(whole: Specimen, harm: Harm, folder: Path) -> Found:
+    """Recover a damaged file, and check everything about it."""
+    source, output = folder / "harmed.mcap.part", folder / "recovered.mcap"
+    output.unlink(missing_ok=True)
+    source.write_bytes(harm.data)
+    before = hashlib.sha256(harm.data).digest()
+    began = time.perf_counter()
+    try:
+        report = recover(source, output)
+    except RecordingError:
+        # Only where the first bytes do not say any more what kind of file it is, or of which version.
+        known = harm.start >= whole.pieces[0].start
+        wrong = ("a recording was refused whose beginning is sound",) if known else ()
+        return Found(wrong, len(whole.rows), True, time.perf_counter() - began)
+    seconds = time.perf_counter() - began
+    faults = [] if hashlib.sha256(source.read_bytes()).digest() == before else ["the source was changed"]
+    try:
+        numbers = _read(whole, output, faults)
+    except RecordingError as error:
+        return Found((*faults, f"the recovered file is not sound: {error}"), len(whole.rows), False, seconds)
+    _judge(whole, harm, report, numbers, faults)
+    had = sum(stop - first for first, stop in (p.ticks for p in whole.pieces if p.start < len(harm.data)))
+    return Found(tuple(faults), had - len(numbers), False, seconds)
+
+
+def _read(whole: Specimen, output: Path, faults: list[str]) -> "set[int]":
+    """Read what was recovered: its ticks are those that were written, to the bit."""
+    with Recording(output) as recording:
+        recording.check()
+        rows = recording.ticks()
+    numbers = rows["tick"]
+    if numbers.size and (numbers.min() < 0 or numbers.max() >= len(whole.rows)):
+        faults.append("a tick that never was")
+    elif rows.tobytes() != whole.rows[numbers].tobytes():
+        faults.append("a tick that is not what it was")
+    return set(numbers.tolist())
+
+
+def _judge(whole: Specimen, harm: Harm, report: Report, numbers: "set[int]", faults: list[str]) -> None:
+    """Check that what was not touched is there, and that what is missing is said."""
+    for piece in whole.pieces:
+        touched = piece.start < harm.stop and harm.start < piece.stop
+        there = numbers.issuperset(range(*piece.ticks))
+        if not touched and not there:
+            faults.append(f"the chunk at {piece.start} is lost, and was not damaged")
+        if touched and not there and not _told(piece, harm, report):
+            faults.append(f"the chunk at {piece.start} is lost, and nothing was said")
+    if report.missing != find_gaps(np.array(sorted(numbers), np.int64)):
+        faults.append("the missing ticks are not those that were named")
+    if numbers and (report.first_tick, report.last_tick) != (min(numbers), max(numbers)):
+        faults.append("first and last tick are not those that were named")
+
+
+def _told(piece: Piece, harm: Harm, report: Report) -> bool:
+    """Whether the loss of a chunk was told: by its offset and length, or as an end that is missing."""
+    end = min(piece.stop, len(harm.data))
+    if end <= piece.start:
+        return not report.finished
+    at = max(piece.start, min(harm.start, end - 1))
+    return any(part.offset <= at < part.offset + part.length for part in report.damage)

@@ -1,0 +1,123 @@
+"""How many dyads' records one logger takes: a real process over real sockets, at a rate that is stepped up.
+
+A rate is sustained if nothing is lost, what is not on disk at the end is no more than a flush and a moment hold, and it
+has not grown since the middle. The feeding side must have kept up too, or the rate says nothing about the logger.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from netboard.benchmarks.harness.results import Part, Verdict
+from netboard.benchmarks.harness.running import Tell
+from netboard.benchmarks.loop.usage import read_usage, total
+from netboard.benchmarks.recording.feeding import Feeder
+from netboard.recording.files.reader import Recording
+
+TARGET = 20
+"""So many times one dyad's rate are asked for [1]."""
+
+SETTLE_SECONDS = 1.0
+BACKLOG_SECONDS = 1.0
+"""A logger that keeps up has no more than so long not on disk: the flush interval and some slow syncs [s]."""
+
+GROWTH_SECONDS = 0.3
+"""And no more than this more than in the middle [s]."""
+
+FEEDER_BEHIND_NS = 200_000_000
+"""The feeding side kept up if it was never further behind [ns]."""
+
+
+@dataclass(frozen=True)
+class Load:
+    """What came of a rate.
+
+    Attributes
+    ----------
+    halfway, backlog : float
+        Records that were not on disk in the middle and at the end, as time at this rate [s].
+    feeder_behind : float
+        How far the feeding side fell behind at most [s].
+    """
+
+    rate: int
+    cpu: float
+    halfway: float
+    backlog: float
+    feeder_behind: float
+    lost: int
+
+    @property
+    def sustained(self) -> bool:
+        """Whether the logger kept up."""
+        kept_up = self.backlog < BACKLOG_SECONDS and self.backlog < self.halfway + GROWTH_SECONDS
+        return kept_up and not self.lost and self.feeder_behind * 1e9 < FEEDER_BEHIND_NS
+
+
+def measure_load(folder: Path, log: list[list[bytes]], rate: int, seconds: float) -> Load:
+    """Feed a logger at a rate."""
+    each_second = sum(map(len, log)) / len(log) * 1e3 * rate
+    with Feeder(folder, log) as feeder:
+        feeder.wait_for_logger()
+        feeder.feed(SETTLE_SECONDS, 1)
+        before = read_usage(feeder.process.pid)
+        feeder.behind_ns = 0
+        feeder.feed(seconds / 2, rate)
+        halfway = feeder.port.backlog / each_second
+        feeder.feed(seconds / 2, rate)
+        after = read_usage(feeder.process.pid)
+        backlog = feeder.port.backlog / each_second
+        feeder.end()
+    (path,) = (folder / "recordings").glob("*.mcap")
+    with Recording(path) as recording:
+        lost = int(recording.end["lost"])
+    cpu = total(after.since(before).values()).seconds / ((after.at_ns - before.at_ns) * 1e-9)
+    return Load(rate, cpu, halfway, backlog, feeder.behind_ns * 1e-9, lost)
+
+
+def headroom_part(folder: Path, log: list[list[bytes]], rates: Sequence[int], seconds: float, tell: Tell) -> Part:
+    """Step the rate up until the logger does not keep up.
+
+    Parameters
+    ----------
+    rates : sequence of int
+        The rates to try, in order; the first is one dyad's [1].
+    """
+    loads: list[Load] = []
+    for rate in rates:
+        tell(f"a logger at {rate} times the live rate", 0.4)
+        load = measure_load(folder, log, rate, seconds)
+        # A machine that stood still for a moment, which happens, says nothing about the rate: once more.
+        loads.append(load if load.sustained else measure_load(folder, log, rate, seconds))
+        if not loads[-1].sustained:
+            break
+    most = max((load.rate for load in loads if load.sustained), default=0)
+    return Part(
+        "headroom",
+        f"A logger fed over a socket for {seconds:g} s at multiples of one dyad's rate",
+        (
+            "times the rate [1]",
+            "CPU [cores]",
+            "not on disk halfway [ms]",
+            "at the end [ms]",
+            "feeder behind [ms]",
+            "lost",
+            "sustained",
+        ),
+        [
+            (
+                load.rate,
+                load.cpu,
+                1e3 * load.halfway,
+                1e3 * load.backlog,
+                1e3 * load.feeder_behind,
+                load.lost,
+                load.sustained,
+            )
+            for load in loads
+        ],
+        [
+            Verdict(f"a logger takes {TARGET} times one dyad's rate", most >= TARGET, f"{most} times, on this machine"),
+            Verdict("at one dyad's rate it uses a tenth of a core at most", loads[0].cpu <= 0.1, f"{loads[0].cpu:.3f}"),
+        ],
+    )

@@ -1,0 +1,206 @@
+"""An hour of one dyad, made of a short real recording that is repeated, written and read in the ways people do.
+
+The ticks are those of the session with new numbers and times, and everything else that came with them; so columns,
+noise and rates are true, and only what happens is the same again and again.
+"""
+
+import json
+import os
+import time
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import msgpack
+import numpy as np
+from mcap.reader import make_reader
+from mcap.writer import CompressionType, Writer
+
+from netboard.base.config import Config, resolve
+from netboard.base.tick import TICK, TICK_NS
+from netboard.benchmarks.harness.running import Tell
+from netboard.benchmarks.loop.usage import read_usage
+from netboard.benchmarks.recording.specimen import OPENED_NS, SESSION
+from netboard.network.protocol.joining import Welcome
+from netboard.network.protocol.records import ClockRecord, EventRecord, FrameRecord, TickRecord
+from netboard.recording.files.provenance import provenance
+from netboard.recording.files.reader import Recording
+from netboard.recording.files.writer import RecordingWriter
+from netboard.recording.format.channels import CHANNELS, IDS, Record
+
+Numbered = EventRecord | ClockRecord | FrameRecord
+
+HOUR = 3_600_000
+"""Ticks of an hour [1]."""
+
+FOUR = ("tick", "theta", "p", "late_ns")
+"""The columns read where four are [1]."""
+
+
+class Session:
+    """A real recording, to be repeated."""
+
+    def __init__(self, path: Path) -> None:
+        with Recording(path) as recording:
+            self.rows = recording.ticks()
+            events, clocks, frames = recording.events(), recording.clocks(), recording.frames()
+        first_ns = int(self.rows["time_ns"][0])
+        self._others: dict[int, list[Numbered]] = {}
+        dated: list[tuple[Numbered, int]] = [
+            *((event, event.tick) for event in events),
+            *((clock, (clock.t3_ns - first_ns) // TICK_NS) for clock in clocks),
+            *((frame, frame.tick) for frame in frames),
+        ]
+        for record, tick in dated:
+            at = min(max(int(tick) - int(self.rows["tick"][0]), 0), len(self.rows) - 1)
+            self._others.setdefault(at, []).append(record)
+
+    def records(self, ticks: int) -> Iterator[Record]:
+        """Repeat it until so many ticks are there, with numbers that go on."""
+        rows, seqs = self.rows.copy(), Counter[type[Numbered]]()
+        for start in range(0, ticks, len(rows)):
+            rows["tick"] = start + np.arange(len(rows))
+            rows["time_ns"] = self.rows["time_ns"][0] + rows["tick"] * TICK_NS
+            for at, row in enumerate(rows[: ticks - start]):
+                yield TickRecord(row.tobytes())
+                for record in self._others.get(at, ()):
+                    yield replace(record, seq=seqs[type(record)])
+                    seqs[type(record)] += 1
+
+
+@dataclass(frozen=True)
+class Written:
+    """How a long recording was written.
+
+    Attributes
+    ----------
+    seconds : float
+        Time that the writer took, without that of making the records [s].
+    flushes : ndarray, shape (n,)
+        Time of each closing of a chunk with its sync [s].
+    grown : float
+        By how much memory grew from the first tenth to the end [B].
+    """
+
+    ticks: int
+    seconds: float
+    flushes: "np.ndarray"
+    grown: float
+    size: int
+
+
+def write_hour(session: Session, path: Path, ticks: int, tell: Tell) -> Written:
+    """Write an hour, with a sync wherever the logger has one."""
+    config = Config()
+    welcome = Welcome(SESSION, 1, 10**12, resolve(config))
+    metadata = provenance(welcome, config, 1, OPENED_NS, 0)
+    writer = RecordingWriter(path, metadata, welcome.config, config.recording, OPENED_NS)
+    now, resident, flushes, spent = OPENED_NS, [], [], 0.0
+    for number, record in enumerate(session.records(ticks)):
+        started = time.perf_counter()
+        now += TICK_NS if isinstance(record, TickRecord) else 0
+        writer.write(record, number, now)
+        if writer.is_due(now):
+            flushing = time.perf_counter()
+            writer.flush(now)
+            flushes.append(time.perf_counter() - flushing)
+            if len(flushes) % max(1, ticks // 20_000) == 0:
+                resident.append(read_usage(os.getpid()).resident)
+                tell(f"writing: {(now - OPENED_NS) * 1e-9:.0f} s", 0.6)
+        spent += time.perf_counter() - started
+    writer.finish(now)
+    grown = float(resident[-1] - resident[len(resident) // 10])
+    return Written(ticks, spent, np.array(flushes), grown, path.stat().st_size)
+
+
+def read_columns(path: Path, names: tuple[str, ...]) -> float:
+    """Time to read columns of a recording, all of them if none is named [s]."""
+    began = time.perf_counter()
+    with Recording(path) as recording:
+        recording.columns(*names)
+    return time.perf_counter() - began
+
+
+def read_trial(path: Path) -> tuple[float, int]:
+    """Time to open a recording and read the attempt in its middle [s], and how many ticks that is [1]."""
+    began = time.perf_counter()
+    with Recording(path) as recording:
+        attempts = recording.attempts()
+        attempt = attempts[len(attempts) // 2]
+        rows = recording.ticks(attempt.began, attempt.stop)
+    return time.perf_counter() - began, len(rows)
+
+
+def walk(path: Path) -> float:
+    """Time to walk all messages with the upstream reader and msgpack [s]."""
+    began = time.perf_counter()
+    with path.open("rb") as file:
+        for _, _, message in make_reader(file).iter_messages(log_time_order=False):
+            msgpack.unpackb(message.data)
+    return time.perf_counter() - began
+
+
+def decode_upstream(path: Path) -> float:
+    """Time to get all columns as FORMAT.md says it is done without netboard [s]."""
+    began = time.perf_counter()
+    with path.open("rb") as file:
+        for schema, _, message in make_reader(file).iter_messages(topics=["/ticks"], log_time_order=False):
+            assert schema is not None
+            columns, batch = json.loads(schema.data)["columns"], msgpack.unpackb(message.data)
+            table = np.frombuffer(batch["columns"], "u1").reshape(len(columns), 8, batch["count"]).transpose(0, 2, 1)
+            for column, words in zip(columns, table.copy().view("<i8")[:, :, 0], strict=True):
+                for _ in range(column["differences"]):
+                    words = words.cumsum()  # noqa: PLW2901
+                words.view(column["type"])
+    return time.perf_counter() - began
+
+
+def write_messages(session: Session, path: Path, ticks: int) -> int:
+    """Write the ticks alone as one message each, as format 2 did, with the upstream writer; bytes of the file [1]."""
+    with path.open("wb") as file:
+        writer: Any = Writer(file, chunk_size=65_536, compression=CompressionType.ZSTD)
+        writer.start(profile="", library="")
+        writer.register_channel("/tick", "msgpack", writer.register_schema("tick", "jsonschema", CHANNELS[0].schema()))
+        for number, row in enumerate(session.rows[:ticks]):
+            at = int(row["time_ns"])
+            data = msgpack.packb(dict(zip(TICK.names or (), row.tolist(), strict=True)))
+            writer.add_message(1, at, data, at, number)
+        writer.finish()
+    return path.stat().st_size
+
+
+def bytes_by_channel(session: Session, folder: Path, ticks: int) -> dict[str, float]:
+    """Bytes that each channel takes in the file for a tick, found by writing it alone with the upstream writer."""
+    whole = folder / "whole.mcap"
+    write_hour(session, whole, ticks, lambda text, share: None)
+    found: dict[str, float] = {}
+    for topic in IDS:
+        with whole.open("rb") as file:
+            messages: list[Any] = [
+                m for _, _, m in make_reader(file).iter_messages(topics=[topic], log_time_order=False)
+            ]
+        found[topic] = _size_alone(messages, folder / "alone.mcap") / ticks
+    found["indices, checksums, metadata"] = whole.stat().st_size / ticks - sum(found.values())
+    whole.unlink()
+    return found
+
+
+def _size_alone(messages: list[Any], path: Path) -> int:
+    """Bytes of the compressed chunks of some messages, one for each fifth of a second."""
+    with path.open("wb") as file:
+        writer: Any = Writer(file, chunk_size=2**62, compression=CompressionType.ZSTD)
+        writer.start(profile="", library="")
+        writer.register_channel("/one", "msgpack", writer.register_schema("one", "jsonschema", b"{}"))
+        flushed = 0
+        for message in messages:
+            if message.log_time - flushed >= 200 * TICK_NS:
+                writer.flush()
+                flushed = message.log_time
+            writer.add_message(1, message.log_time, message.data, message.publish_time, message.sequence)
+        writer.finish()
+    with path.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    return sum(index.compressed_size for index in summary.chunk_indexes)

@@ -1,0 +1,145 @@
+"""``netboard bench recovery``: cuts, flips, zeros and killed loggers, and what `netboard recover` makes of them.
+
+Each time the source must be as it was, every chunk that was not touched must be there to the bit, what is lost must
+have been said, and the recovered file must prove itself. One exception to that is a fault, and makes the exit code 1.
+"""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from netboard.base.config import Config
+from netboard.base.tick import TICK_SECONDS
+from netboard.benchmarks.harness.results import Folder, Part, Value, Verdict
+from netboard.benchmarks.harness.running import Tell
+from netboard.benchmarks.recording.damage import Found, Harm, cuts, cuts_of_last_chunk, flips, try_one, zeroed
+from netboard.benchmarks.recording.feeding import live_log
+from netboard.benchmarks.recording.kills import LONGEST, Killed, kill_one
+from netboard.benchmarks.recording.specimen import Specimen, make_specimen
+from netboard.nodes.ports.log_port import BATCH_RECORDS
+
+TICKS, QUICK_TICKS = 1250, 650
+"""Length of the recording that is damaged [1]."""
+
+CASES, QUICK_CASES = 1000, 60
+KILLS, QUICK_KILLS = 100, 4
+QUICK_STEP = 400
+"""In the short form, cuts of the last chunk are so many bytes apart [1]."""
+
+SEED = 7
+_MEMORY = Path("/dev/shm")
+
+COLUMNS = (
+    *("damage", "cases [1]", "recovered [1]", "refused, and said so [1]", "faults [1]"),
+    *("lost, 50 % [ms]", "lost, most [ms]", "recovery, 50 % [ms]", "recovery, longest [ms]"),
+)
+
+
+def study(folder: Folder, tell: Tell, *, quick: bool) -> Iterator[Part]:
+    """Damage, kill, recover.
+
+    Parameters
+    ----------
+    folder : Folder
+        Loggers that are killed write there: on the disk that is asked about.
+    """
+    # What is in a damaged file does not depend on where it is: thousands of them need not wait for a disk.
+    with TemporaryDirectory(dir=_MEMORY if _MEMORY.exists() else None) as scratch:
+        yield damage_part(Path(scratch), tell, quick=quick)
+    yield kills_part(folder.path / "killed", tell, QUICK_KILLS if quick else KILLS)
+
+
+def damage_part(scratch: Path, tell: Tell, *, quick: bool) -> Part:
+    """Damage a file in four ways, and recover each."""
+    whole = make_specimen(scratch / "whole.mcap", QUICK_TICKS if quick else TICKS)
+    count, chance = QUICK_CASES if quick else CASES, np.random.default_rng(SEED)
+    ways: dict[str, Callable[[], Iterator[Harm]]] = {
+        "cut in the last chunk" + ("" if quick else ", at every byte"): lambda: cuts_of_last_chunk(
+            whole, QUICK_STEP if quick else 1
+        ),
+        "cut anywhere": lambda: cuts(whole, count, chance),
+        "a byte changed": lambda: flips(whole, count, chance),
+        "a stretch of zeros": lambda: zeroed(whole, count, chance),
+    }
+    rows, faults = [], []
+    for number, (name, harms) in enumerate(ways.items()):
+        found = []
+        for done, harm in enumerate(harms()):
+            found.append(try_one(whole, harm, scratch))
+            tell(f"{name}: {done + 1}", (number + 0.5) / (len(ways) + 1))
+        rows.append(_row(name, found))
+        faults += [f"{name}: {fault}" for one in found for fault in one.faults]
+    return Part(
+        "damage",
+        f"A recording of {len(whole.rows)} ticks in {len(whole.pieces)} chunks and {len(whole.data)} bytes, damaged",
+        COLUMNS,
+        rows,
+        [
+            Verdict(
+                "what was not touched is there to the bit, all loss is said, the source is untouched, the file sound",
+                not faults,
+                _said(faults, sum(int(row[1]) for row in rows)),
+            ),
+            _chunk_verdict(whole, rows),
+        ],
+    )
+
+
+def _chunk_verdict(whole: Specimen, rows: list[tuple[Value, ...]]) -> Verdict:
+    """Whether a cut or a changed byte costs no more than a chunk."""
+    longest = max(stop - first for first, stop in (piece.ticks for piece in whole.pieces)) * TICK_SECONDS * 1e3
+    worst = max(float(row[6]) for row in rows[:3])
+    return Verdict("a cut or a changed byte costs one chunk at most", worst <= longest, f"{worst:g} of {longest:g} ms")
+
+
+def kills_part(folder: Path, tell: Tell, count: int) -> Part:
+    """Kill loggers."""
+    log, chance = live_log(round(2e3 * LONGEST)), np.random.default_rng(SEED)
+    found = []
+    for number in range(count):
+        tell(f"logger killed: {number + 1} of {count}", 0.8 + 0.2 * number / count)
+        found.append(kill_one(folder, log, chance))
+    faults = [fault for one in found for fault in one.faults]
+    flush = Config().recording.flush_ms
+    allowed = flush + BATCH_RECORDS
+    worst = max(one.lost_seconds for one in found) * 1e3
+    return Part(
+        "kills",
+        f"A logger that takes a session's records over a socket, killed (SIGKILL) within {LONGEST:g} s of the first",
+        COLUMNS,
+        [_kill_row("logger killed", found)],
+        [
+            Verdict(
+                "all that was acknowledged is there, to the bit and without a hole", not faults, _said(faults, count)
+            ),
+            Verdict(
+                f"less is lost than flush_ms ({flush:g} ms) and a batch ({BATCH_RECORDS} records)",
+                worst < allowed,
+                f"at most {worst:.0f} ms; what is lost is still in the server's ring",
+            ),
+        ],
+    )
+
+
+def _said(faults: list[str], cases: int) -> str:
+    return f"no fault in {cases} cases" if not faults else f"{len(faults)} faults, such as: {faults[0]}"
+
+
+def _row(name: str, found: list[Found]) -> tuple[Value, ...]:
+    sound = [one for one in found if not one.refused]
+    lost = np.array([one.lost for one in sound]) * TICK_SECONDS
+    faults = sum(len(one.faults) for one in found)
+    return (name, len(found), len(sound), len(found) - len(sound), faults, *_spreads(lost, [o.seconds for o in sound]))
+
+
+def _kill_row(name: str, found: list[Killed]) -> tuple[Value, ...]:
+    lost = np.array([one.lost_seconds for one in found])
+    faults = sum(len(one.faults) for one in found)
+    return (name, len(found), len(found), 0, faults, *_spreads(lost, [one.seconds for one in found]))
+
+
+def _spreads(lost: "np.ndarray", seconds: list[float]) -> tuple[float, ...]:
+    """Median and largest of both [ms]."""
+    return tuple(1e3 * float(f(values)) for values in (lost, np.array(seconds)) for f in (np.median, np.max))

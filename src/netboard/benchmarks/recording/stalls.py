@@ -1,0 +1,108 @@
+"""Whether a slow disk reaches the server: the real processes of a session, while the logger stands still.
+
+A logger whose disk takes half a second for a sync does nothing meanwhile, and so does one that is stopped for half a
+second: to the server both are the same, and stopping needs no disk of a special kind.
+"""
+
+import signal
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.base.clock import now_ns
+from netboard.benchmarks.faults.rigs import ACTIVE, Rig
+from netboard.benchmarks.harness.results import Part, Verdict
+from netboard.benchmarks.harness.running import Tell
+from netboard.recording.files.reader import Recording
+
+STALL_SECONDS = 0.5
+TREATMENTS = {"runs": 0.0, "has a disk that stalls for 0.5 s in every second": 0.5, "is stopped": 1.0}
+"""For what share of the time the logger stands still [1]."""
+
+SETTLE_SECONDS = 3.0
+REST_SECONDS = 1.0
+ALLOWED_MS = 0.5
+"""The 99th percentile of the lateness may be so much more than with a logger that runs: half a tick [ms]."""
+
+
+@dataclass(frozen=True)
+class Watched:
+    """What a session recorded, and when its logger was treated how.
+
+    Attributes
+    ----------
+    stretches : dict of str to (int, int)
+        When each treatment began and ended, server time [ns].
+    """
+
+    path: Path
+    stretches: dict[str, tuple[int, int]]
+
+
+def watch(folder: Path, seconds: float, tell: Tell) -> Watched:
+    """Run a session with displays, and let its logger stand still."""
+    stretches = {}
+    with Rig(folder, ("block.trials=1000",)) as rig:
+        tell("starting a session", 0.0)
+        rig.start("logger", "logger", "--once")
+        rig.start("server", "server", "--autostart")
+        rig.start_stations(displays=True)
+        rig.until(lambda status: status.phase in ACTIVE)
+        time.sleep(SETTLE_SECONDS)
+        for name, share in TREATMENTS.items():
+            tell(name, 0.1)
+            began = now_ns()
+            _treat(rig, seconds, share)
+            stretches[name] = began, now_ns()
+            time.sleep(REST_SECONDS)
+        (path,) = rig.finish()
+    return Watched(path, stretches)
+
+
+def _treat(rig: Rig, seconds: float, share: float) -> None:
+    """Let the logger stand still for a share of some time."""
+    turns, length = (round(seconds * share / STALL_SECONDS), STALL_SECONDS) if 0 < share < 1 else (1, seconds)
+    for _ in range(turns):
+        if share:
+            rig.send_signal("logger", signal.SIGSTOP)
+        time.sleep(length)
+        if share:
+            rig.send_signal("logger", signal.SIGCONT)
+            time.sleep(length * (1 / share - 1))
+
+
+def stalls_part(watched: Watched) -> Part:
+    """Compare how late the server's ticks were."""
+    with Recording(watched.path) as recording:
+        ticks = recording.columns("tick", "time_ns", "late_ns")
+        lost = int(recording.end["lost"]) + sum(gap.count for gap in recording.gaps().get("/ticks", ()))
+    late = {name: _between(ticks, *span) for name, span in watched.stretches.items()}
+    p99 = [float(np.percentile(values, 99)) for values in late.values()]
+    return Part(
+        "stalls",
+        "How late the server's ticks were, while its logger stood still; negative: before the deadline",
+        ("the logger", "ticks [1]", "50 % [ms]", "99 % [ms]", "99.9 % [ms]", "largest [ms]"),
+        [
+            (name, len(values), *(float(value) for value in np.percentile(values, (50, 99, 99.9))), float(values.max()))
+            for name, values in late.items()
+        ],
+        [
+            Verdict(
+                "the server's loop does not feel the logger's disk: 99 % of the ticks are at most half a tick later",
+                max(p99) - p99[0] < ALLOWED_MS,
+                ", ".join(f"{value:.3g} ms" for value in p99),
+            ),
+            Verdict("no record is lost over it", lost == 0, f"{lost} lost"),
+        ],
+    )
+
+
+def _between(ticks: dict[str, NDArray[Any]], start_ns: int, stop_ns: int) -> NDArray[np.float64]:
+    """How late the ticks of some time were; negative: before their deadline, all samples being there [ms]."""
+    inside = (ticks["time_ns"] >= start_ns) & (ticks["time_ns"] < stop_ns)
+    late: NDArray[np.float64] = ticks["late_ns"][inside] * 1e-6
+    return late

@@ -1,0 +1,1 @@
+"""Where methods and velocity estimators hold, and where they fail."""

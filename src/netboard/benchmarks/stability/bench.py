@@ -1,0 +1,67 @@
+"""``netboard bench stability``: where each method holds, in theory and in runs, and where it fails.
+
+Every part is a table with verdicts, which are computed: a study may well end with some that fail. The short form does
+less of everything; a test runs parts of it.
+"""
+
+from collections.abc import Iterator
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+
+from netboard.base.config import Config
+from netboard.benchmarks.harness.results import Folder, Part, new_folder
+from netboard.benchmarks.harness.running import Tell, run
+from netboard.benchmarks.stability.maps import PLANES, Plane, draw_map, make_map, map_parts, tick_limits
+from netboard.benchmarks.stability.odd_hands import odd_hands
+from netboard.benchmarks.stability.rest import energy_drift, perfect_rest
+from netboard.benchmarks.stability.runs import STUDIED
+from netboard.benchmarks.stability.soak import soak
+from netboard.benchmarks.stability.stress import ball_at_ends, large_tilts, stiff_forces
+
+SCALES = tuple(float(scale) for scale in np.geomspace(1.0, 1000.0, 7))
+QUICK_SCALES = (1.0, 1000.0)
+QUICK_METHODS = ("semi_implicit", "verlet", "rk4", "etdrk4")
+
+SOAK_STEPS = 1_000_000_000
+QUICK_SOAK_STEPS = 10_000_000
+
+
+def main(output: Path | None, *, quick: bool, force: bool, soak_too: bool) -> int:
+    """Run the study.
+
+    Returns
+    -------
+    int
+        Exit code: 0, also if verdicts fail, for that is a result.
+    """
+    folder = Folder(output or new_folder("stability"), force=force)
+    settings = {"study": "stability", "quick": quick, "soak": soak_too}
+    run(folder, settings, lambda tell: study(folder, quick, soak_too, tell))
+    return 0
+
+
+def study(folder: Folder, quick: bool, soak_too: bool, tell: Tell) -> Iterator[Part]:
+    """Run the parts of the study, one after the other."""
+    methods = QUICK_METHODS if quick else STUDIED
+    yield tick_limits(methods, tell)
+    for plane in PLANES:
+        yield from _mapped(plane, folder, quick, tell)
+    yield stiff_forces(tell=tell)
+    yield large_tilts(tell=tell)
+    yield energy_drift(100_000 if quick else 10_000_000, methods, tell)
+    yield ball_at_ends(tell=tell)
+    yield perfect_rest(20_000 if quick else 200_000, methods, tell)
+    tell("odd hands", 0.0)
+    yield odd_hands(Config())
+    if soak_too:
+        yield soak(QUICK_SOAK_STEPS if quick else SOAK_STEPS, tell=tell)
+
+
+def _mapped(plane: Plane, folder: Folder, quick: bool, tell: Tell) -> Iterator[Part]:
+    """Make a map, and draw it if matplotlib is there."""
+    cells = make_map(plane, QUICK_SCALES if quick else SCALES, QUICK_METHODS if quick else STUDIED, tell)
+    if find_spec("matplotlib") is not None:
+        folder.save(draw_map(plane, cells), f"map-{plane.name}")
+    yield from map_parts(plane, cells)

@@ -1,0 +1,287 @@
+"""Maps of the largest stable step, over stiffness and damping, and over masses: theory beside nonlinear runs.
+
+Theory is the spectral radius of the exact matrix of a step (`netboard.physics.stability.step_matrix`), of the level
+board; for the exponential methods, which solve that one exactly, of the board tilted by 10 degrees, at some lengths of
+step. Runs are those of `netboard.benchmarks.stability.runs`, which nothing but the step is changed in until they are no
+longer bounded.
+"""
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from netboard.base.tables.scene import Physics
+from netboard.base.tick import TICK_SECONDS
+from netboard.benchmarks.harness.results import Part, Value, Verdict
+from netboard.benchmarks.harness.running import Tell
+from netboard.benchmarks.stability.runs import (
+    STUDIED,
+    is_bounded,
+    ladder,
+    largest_bounded,
+    scaled,
+    telling_duration,
+)
+from netboard.physics.scene.parameters import pack_scene, parts_of
+from netboard.physics.stability.method_choice import CREEP, EXPONENTIAL
+from netboard.physics.stability.step_matrix import (
+    Matrix,
+    is_stable,
+    largest_step,
+    spectral_radius,
+    tilted_matrix,
+)
+
+ALLOWED = {"verlet": 0.08}
+USUALLY_ALLOWED = 0.04
+"""Theory and runs may differ by so much [1]."""
+
+FOLLOWED = 0.1
+"""In longer steps no method follows hands of 3 Hz: there theory and runs are not compared [s]."""
+
+TILT = math.radians(10.0)
+
+MOST_SCALE = 1e4
+"""Scales are tried up to here [1]."""
+
+
+@dataclass(frozen=True)
+class Plane:
+    """What a map is over."""
+
+    name: str
+    across: str
+    down: str
+
+
+PLANES = (Plane("coupling", "k_h", "c_h"), Plane("inertia", "M", "I"))
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One scene and one method.
+
+    Attributes
+    ----------
+    theory, nonlinear : float
+        Largest stable step; infinite if there is none, up to the longest that is tried [s].
+    """
+
+    method: str
+    across: float
+    down: float
+    theory: float
+    nonlinear: float
+
+    @property
+    def difference(self) -> float:
+        """What runs allow more than theory, as a share of it; NaN if theory has no limit [1]."""
+        return self.nonlinear / self.theory - 1.0 if math.isfinite(self.theory) else math.nan
+
+    @property
+    def counts(self) -> bool:
+        """Whether theory and runs can be compared."""
+        return self.theory <= FOLLOWED
+
+    @property
+    def agrees(self) -> bool:
+        """Whether theory and runs are as close as they should be."""
+        return abs(self.difference) <= ALLOWED.get(self.method, USUALLY_ALLOWED)
+
+
+def board_matrix(physics: Physics, tilt: float = 0.0) -> Matrix:
+    """Return the matrix of the board alone."""
+    return tilted_matrix(parts_of(physics), pack_scene(physics)[0], physics.balls, tilt)
+
+
+def theoretical_step(physics: Physics, method: str) -> float:
+    """Return the largest stable step, in theory.
+
+    Returns
+    -------
+    float
+        Infinite if there is none; for an exponential method, if there is none of those tried [s].
+    """
+    level = board_matrix(physics)
+    if method not in EXPONENTIAL:
+        return largest_step(method, level)
+    tilted = board_matrix(physics, TILT)
+    good = 0.0
+    for h in ladder():
+        if spectral_radius(method, tilted, h, level) > 1.0 + CREEP:
+            return good
+        good = h
+    return math.inf
+
+
+def measure_cell(physics: Physics, method: str, across: float = 1.0, down: float = 1.0) -> Cell:
+    """Find the largest stable step of one scene, in theory and in runs."""
+    theory = theoretical_step(physics, method)
+    duration = telling_duration(method, board_matrix(physics), theory)
+    return Cell(method, across, down, theory, largest_bounded(physics, method, theory, duration))
+
+
+def make_map(
+    plane: Plane, scales: Sequence[float], methods: Sequence[str] = STUDIED, tell: Tell = lambda text, share: None
+) -> list[Cell]:
+    """Measure every method in every scene of a plane."""
+    cells: list[Cell] = []
+    count = len(scales) ** 2
+    for i, (across, down) in enumerate((across, down) for down in scales for across in scales):
+        physics = scaled(Physics(), **{plane.across: across, plane.down: down})
+        tell(f"map over {plane.across} x{across:.3g}, {plane.down} x{down:.3g}", i / count)
+        cells += [measure_cell(physics, method, across, down) for method in methods]
+    return cells
+
+
+def map_parts(plane: Plane, cells: Sequence[Cell]) -> Iterator[Part]:
+    """Say what a map shows: all of it, and a summary with verdicts."""
+    over = f"{plane.across}, {plane.down}"
+    heads = (
+        "method",
+        f"{plane.across} x [1]",
+        f"{plane.down} x [1]",
+        "theory [s]",
+        "runs [s]",
+        "runs / theory - 1 [1]",
+    )
+    rows: list[tuple[Value, ...]] = [
+        (cell.method, cell.across, cell.down, cell.theory, cell.nonlinear, cell.difference) for cell in cells
+    ]
+    yield Part(f"map-{plane.name}", f"Largest stable step over {over}", heads, rows, on_screen=False)
+    summaries = [_summary(method, cells) for method in dict.fromkeys(cell.method for cell in cells)]
+    yield Part(
+        f"map-{plane.name}-summary",
+        f"Largest stable step over {over}, x1 to x{max(cell.across for cell in cells):g}: theory and nonlinear runs",
+        ("method", "paper's scene: theory [s]", "runs [s]", "smallest [s]", "scenes compared", "worst difference [1]"),
+        [row for row, _ in summaries],
+        [verdict for _, verdict in summaries],
+    )
+
+
+def _summary(method: str, cells: Sequence[Cell]) -> tuple[tuple[Value, ...], Verdict]:
+    """Say what a map shows of a method."""
+    own = [cell for cell in cells if cell.method == method]
+    first, smallest = own[0], min(cell.nonlinear for cell in own)
+    limited = [cell for cell in own if cell.counts]
+    worst = max(limited, key=lambda cell: abs(cell.difference), default=None)
+    row = (
+        method,
+        first.theory,
+        first.nonlinear,
+        smallest,
+        len(limited),
+        worst.difference if worst else "no limit in theory",
+    )
+    if worst is None:
+        return row, Verdict(
+            f"{method} holds every scene in steps of a tick",
+            smallest >= TICK_SECONDS,
+            "in any step tried" if math.isinf(smallest) else f"up to {smallest:.3g} s in each",
+        )
+    off = [cell for cell in limited if not cell.agrees]
+    return row, Verdict(
+        f"{method}: theory within {ALLOWED.get(method, USUALLY_ALLOWED):.0%} of runs",
+        not off,
+        f"{len(limited) - len(off)} of {len(limited)} scenes, worst {worst.difference:+.1%} "
+        f"at x{worst.across:.3g}, x{worst.down:.3g}",
+    )
+
+
+def largest_scale(stable: Callable[[float], bool]) -> float:
+    """Return the scale up to which all are stable, by theory."""
+    good = 1.0
+    for scale in np.geomspace(1.0, MOST_SCALE, 161):
+        if not stable(float(scale)):
+            bad = float(scale)
+            while bad > 1.001 * good:
+                middle = math.sqrt(good * bad)
+                good, bad = (middle, bad) if stable(middle) else (good, middle)
+            return good if stable(1.0) else 0.0
+        good = float(scale)
+    return math.inf
+
+
+def _stiffer(scale: float) -> dict[str, float]:
+    return {"k_h": scale}
+
+
+def _more_damped(scale: float) -> dict[str, float]:
+    return {"c_h": scale}
+
+
+def _alike(scale: float) -> dict[str, float]:
+    return {"k_h": scale, "c_h": math.sqrt(scale)}
+
+
+WAYS = {"k_h alone": _stiffer, "c_h alone": _more_damped, "k_h, and c_h by its root": _alike}
+
+
+def tick_limits(methods: Sequence[str] = STUDIED, tell: Tell = lambda text, share: None) -> Part:
+    """Find the stability limit of the coupling at 1 ms steps, by theory and by runs on both sides of it."""
+    rows: list[tuple[Value, ...]] = []
+    wrong: list[str] = []
+    checked = 0
+    for i, method in enumerate(methods):
+        tell(f"largest scales in steps of a tick: {method}", i / len(methods))
+        found: list[Value] = []
+        for way, factors in WAYS.items():
+            scale = math.inf if method in EXPONENTIAL else largest_scale(_stable(method, factors))
+            found.append(scale)
+            for share, bounded in ((0.96, True), (1.04, False)) if math.isfinite(scale) and scale > 1.0 else ():
+                physics = scaled(Physics(), **factors(share * scale))
+                checked += 1
+                if is_bounded(physics, method, TICK_SECONDS, 4.0) is not bounded:
+                    wrong.append(f"{method}, {way} x{share * scale:.3g}")
+        rows.append((method, *found))
+    verdict = Verdict(
+        "runs are bounded 4 % below each limit, and not 4 % above",
+        not wrong,
+        f"{checked - len(wrong)} of {checked}{': not ' + '; '.join(wrong) if wrong else ''}",
+    )
+    heads = ("method", *(f"{way} x [1]" for way in WAYS))
+    title = f"How far the couplings may be scaled, in steps of {TICK_SECONDS:g} s"
+    return Part("tick-limits", title, heads, rows, [verdict])
+
+
+def _stable(method: str, factors: Callable[[float], dict[str, float]]) -> Callable[[float], bool]:
+    """Return what tells whether a scale is stable in steps of a tick."""
+    return lambda scale: is_stable(method, board_matrix(scaled(Physics(), **factors(scale))), TICK_SECONDS)
+
+
+def draw_map(plane: Plane, cells: Sequence[Cell]) -> Any:
+    """Draw a map: a row for each method, theory on the left, runs on the right."""
+    from matplotlib.colors import LogNorm
+    from matplotlib.figure import Figure
+
+    methods = list(dict.fromkeys(cell.method for cell in cells))
+    across, down = sorted({cell.across for cell in cells}), sorted({cell.down for cell in cells})
+    figure = Figure(figsize=(3.0 + 1.1 * len(across), 1.0 + 0.45 * len(down) * len(methods)), layout="constrained")
+    axes = figure.subplots(len(methods), 2, squeeze=False, sharex=True, sharey=True)
+    norm = LogNorm(1e-6, 1.0)
+    for row, method in zip(axes, methods, strict=True):
+        for ax, kind in zip(row, ("theory", "nonlinear"), strict=True):
+            steps = np.full((len(down), len(across)), math.inf)
+            for cell in cells:
+                if cell.method == method:
+                    steps[down.index(cell.down), across.index(cell.across)] = getattr(cell, kind)
+            _draw_steps(ax, steps, norm)
+            ax.set_title(f"{method}: {'theory' if kind == 'theory' else 'nonlinear runs'}", fontsize=8)
+            ax.set_xticks(range(len(across)), [f"{value:.4g}" for value in across], fontsize=7)
+            ax.set_yticks(range(len(down)), [f"{value:.4g}" for value in down], fontsize=7)
+        row[0].set_ylabel(f"{plane.down} x", fontsize=8)
+    for ax in axes[-1]:
+        ax.set_xlabel(f"{plane.across} x", fontsize=8)
+    figure.colorbar(axes[0, 0].images[0], ax=axes, label="largest stable step [s]; in the cells [ms]", shrink=0.25)
+    return figure
+
+
+def _draw_steps(ax: Any, steps: Any, norm: Any) -> None:
+    """Draw one heat map, its values in milliseconds written in."""
+    ax.imshow(np.minimum(steps, 1.0), origin="lower", norm=norm, cmap="viridis", aspect="auto")
+    for (i, j), h in np.ndenumerate(steps):
+        text = "any" if math.isinf(h) else f"{h * 1e3:.3g}"
+        ax.text(j, i, text, ha="center", va="center", fontsize=6, color="black" if h > 1e-3 else "white")

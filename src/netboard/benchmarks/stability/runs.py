@@ -1,0 +1,242 @@
+"""Runs of the test motion in any scene, by any method, with any step: what the studies of stability are made of.
+
+The hands are those of `netboard.benchmarks.physics.problem`, which tilt the paper's board by 10 degrees to either side;
+their movement against each other can be made larger. Between times at most a tick apart each is one cubic, for every
+method the same, so that methods differ by nothing but themselves.
+
+To find where a method is bounded, the ball is fixed off the board's centre: it loads the board, and does not run away.
+A run is bounded if it stays finite and, once what the start has stirred has had time to go, near what a reference does.
+Rates count as well as places: a board that is stepped too coarsely need not fly off. Far tilted it is softer, so it may
+rattle, or stay there.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.base.tables.scene import Physics
+from netboard.base.tick import TICK_SECONDS
+from netboard.benchmarks.physics.problem import AGAINST, BALL, TOGETHER
+from netboard.physics.arithmetic.vectors import State
+from netboard.physics.methods.catalogue import METHODS
+from netboard.physics.methods.march import forces_along, make_grid, run
+from netboard.physics.scene.parameters import pack_scene, parts_of
+from netboard.physics.stability.step_matrix import spectral_radius
+
+Array = NDArray[np.float64]
+
+STUDIED = tuple(method.name for method in METHODS if method.name != "exact")
+"""All methods but the one that is for boards that cannot tilt."""
+
+DURATION = 3.0
+"""Length of a run, at the least [s]."""
+
+SHOWS = 1e6
+"""A run is so long that what grows shows: by this factor, in theory, with a step that is `OFF` too long [1]."""
+
+OFF = 1.03
+"""Of what a largest step may be off, most runs should tell that it is [1]."""
+
+MOST_STEPS = 1_000_000
+"""But no longer than this many steps [1]."""
+
+FIXED_PLACE = 0.15
+"""Where the ball is fixed: where trials start [m]."""
+
+FARTHER, FASTER = 1.5, 10.0
+"""A run that exceeds the reference by these, in height or tilt, or in the rate of one, is not bounded [1]."""
+
+WIDE = 4.0
+"""A largest step that exceeds the guess by this factor is not looked for any further [1]."""
+
+LONGEST = 0.250
+"""Longest step that is tried [s]."""
+
+NARROW = 1.002
+"""A largest step is known when it and a step that fails are this close [1]."""
+
+COLD: State = (0.0, 0.0, 0.0, 0.0, *BALL["paper", "cold"])
+"""A board at rest between hands that move already: every mode of it is stirred [SI]."""
+
+_FIXED: State = (0.0, 0.0, 0.0, 0.0, FIXED_PLACE, 0.0)
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run.
+
+    Attributes
+    ----------
+    times : ndarray of float64, shape (n,)
+        Ends of the intervals [s].
+    states : ndarray of float64, shape (n, length)
+        The states there [SI].
+    forces : ndarray of float64, shape (n, 2)
+        Of the left and the right hand on the board there [N].
+    """
+
+    times: Array
+    states: Array
+    forces: Array
+
+
+def scaled(physics: Physics, **factors: float) -> Physics:
+    """Return a scene with some of its numbers multiplied."""
+    return replace(physics, **{name: getattr(physics, name) * factor for name, factor in factors.items()})
+
+
+def waves_at(times: Array, spread: float = 1.0) -> tuple[Array, Array]:
+    """Return where the hands are.
+
+    Parameters
+    ----------
+    spread : float
+        How many times as far as in the test problem they move against each other [1].
+
+    Returns
+    -------
+    z, vz : ndarray of float64, shape (n, 2)
+        Heights of the left and the right stylus, and their rates [m, m/s].
+    """
+    z, vz = np.zeros((len(times), 2)), np.zeros((len(times), 2))
+    for waves, signs in ((TOGETHER, (1.0, 1.0)), (AGAINST, (-spread, spread))):
+        for amplitude, frequency, phase in waves:
+            rate = 2.0 * math.pi * frequency
+            z += np.multiply.outer(amplitude * np.sin(rate * times + phase), signs)
+            vz += np.multiply.outer(amplitude * rate * np.cos(rate * times + phase), signs)
+    return z, vz
+
+
+def polynomials(physics: Physics, times: Array, z: Array, vz: Array) -> Array:
+    """Return the drives of hands that move on cubics between times (`netboard.physics.hands.extrapolation.between`).
+
+    Parameters
+    ----------
+    z, vz : ndarray of float64, shape (n + 1, 2)
+        Heights of the left and the right stylus there, and their rates [m, m/s].
+    """
+    k, c, gap = physics.k_h, physics.c_h, np.diff(times)[:, None]
+    mean = np.diff(z, axis=0) / gap
+    bend = (3.0 * mean - 2.0 * vz[:-1] - vz[1:]) / gap
+    twist = (vz[:-1] + vz[1:] - 2.0 * mean) / gap**2
+    out = np.empty((len(gap), 8))
+    out[:, 0::4] = k * z[:-1] + c * vz[:-1]
+    out[:, 1::4] = k * vz[:-1] + 2.0 * c * bend
+    out[:, 2::4] = k * bend + 3.0 * c * twist
+    out[:, 3::4] = k * twist
+    return out
+
+
+def make_run(
+    physics: Physics,
+    method: str,
+    h: float,
+    duration: float = DURATION,
+    x: State = COLD,
+    start: float = 0.0,
+    spread: float = 1.0,
+    free: bool = True,
+) -> Run:
+    """Run the test motion.
+
+    Parameters
+    ----------
+    duration : float
+        Length of the run; it is as many whole intervals as fit [s].
+
+    Returns
+    -------
+    Run
+        The states at the ends of intervals: single steps, or as many as fit into a tick.
+    """
+    steps = max(1, math.floor(TICK_SECONDS / h + 1e-9))
+    count = max(1, math.floor(duration / (steps * h) + 1e-9))
+    times: Array = start + np.arange(count + 1, dtype=np.float64) * (steps * h)
+    z, vz = waves_at(times, spread)
+    parts, scene = parts_of(physics, free), pack_scene(physics)
+    lengths, counts = np.full(count, steps * h), np.full(count, steps, np.int64)
+    grid = make_grid(method, lengths, counts, parts, len(x), scene)
+    states = run(method, x, polynomials(physics, times, z, vz), grid, parts, scene)
+    return Run(times, states, forces_along(states, physics.k_h * z + physics.c_h * vz, parts, scene))
+
+
+@cache
+def _reference_reach(physics: Physics, duration: float) -> Array:
+    """Return the reach of the board by an exponential method, which is bounded in every scene."""
+    return _reach(make_run(physics, "etdrk4", TICK_SECONDS, duration, _FIXED, free=False))
+
+
+def _reach(run_: Run) -> Array:
+    """Return the largest magnitudes of height, its rate, tilt and its rate in the second half of a run."""
+    late: Array = np.abs(run_.states[len(run_.states) // 2 :, :4]).max(axis=0)
+    return late
+
+
+def is_bounded(physics: Physics, method: str, h: float, duration: float = DURATION) -> bool:
+    """Tell whether a run stays within bounds."""
+    limits = np.tile([FARTHER, FASTER], 2) * _reference_reach(physics, duration)
+    with np.errstate(invalid="ignore"):
+        return bool(np.all(_reach(make_run(physics, method, h, duration, _FIXED, free=False)) <= limits))
+
+
+def telling_duration(method: str, a: Array, h: float) -> float:
+    """Return how long a run must be to tell whether a step is too long.
+
+    Parameters
+    ----------
+    h : float
+        The largest step, in theory; infinite if there is none [s].
+    """
+    if math.isinf(h):
+        return DURATION
+    growth = math.log(spectral_radius(method, a, OFF * h))
+    steps = min(math.log(SHOWS) / growth if growth > 0.0 else math.inf, MOST_STEPS)
+    return max(DURATION, math.ceil(2.0 * steps * h))
+
+
+def largest_bounded(physics: Physics, method: str, guess: float, duration: float = DURATION) -> float:
+    """Return the largest step with which a run is bounded, looked for around a guess.
+
+    Returns
+    -------
+    float
+        The step; infinite if none was found, up to `LONGEST` or beyond `WIDE` times the guess [s].
+    """
+
+    def holds(h: float) -> bool:
+        return is_bounded(physics, method, h, duration)
+
+    if math.isinf(guess):
+        good = 0.0
+        for h in ladder():
+            if not holds(h):
+                return _edge(holds, good, h) if good > 0.0 else 0.0
+            good = h
+        return math.inf
+    good, factor = guess, OFF
+    while not holds(good):
+        good, factor = good / factor, factor**1.5
+    bad, factor = good, OFF
+    while holds(bad):
+        if bad > WIDE * guess:
+            return math.inf
+        good, bad, factor = bad, bad * factor, factor**1.5
+    return _edge(holds, good, bad)
+
+
+def ladder() -> list[float]:
+    """Return steps up to `LONGEST`, each a quarter longer than the last."""
+    count = math.ceil(math.log(LONGEST / TICK_SECONDS) / math.log(1.25))
+    return [min(TICK_SECONDS * 1.25**i, LONGEST) for i in range(count + 1)]
+
+
+def _edge(holds: Callable[[float], bool], good: float, bad: float) -> float:
+    """Return the longest step that holds, between one that does and one that does not."""
+    while bad > NARROW * good:
+        middle = math.sqrt(good * bad)
+        good, bad = (middle, bad) if holds(middle) else (good, middle)
+    return good

@@ -1,0 +1,207 @@
+"""A thousand million steps through random scenes, with random hands: nothing turns infinite, no energy is made.
+
+Every hundred ticks states and energies are checked. Balls that run away are put back. What goes on while a board tilts
+or turns so far, or a ball is so far out, that the choice of a method did not look at it, is told apart: no step of a
+tick follows a board that turns over under a heavy ball.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import partial
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.base.compiled import fast
+from netboard.base.tables.scene import Physics
+from netboard.base.tick import TICK_SECONDS
+from netboard.benchmarks.harness.results import Part, Value, Verdict
+from netboard.benchmarks.harness.running import Tell
+from netboard.benchmarks.physics.batch import LANES, in_blocks, make_batch, out_of_blocks, scene_blocks
+from netboard.benchmarks.stability.soak_audit import (
+    BEYOND,
+    GROWTH,
+    LARGEST_TILT,
+    MOST_TURN,
+    SUMS,
+    SUPPLY,
+    THROUGH,
+    WRONG,
+    make_audit,
+)
+from netboard.benchmarks.stability.soak_dyads import (
+    DYADS,
+    HAND,
+    KINDS,
+    LAST_Z,
+    PLACE,
+    draw_hands,
+    draw_scene,
+    move_hands,
+)
+from netboard.physics.scene.parameters import pack_scene, parts_of, state_length
+
+Array = NDArray[np.float64]
+
+BETWEEN = 100
+"""Ticks from check to check [1]."""
+
+RUN_AWAY = 0.5
+"""A ball farther than this from the centre is put back there [m]."""
+
+BALANCE = 0.25
+"""Of the flows between two checks, energy may be off by this share where one step follows a jump of the hands [1]."""
+
+LEAST_FLOW = 1e-9
+"""Flows that sum up to less between two checks are not looked at closely [J]."""
+
+
+@dataclass
+class Tally:
+    """What came of checks.
+
+    Attributes
+    ----------
+    excess : float
+        Most growth of energy beyond what hands can put in, as a share of the flows [1].
+    wrong : float
+        Most energy that came or went other than by the flows, as a share of them [1].
+    """
+
+    checks: int = 0
+    lost: int = 0
+    excess: float = -math.inf
+    wrong: float = 0.0
+
+    def take(self, x: Array, sums: Array) -> None:
+        """Check simulations."""
+        fine: NDArray[np.bool_] = np.isfinite(np.concatenate([x, sums], axis=1)).all(axis=1)
+        self.checks += len(x)
+        self.lost += int(np.count_nonzero(~fine))
+        flowed = sums[fine, THROUGH] + LEAST_FLOW
+        self.excess = max(self.excess, float(np.max((sums[fine, GROWTH] - sums[fine, SUPPLY]) / flowed, initial=-1.0)))
+        self.wrong = max(self.wrong, float(np.max(np.abs(sums[fine, WRONG]) / flowed, initial=0.0)))
+
+
+@dataclass
+class Soaked:
+    """What came of one kind of scene.
+
+    Attributes
+    ----------
+    within, beyond : Tally
+        While the board stayed within the tilts and balls within the places that the choice of a method looks at, and
+        while they did not.
+    seconds : float
+        How long it took [s].
+    """
+
+    steps: int = 0
+    restarts: int = 0
+    within: Tally = field(default_factory=Tally)
+    beyond: Tally = field(default_factory=Tally)
+    seconds: float = 0.0
+
+
+def soak_kind(
+    kind: Physics, steps: int, seed: int, scenes: int = 256, tell: Callable[[float], object] = lambda share: None
+) -> Soaked:
+    """Soak one kind of scene."""
+    rng = np.random.default_rng(seed)
+    drawn = np.concatenate([pack_scene(draw_scene(rng, kind)) for _ in range(scenes)])
+    packed = scene_blocks(np.resize(drawn, DYADS))
+    parts, length = parts_of(kind), state_length(kind)
+    step, audit = make_batch(parts, length, True), make_audit(parts, length)
+    x = in_blocks(np.zeros((DYADS, length)))
+    before, drives, sums = np.empty_like(x), np.zeros((len(x), 8, LANES)), np.zeros((len(x), SUMS, LANES))
+    hands = [np.zeros((len(x), HAND, LANES)) for _ in range(2)]
+    for hand in hands:
+        draw_hands(rng, hand, 1.0)
+        hand[:, LAST_Z] = hand[:, PLACE]
+    found, begun = Soaked(), perf_counter()
+    while found.steps < steps:
+        for _ in range(BETWEEN):
+            for side, hand in enumerate(hands):
+                move_hands(hand, side, packed, drives)
+            before[:] = x
+            step(x, drives, packed, TICK_SECONDS)
+            audit(before, x, drives, packed, sums)
+            found.restarts += _restart(x)
+        found.steps += BETWEEN * DYADS
+        states, did = out_of_blocks(x), out_of_blocks(sums)
+        beyond = did[:, BEYOND] > 0.0
+        found.within.take(states[~beyond], did[~beyond])
+        found.beyond.take(states[beyond], did[beyond])
+        fine: NDArray[np.bool_] = np.all(np.isfinite(x), axis=1)
+        x[:] = np.where(fine[:, None, :], x, 0.0)
+        sums[:] = 0.0
+        for hand in hands:
+            draw_hands(rng, hand, 0.1)
+        tell(found.steps / steps)
+    found.seconds = perf_counter() - begun
+    return found
+
+
+@fast
+def _restart(x: Any) -> int:
+    """Put balls that ran away back to the centre, and return of how many dyads."""
+    count = 0
+    for b in range(len(x)):
+        for j in range(LANES):
+            away = False
+            for i in range(4, x.shape[1], 2):
+                away |= abs(x[b, i, j]) > RUN_AWAY
+            if away:
+                count += 1
+                x[b, 4:, j] = 0.0
+    return count
+
+
+def soak(steps: int, seed: int = 1, scenes: int = 256, tell: Tell = lambda text, share: None) -> Part:
+    """Soak every kind of scene."""
+    found = {}
+    for i, (name, kind) in enumerate(KINDS.items()):
+        tell(f"soak: {name}: drawing scenes", 0.0)
+        share = steps // len(KINDS) + 1
+        found[name] = soak_kind(kind, share, seed + i, scenes, partial(tell, f"soak: {name}"))
+    rows: list[tuple[Value, ...]] = []
+    for name, one in found.items():
+        for where, tally in (("within", one.within), ("beyond", one.beyond)):
+            rows.append((name, where, tally.checks, tally.lost, tally.excess, tally.wrong))
+    done, restarts = sum(one.steps for one in found.values()), sum(one.restarts for one in found.values())
+    seconds = sum(one.seconds for one in found.values())
+    within, beyond = [one.within for one in found.values()], [one.beyond for one in found.values()]
+    excess, wrong = max(tally.excess for tally in within), max(tally.wrong for tally in within)
+    lost, checks = sum(tally.lost for tally in within), sum(tally.checks for tally in within)
+    checks_beyond = sum(tally.checks for tally in beyond)
+    lost_beyond, worst_beyond = sum(tally.lost for tally in beyond), max(tally.excess for tally in beyond)
+    degrees = math.degrees(LARGEST_TILT)
+    return Part(
+        "soak",
+        f"Soak: {done:.4g} steps of 1 ms in {len(KINDS) * scenes} random scenes, {seconds:.3g} s, {restarts} balls put "
+        f"back; within: tilts to {degrees:.0f} deg, turns to {MOST_TURN:g} rad in a step, balls to twice the arm",
+        (
+            "kind of scene",
+            "where",
+            f"checks, each of {BETWEEN} steps [1]",
+            "not finite [1]",
+            "growth - what hands can put in, over flows [1]",
+            "growth - flows, over flows [1]",
+        ),
+        rows,
+        [
+            Verdict("within: every state is finite", lost == 0, f"{lost} of {checks} are not"),
+            Verdict(
+                "within: energy grows by no more than hands can put in", excess < 0.0, f"{excess:+.2g} of the flows"
+            ),
+            Verdict(f"within: energy is off by less than {BALANCE:.0%} of the flows", wrong < BALANCE, f"{wrong:.2g}"),
+            Verdict(
+                "beyond: every state is finite, and energy grows by no more than hands can put in",
+                lost_beyond == 0 and worst_beyond < 0.0,
+                f"{lost_beyond} of {checks_beyond} are not finite, {worst_beyond:+.2g} of the flows",
+            ),
+        ],
+    )

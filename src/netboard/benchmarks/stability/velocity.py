@@ -1,0 +1,190 @@
+"""What each way to a stylus' velocity costs and gains: lag, noise, errors, time, and how late a force may be.
+
+Movements are known in closed form and are read each millisecond in the encoder steps of a Touch; the estimators are
+those that agents run. How late a force may be is asked of the paper's coupling on a bare stylus, the board's end fixed:
+by the eigenvalues of the whole sampled loop for the estimators that are linear, and by runs with all of them.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import pi
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.base.config import Config
+from netboard.base.tick import TICK_NS, TICK_SECONDS
+from netboard.benchmarks.harness.results import Part, Value, Verdict
+from netboard.benchmarks.harness.running import Tell
+from netboard.benchmarks.stability.velocity_loop import IDEAL, TOUCH, Loop, largest_delay, largest_played
+from netboard.devices.contract.velocity import KINDS, Estimator
+
+Array = NDArray[np.float64]
+
+OFFSETS, QUICK_OFFSETS = 20, 5
+"""Each movement is judged from so many places within an encoder step [1]."""
+
+UPDATES, QUICK_UPDATES = 100_000, 10_000
+"""So many updates are timed in one go, and the best of `GOES` counts [1]."""
+
+GOES = 5
+
+SECONDS, QUICK_SECONDS = 8.0, 3.0
+"""Length of a run with late forces [s]."""
+
+RUN_UP = 100
+"""Samples that an estimator gets before it is judged [1]."""
+
+
+@dataclass(frozen=True)
+class Movement:
+    """A movement in closed form.
+
+    Attributes
+    ----------
+    height : callable
+        Its height at times [m].
+    rate : callable
+        Its velocity at times [m/s].
+    """
+
+    name: str
+    samples: int
+    height: Callable[[Array], Array]
+    rate: Callable[[Array], Array]
+
+
+def _steady(speed: float) -> Movement:
+    """A steady movement."""
+    return Movement(f"{speed * 1e3:.0f} mm/s", 2000, lambda t: speed * t, lambda t: np.full(len(t), speed))
+
+
+def _wave(name: str, size: float, frequency: float) -> Movement:
+    """A sine."""
+    turn = 2.0 * pi * frequency
+    return Movement(name, 2000, lambda t: size * np.sin(turn * t), lambda t: size * turn * np.cos(turn * t))
+
+
+def _reach(distance: float, start: float, duration: float) -> Movement:
+    """A minimum-jerk movement from rest to rest (Flash and Hogan 1985)."""
+
+    def share(t: Array) -> Array:
+        return np.clip((t - start) / duration, 0.0, 1.0)
+
+    return Movement(
+        "reach",
+        round(1e3 * (2.0 * start + duration)),
+        lambda t: distance * share(t) ** 3 * (10.0 + share(t) * (6.0 * share(t) - 15.0)),
+        lambda t: distance / duration * 30.0 * share(t) ** 2 * (1.0 - share(t)) ** 2,
+    )
+
+
+ACCELERATION = 1.0
+"""Of the movement that lags are told from [m/s2]."""
+
+RAMP = Movement("ramp", 500, lambda t: 0.5 * ACCELERATION * t**2, lambda t: ACCELERATION * t)
+REST = _wave("rest", 0.02e-3, 9.0)
+SLOW, FAST = _steady(0.0103), _steady(0.3017)
+REACH = _reach(0.1, 0.15, 0.4)
+SINE = _wave("10 Hz", 0.002, 10.0)
+
+
+def errors_of(kind: str, movement: Movement, offsets: int) -> tuple[Array, Array]:
+    """Follow a movement."""
+    t = np.arange(movement.samples, dtype=np.float64) * TICK_SECONDS
+    rate = movement.rate(t)
+    found = []
+    for k in range(offsets):
+        offset = (k + 0.5) / offsets * TOUCH.resolution
+        seen = np.round((movement.height(t) + offset) / TOUCH.resolution) * TOUCH.resolution
+        found.append(follow(KINDS[kind](TOUCH.resolution), seen) - rate)
+    return t[RUN_UP:], np.array(found)[:, RUN_UP:]
+
+
+def follow(meter: Estimator, heights: Array) -> Array:
+    """Let an estimator follow heights that are read each tick."""
+    said = [meter.update(k * TICK_NS, 0.0, 0.0, z)[2] for k, z in enumerate(heights.tolist())]
+    return np.array(said)
+
+
+def time_of(kind: str, updates: int) -> float:
+    """Time an update, on a stylus that moves on all axes."""
+    t = TICK_SECONDS * np.arange(updates)
+    path = np.round(0.02 * np.sin(np.outer(t, (3.0, 5.0, 7.0))) / TOUCH.resolution) * TOUCH.resolution
+    samples = [(k * TICK_NS, *place) for k, place in enumerate(path.tolist())]
+    best = np.inf
+    for _ in range(GOES):
+        update = KINDS[kind](TOUCH.resolution).update
+        update(*samples[0])
+        began = perf_counter()
+        for sample in samples:
+            update(*sample)
+        best = min(best, perf_counter() - began)
+    return float(best / updates)
+
+
+def figures(*, quick: bool, tell: Tell) -> Part:
+    """Measure lag, noise, errors and time of each estimator."""
+    offsets, updates = (QUICK_OFFSETS, QUICK_UPDATES) if quick else (OFFSETS, UPDATES)
+    rows: list[tuple[Value, ...]] = []
+    for i, kind in enumerate(KINDS):
+        tell(f"movements: {kind}", i / len(KINDS))
+        _, ramp = errors_of(kind, RAMP, offsets)
+        lag = -float(ramp.mean()) / ACCELERATION
+        noises = [1e3 * float(np.sqrt(np.mean(errors_of(kind, m, offsets)[1] ** 2))) for m in (REST, SLOW, FAST)]
+        largest = [1e3 * float(np.abs(errors_of(kind, m, offsets)[1]).max()) for m in (REACH, SINE)]
+        rows.append((kind, 1e3 * lag, *noises, *largest, 1e9 * time_of(kind, updates)))
+    columns = (
+        "estimator",
+        "lag [ms]",
+        "rms at rest [mm/s]",
+        f"rms at {SLOW.name} [mm/s]",
+        f"rms at {FAST.name} [mm/s]",
+        "largest on a reach [mm/s]",
+        "largest at 10 Hz [mm/s]",
+        "update [ns]",
+    )
+    title = f"Velocity from encoder steps of {TOUCH.resolution * 1e3:g} mm, read each ms"
+    return Part("estimators", title, columns, rows)
+
+
+def delays(*, quick: bool, tell: Tell) -> Part:
+    """Find how late the paper's coupling may be for a bare stylus, with each estimator."""
+    physics = Config().physics
+    loops = [Loop(TOUCH.mass, b, physics.k_h, physics.c_h) for b in (0.0, TOUCH.damping)]
+    rows: list[tuple[Value, ...]] = []
+    differ: list[str] = []
+    kinds = (IDEAL, *KINDS)
+    for i, kind in enumerate(kinds):
+        tell(f"late forces: {kind}", i / len(kinds))
+        row: list[Value] = [kind]
+        for loop in loops:
+            theory = "-" if kind == "adaptive" else largest_delay(loop, kind)
+            run = largest_played(loop, kind, QUICK_SECONDS if quick else SECONDS)
+            row += [theory, run]
+            if kind != "adaptive" and theory != run:
+                differ.append(f"{kind}, {loop.b:g} N s/m: {theory} and {run} ms")
+        rows.append(tuple(row))
+    heads = [f"{how}, {loop.b:g} N s/m [ms]" for loop in loops for how in ("theory", "runs")]
+    verdicts = [
+        Verdict(
+            "runs in encoder steps settle up to the delay that eigenvalues allow, and not beyond",
+            not differ,
+            "; ".join(differ) or f"{2 * (len(kinds) - 1)} of {2 * (len(kinds) - 1)}",
+        ),
+        _rule(rows, loops),
+    ]
+    title = f"Largest delay of {physics.k_h:g} N/m, {physics.c_h:g} N s/m on a bare stylus of {TOUCH.mass * 1e3:g} g"
+    return Part("delays", title, ("estimator", *heads), rows, verdicts)
+
+
+def _rule(rows: list[tuple[Value, ...]], loops: list[Loop]) -> Verdict:
+    """Compare with the linear rule: ``K < (b + B) / (T / 2 + delay)`` (Gil et al. 2009)."""
+    limits = [1e3 * ((loop.b + loop.damping) / loop.stiffness - TICK_SECONDS / 2.0) for loop in loops]
+    ideal = [rows[0][1], rows[0][3]]
+    holds = all(
+        isinstance(found, int) and limit - 2.5 < found <= limit for found, limit in zip(ideal, limits, strict=True)
+    )
+    told = ", ".join(f"{found} of {limit:.1f} ms" for found, limit in zip(ideal, limits, strict=True))
+    return Verdict("the ideal one comes close to the linear rule, from below", holds, told)

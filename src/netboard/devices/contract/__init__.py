@@ -1,0 +1,1 @@
+"""The device interface, the registry of backends, USB identification, profiles, and velocity from encoder positions."""

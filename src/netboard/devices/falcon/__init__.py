@@ -1,0 +1,1 @@
+"""The Novint Falcon over USB, without its maker's driver."""

@@ -1,0 +1,188 @@
+"""Backend ``falcon``: the Novint Falcon over USB, without its maker's driver.
+
+Written from what is known of its protocol and tried on a simulated one only; see docs/how-to/falcon.md.
+
+The scene's axes: out of the screen is the Falcon's z (towards the person), right its x, up its y; the origin is
+`netboard.devices.falcon.kinematics.CENTRE`. Each force is sent at once, and the Falcon's answer to it, with its
+encoders, is collected at the next reading; the reading's stamp is the time the frame was sent.
+
+A motor's command is the torque about its arm's axis times `Options.torque_scale`, with its sign turned. 10000 per N m
+is the scale with which libnifalcon's authors got the commands of the maker's own library, which takes newtons; they
+capped a command at 4095, here `LARGEST_COMMAND`. Ten centimetres in front of the base that is a lateral force of 8.7
+to 8.9 N, and the maker promises 8.9 N (two pounds): so both are plausible, and a spring balance will tell. (The
+present libnifalcon has a limit of 30 N m instead, a command of 300000, which no frame can carry.) Where the cap is
+reached all three commands are scaled, so that the force keeps its direction.
+
+Until the grip has been pulled out and pushed in, its encoders do not know their zero: the lamp is red, the device is
+not ready, and gives no force.
+"""
+
+import contextlib
+from dataclasses import dataclass
+from math import hypot, isfinite
+from time import monotonic_ns
+from typing import Annotated, final
+
+from netboard.base.config import Config, Side
+from netboard.base.settings import NO_EXTRAS, about
+from netboard.devices.contract.device import Box, Device, DeviceInfo, Found, Reading
+from netboard.devices.contract.usb_ids import FALCON
+from netboard.devices.contract.velocity import Velocimeter
+from netboard.devices.falcon import firmware, ftdi, kinematics
+from netboard.devices.falcon.kinematics import CENTRE, REACH, Vector
+from netboard.devices.falcon.serial_protocol import GREEN, HOME, RED, Answer, Link
+
+NAME = "Falcon"
+
+MAX_FORCE = 8.9
+"""What the maker promises: two pounds [N]."""
+
+ROUNDING = 0.01
+"""Whole commands may add so much to a force; the motors are asked for less by it [N]."""
+
+CONTINUOUS_SHARE = 0.25
+"""Continuous to largest force: the maker gives none, this is a Touch's, rounded down [1]."""
+
+LARGEST_COMMAND = 4095
+"""Largest command of a motor [1]."""
+
+REST: Vector = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """Options of the Falcon."""
+
+    __pydantic_config__ = NO_EXTRAS
+    serial: Annotated[str, about("USB serial number of the device; empty: the first one that is plugged in")] = ""
+    firmware: Annotated[
+        str, about("file with Novint's firmware, loaded if the device has none; never part of netboard")
+    ] = ""
+    torque_scale: Annotated[float, about("motor command for a torque of an arm", "1/(N m)", gt=0, le=20000)] = 10000.0
+
+
+@final
+class Falcon(Device):
+    """A Novint Falcon."""
+
+    def __init__(self, side: Side, config: Config) -> None:
+        super().__init__(side, config)
+        self._options = self.read_options(Options)
+        self._chip: ftdi.Chip | None = None
+
+    @classmethod
+    def present(cls, config: Config) -> tuple[Found, ...]:
+        """See that the libraries are there; what is plugged in, the USB tells as well as they do."""
+        ftdi.plugged_in(FALCON)
+        return ()
+
+    def _open(self) -> DeviceInfo:
+        found = ftdi.find(FALCON, self._options.serial, NAME)
+        serial = ftdi.serial_of(found) or f"USB {found.bus}-{found.address}"
+        chip = ftdi.Chip(found, NAME)
+        with contextlib.ExitStack() as undo:
+            undo.callback(chip.close)
+            self._link = Link(chip)
+            loaded = firmware.ensure(chip, self._link, self._options.firmware)
+            self._start()
+            undo.pop_all()
+        self._chip = chip
+        return self._described(serial, loaded)
+
+    def _start(self) -> None:
+        """Forget where the grip was, and ask for the first time."""
+        self._force = REST
+        self._place, self._angles = CENTRE, kinematics.inverse(CENTRE)
+        self._encoders: tuple[int, int, int] | None = None
+        self._found = self._homed = self._ready = False
+        self._stamp_ns = 0
+        columns = kinematics.jacobian(self._angles, CENTRE)
+        self._resolution = kinematics.ANGLE_PER_COUNT * max(hypot(*column) for column in columns)
+        self._velocimeter = Velocimeter(self._resolution)
+        self._warm()
+        self._ask()
+        self._locate(self._link.answer())
+
+    def _warm(self) -> None:
+        """Compile (or load) what is used each millisecond, so that the first one is not late."""
+        kinematics.forward(self._angles, CENTRE)
+        kinematics.torques(self._angles, CENTRE, REST)
+        Velocimeter(self._resolution).update(0, *CENTRE)
+
+    def _described(self, serial: str, loaded: str) -> DeviceInfo:
+        details = {
+            "firmware": loaded,
+            "torque_scale": f"{self._options.torque_scale!r} 1/(N m)",
+            "largest_command": f"{LARGEST_COMMAND} 1",
+            "angle_per_count": f"{kinematics.ANGLE_PER_COUNT!r} rad",
+            "axes": "scene x, y, z = Falcon z, x, y",
+            "origin": f"{CENTRE[2]!r} m in front of the base",
+        }
+        return DeviceInfo(
+            model="Novint Falcon",
+            serial=serial,
+            max_force=MAX_FORCE,
+            continuous_force=MAX_FORCE * CONTINUOUS_SHARE,
+            resolution=self._resolution,
+            workspace=Box(-REACH, -REACH, -REACH, REACH, REACH, REACH),
+            details=details,
+        )
+
+    def _read(self, now_ns: int) -> Reading:
+        entered_ns = monotonic_ns()
+        if not self._link.awaited:
+            self._ask()
+        self._locate(self._link.answer())
+        age_ns = max(entered_ns - self._link.sent_ns, 0)
+        self._stamp_ns = min(max(now_ns - age_ns, self._stamp_ns + 1), now_ns)
+        right, up, out = self._place
+        x, y, z = out - CENTRE[2], right, up
+        vx, vy, vz = self._velocimeter.update(self._stamp_ns, x, y, z)
+        return Reading(self._stamp_ns, x, y, z, vx, vy, vz, self._buttons, self._ready)
+
+    def _write(self, fx: float, fy: float, fz: float) -> None:
+        self._force = (fy, fz, fx)
+        self._ask()
+
+    def _close(self) -> None:
+        if self._chip is not None:
+            self._chip.close()
+            self._chip = None
+
+    def _locate(self, answer: Answer) -> None:
+        """Take the encoders for what they mean; while they mean nothing the grip counts as where it was."""
+        if answer.homed != self._homed:
+            self._homed = answer.homed
+            self._velocimeter = Velocimeter(self._resolution)
+        self._buttons = answer.buttons
+        if answer.encoders != self._encoders:
+            self._encoders = answer.encoders
+            self._found = self._search(kinematics.angles_of(answer.encoders))
+        self._ready = self._found and self._homed
+
+    def _search(self, angles: Vector) -> bool:
+        """Find the grip, from where it was or else from the middle; False if no pose has such angles."""
+        for guess in (self._place, CENTRE):
+            place = kinematics.forward(angles, guess)
+            if isfinite(place[0]):
+                self._angles, self._place = angles, place
+                return True
+        return False
+
+    def _ask(self) -> None:
+        """Send the force, and so ask for the encoders."""
+        if self._ready:
+            self._link.send(self._commands(), GREEN)
+        else:
+            self._link.send((0, 0, 0), RED if self._homed else RED | HOME)
+
+    def _commands(self) -> tuple[int, int, int]:
+        """Return what the motors are told for the force to be felt where the grip is."""
+        size = hypot(*self._force)
+        share = min(1.0, (MAX_FORCE - ROUNDING) / size) if size > 0.0 else 1.0
+        a, b, c = kinematics.torques(self._angles, self._place, self._force)
+        scale = -share * self._options.torque_scale
+        most = abs(scale) * max(abs(a), abs(b), abs(c))
+        if most > LARGEST_COMMAND:
+            scale *= LARGEST_COMMAND / most
+        return round(scale * a), round(scale * b), round(scale * c)

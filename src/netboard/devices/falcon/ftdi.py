@@ -1,0 +1,172 @@
+"""An FTDI serial chip, as a device on USB has one, through pyusb.
+
+It knows the chip's requests and packets, and puts whatever goes wrong on the bus into words: a device that was not
+found, may not be opened or is in use is `DeviceNotFound`, one that has gone since is `DeviceLost`. It does not know
+what is said over the serial line.
+
+pyusb needs the library libusb-1.0 of the system; both are looked for only when a device is opened.
+"""
+
+import contextlib
+import errno
+from array import array
+from collections.abc import Iterator
+from typing import Any
+
+from netboard.base.errors import DeviceLost, DeviceNotFound, DeviceTimeout
+
+PACKET = 64
+"""Size of a packet; the first two bytes of each that comes in are the state of the line [B]."""
+
+PAYLOAD = PACKET - 2
+"""What a packet that comes in can carry [B]."""
+
+INTERFACE = 0
+OUT, IN = 0x02, 0x81
+VENDOR_OUT = 0x40
+REQUEST_MS = 1000
+"""Longest time a request may take [ms]."""
+
+# Requests, and their values.
+RESET, MODEM, FLOW, BAUD, DATA, LATENCY = 0, 1, 2, 3, 4, 9
+PURGE_RECEIVED, PURGE_SENT = 1, 2
+DTR_LOW, DTR_HIGH, RTS_LOW = 0x0100, 0x0101, 0x0200
+NO_FLOW_CONTROL = 0
+EIGHT_BITS = 8
+"""Eight data bits, no parity, one stop bit."""
+
+RULES = (
+    "install deploy/udev/70-netboard.rules, join the group netboard, plug it in again; see docs/how-to/two-stations.md"
+)
+"""What to do where a device may not be opened."""
+
+
+def _pyusb() -> Any:
+    """Import pyusb."""
+    try:
+        import usb.core  # noqa: PLC0415
+        import usb.util  # noqa: PLC0415
+    except ImportError as error:
+        raise DeviceNotFound(f"pyusb is not installed ({error}): pip install 'netboard[devices]'") from error
+    return usb
+
+
+def plugged_in(ids: tuple[int, int]) -> list[Any]:
+    """Devices on the bus, none of them opened."""
+    usb = _pyusb()
+    try:
+        return list(usb.core.find(find_all=True, idVendor=ids[0], idProduct=ids[1]))
+    except usb.core.NoBackendError as error:
+        raise DeviceNotFound("pyusb finds no libusb: apt-get install libusb-1.0-0") from error
+
+
+def find(ids: tuple[int, int], serial: str, what: str) -> Any:
+    """Find a device on the bus."""
+    usb, there = _pyusb(), plugged_in(ids)
+    if not there:
+        raise DeviceNotFound(f"no {what} ({ids[0]:04x}:{ids[1]:04x}) is plugged into USB")
+    if not serial:
+        return there[0]
+    named = {serial_of(device): device for device in there}
+    chosen = named.pop(serial, None)
+    for device in named.values():
+        usb.util.dispose_resources(device)
+    if chosen is None:
+        names = ", ".join(sorted(name or "one whose number cannot be read" for name in named))
+        hint = f"; {RULES}" if "" in named else ""
+        raise DeviceNotFound(f"no {what} with the serial number {serial!r} is plugged in; there are: {names}{hint}")
+    return chosen
+
+
+def serial_of(device: Any) -> str:
+    """Serial number of a device; empty where it has none or may not be asked for it."""
+    usb = _pyusb()
+    try:
+        return device.serial_number or ""
+    except (usb.core.USBError, ValueError):  # pyusb's ValueError: it could not read which languages there are
+        return ""
+
+
+class Chip:
+    """The chip of one device, claimed; closing it gives it back to the driver that had it."""
+
+    def __init__(self, device: Any, what: str) -> None:
+        self._usb = _pyusb()
+        self._device = device
+        self._what = what
+        self._room = array("B", bytes(PACKET))
+        self._had_driver = False
+        try:
+            self._claim()
+        except self._usb.core.USBError as error:
+            self.close()
+            raise DeviceNotFound(self._refused(error)) from error
+
+    def _claim(self) -> None:
+        """Take the interface, from the kernel's serial driver if that has it."""
+        with contextlib.suppress(NotImplementedError):  # systems without such drivers
+            if self._device.is_kernel_driver_active(INTERFACE):
+                self._device.detach_kernel_driver(INTERFACE)
+                self._had_driver = True
+        self._usb.util.claim_interface(self._device, INTERFACE)
+
+    def _refused(self, error: OSError) -> str:
+        """Say why the device could not be opened, and what to do."""
+        if error.errno == errno.EACCES:
+            return f"no permission to open the {self._what}: {RULES}"
+        if error.errno == errno.EBUSY:
+            return f"the {self._what} is used by another program: end that one first"
+        return f"the {self._what} cannot be opened: {error}"
+
+    @contextlib.contextmanager
+    def _spoken(self) -> Iterator[None]:
+        """Put what goes wrong on the bus into words."""
+        try:
+            yield
+        except self._usb.core.USBTimeoutError as error:
+            raise DeviceTimeout(f"the {self._what} takes nothing: is its power supply plugged in?") from error
+        except self._usb.core.USBError as error:
+            raise DeviceLost(f"the {self._what} is gone: {error}; was its USB plug pulled out?") from error
+
+    def request(self, request: int, value: int) -> None:
+        """Set something of the chip."""
+        with self._spoken():
+            self._device.ctrl_transfer(VENDOR_OUT, request, value, 0, None, REQUEST_MS)
+
+    def purge(self) -> None:
+        """Forget what was received and what has not been sent yet."""
+        self.request(RESET, PURGE_RECEIVED)
+        self.request(RESET, PURGE_SENT)
+
+    def send(self, data: bytes, patience_ms: int = REQUEST_MS) -> None:
+        """Send bytes down the line."""
+        with self._spoken():
+            taken = self._device.write(OUT, data, patience_ms)
+        if taken != len(data):
+            raise DeviceTimeout(f"the {self._what} took {taken} of {len(data)} bytes")
+
+    def receive(self, patience_ms: int) -> bytes:
+        """Receive what has come: the payload of one packet.
+
+        Without anything to say the chip sends an empty packet each time its latency timer runs out, so this seldom
+        takes longer than that.
+
+        Returns
+        -------
+        bytes
+            What came, at most `PAYLOAD`; empty for an empty packet, or none.
+        """
+        try:
+            with self._spoken():
+                size = self._device.read(IN, self._room, patience_ms)
+        except DeviceTimeout:
+            return b""
+        return self._room[2:size].tobytes()
+
+    def close(self) -> None:
+        """Give the device back. One that is gone need not be given back, so nothing is raised."""
+        with contextlib.suppress(self._usb.core.USBError):
+            self._usb.util.release_interface(self._device, INTERFACE)
+            if self._had_driver:
+                self._device.attach_kernel_driver(INTERFACE)
+        self._usb.util.dispose_resources(self._device)

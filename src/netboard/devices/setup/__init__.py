@@ -1,0 +1,1 @@
+"""Tools for the devices of a rig: list, calibrate, identify, check."""

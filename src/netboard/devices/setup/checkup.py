@@ -1,0 +1,232 @@
+"""Is a device well? What its readings, and how it answers to a push, tell. Pure: tracks in, findings out.
+
+The marks are those of a 1 kHz haptic loop: a period of at most 1.2 ms in 99 and 2 ms in 99.9 of 100 cases, and never
+longer than 4 ms; a reading within half a millisecond; noise of less than two encoder steps.
+"""
+
+from collections.abc import Sequence
+from math import inf, sqrt
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.base.finding import Colour, Finding
+from netboard.devices.contract.device import DeviceInfo
+from netboard.devices.contract.profile import Mechanics
+from netboard.devices.safety.chain import ZERO, Vector
+from netboard.devices.setup.loop import Floats, Track
+
+AXES = ("x", "y", "z")
+PERIOD_MS = (1.2, 2.0, 4.0)
+"""Longest good period in 99 of 100 cases, in 99.9, and ever [ms]."""
+
+ANSWER_MS = 0.5
+"""A reading should take no longer, in 99 of 100 cases [ms]."""
+
+LEAST_HZ = 900.0
+"""A device should give so many new positions a second [Hz]."""
+
+QUIET = 1.0
+"""Noise is judged in the quietest time of this length [s]."""
+
+NOISY = 2.0
+"""A device at rest whose positions spread by more encoder steps than that (standard deviation) is noisy [1]."""
+
+TOUCHED = 5e-3
+"""A stylus that has not been moved so far tells nothing of its resolution and range [m]."""
+
+PULSE, APART, PULSES = 0.03, 0.5, 6
+"""Length of a push, time from one to the next [s], and how many there are [1]."""
+
+BEFORE = 100
+"""Readings before a push that tell where the stylus would be without it, and after it in which it must move [1]."""
+
+PUSHING = APART * (PULSES + 0.5)
+"""Time that all pushes take [s]."""
+
+LATE_MS = 10.0
+"""A force that is felt later makes the virtual spring shake [ms]."""
+
+
+class Pushes(NamedTuple):
+    """How a device answers to pushes.
+
+    Attributes
+    ----------
+    delays : tuple of float
+        From handing a push over to the first reading in which the stylus has moved; one each that moved it [s].
+    mechanical : float
+        What of it the mass needs for that way at least, nan if the device has not been identified [s].
+    """
+
+    delays: tuple[float, ...]
+    tried: int
+    mechanical: float
+
+
+def examine(track: Track, info: DeviceInfo) -> tuple[Finding, ...]:
+    """Judge the readings of a device."""
+    return (
+        _rate(track),
+        _answer(track),
+        _positions(track),
+        _resolution(track, info),
+        _noise(track, info),
+        _range(track),
+        _buttons(track),
+        _ready(track),
+    )
+
+
+def push_force(level: float, t: float) -> Vector:
+    """Force of the pushes at a time: short, up and down in turn."""
+    turn, since = divmod(t - 0.5 * APART, APART)
+    if 0.0 <= turn < PULSES and since < PULSE:
+        return 0.0, 0.0, level if turn % 2 == 0 else -level
+    return ZERO
+
+
+def pushes(track: Track, info: DeviceInfo, mechanics: Mechanics | None) -> Pushes:
+    """Find how late the stylus moves after each push."""
+    fz, height = track.force[:, 2], track.place[:, 2]
+    starts = np.flatnonzero((np.abs(fz[1:]) > 0.0) & (fz[:-1] == 0.0)) + 1
+    delays = []
+    way = 1.5 * info.resolution
+    for start in starts:
+        before = slice(max(start - BEFORE, 0), start + 1)
+        line = np.polynomial.Polynomial.fit(track.time[before], height[before], 1)
+        moved = max(way, 4.0 * float((height[before] - line(track.time[before])).std()))
+        soon = slice(start, start + BEFORE)
+        after = np.abs(height[soon] - line(track.time[soon])) > moved
+        first = int(np.argmax(after))
+        if after[first]:
+            delays.append(float(track.time[start + first] - track.written[start]))
+    level = float(np.abs(fz).max(initial=0.0))
+    return Pushes(tuple(delays), len(starts), _mechanical(way, level, mechanics))
+
+
+def judge_pushes(found: Pushes) -> Finding:
+    """Judge how a device answers to pushes."""
+    name = "force to movement"
+    if len(found.delays) < max(1, found.tried // 2):
+        return Finding(
+            name,
+            "red",
+            f"{len(found.delays)} of {found.tried} pushes moved the stylus",
+            "hold it loosely, or push harder; if nothing is felt, look after power and amplifiers of the device",
+        )
+    middle = float(np.median(found.delays)) * 1e3
+    text = f"{middle:.1f} ms (median), {max(found.delays) * 1e3:.1f} ms at most, of {len(found.delays)} pushes"
+    figures = {"median_ms": middle, "largest_ms": max(found.delays) * 1e3}
+    if np.isfinite(found.mechanical):
+        own = found.mechanical * 1e3
+        text += f"; of that its mass needs {own:.1f} ms"
+        figures["mechanical_ms"] = own
+        late = middle - own > LATE_MS
+        return Finding(name, "yellow" if late else "green", text, "the device answers late" if late else "", figures)
+    return Finding(name, "green", f"{text}; how much of that is the stylus' own mass tells: identify", "", figures)
+
+
+def _mechanical(way: float, level: float, mechanics: Mechanics | None) -> float:
+    """Time in which a push moves a stylus so far from rest [s]."""
+    if mechanics is None or not mechanics.identified:
+        return np.nan
+    net = level - mechanics.friction
+    return sqrt(2.0 * way * mechanics.mass / net) if net > 0.0 else inf
+
+
+def _percentiles(values: Floats) -> tuple[float, float, float, float]:
+    """Median, 99 %, 99.9 %, largest; in milliseconds for seconds."""
+    a, b, c, d = np.percentile(values, (50.0, 99.0, 99.9, 100.0)) * 1e3
+    return float(a), float(b), float(c), float(d)
+
+
+def _spread(values: Floats) -> tuple[str, dict[str, float]]:
+    """A spread of times in words, and as figures."""
+    p50, p99, p999, most = _percentiles(values)
+    text = f"{p50:.3f} / {p99:.3f} / {p999:.3f} / {most:.3f} ms (50 / 99 / 99.9 / 100 %)"
+    return text, {"p50_ms": p50, "p99_ms": p99, "p999_ms": p999, "largest_ms": most}
+
+
+def _rate(track: Track) -> Finding:
+    text, figures = _spread(np.diff(track.begun))
+    figures["rate_hz"] = (len(track.begun) - 1) / float(track.begun[-1] - track.begun[0])
+    good = all(figures[key] <= most for key, most in zip(("p99_ms", "p999_ms", "largest_ms"), PERIOD_MS, strict=True))
+    colour: Colour = "green" if good else "yellow"
+    return Finding(
+        "loop", colour, f"{figures['rate_hz']:.1f} Hz, period {text}", "" if good else "see: netboard doctor", figures
+    )
+
+
+def _answer(track: Track) -> Finding:
+    text, figures = _spread(track.took)
+    good = figures["p99_ms"] <= ANSWER_MS
+    return Finding("reading takes", "green" if good else "yellow", text, "" if good else "slow to read", figures)
+
+
+def _positions(track: Track) -> Finding:
+    new = int(np.count_nonzero(np.diff(track.time) > 0.0))
+    rate = new / float(track.begun[-1] - track.begun[0])
+    good = rate >= LEAST_HZ
+    advice = "" if good else "the device is slower than the loop: forces are computed from older positions"
+    return Finding("new positions", "green" if good else "yellow", f"{rate:.0f} a second", advice, {"rate_hz": rate})
+
+
+def _resolution(track: Track, info: DeviceInfo) -> Finding:
+    steps = [smallest_step(track.place[:, axis]) for axis in range(3)]
+    said = f"; the device says {info.resolution * 1e3:.4f} mm" if info.resolution else ""
+    if np.ptp(track.place, axis=0).max() < TOUCHED or not np.isfinite(min(steps)):
+        return Finding("resolution", "yellow", f"not seen{said}", "move the stylus about while it is tested")
+    words = ", ".join(f"{axis} {step * 1e3:.4f}" for axis, step in zip(AXES, steps, strict=True) if np.isfinite(step))
+    coarse = bool(info.resolution) and min(steps) > 3.0 * info.resolution
+    advice = "coarser than the device says" if coarse else ""
+    return Finding(
+        "resolution", "yellow" if coarse else "green", f"{words} mm{said}", advice, {"smallest_m": float(min(steps))}
+    )
+
+
+def _noise(track: Track, info: DeviceInfo) -> Finding:
+    spread, speed = noise_at_rest(track)
+    words = ", ".join(f"{axis} {value * 1e6:.1f}" for axis, value in zip(AXES, spread, strict=True))
+    text = f"{words} um; velocity {speed * 1e3:.2f} mm/s (standard deviations)"
+    noisy = bool(info.resolution) and max(spread) > NOISY * info.resolution
+    figures = {f"{axis}_m": float(value) for axis, value in zip(AXES, spread, strict=True)} | {"speed": speed}
+    advice = "lay the stylus down for a second while it is tested; if it was at rest, look after cables and supply"
+    return Finding("noise at rest", "yellow" if noisy else "green", text, advice if noisy else "", figures)
+
+
+def _range(track: Track) -> Finding:
+    low, high = track.place.min(axis=0) * 1e3, track.place.max(axis=0) * 1e3
+    words = ", ".join(f"{axis} {a:.1f} to {b:.1f}" for axis, a, b in zip(AXES, low, high, strict=True))
+    moved = float((high - low).max()) * 1e-3 >= TOUCHED
+    advice = "" if moved else "move the stylus about while it is tested"
+    return Finding("range visited", "green" if moved else "yellow", f"{words} mm", advice)
+
+
+def _buttons(track: Track) -> Finding:
+    pressed = int(np.bitwise_or.reduce(track.buttons)) if len(track.buttons) else 0
+    names = [str(bit) for bit in range(pressed.bit_length()) if pressed >> bit & 1]
+    return Finding("buttons", "green", f"pressed: {', '.join(names)}" if names else "none was pressed")
+
+
+def _ready(track: Track) -> Finding:
+    share = float(track.ready.mean())
+    good = share > 0.0
+    advice = "" if good else "calibrate the device, take the stylus in hand, bring it into its workspace"
+    return Finding("ready for forces", "green" if good else "yellow", f"{share:.0%} of the time", advice)
+
+
+def smallest_step(values: Floats) -> float:
+    """Smallest difference between two values that were seen; infinite if there was but one."""
+    steps = np.diff(np.unique(values))
+    return float(steps[steps > 1e-9].min(initial=inf))
+
+
+def noise_at_rest(track: Track) -> tuple[NDArray[np.float64], float]:
+    """Standard deviations of the positions, and of the speed, in the quietest second."""
+    size = min(round(QUIET * 1e3), len(track.time))
+    starts: Sequence[int] = range(0, len(track.time) - size + 1, max(size // 4, 1))
+    best = min(starts, key=lambda k: float(track.place[k : k + size].std(axis=0).max()))
+    cut = slice(best, best + size)
+    return track.place[cut].std(axis=0), float(np.sqrt((track.velocity[cut] ** 2).sum(axis=1).mean()))

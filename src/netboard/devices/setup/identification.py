@@ -1,0 +1,299 @@
+"""What a stylus is like to move: mass, damping, friction, from a run in which its motors moved it. Pure.
+
+The model is m a + b v + fc sign(v) + k x = F(t - delay) + load, with k = 0 for a stylus that nobody holds. The load is
+what pulls at it all the time; the delay is that from handing a force over to its effect, and of the position read.
+
+The fit is of the output-error kind (Ljung, System Identification, 2nd ed. 1999, section 7.3): the model is simulated
+under the forces that were rendered, from window to window, and all parameters are moved until the simulated positions
+are as close to the read ones as they can be. No position is ever differentiated, so encoder steps do no harm. Where
+each window begins, and how fast, is fitted with it. The first guess comes from the same equation in its weak form,
+multiplied by smooth functions of time and integrated by parts (Shinbrot 1957), which is linear in the parameters.
+
+Confidence intervals treat each window as one observation (a cluster-robust covariance: Liang and Zeger 1986), so that
+what is slow, such as the tremor of a hand, does not make them too narrow.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+from scipy.optimize import least_squares
+from scipy.signal import savgol_filter
+from scipy.sparse import csr_array
+from scipy.stats import t as student
+
+from netboard.base.errors import NetboardError
+
+Floats = NDArray[np.float64]
+
+WINDOW = 0.4
+"""Length of a window [s]."""
+
+EVERY = 4
+"""Of the positions every so manyth is compared; those between tell next to nothing more [1]."""
+
+SMOOTHED = 31
+"""Samples over which positions are smoothed for the first guess [1]."""
+
+BUMP = 0.12
+"""Length of the smooth functions of the weak form [s]."""
+
+SLOW = 0.004
+"""A stylus slower than this may stick: such moments do not count for the first guess [m/s]."""
+
+LONGEST_DELAY = 0.02
+"""No device is later than this [s]."""
+
+NAMES = ("mass", "damping", "friction", "load", "delay", "stiffness")
+"""The parameters, in their order."""
+
+SCALES = np.array([0.05, 0.5, 0.1, 0.1, 1e-3, 50.0])
+"""How large each is, roughly, in its own unit."""
+
+STEPS = np.array([1e-4, 1e-3, 1e-4, 1e-4, 1e-5, 1e-2])
+"""Steps of the differences by which the fit feels its way, in the same units."""
+
+GOOD, MOST_ROUNDS = 1e-5, 60
+"""The fit ends when a round changes less than this share, or after so many rounds [1]."""
+
+CONFIDENCE = 0.95
+"""Of the intervals [1]."""
+
+
+class Motion(NamedTuple):
+    """A run along one axis.
+
+    Attributes
+    ----------
+    time : ndarray, shape (n,)
+        When each position was read [s].
+    place : ndarray, shape (n,)
+        Where the stylus was [m].
+    written : ndarray, shape (n,)
+        When each force was handed over, which acts until the next one [s].
+    force : ndarray, shape (n,)
+        The force [N].
+    """
+
+    time: Floats
+    place: Floats
+    written: Floats
+    force: Floats
+
+
+class Estimate(NamedTuple):
+    """One parameter.
+
+    Attributes
+    ----------
+    half_width : float
+        Half the width of its 95 % confidence interval, in the same unit.
+    """
+
+    value: float
+    half_width: float
+
+
+@dataclass(frozen=True, slots=True)
+class Identified:
+    """What a stylus is like.
+
+    Attributes
+    ----------
+    mass, damping, friction, load, delay, stiffness : Estimate
+        The parameters [kg, N s/m, N, N, s, N/m].
+    misfit : float
+        Root mean square of what the model leaves unexplained of the positions [m].
+    travel : float
+        Way between the extreme positions of the run [m].
+    """
+
+    mass: Estimate
+    damping: Estimate
+    friction: Estimate
+    load: Estimate
+    delay: Estimate
+    stiffness: Estimate
+    misfit: float
+    travel: float
+    windows: int
+
+
+def identify(motion: Motion, held: bool) -> Identified:
+    """Find mass, damping and friction.
+
+    Parameters
+    ----------
+    held : bool
+        A hand holds the stylus: it has a stiffness, and mass and damping are those of both.
+    """
+    windows = _Windows(motion)
+    travel = float(np.ptp(motion.place))
+    free = np.array([True, True, True, True, True, held])
+    first = _first_guess(motion, held)
+    least = np.where(free, [1e-3, 0.0, 0.0, -np.inf, 0.0, 0.0], 0.0)
+    most = np.where(free, [50.0, 500.0, 50.0, np.inf, LONGEST_DELAY, 1e4], 1.0)
+
+    def split(x: Floats) -> tuple[Floats, Floats]:
+        globals_ = np.zeros(len(NAMES))
+        globals_[free] = x[: free.sum()]
+        return globals_, x[free.sum() :].reshape(2, -1)
+
+    def residuals(x: Floats) -> Floats:
+        return np.asarray((windows.simulate(*split(x)) - windows.places).ravel() / windows.unit)
+
+    def slopes(x: Floats) -> csr_array:
+        return windows.slopes(*split(x), free) / windows.unit
+
+    start = np.concatenate([np.clip(first, least, most)[free], windows.start.ravel()])
+    bounds = (
+        np.concatenate([least[free], np.full(windows.start.size, -np.inf)]),
+        np.concatenate([most[free], np.full(windows.start.size, np.inf)]),
+    )
+    inside = np.clip(start, bounds[0] + 1e-9, bounds[1] - 1e-9)
+    scales = np.concatenate([SCALES[free], np.repeat([1e-3, 0.1], windows.count)])
+    fit = least_squares(
+        residuals, inside, jac=slopes, bounds=bounds, x_scale=scales, ftol=GOOD, xtol=GOOD, max_nfev=MOST_ROUNDS
+    )
+    values, half_widths = np.zeros(len(NAMES)), np.zeros(len(NAMES))
+    values[free] = fit.x[: free.sum()]
+    half_widths[free] = _half_widths(residuals(fit.x), slopes(fit.x), int(free.sum()), windows.count)
+    mass, damping, friction, load, delay, stiffness = (
+        Estimate(float(value), float(half)) for value, half in zip(values, half_widths, strict=True)
+    )
+    misfit = float(np.sqrt(np.mean(residuals(fit.x) ** 2)) * windows.unit)
+    return Identified(mass, damping, friction, load, delay, stiffness, misfit, travel, windows.count)
+
+
+class _Windows:
+    """A run cut into windows, and the model simulated in all of them at once."""
+
+    def __init__(self, motion: Motion) -> None:
+        step = float(np.median(np.diff(motion.time)))
+        length = round(WINDOW / step)
+        self.count = (len(motion.time) - 1) // length
+        if self.count < 2 * len(NAMES):
+            raise NetboardError(f"the run is too short: found {len(motion.time)} readings, expected some {20 * length}")
+        rows = np.arange(self.count)[:, None] * length + np.arange(length + 1)
+        self._times = motion.time[rows]
+        self.places = motion.place[rows][:, ::EVERY]
+        smooth, speed = _smoothed(motion)
+        self.start = np.stack([smooth[rows[:, 0]], speed[rows[:, 0]]])
+        self.unit = max(_grain(motion.place), 1e-6)
+        gaps = np.diff(motion.written, append=2 * motion.written[-1] - motion.written[-2])
+        self._impulse = np.concatenate([[0.0], np.cumsum(motion.force * gaps)])
+        self._knots = np.append(motion.written, motion.written[-1] + gaps[-1])
+
+    def _forces(self, delay: float) -> Floats:
+        """Mean force between the readings of each window, delayed."""
+        impulse = np.interp(self._times - delay, self._knots, self._impulse)
+        return np.asarray(np.diff(impulse, axis=1) / np.diff(self._times, axis=1))
+
+    def simulate(self, parameters: Floats, start: Floats) -> Floats:
+        """Positions in each window, shape (windows, samples)."""
+        return self._run(parameters[:, None], start, self._forces(parameters[4]))
+
+    def slopes(self, parameters: Floats, start: Floats, free: NDArray[np.bool_]) -> csr_array:
+        """Derivatives of all positions by the free parameters, then by where and how fast each window starts."""
+        n, lanes = self.count, [int(i) for i in np.flatnonzero(free)]
+        many = np.repeat(parameters[:, None], n * (len(lanes) + 3), axis=1)
+        starts = np.tile(start, len(lanes) + 3)
+        forces = np.tile(self._forces(parameters[4]), (len(lanes) + 3, 1))
+        for lane, which in enumerate(lanes, start=1):
+            here = slice(lane * n, (lane + 1) * n)
+            many[which, here] += STEPS[which]
+            if NAMES[which] == "delay":
+                forces[here] = self._forces(parameters[4] + STEPS[4])
+        shifts = (1e-5, 1e-3)
+        for k, shift in enumerate(shifts):
+            starts[k, (len(lanes) + 1 + k) * n : (len(lanes) + 2 + k) * n] += shift
+        runs = self._run(many, starts, forces).reshape(len(lanes) + 3, n, -1)
+        changes = (runs[1:] - runs[0]).reshape(len(lanes) + 2, -1) / np.append(STEPS[lanes], shifts)[:, None]
+        rows = np.arange(changes.shape[1])
+        own = len(lanes) + rows // runs.shape[2]
+        columns = [*(np.full(len(rows), lane) for lane in range(len(lanes))), own, own + n]
+        place = (np.tile(rows, len(lanes) + 2), np.concatenate(columns))
+        return csr_array((changes.ravel(), place), shape=(len(rows), len(lanes) + 2 * n))
+
+    def _run(self, parameters: Floats, start: Floats, forces: Floats) -> Floats:
+        """Simulate lanes by the implicit midpoint rule; friction as the largest force against the movement it can be.
+
+        A stylus that friction can hold is held; otherwise friction takes its part off the velocity (Moreau 1999).
+        """
+        m, b, fc, load, _, k = parameters
+        lanes, samples = forces.shape
+        times = np.resize(self._times, (lanes, samples + 1))
+        x, v = start[0].copy(), start[1].copy()
+        places = [x]
+        for i in range(samples):
+            h = times[:, i + 1] - times[:, i]
+            ahead = m / h + 0.5 * b + 0.25 * k * h
+            pull = (m / h - 0.5 * b - 0.25 * k * h) * v + forces[:, i] + load - k * x
+            then = np.sign(pull) * np.maximum(np.abs(pull) - fc, 0.0) / ahead
+            x = x + 0.5 * h * (v + then)
+            v = then
+            if (i + 1) % EVERY == 0:
+                places.append(x)
+        return np.stack(places, axis=1)
+
+
+def _half_widths(residuals: Floats, slopes: csr_array, shared: int, windows: int) -> Floats:
+    """Half widths of the confidence intervals of the parameters that all windows share."""
+    size = len(residuals) // windows
+    inner, outer = np.zeros((shared, shared)), np.zeros((shared, shared))
+    for w in range(windows):
+        rows = slice(w * size, (w + 1) * size)
+        here = slopes[rows].toarray()
+        own, ours = here[:, [shared + w, shared + windows + w]], here[:, :shared]
+        ours = ours - own @ np.linalg.lstsq(own, ours, rcond=None)[0]
+        inner += ours.T @ ours
+        score = ours.T @ residuals[rows]
+        outer += np.outer(score, score)
+    inverse = np.linalg.pinv(inner)
+    spread = np.sqrt(np.diag(inverse @ outer @ inverse) * windows / (windows - shared))
+    return np.asarray(spread * student.ppf(0.5 + 0.5 * CONFIDENCE, windows - shared))
+
+
+def _first_guess(motion: Motion, held: bool) -> Floats:
+    """Solve the weak form of the equation, a line for each smooth function of time."""
+    step = float(np.median(np.diff(motion.time)))
+    times = np.arange(motion.time[0], motion.time[-1], step)
+    place = np.interp(times, motion.time, motion.place)
+    force = motion.force[np.clip(np.searchsorted(motion.written, times, side="right") - 1, 0, None)]
+    speed = np.interp(times, motion.time, _smoothed(motion)[1])
+    size = round(BUMP / step)
+    u = np.linspace(-1.0, 1.0, size)
+    bump = CubicSpline(u, (1.0 - u * u) ** 4)
+    rate = 2.0 / (step * (size - 1))
+    weights = bump(u), bump(u, 1) * rate, bump(u, 2) * rate**2
+    starts = np.arange(0, len(times) - size, max(size // 4, 1))
+    cut = starts[:, None] + np.arange(size)
+    moving = np.mean(np.abs(speed[cut]) > SLOW, axis=1) > 0.8
+    if moving.sum() < 2 * len(NAMES):
+        raise NetboardError("the stylus hardly moved: ask for more force, or see whether something holds it")
+    cut = cut[moving]
+    columns = [place[cut] @ weights[2], -place[cut] @ weights[1], np.sign(speed[cut]) @ weights[0]]
+    columns.append(np.full(len(cut), -weights[0].sum()))
+    if held:
+        columns.append(place[cut] @ weights[0])
+    found = np.linalg.lstsq(np.stack(columns, axis=1), force[cut] @ weights[0], rcond=None)[0]
+    guess = np.zeros(len(NAMES))
+    guess[:4] = found[:4]
+    guess[4] = 1e-3
+    guess[5] = found[4] if held else 0.0
+    return guess
+
+
+def _smoothed(motion: Motion) -> tuple[Floats, Floats]:
+    """Positions and velocities by a short moving cubic (Savitzky and Golay 1964)."""
+    step = float(np.median(np.diff(motion.time)))
+    smooth = savgol_filter(motion.place, SMOOTHED, 3)
+    return smooth, savgol_filter(motion.place, SMOOTHED, 3, deriv=1, delta=step)
+
+
+def _grain(place: Floats) -> float:
+    """Smallest step between positions."""
+    steps = np.diff(np.unique(place))
+    return float(steps[steps > 1e-9].min(initial=np.inf)) if len(steps) else np.inf

@@ -1,0 +1,203 @@
+"""A device in a loop of its own, without a server: watched without a force, or moved through the safety chain.
+
+Time comes from `Beats`, so that a test can run a virtual device in simulated time. What was read and rendered is kept
+in a `Track`. Rule 1: without a force nothing is ever written. Rule 2: every force goes through the safety chain, and on
+every way out it goes to zero before anything else happens.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.base import clock
+from netboard.base.clock import Pacer
+from netboard.base.errors import DeviceError
+from netboard.base.tables.rig import Safety as Limits
+from netboard.base.tick import TICK_NS
+from netboard.devices.contract.device import Device, Reading
+from netboard.devices.safety.chain import ZERO, Guard, Safety, Vector
+
+Floats = NDArray[np.float64]
+Progress = Callable[[float], None]
+"""Is told which share of a run is done [1]."""
+
+ARMING_SECONDS = 15.0
+"""A chain that is not armed after so long will not be [s]."""
+
+
+class Beats(Protocol):
+    """The milliseconds of a loop."""
+
+    def now(self) -> int:
+        """Time now [ns]."""
+
+    def wait(self) -> int:
+        """Sleep until the next one is due; the time then [ns]."""
+
+
+class RealTime:
+    """Milliseconds as they pass."""
+
+    def __init__(self) -> None:
+        self._pacer = Pacer(clock.now_ns() + TICK_NS)
+
+    def now(self) -> int:
+        """Time now [ns]."""
+        return clock.now_ns()
+
+    def wait(self) -> int:
+        """Sleep until the next millisecond is due; the time then [ns]."""
+        self._pacer.wait()
+        return clock.now_ns()
+
+
+@dataclass(frozen=True, slots=True)
+class Track:
+    """What was read of a device, and what it was given.
+
+    Attributes
+    ----------
+    begun : ndarray, shape (n,)
+        When each reading was asked for [s].
+    took : ndarray, shape (n,)
+        How long the device took to answer [s].
+    time : ndarray, shape (n,)
+        What time each position belongs to [s].
+    place, velocity : ndarray, shape (n, 3)
+        Where the stylus was, and how fast, in the device's own frame [m, m/s].
+    written : ndarray, shape (n,)
+        When each force was handed over [s].
+    force : ndarray, shape (n, 3)
+        The force rendered from then on [N].
+    """
+
+    begun: Floats
+    took: Floats
+    time: Floats
+    place: Floats
+    velocity: Floats
+    buttons: NDArray[np.int64]
+    ready: NDArray[np.bool_]
+    written: Floats
+    force: Floats
+
+
+Row = tuple[int, int, Reading, int, Vector]
+"""When a reading was begun and ended, the reading, when a force was written, the force."""
+
+
+def track_of(rows: list[Row]) -> Track:
+    """Make arrays of what a loop has kept; times count from its first reading."""
+    zero = rows[0][0] if rows else 0
+    begun, ended, readings, written, forces = zip(*rows, strict=True) if rows else ((), (), (), (), ())
+
+    def seconds(times: tuple[int, ...]) -> Floats:
+        return np.asarray((np.array(times, np.int64) - zero) * 1e-9, np.float64)
+
+    return Track(
+        begun=seconds(begun),
+        took=seconds(ended) - seconds(begun),
+        time=seconds(tuple(r.stamp_ns for r in readings)),
+        place=np.array([(r.x, r.y, r.z) for r in readings]).reshape(-1, 3),
+        velocity=np.array([(r.vx, r.vy, r.vz) for r in readings]).reshape(-1, 3),
+        buttons=np.array([r.buttons for r in readings], np.int64),
+        ready=np.array([r.ready for r in readings], np.bool_),
+        written=seconds(written),
+        force=np.array(forces, np.float64).reshape(-1, 3),
+    )
+
+
+def watch(device: Device, beats: Beats, seconds: float, progress: Progress = lambda _: None) -> Track:
+    """Read a device each millisecond, and give it nothing."""
+    rows: list[Row] = []
+    total = round(seconds * 1e9 / TICK_NS)
+    for k in range(total):
+        begun = beats.wait()
+        reading = device.read(begun)
+        ended = beats.now()
+        rows.append((begun, ended, reading, ended, ZERO))
+        if k % 100 == 0:
+            progress(k / total)
+    return track_of(rows)
+
+
+class Driver:
+    """Moves a device through the safety chain."""
+
+    def __init__(self, device: Device, beats: Beats, limits: Limits) -> None:
+        self._device, self._beats = device, beats
+        self._limits = limits
+        self._safety = Safety(limits, device.info.max_force, device.info.continuous_force)
+
+    def drive(
+        self, seconds: float, force: Callable[[float, Reading], Vector], progress: Progress = lambda _: None
+    ) -> Track:
+        """Arm the device, give it forces for a while, take them away.
+
+        Parameters
+        ----------
+        force : callable
+            Wanted force on the hand for the time since then [s] and a reading [N].
+        """
+        rows: list[Row] = []
+        total = round(seconds * 1e9 / TICK_NS)
+        try:
+            self._arm()
+            for k in range(total):
+                rows.append(self._step(partial(force, k * TICK_NS * 1e-9)))
+                if self._safety.guard is not Guard.ARMED:
+                    raise DeviceError(self._why(rows[-1][2]))
+                if k % 100 == 0:
+                    progress(k / total)
+            self._release()
+        finally:
+            self._device.write(*ZERO)
+        return track_of(rows)
+
+    def _arm(self) -> None:
+        """Pass the gate and the ramp, with no force wanted."""
+        self._safety.arm()
+        for _ in range(round(ARMING_SECONDS * 1e9 / TICK_NS)):
+            reading = self._step(lambda _: ZERO)[2]
+            if self._safety.guard is Guard.ARMED:
+                return
+            if self._safety.guard in (Guard.FAULT, Guard.DISARMED):
+                break
+        raise DeviceError(self._why(reading))
+
+    def _release(self) -> None:
+        """Let the force go to zero by the slew limit."""
+        self._safety.disarm()
+        while self._safety.guard is Guard.RELEASING:
+            self._step(lambda _: ZERO)
+
+    def _step(self, force: Callable[[Reading], Vector]) -> Row:
+        """Read, limit, write."""
+        begun = self._beats.wait()
+        reading = self._device.read(begun)
+        ended = self._beats.now()
+        if not reading.ready:
+            self._safety.disarm()
+        velocity = (reading.vx, reading.vy, reading.vz)
+        limited = self._safety.step(ended, force(reading), ended, velocity)
+        self._device.write(limited.fx, limited.fy, limited.fz)
+        return begun, ended, reading, self._beats.now(), (limited.fx, limited.fy, limited.fz)
+
+    def _why(self, reading: Reading) -> str:
+        """Say why there is no force."""
+        if not reading.ready:
+            return (
+                "the device takes no force: its stylus is outside of the workspace, or the device is not calibrated; "
+                "bring the stylus to the middle of its workspace and try again"
+            )
+        if self._safety.guard is Guard.FAULT:
+            return "the force was cut: the device gave readings that are no numbers"
+        speed = float(np.linalg.norm((reading.vx, reading.vy, reading.vz)))
+        return (
+            f"the force was cut: the stylus moved at {speed:.2f} m/s, the limit is {self._limits.max_speed:g} m/s; "
+            "try again with less force"
+        )

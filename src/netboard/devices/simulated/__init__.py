@@ -1,0 +1,1 @@
+"""Devices without hardware: the virtual device, playback of a recorded stylus, imperfections."""

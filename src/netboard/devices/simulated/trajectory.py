@@ -1,0 +1,219 @@
+"""A stylus' way through time, from a recording or a CSV file, and where it was at any moment of it.
+
+A recording gives what the server took for the stylus' samples, with the heights' rates; across the line only positions
+are recorded. A CSV file has the columns ``time,x,y,z`` and perhaps ``vx,vy,vz`` and ``buttons``, in any order. Whatever
+is wrong with a file is said with file, line and column; nothing is repaired silently.
+"""
+
+import csv
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from math import isfinite, isnan
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.base.config import Side
+from netboard.base.errors import ConfigError, DeviceNotFound
+from netboard.recording.files.reader import Recording
+
+NEEDED = ("time", "x", "y", "z")
+RATES = ("vx", "vy", "vz")
+UNITS = {"time": "s", "x": "m", "y": "m", "z": "m", "vx": "m/s", "vy": "m/s", "vz": "m/s", "buttons": "1"}
+"""Columns of a CSV file: those that must be there, those that may be, all together; and their units."""
+
+FARTHEST = 1.0
+"""No stylus is farther away [m]."""
+
+Vector = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Track:
+    """Positions of a stylus, in the scene's frame.
+
+    Attributes
+    ----------
+    times : ndarray, shape (n,)
+        When, from 0 on, increasing [s].
+    places : ndarray, shape (n, 3)
+        Where [m].
+    rates : ndarray, shape (n, 3)
+        Velocities; NaN along axes where none is known [m/s].
+    """
+
+    times: NDArray[np.float64]
+    places: NDArray[np.float64]
+    rates: NDArray[np.float64]
+    buttons: NDArray[np.int64]
+
+    @property
+    def duration(self) -> float:
+        """Time from the first position to the last [s]."""
+        return float(self.times[-1])
+
+    def scaled(self, scale: float) -> "Track":
+        """Return the same way, so many times as large [1]."""
+        return replace(self, places=scale * self.places, rates=scale * self.rates)
+
+    def at(self, when: float) -> tuple[Vector, Vector, int]:
+        """Tell where the stylus is, how fast it moves and which buttons are pressed.
+
+        Between two positions it is on the cubic that has their velocities, and its velocity on the line between the
+        two; where no velocities are known it is on the straight line, at that line's speed. Before the first and after
+        the last it rests.
+        """
+        if when < 0.0 or when > self.duration:
+            end = 0 if when < 0.0 else -1
+            x, y, z = self.places[end].tolist()
+            return (x, y, z), (0.0, 0.0, 0.0), int(self.buttons[end])
+        k = min(int(np.searchsorted(self.times, when, side="right")), len(self.times) - 1)
+        start, end_time = self.times[k - 1 : k + 1].tolist()
+        span = end_time - start
+        share = (when - start) / span
+        ends = np.concatenate((self.places[k - 1 : k + 1], self.rates[k - 1 : k + 1])).T.tolist()
+        (x, vx), (y, vy), (z, vz) = (_between(share, span, *values) for values in ends)
+        return (x, y, z), (vx, vy, vz), int(self.buttons[k - 1])
+
+
+def _between(share: float, span: float, x: float, then: float, v: float, rate: float) -> tuple[float, float]:
+    """Position and velocity a share of the way along one axis, by the values at both ends [m, m/s]."""
+    slope = (then - x) / span
+    if isnan(v) or isnan(rate):
+        return x + share * (then - x), slope
+    bent = share * (1.0 - share) * span * ((1.0 - share) * (v - slope) - share * (rate - slope))
+    return x + share * (then - x) + bent, v + share * (rate - v)
+
+
+def read_track(path: Path, side: Side, trial: int) -> Track:
+    """Read a file, by its ending.
+
+    Parameters
+    ----------
+    trial : int
+        Which trial of a recording; 0 for all of it [1].
+    """
+    if not path.is_file():
+        raise DeviceNotFound(f"{path}: there is no such file to play back")
+    match path.suffix.lower():
+        case ".mcap":
+            return read_recording(path, side, trial)
+        case ".csv":
+            return read_csv(path)
+    raise ConfigError(f"{path}: expected a recording (.mcap) or a .csv file to play back")
+
+
+def read_recording(path: Path, side: Side, trial: int) -> Track:
+    """Read a stylus of a recording: each sample once, when it was read by the server's clock.
+
+    Parameters
+    ----------
+    trial : int
+        Only this trial, with all attempts at it; 0 for all [1].
+    """
+    with Recording(path) as recording:
+        rows = recording.ticks()
+    there = sorted({int(number) for number in rows["trial"]} - {0})
+    if trial:
+        rows = rows[rows["trial"] == trial]
+    rows = rows[rows[f"{side}_live"] == 1]
+    if len(rows):
+        stamps = rows[f"{side}_stamp_ns"]
+        rows = rows[np.concatenate(([True], np.diff(np.maximum.accumulate(stamps)) > 0))]
+    if len(rows) < 2:
+        trials = f"trials {there[0]} to {there[-1]}" if there else "no trial"
+        where = f"in trial {trial}" if trial else "in it"
+        raise ConfigError(f"{path}: there is no {side} stylus {where}; the recording has {trials}")
+    return _track(rows, side)
+
+
+def _track(rows: NDArray[Any], side: Side) -> Track:
+    """Make a track of rows with one sample each."""
+    unknown = np.full(len(rows), np.nan)
+    return Track(
+        (rows[f"{side}_stamp_ns"] - rows[f"{side}_stamp_ns"][0]) * 1e-9,
+        np.stack([rows[f"{side}_x"], rows[f"{side}_y"], rows[f"{side}_sent_z"]], axis=1),
+        np.stack([unknown, unknown, rows[f"{side}_sent_vz"]], axis=1),
+        rows[f"{side}_buttons"].astype(np.int64),
+    )
+
+
+def read_csv(path: Path) -> Track:
+    """Read a CSV file.
+
+    Raises
+    ------
+    ConfigError
+        If it is not a table of a stylus: the first thing that is wrong, with line and column.
+    """
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            reader = csv.reader(file)
+            names = [name.strip() for name in next(reader, [])]
+            _check_names(path, names)
+            table = np.array(list(_numbers(path, names, reader)), np.float64)
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise ConfigError(f"{path}: cannot be read: {error}") from error
+    if len(table) < 2:
+        raise ConfigError(f"{path}: found {len(table)} positions, expected at least 2")
+    columns = dict(zip(names, table.T, strict=True))
+    unknown = np.full(len(table), np.nan)
+    return Track(
+        columns["time"] - columns["time"][0],
+        np.stack([columns[name] for name in NEEDED[1:]], axis=1),
+        np.stack([columns.get(name, unknown) for name in RATES], axis=1),
+        columns.get("buttons", np.zeros(len(table))).astype(np.int64),
+    )
+
+
+def _check_names(path: Path, names: Sequence[str]) -> None:
+    """Refuse a head that does not name the columns."""
+    expected = f"{','.join(NEEDED)}, and {', '.join(name for name in UNITS if name not in NEEDED)} if they are known"
+    missing = [name for name in NEEDED if name not in names]
+    unknown = [name for name in names if name not in UNITS]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    problems = [f"{', '.join(those)} {what}" for those, what in ((missing, "missing"), (unknown, "unknown")) if those]
+    problems += [f"{', '.join(twice)} there twice"] if twice else []
+    if problems:
+        raise ConfigError(f"{path}: line 1: columns: {'; '.join(problems)}; expected {expected}")
+
+
+def _numbers(path: Path, names: Sequence[str], reader: Any) -> Iterator[list[float]]:
+    """Read the rows, and refuse the first that is wrong."""
+    before = -np.inf
+    for row in reader:
+        if not row:
+            continue
+        where = f"{path}: line {reader.line_num}"
+        if len(row) != len(names):
+            raise ConfigError(f"{where}: found {len(row)} columns, expected {len(names)}")
+        values = [_number(where, name, word) for name, word in zip(names, row, strict=True)]
+        now = values[names.index("time")]
+        if now <= before:
+            raise ConfigError(
+                f"{where}, column time: found {now:.12g} after {before:.12g}, expected times that increase"
+            )
+        before = now
+        yield values
+
+
+def _number(where: str, name: str, word: str) -> float:
+    """Read one number."""
+    try:
+        value = float(word)
+    except ValueError:
+        value = np.nan
+    if not isfinite(value):
+        found = f'"{word}"' if word.strip() else "nothing"
+        raise ConfigError(f"{where}, column {name}: found {found}, expected a finite number [{UNITS[name]}]")
+    if UNITS[name] == "m" and abs(value) > FARTHEST:
+        raise ConfigError(
+            f"{where}, column {name}: found {value:g}, expected at most {FARTHEST:g} m either way: are these mm?"
+        )
+    if name == "buttons" and not (value >= 0.0 and value.is_integer() and value < 2**31):
+        raise ConfigError(
+            f"{where}, column buttons: found {value:g}, expected a bit mask, 0 or a whole number above it"
+        )
+    return value

@@ -1,0 +1,348 @@
+"""The vendor's haptic device library (3D Systems OpenHaptics, HDAPI) as it looks from outside, called by ctypes.
+
+It is loaded when a device is opened, from where the vendor's installer has put it or from where the options say;
+netboard ships no part of it. Every function has its types set, and every constant its name without the ``HD_``.
+
+Rule 1: what may block is called through `Library.calls`, which lets other Python threads run meanwhile.
+Rule 2: a callback of the servo thread uses `Library.ticks`, which does not: giving the interpreter away and asking for
+it again costs up to a thread switch interval, and there are nine calls in a tick. No other thread may use it.
+Rule 3: the library reads numbers from its own files by the C locale, so that is set first: a decimal comma spoils them.
+"""
+
+import ctypes
+import locale
+import os
+import sys
+from ctypes import POINTER, c_char_p, c_double, c_float, c_int32, c_long, c_ubyte, c_uint16, c_uint32, c_ulong, c_void_p
+from enum import IntEnum, IntFlag
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from netboard.base.errors import DeviceNotFound
+
+STDCALL = sys.platform == "win32" and ctypes.sizeof(c_void_p) == 4
+"""The library's functions clear the stack themselves: on 32-bit Windows only."""
+
+INVALID_HANDLE = 0xFFFFFFFF
+"""Handle of no device."""
+
+MAX_PRIORITY, DEFAULT_PRIORITY, MIN_PRIORITY = 65535, 32767, 0
+"""Priorities of callbacks: within a tick, high ones run first."""
+
+USER_STATUS_LIGHT_MASK = 7
+"""Bits of the status light that say what it does."""
+
+MOST_ERRORS = 64
+"""So many errors are taken off the stack at a time; a library that has more to say is not listened to for ever [1]."""
+
+
+class Error(IntEnum):
+    """Error codes."""
+
+    SUCCESS = 0x0000
+    INVALID_ENUM = 0x0100
+    INVALID_VALUE = 0x0101
+    INVALID_OPERATION = 0x0102
+    INVALID_INPUT_TYPE = 0x0103
+    BAD_HANDLE = 0x0104
+    WARM_MOTORS = 0x0200
+    EXCEEDED_MAX_FORCE = 0x0201
+    EXCEEDED_MAX_FORCE_IMPULSE = 0x0202
+    EXCEEDED_MAX_VELOCITY = 0x0203
+    FORCE_ERROR = 0x0204
+    DEVICE_FAULT = 0x0300
+    DEVICE_ALREADY_INITIATED = 0x0301
+    COMM_ERROR = 0x0302
+    COMM_CONFIG_ERROR = 0x0303
+    TIMER_ERROR = 0x0304
+    ILLEGAL_BEGIN = 0x0400
+    ILLEGAL_END = 0x0401
+    FRAME_ERROR = 0x0402
+    INVALID_PRIORITY = 0x0500
+    SCHEDULER_FULL = 0x0501
+    INVALID_LICENSE = 0x0600
+
+
+class Parameter(IntEnum):
+    """What can be read of a device, and some of it set. Lengths are in mm, times in s, torques in N mm."""
+
+    CURRENT_BUTTONS = 0x2000
+    CURRENT_SAFETY_SWITCH = 0x2001
+    CURRENT_INKWELL_SWITCH = 0x2002
+    CURRENT_ENCODER_VALUES = 0x2010
+    CURRENT_PINCH_VALUE = 0x2011
+    LAST_PINCH_VALUE = 0x2012
+    CURRENT_POSITION = 0x2050
+    CURRENT_VELOCITY = 0x2051
+    CURRENT_TRANSFORM = 0x2052
+    CURRENT_ANGULAR_VELOCITY = 0x2053
+    CURRENT_JACOBIAN = 0x2054
+    CURRENT_JOINT_ANGLES = 0x2100
+    CURRENT_GIMBAL_ANGLES = 0x2150
+    LAST_BUTTONS = 0x2200
+    LAST_SAFETY_SWITCH = 0x2201
+    LAST_INKWELL_SWITCH = 0x2202
+    LAST_ENCODER_VALUES = 0x2210
+    LAST_POSITION = 0x2250
+    LAST_VELOCITY = 0x2251
+    LAST_TRANSFORM = 0x2252
+    LAST_ANGULAR_VELOCITY = 0x2253
+    LAST_JACOBIAN = 0x2254
+    LAST_JOINT_ANGLES = 0x2300
+    LAST_GIMBAL_ANGLES = 0x2350
+    VERSION = 0x2500
+    DEVICE_MODEL_TYPE = 0x2501
+    DEVICE_DRIVER_VERSION = 0x2502
+    DEVICE_VENDOR = 0x2503
+    DEVICE_SERIAL_NUMBER = 0x2504
+    DEVICE_FIRMWARE_VERSION = 0x2505
+    MAX_WORKSPACE_DIMENSIONS = 0x2550
+    USABLE_WORKSPACE_DIMENSIONS = 0x2551
+    TABLETOP_OFFSET = 0x2552
+    INPUT_DOF = 0x2553
+    OUTPUT_DOF = 0x2554
+    CALIBRATION_STYLE = 0x2555
+    UPDATE_RATE = 0x2600
+    INSTANTANEOUS_UPDATE_RATE = 0x2601
+    NOMINAL_MAX_STIFFNESS = 0x2602
+    NOMINAL_MAX_FORCE = 0x2603
+    NOMINAL_MAX_CONTINUOUS_FORCE = 0x2604
+    MOTOR_TEMPERATURE = 0x2605
+    SOFTWARE_VELOCITY_LIMIT = 0x2606
+    SOFTWARE_FORCE_IMPULSE_LIMIT = 0x2607
+    FORCE_RAMPING_RATE = 0x2608
+    NOMINAL_MAX_DAMPING = 0x2609
+    NOMINAL_MAX_TORQUE_STIFFNESS = 0x2620
+    NOMINAL_MAX_TORQUE_DAMPING = 0x2621
+    NOMINAL_MAX_TORQUE = 0x2622
+    NOMINAL_MAX_CONTINUOUS_TORQUE = 0x2623
+    CURRENT_FORCE = 0x2700
+    CURRENT_TORQUE = 0x2701
+    JOINT_ANGLE_REFERENCES = 0x2702
+    CURRENT_JOINT_TORQUE = 0x2703
+    CURRENT_GIMBAL_TORQUE = 0x2704
+    CURRENT_MOTOR_DAC_VALUES = 0x2750
+    LAST_FORCE = 0x2800
+    LAST_TORQUE = 0x2801
+    LAST_JOINT_TORQUE = 0x2802
+    LAST_GIMBAL_TORQUE = 0x2803
+    LAST_MOTOR_DAC_VALUES = 0x2850
+    USER_STATUS_LIGHT = 0x2900
+
+
+class Capability(IntEnum):
+    """What can be switched on and off; the last three are parameters as well."""
+
+    FORCE_OUTPUT = 0x4000
+    MAX_FORCE_CLAMPING = 0x4001
+    FORCE_RAMPING = 0x4002
+    SOFTWARE_FORCE_LIMIT = 0x4003
+    ONE_FRAME_LIMIT = 0x4004
+    SOFTWARE_VELOCITY_LIMIT = 0x2606
+    SOFTWARE_FORCE_IMPULSE_LIMIT = 0x2607
+    USER_STATUS_LIGHT = 0x2900
+
+
+class Calibration(IntEnum):
+    """State of a device's calibration."""
+
+    CALIBRATION_OK = 0x5000
+    CALIBRATION_NEEDS_UPDATE = 0x5001
+    CALIBRATION_NEEDS_MANUAL_INPUT = 0x5002
+
+
+class Style(IntFlag):
+    """Ways to calibrate."""
+
+    CALIBRATION_ENCODER_RESET = 1
+    CALIBRATION_AUTO = 2
+    CALIBRATION_INKWELL = 4
+
+
+class Button(IntFlag):
+    """Buttons of a stylus."""
+
+    DEVICE_BUTTON_1 = 1
+    DEVICE_BUTTON_2 = 2
+    DEVICE_BUTTON_3 = 4
+    DEVICE_BUTTON_4 = 8
+
+
+class Light(IntEnum):
+    """What the status light does."""
+
+    LED_STATUS_FAST_GRNYEL = 0
+    LED_STATUS_SLOW_YEL = 1
+    LED_STATUS_SLOW_GRN = 2
+    LED_STATUS_FAST_GRN = 3
+    LED_STATUS_SOLID_GRNYEL = 4
+    LED_STATUS_SOLID_YEL = 5
+    LED_STATUS_SOLID_GRN = 6
+    LED_STATUS_FAST_YEL = 7
+
+
+class After(IntEnum):
+    """What becomes of a callback when it has run."""
+
+    CALLBACK_DONE = 0
+    CALLBACK_CONTINUE = 1
+
+
+class Wait(IntEnum):
+    """Whether to wait for a callback's end."""
+
+    WAIT_CHECK_STATUS = 0
+    WAIT_INFINITE = 1
+
+
+class ErrorInfo(ctypes.Structure):
+    """HDErrorInfo, which the library returns by value."""
+
+    _fields_ = (("code", c_uint32), ("internal", c_int32), ("handle", c_uint32))
+
+
+CALLBACK = (getattr(ctypes, "WINFUNCTYPE") if STDCALL else ctypes.CFUNCTYPE)(c_uint32, c_void_p)  # noqa: B009
+"""HDSchedulerCallback."""
+
+_VALUES = {"Boolean": c_ubyte, "Integer": c_int32, "Float": c_float, "Double": c_double, "Long": c_long}
+
+PROTOTYPES: dict[str, tuple[Any, ...]] = {
+    "hdInitDevice": (c_uint32, c_char_p),
+    "hdDisableDevice": (None, c_uint32),
+    "hdMakeCurrentDevice": (None, c_uint32),
+    "hdGetCurrentDevice": (c_uint32,),
+    "hdBeginFrame": (None, c_uint32),
+    "hdEndFrame": (None, c_uint32),
+    "hdGetError": (ErrorInfo,),
+    "hdGetErrorString": (c_char_p, c_uint32),
+    "hdEnable": (None, c_uint32),
+    "hdDisable": (None, c_uint32),
+    "hdIsEnabled": (c_ubyte, c_uint32),
+    **{f"hdGet{kind}v": (None, c_uint32, POINTER(value)) for kind, value in _VALUES.items()},
+    **{f"hdSet{kind}v": (None, c_uint32, POINTER(value)) for kind, value in _VALUES.items()},
+    "hdGetString": (c_char_p, c_uint32),
+    "hdCheckCalibration": (c_uint32,),
+    "hdCheckCalibrationStyle": (c_uint32,),
+    "hdUpdateCalibration": (None, c_uint32),
+    "hdUpdateCalibrationMessage": (None, c_uint32),
+    "hdScaleGimbalAngles": (None, c_double, c_double, c_double, POINTER(c_double)),
+    "hdDeploymentLicense": (c_ubyte, c_char_p, c_char_p, c_char_p),
+    "hdStartScheduler": (None,),
+    "hdStopScheduler": (None,),
+    "hdSetSchedulerRate": (None, c_ulong),
+    "hdScheduleSynchronous": (None, CALLBACK, c_void_p, c_uint16),
+    "hdScheduleAsynchronous": (c_ulong, CALLBACK, c_void_p, c_uint16),
+    "hdUnschedule": (None, c_ulong),
+    "hdWaitForCompletion": (c_ubyte, c_ulong, c_uint32),
+    "hdGetSchedulerTimeStamp": (c_double,),
+}
+"""Every function: what it returns, and what it takes."""
+
+OPTIONAL = {"hdUpdateCalibrationMessage", "hdScaleGimbalAngles", "hdDeploymentLicense"}
+"""Functions that some versions lack, and that netboard does not call."""
+
+HELP = "install 3D Systems' Touch driver and OpenHaptics, or name the file in the option library; docs/how-to/touch.md"
+
+
+class Fault(NamedTuple):
+    """One error off the library's stack.
+
+    Attributes
+    ----------
+    code, internal : int
+        Code of the library, and of what is below it [1].
+    """
+
+    code: int
+    internal: int
+    handle: int
+    text: str
+
+    def __str__(self) -> str:
+        known = f"HD_{Error(self.code).name}" if self.code in set(Error) else "an unknown error"
+        return f"{known} (0x{self.code:04x}, internal {self.internal}, handle {self.handle}): {self.text}"
+
+
+class Library:
+    """The vendor's library, loaded.
+
+    Parameters
+    ----------
+    path : str
+        Its file, or a name by which the system finds it.
+    """
+
+    def __init__(self, path: str) -> None:
+        self.path = path
+        how = getattr(ctypes, "WinDLL") if STDCALL else ctypes.CDLL  # noqa: B009
+        self.calls: ctypes.CDLL = how(path, winmode=0)  # 0: Windows also looks in PATH
+        self.ticks: ctypes.CDLL = self.calls if STDCALL else ctypes.PyDLL(path, winmode=0)
+        for library in (self.calls, self.ticks):
+            for name, (returns, *takes) in PROTOTYPES.items():
+                if name in OPTIONAL and not hasattr(library, name):
+                    continue
+                function = getattr(library, name)
+                function.restype, function.argtypes = returns, takes
+
+    def address(self, name: str) -> c_void_p:
+        """Address of a function."""
+        return ctypes.cast(getattr(self.calls, name), c_void_p)
+
+    def drain(self) -> list[Fault]:
+        """Take all errors off the stack, the newest first."""
+        faults: list[Fault] = []
+        while len(faults) < MOST_ERRORS and (info := self.calls.hdGetError()).code != Error.SUCCESS:
+            faults.append(self.fault(info.code, info.internal, info.handle))
+        return faults
+
+    def fault(self, code: int, internal: int, handle: int) -> Fault:
+        """Make an error readable."""
+        text: bytes | None = self.calls.hdGetErrorString(code)
+        return Fault(code, internal, handle, (text or b"no description").decode(errors="replace"))
+
+    def doubles(self, what: Parameter, count: int) -> tuple[float, ...]:
+        """Read so many numbers of the current device."""
+        room = (c_double * count)()
+        self.calls.hdGetDoublev(what, room)
+        return tuple(room)
+
+    def integer(self, what: Parameter) -> int:
+        """Read a whole number of the current device."""
+        room = c_int32()
+        self.calls.hdGetIntegerv(what, room)
+        return room.value
+
+    def string(self, what: Parameter) -> str:
+        """Read a text of the current device."""
+        text: bytes | None = self.calls.hdGetString(what)
+        return (text or b"").decode(errors="replace").strip()
+
+
+def places() -> list[str]:
+    """Where the library is looked for: by the system's own rules, then where the vendor's variable points."""
+    name = "HD.dll" if sys.platform == "win32" else "libHD.so"
+    base = os.environ.get("OH_SDK_BASE")
+    return [name, *((str(Path(base, "lib", name)),) if base else ())]
+
+
+def load(path: str = "") -> Library:
+    """Load the library.
+
+    Raises
+    ------
+    DeviceNotFound
+        If it is not there, or is not what it should be; the message says where it was looked for, and what to install.
+    """
+    use_plain_numbers()
+    why = []
+    for place in [path] if path else places():
+        try:
+            return Library(place)
+        except (OSError, AttributeError) as error:
+            why.append(f"{place} ({error})")
+    raise DeviceNotFound(f"the vendor's library for this device cannot be loaded: tried {', '.join(why)}; {HELP}")
+
+
+def use_plain_numbers() -> None:
+    """Let the C library of this process read and write numbers with a point, whatever the user's language."""
+    locale.setlocale(locale.LC_NUMERIC, "C")

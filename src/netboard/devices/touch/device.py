@@ -1,0 +1,184 @@
+"""Backend ``openhaptics``: Touch, Touch X, Phantom and their kin, through the vendor's own library.
+
+The vendor's servo thread reads the stylus and renders the force once in a millisecond (`netboard.devices.touch.servo`);
+the device reads what it saw last, and puts the force it renders next. Axes and units are turned here, and nowhere else:
+the vendor has x right, y up, z towards the user, in mm; the scene has x out of the screen, y right, z up, in m.
+
+A device is ready while its stylus is out of the inkwell, no motor has complained for a while and no force has been cut.
+Whatever the library reports is named: what a hand or a warm motor causes takes the readiness, all else is the end.
+
+Options (``agents.<side>.options``): see `Options`. How to set it up: docs/how-to/touch.md.
+"""
+
+import logging
+from dataclasses import dataclass, replace
+from math import hypot
+from time import monotonic_ns
+from typing import Annotated, Literal, final
+
+from netboard.base.config import Config, Side
+from netboard.base.errors import DeviceLost, DeviceTimeout
+from netboard.base.settings import NO_EXTRAS, about
+from netboard.devices.contract.device import Device, DeviceInfo, Found, Reading
+from netboard.devices.touch.api import Error, Fault
+from netboard.devices.touch.find import calibrate, candidates, describe, enable, find, present
+from netboard.devices.touch.library import Rig, Seat, rig_of
+from netboard.devices.touch.servo import PythonServo, Servo, Vector, wait_ticks
+from netboard.devices.touch.shim import ShimServo
+
+log = logging.getLogger(__name__)
+
+STALL_NS = 50_000_000
+"""A servo that has not ticked for so long stands still [ns]."""
+
+FIRST_TICK_NS = 1_000_000_000
+"""A servo that was started gets so long for its first tick [ns]."""
+
+REST_NS = 1_000_000_000
+"""After motors have complained, the device is not ready for so long [ns]."""
+
+SAID_AGAIN_NS = 1_000_000_000
+"""The same complaint is logged again after so long without it [ns]."""
+
+TIRED = frozenset(
+    {
+        Error.WARM_MOTORS,
+        Error.EXCEEDED_MAX_FORCE,
+        Error.EXCEEDED_MAX_FORCE_IMPULSE,
+        Error.EXCEEDED_MAX_VELOCITY,
+        Error.FORCE_ERROR,
+    }
+)
+"""Errors after which the library takes the force away for a while, and goes on."""
+
+LATE = frozenset({Error.TIMER_ERROR})
+"""Errors that mean that the servo does not keep its time; all others mean that the device is lost."""
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """Options of a device of OpenHaptics."""
+
+    __pydantic_config__ = NO_EXTRAS
+    serial: Annotated[str, about("serial number of the device; empty for the one by that name, or the only one")] = ""
+    name: Annotated[str, about("its name in the vendor's set-up tool; empty for the usual ones")] = ""
+    library: Annotated[str, about("file of the vendor's library; empty to look for libHD.so or HD.dll")] = ""
+    servo: Annotated[
+        Literal["python", "c"],
+        about(
+            "what runs in the servo thread: python works everywhere, c needs a compiler and heeds no busy interpreter"
+        ),
+    ] = "python"
+    force_timeout_ms: Annotated[float, about("the servo cuts a force older than this", "ms", ge=2, le=200)] = 20.0
+    resolution: Annotated[float, about("size of one encoder step at the stylus", "m", ge=0, le=0.01)] = 0.055e-3
+
+
+SERVOS: dict[str, type[PythonServo] | type[ShimServo]] = {"python": PythonServo, "c": ShimServo}
+"""What can run in the servo thread, by the option ``servo``."""
+
+
+@final
+class OpenHaptics(Device):
+    """A device of OpenHaptics."""
+
+    def __init__(self, side: Side, config: Config) -> None:
+        super().__init__(side, config)
+        self._options = self.read_options(Options)
+        self._rig: Rig | None = None
+        self._seat: Seat | None = None
+        self._servo: Servo | None = None
+        self._most = 0.0
+        self._lost = False
+        self._tired_ns: int | None = None
+        self._said: dict[int, int] = {}
+
+    @classmethod
+    def present(cls, config: Config) -> tuple[Found, ...]:
+        """Tell which devices the vendor's library shows, of those that no program uses; no force is rendered."""
+        mine = [agent.options for agent in (config.agents.left, config.agents.right) if agent.device == "openhaptics"]
+        rig = rig_of(next((str(options["library"]) for options in mine if options.get("library")), ""))
+        names = [str(options["name"]) for options in mine if options.get("name")]
+        return present(rig, list(dict.fromkeys([*names, *candidates("")])))
+
+    def _open(self) -> DeviceInfo:
+        self._lost, self._tired_ns, self._said = False, None, {}
+        self._rig = rig = rig_of(self._options.library)
+        try:
+            with rig.paused():
+                self._seat = seat = find(rig, self._options.serial, self._options.name)
+                info = describe(rig.library, seat, self._options.resolution)
+                timeout_ns = round(self._options.force_timeout_ms * 1e6)
+                self._servo = servo = SERVOS[self._options.servo](rig.library, seat.handle, timeout_ns)
+                rig.schedule(seat, servo)
+            self._first_ticks(rig, servo, seat)
+            calibrate(rig, seat)
+            with rig.paused():
+                limits = enable(rig, seat)
+            self._first_ticks(rig, servo, seat)
+        except BaseException:
+            self._release()
+            raise
+        self._most = info.max_force
+        return replace(info, details={**info.details, "servo": self._options.servo, **limits})
+
+    def _first_ticks(self, rig: Rig, servo: Servo, seat: Seat) -> None:
+        """Wait until the servo runs, and look for what it complains of."""
+        running = wait_ticks(servo, 2, FIRST_TICK_NS)
+        self._judge(rig.faults(seat), monotonic_ns())
+        if not running:
+            raise DeviceTimeout("the servo loop of the haptic device does not run; is another program in its way?")
+
+    def _read(self, now_ns: int) -> Reading:
+        assert self._rig is not None
+        assert self._seat is not None
+        assert self._servo is not None
+        since_ns = self._rig.since_ns
+        shot = self._servo.shot()
+        self._judge(self._rig.faults(self._seat), now_ns)
+        assert shot is not None  # there was one when the device was opened
+        if since_ns is not None and now_ns - max(shot.stamp_ns, since_ns) > STALL_NS:
+            self._lost = True
+            late_ms = (now_ns - shot.stamp_ns) * 1e-6
+            raise DeviceTimeout(f"the servo loop of the haptic device has stood still for {late_ms:.0f} ms")
+        tired = self._tired_ns is not None and now_ns - self._tired_ns < REST_NS
+        ready = since_ns is not None and not (shot.docked or shot.cut or tired)
+        right, up, near = shot.position
+        to_right, upwards, nearer = shot.velocity
+        return Reading(
+            min(shot.stamp_ns, now_ns),
+            *(1e-3 * near, 1e-3 * right, 1e-3 * up),
+            *(1e-3 * nearer, 1e-3 * to_right, 1e-3 * upwards),
+            shot.buttons,
+            ready,
+        )
+
+    def _write(self, fx: float, fy: float, fz: float) -> None:
+        assert self._servo is not None
+        size = hypot(fx, fy, fz)
+        share = 1.0 if size <= self._most else self._most / size
+        force: Vector = (fy * share, fz * share, fx * share)
+        self._servo.put(force, monotonic_ns())
+
+    def _close(self) -> None:
+        lost = self._lost
+        if not self._release() and not lost:
+            raise DeviceLost("the haptic device was not seen to take the zero force before it was released")
+
+    def _release(self) -> bool:
+        """Let the device go, if there is one; whether it was seen to take a zero force."""
+        seat, self._seat, self._servo = self._seat, None, None
+        return seat is None or self._rig is None or self._rig.release(seat)
+
+    def _judge(self, faults: list[Fault], now_ns: int) -> None:
+        """Take what the library complains of: the device is not ready for a while, or it is lost."""
+        fatal = [fault for fault in faults if fault.code not in TIRED]
+        for fault in faults:
+            if now_ns - self._said.get(fault.code, -SAID_AGAIN_NS) >= SAID_AGAIN_NS:
+                log.warning("the haptic device reports %s", fault)
+            self._said[fault.code] = now_ns
+        if faults:
+            self._tired_ns = now_ns
+        if fatal:
+            self._lost = True
+            kind = DeviceTimeout if all(fault.code in LATE for fault in fatal) else DeviceLost
+            raise kind(f"the haptic device failed: {'; '.join(map(str, fatal))}")

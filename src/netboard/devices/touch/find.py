@@ -1,0 +1,259 @@
+"""Which of the vendor's devices it is, what it says of itself, and whether it is calibrated.
+
+The library knows devices by the names that the vendor's set-up tool has given them, and a name may mean another device
+tomorrow. A serial number does not: so where one is wanted, the devices are initialised by one name after the other,
+with no force, until one of them has it.
+"""
+
+import logging
+import os
+import sys
+import time
+from collections.abc import Callable, Mapping
+from ctypes import byref, c_int32
+from pathlib import Path
+from typing import TypeVar
+
+from netboard.base.errors import DeviceError, DeviceNotFound
+from netboard.devices.contract.device import Box, DeviceInfo, Found
+from netboard.devices.touch.api import Calibration, Capability, Fault, Library, Parameter, Style
+from netboard.devices.touch.library import Rig, Seat
+
+T = TypeVar("T")
+
+log = logging.getLogger(__name__)
+
+USUAL_NAMES = ("Default Device", "Default PHANToM", "")
+"""Names of a rig's only device, in the order in which they are tried; the last is the library's own choice."""
+
+OTHER_NAMES = ("Left Device", "Right Device", "Phantom2", "Phantom3", "Phantom4")
+"""Names that second devices often have."""
+
+CALIBRATE_S = 2.0
+"""The library gets so long to calibrate a device [s]."""
+
+ASK_AGAIN_S = 0.02
+
+LIMITS = (
+    Capability.MAX_FORCE_CLAMPING,
+    Capability.FORCE_RAMPING,
+    Capability.SOFTWARE_FORCE_LIMIT,
+    Capability.SOFTWARE_VELOCITY_LIMIT,
+    Capability.SOFTWARE_FORCE_IMPULSE_LIMIT,
+)
+"""The library's own safeguards, beneath netboard's; all of them are switched on."""
+
+TEXTS = {
+    "hd_version": Parameter.VERSION,
+    "vendor": Parameter.DEVICE_VENDOR,
+    "driver_version": Parameter.DEVICE_DRIVER_VERSION,
+    "firmware_version": Parameter.DEVICE_FIRMWARE_VERSION,
+}
+NUMBERS = {
+    "max_stiffness": (Parameter.NOMINAL_MAX_STIFFNESS, 1, "on the library's scale"),
+    "max_damping": (Parameter.NOMINAL_MAX_DAMPING, 1, "on the library's scale"),
+    "max_workspace": (Parameter.MAX_WORKSPACE_DIMENSIONS, 6, "mm"),
+    "usable_workspace": (Parameter.USABLE_WORKSPACE_DIMENSIONS, 6, "mm"),
+    "velocity_limit": (Parameter.SOFTWARE_VELOCITY_LIMIT, 1, "mm/s"),
+    "impulse_limit": (Parameter.SOFTWARE_FORCE_IMPULSE_LIMIT, 1, "N/ms"),
+    "ramping_rate": (Parameter.FORCE_RAMPING_RATE, 1, "N/s"),
+}
+"""What is recorded of a device as it says it, in the vendor's frame: how many numbers, in which unit."""
+
+MANUAL = {
+    Style.CALIBRATION_INKWELL: "put the stylus into its inkwell, and start the agent again",
+    Style.CALIBRATION_AUTO: "move the stylus slowly to all ends of its workspace, and start the agent again",
+    Style.CALIBRATION_ENCODER_RESET: (
+        "calibrate it with the vendor's tool, with the arm in its reset position, and start the agent again"
+    ),
+}
+"""What an operator has to do, by the way in which a device is calibrated."""
+
+
+def candidates(name: str) -> list[str]:
+    """Return the names by which a device may be known, the likeliest first."""
+    configured = sorted(at.stem for folder in config_folders() if folder.is_dir() for at in folder.iterdir())
+    return list(dict.fromkeys([*([name] if name else []), *USUAL_NAMES, *configured, *OTHER_NAMES]))
+
+
+def config_folders() -> list[Path]:
+    """Return where the vendor's driver keeps a file for each device."""
+    home = os.environ.get("GTDD_HOME")
+    if home:
+        return [Path(home, "config")]
+    return (
+        [] if sys.platform == "win32" else [Path.home() / ".3dsystems" / "config", Path("/usr/share/3DSystems/config")]
+    )
+
+
+def find(rig: Rig, serial: str, name: str) -> Seat:
+    """Initialise the wanted device, while the scheduler is paused; it is the current one then.
+
+    Parameters
+    ----------
+    name : str
+        Its name. With a serial number, it is tried first; without, it is the only one tried. Empty for the usual ones.
+    """
+    tried: dict[str, str] = {}
+    there: dict[str, str] = {}
+    names = candidates(name) if serial else [name] if name else list(USUAL_NAMES)
+    for each in names:
+        called = f'"{each}"' if each else "the library's default"
+        if rig.uses(each):
+            there[called] = f"{called} (in use by this process)"
+            continue
+        try:
+            seat = rig.init(each)
+        except DeviceNotFound as error:
+            tried[called] = str(error)
+            continue
+        found, model = map(rig.library.string, (Parameter.DEVICE_SERIAL_NUMBER, Parameter.DEVICE_MODEL_TYPE))
+        rig.library.drain()
+        if not serial or found == serial:
+            return seat
+        there.setdefault(found, f"{called} ({model or 'unknown model'}, serial {found or 'unknown'})")
+        rig.release(seat)
+    wanted = f"with serial number {serial}" if serial else f'named "{name}"' if name else "at all"
+    why = f" ({'; '.join(dict.fromkeys(tried.values()))})" if tried else ""
+    raise DeviceNotFound(
+        f"there is no haptic device {wanted}; there is: {', '.join(there.values()) or 'none'};"
+        f" not there: {', '.join(tried) or 'none'}{why}. Is it plugged in and powered, does the vendor's set-up tool"
+        " see it, and does no other program use it? See docs/how-to/touch.md"
+    )
+
+
+def present(rig: Rig, names: list[str]) -> tuple[Found, ...]:
+    """Initialise and let go of one device after the other, with no servo and no force.
+
+    Parameters
+    ----------
+    names : list of str
+        By which devices may be known; one that another program uses is not seen.
+    """
+    found: dict[str, Found] = {}
+    with rig.paused():
+        for name in names:
+            try:
+                seat = rig.init(name)
+            except DeviceNotFound:
+                continue
+            model, serial = map(rig.library.string, (Parameter.DEVICE_MODEL_TYPE, Parameter.DEVICE_SERIAL_NUMBER))
+            rig.library.drain()
+            rig.release(seat)
+            found.setdefault(serial, Found(model, serial))
+    return tuple(found.values())
+
+
+def describe(library: Library, seat: Seat, resolution: float) -> DeviceInfo:
+    """Return what the current device says of itself, while the scheduler is paused.
+
+    Parameters
+    ----------
+    resolution : float
+        Size of one encoder step, which the library does not tell [m].
+    """
+    must = (Parameter.DEVICE_SERIAL_NUMBER, Parameter.DEVICE_MODEL_TYPE)
+    serial, model = (_required(library, what, library.string) for what in must)
+    most = _required(library, Parameter.NOMINAL_MAX_FORCE, lambda what: library.doubles(what, 1))[0]
+    lasting = _required(library, Parameter.NOMINAL_MAX_CONTINUOUS_FORCE, lambda what: library.doubles(what, 1))[0]
+    usable = _required(library, Parameter.USABLE_WORKSPACE_DIMENSIONS, lambda what: library.doubles(what, 6))
+    return DeviceInfo(
+        model=model,
+        serial=serial,
+        max_force=most,
+        continuous_force=min(lasting, most),
+        resolution=resolution,
+        workspace=workspace(usable),
+        details={"name": seat.name or "the library's default", **_details(library)},
+    )
+
+
+def workspace(corners: tuple[float, ...]) -> Box:
+    """Return a workspace in the scene's frame.
+
+    Parameters
+    ----------
+    corners : tuple of float
+        The two corners in the vendor's frame: right, up, towards the user, the small ones first [mm].
+    """
+    right, up, near, most_right, most_up, most_near = (0.001 * value for value in corners)
+    return Box(near, right, up, most_near, most_right, most_up)
+
+
+def _required(library: Library, what: Parameter, read: Callable[[Parameter], T]) -> T:
+    """Read what must be known; an empty text is not known."""
+    value = read(what)
+    faults = library.drain()
+    if faults or value == "":
+        raise DeviceError(f"the device does not tell its HD_{what.name}: {_listed(faults) or 'an empty text'}")
+    return value
+
+
+def _details(library: Library) -> Mapping[str, str]:
+    """Return what else is worth recording; what the device does not tell says why."""
+    details: dict[str, str] = {}
+    for key, text in TEXTS.items():
+        details[key] = _told(library, library.string(text))
+    for key, (number, count, unit) in NUMBERS.items():
+        said = " ".join(f"{value:g}" for value in library.doubles(number, count))
+        details[key] = _told(library, f"{said} {unit}")
+    details["update_rate"] = _told(library, f"{library.integer(Parameter.UPDATE_RATE)} Hz")
+    return details
+
+
+def _told(library: Library, value: str) -> str:
+    """Return a value, or why there is none."""
+    faults = library.drain()
+    return f"not told: {_listed(faults)}" if faults else value
+
+
+def _listed(faults: list[Fault]) -> str:
+    return "; ".join(map(str, faults))
+
+
+def calibrate(rig: Rig, seat: Seat, pause: Callable[[float], None] = time.sleep) -> None:
+    """Make sure that a device is calibrated, while its servo runs and it has no force."""
+    hd = rig.library.ticks
+    state = _state(rig, seat)
+    styles = Style(rig.ask(seat, "asking how it is calibrated", lambda: _style(rig.library)))
+    best = next((style for style in (Style.CALIBRATION_AUTO, Style.CALIBRATION_INKWELL) if style in styles), None)
+    if state == Calibration.CALIBRATION_NEEDS_UPDATE and best is not None:
+        rig.ask(seat, "calibrating", lambda: hd.hdUpdateCalibration(best) or 0)
+        for _ in range(round(CALIBRATE_S / ASK_AGAIN_S)):
+            if (state := _state(rig, seat)) == Calibration.CALIBRATION_OK:
+                log.info("the haptic device has been calibrated")
+                break
+            pause(ASK_AGAIN_S)
+    if state != Calibration.CALIBRATION_OK:
+        known = f"HD_{Calibration(state).name}" if state in set(Calibration) else f"an unknown state, 0x{state:04x}"
+        todo = MANUAL[best or Style.CALIBRATION_ENCODER_RESET]
+        raise DeviceError(f"the haptic device is not calibrated ({known}): {todo}; docs/how-to/touch.md")
+
+
+def _state(rig: Rig, seat: Seat) -> int:
+    """Ask for the state of a calibration."""
+    return rig.ask(seat, "asking whether it is calibrated", rig.library.ticks.hdCheckCalibration)
+
+
+def _style(library: Library) -> int:
+    """Ways in which the current device can be calibrated, as bits; asked in the servo thread."""
+    room = c_int32()
+    library.ticks.hdGetIntegerv(Parameter.CALIBRATION_STYLE, byref(room))
+    return room.value
+
+
+def enable(rig: Rig, seat: Seat) -> dict[str, str]:
+    """Switch on the force and the library's own safeguards, while the scheduler is paused."""
+    hd = rig.library
+    hd.calls.hdMakeCurrentDevice(seat.handle)
+    came = {}
+    for limit in LIMITS:
+        hd.calls.hdEnable(limit)
+        faults = hd.drain()
+        on = bool(hd.calls.hdIsEnabled(limit)) and not hd.drain()
+        came[limit.name.lower()] = "on" if on else f"off: {_listed(faults) or 'the device does not have it'}"
+        if not on:
+            log.warning("the haptic device does without HD_%s: %s", limit.name, came[limit.name.lower()])
+    hd.calls.hdEnable(Capability.FORCE_OUTPUT)
+    rig.check("switching on the force")
+    return came

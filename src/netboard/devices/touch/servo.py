@@ -1,0 +1,171 @@
+"""What runs in the vendor's servo thread for one device, once in a millisecond: read, take the force, write it.
+
+A servo knows the vendor's frame only (x right, y up, z towards the user; mm). It publishes a `Shot` in each tick and
+renders the force put last, through a slot each way; nobody waits for anybody.
+
+Rule 1: a force older than the time-out is cut to zero. It stays cut, and every shot says so, until a zero force has
+been put: so it cannot come back with a jump.
+Rule 2: errors are taken off the vendor's stack in every tick, to the last one, and kept for whoever asks. The stack
+knows all devices of the process, so they may be another device's.
+Rule 3: a shot is published last, so whoever sees it can have the errors of its tick too.
+"""
+
+import time
+from collections import deque
+from ctypes import byref, c_double, c_int32, c_ubyte, c_void_p
+from time import monotonic_ns
+from typing import Any, NamedTuple, Protocol
+
+from netboard.devices.touch.api import CALLBACK, MOST_ERRORS, After, Library, Parameter
+
+Vector = tuple[float, float, float]
+Raw = tuple[int, int, int]
+"""An error as it comes off the stack: code, internal code, handle."""
+
+SETTLE_TICKS = 2
+"""After so many more ticks what was put before them is in the motors [1]."""
+
+KEPT_FAULTS = 256
+
+
+class Shot(NamedTuple):
+    """What a tick saw.
+
+    Attributes
+    ----------
+    stamp_ns : int
+        When the position was read [ns].
+    position, velocity : tuple of float
+        In the vendor's frame [mm, mm/s].
+    """
+
+    tick: int
+    stamp_ns: int
+    position: Vector
+    velocity: Vector
+    buttons: int
+    docked: bool
+    cut: bool
+
+
+class Entry(NamedTuple):
+    """A callback as it is scheduled; whoever made it keeps it alive."""
+
+    function: Any
+    data: c_void_p
+
+
+class Servo(Protocol):
+    """The callback of one device, and its slots."""
+
+    @property
+    def entry(self) -> Entry:
+        """What is to be scheduled."""
+
+    def put(self, force: Vector, stamp_ns: int) -> None:
+        """Render this force [N], in the vendor's frame, from the next tick on; it is of this time [ns]."""
+
+    def shot(self) -> Shot | None:
+        """What the newest tick saw; None before the first."""
+
+    def faults(self) -> list[Raw]:
+        """Errors that have come off the stack since the last call, the oldest tick's first."""
+
+
+class PythonServo:
+    """The callback in Python. It needs the interpreter: another busy thread of the process delays it.
+
+    Parameters
+    ----------
+    timeout_ns : int
+        An older force is cut to zero [ns].
+    """
+
+    def __init__(self, library: Library, handle: int, timeout_ns: int) -> None:
+        self._handle, self._timeout_ns = handle, timeout_ns
+        hd = library.ticks
+        self._begin, self._end, self._next_error = hd.hdBeginFrame, hd.hdEndFrame, hd.hdGetError
+        self._doubles, self._set_doubles = hd.hdGetDoublev, hd.hdSetDoublev
+        self._integers, self._booleans = hd.hdGetIntegerv, hd.hdGetBooleanv
+        triple = c_double * 3
+        self._position, self._velocity, self._out = triple(), triple(), triple()
+        self._buttons, self._docked = c_int32(), c_ubyte()
+        self._force: tuple[Vector, int] = ((0.0, 0.0, 0.0), 0)
+        self._cut = False
+        self._shot: Shot | None = None
+        self._ticks = 0
+        self._faults: deque[Raw] = deque(maxlen=KEPT_FAULTS)
+        self._entry = Entry(CALLBACK(self._tick), c_void_p())
+
+    @property
+    def entry(self) -> Entry:
+        """What is to be scheduled."""
+        return self._entry
+
+    def put(self, force: Vector, stamp_ns: int) -> None:
+        """Render this force [N], in the vendor's frame, from the next tick on; it is of this time [ns]."""
+        self._force = (force, stamp_ns)
+
+    def shot(self) -> Shot | None:
+        """What the newest tick saw; None before the first."""
+        return self._shot
+
+    def faults(self) -> list[Raw]:
+        """Errors that have come off the stack since the last call, the oldest tick's first."""
+        return [self._faults.popleft() for _ in range(len(self._faults))]
+
+    def _tick(self, data: int | None) -> int:
+        """Be the callback. Nothing here waits, and the library is called without giving the interpreter away."""
+        self._begin(self._handle)
+        stamp_ns = monotonic_ns()
+        position, velocity = self._position, self._velocity
+        self._doubles(Parameter.CURRENT_POSITION, position)
+        self._doubles(Parameter.CURRENT_VELOCITY, velocity)
+        self._integers(Parameter.CURRENT_BUTTONS, byref(self._buttons))
+        self._booleans(Parameter.CURRENT_INKWELL_SWITCH, byref(self._docked))
+        out = self._out
+        out[0], out[1], out[2] = self._chosen(stamp_ns)
+        self._set_doubles(Parameter.CURRENT_FORCE, out)
+        self._end(self._handle)
+        for _ in range(MOST_ERRORS):
+            error = self._next_error()
+            if not error.code:
+                break
+            self._faults.append((error.code, error.internal, error.handle))
+        self._ticks += 1
+        self._shot = Shot(
+            self._ticks,
+            stamp_ns,
+            (position[0], position[1], position[2]),
+            (velocity[0], velocity[1], velocity[2]),
+            self._buttons.value,
+            bool(self._docked.value),
+            self._cut,
+        )
+        return After.CALLBACK_CONTINUE
+
+    def _chosen(self, at_ns: int) -> Vector:
+        """Return the newest force; nothing once it was too old, until a zero has been put."""
+        force, stamp_ns = self._force
+        if not any(force):
+            self._cut = False
+        elif at_ns - stamp_ns > self._timeout_ns:
+            self._cut = True
+        return (0.0, 0.0, 0.0) if self._cut else force
+
+
+def wait_ticks(servo: Servo, count: int, patience_ns: int) -> bool:
+    """Wait until a servo has ticked so often."""
+    until_ns = monotonic_ns() + patience_ns
+    first = ticks_of(servo)
+    while ticks_of(servo) < first + count:
+        if monotonic_ns() > until_ns:
+            return False
+        time.sleep(2e-4)
+    return True
+
+
+def ticks_of(servo: Servo) -> int:
+    """How often a servo has ticked [1]."""
+    shot = servo.shot()
+    return 0 if shot is None else shot.tick

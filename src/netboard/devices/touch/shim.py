@@ -1,0 +1,197 @@
+"""The servo callback in C: compiled on first use with the system's compiler, kept beside the compiled kernels.
+
+The source is ``servo_shim.c``; a machine without a compiler uses `netboard.devices.touch.servo.PythonServo`. A kept
+file is named by its source and the machine, so a new source is compiled anew.
+"""
+
+import ctypes
+import hashlib
+import os
+import platform
+import shlex
+import shutil
+import subprocess
+import sys
+import tempfile
+from ctypes import POINTER, byref, c_double, c_int, c_int16, c_int32, c_int64, c_size_t, c_uint32, c_uint64, c_void_p
+from functools import cache
+from pathlib import Path
+from typing import cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.base import compiled
+from netboard.base.errors import DeviceNotFound
+from netboard.devices.touch.api import CALLBACK, ErrorInfo, Library
+from netboard.devices.touch.servo import Entry, Raw, Shot, Vector
+
+SOURCE = Path(__file__).with_name("servo_shim.c")
+
+COMPILERS = ("cc", "gcc", "clang")
+"""Looked for in this order, unless the environment names one in CC."""
+
+FLAGS = ("-O2", "-std=gnu11", "-shared", "-fPIC")
+
+INSTEAD = 'install a C compiler (Debian, Ubuntu: gcc and libc6-dev), or set the option servo = "python"'
+
+
+CALLED = (
+    *("hdBeginFrame", "hdEndFrame", "hdGetDoublev", "hdGetIntegerv", "hdGetBooleanv", "hdSetDoublev"),
+    "hdGetError",
+)
+"""Functions of the vendor's that the shim calls, in its order."""
+
+
+class Calls(ctypes.Structure):
+    """Addresses of `CALLED`; struct library of the shim."""
+
+    _fields_ = tuple((name, c_void_p) for name in CALLED)
+
+
+class ShimShot(ctypes.Structure):
+    """What a tick saw; struct sample of the shim."""
+
+    _fields_ = (
+        ("tick", c_int64),
+        ("stamp_ns", c_int64),
+        ("position", c_double * 3),
+        ("velocity", c_double * 3),
+        ("buttons", c_int32),
+        ("docked", c_int16),
+        ("cut", c_int16),
+    )
+
+
+class WatchRoom(ctypes.Structure):
+    """What a watch knows; struct watch of the shim."""
+
+    _fields_ = (
+        ("callback", c_void_p),
+        ("data", c_void_p),
+        ("times", c_void_p),
+        ("room", c_uint64),
+        ("count", c_uint64),
+    )
+
+
+@cache
+def shim() -> ctypes.PyDLL:
+    """Compile the shim, or take the one kept."""
+    if sys.platform == "win32":
+        raise DeviceNotFound('the servo callback in C is for Linux and the like; set the option servo = "python"')
+    library = ctypes.PyDLL(str(build(compiled.folder())))
+    library.servo_size.restype = c_size_t
+    library.servo_prepare.argtypes = (c_void_p, POINTER(Calls), c_uint32, c_int64)
+    library.servo_prepare.restype = None
+    library.servo_put.argtypes = (c_void_p, c_double, c_double, c_double, c_int64)
+    library.servo_put.restype = None
+    library.servo_take.argtypes = (c_void_p, POINTER(ShimShot))
+    library.servo_take.restype = c_int
+    library.servo_next_fault.argtypes = (c_void_p, POINTER(ErrorInfo))
+    library.servo_next_fault.restype = c_int
+    return library
+
+
+def build(folder: Path) -> Path:
+    """Compile the shim into a folder, if it is not there yet."""
+    command = [*_compiler(), *FLAGS]
+    state = hashlib.sha256(SOURCE.read_bytes() + " ".join((*command, platform.machine())).encode())
+    kept = folder / f"servo_shim-{state.hexdigest()[:16]}.so"
+    if kept.exists():
+        return kept
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=folder) as scratch:
+            fresh = Path(scratch) / kept.name
+            _compile([*command, "-o", str(fresh), str(SOURCE)])
+            fresh.replace(kept)  # whole or not at all, whoever else compiles it now
+    except OSError as error:
+        raise DeviceNotFound(f"the servo callback in C cannot be kept in {folder}: {error}; {INSTEAD}") from error
+    return kept
+
+
+def _compile(command: list[str]) -> None:
+    """Run the compiler."""
+    done = subprocess.run(command, capture_output=True, text=True, errors="replace", check=False)
+    if done.returncode:
+        said = (done.stderr.strip().splitlines() or ["it does not say why"])[0]
+        raise DeviceNotFound(f"the servo callback in C cannot be compiled by {command[0]}: {said}; {INSTEAD}")
+
+
+def _compiler() -> list[str]:
+    """Find the system's compiler: the words of its command."""
+    named = shlex.split(os.environ.get("CC", ""))
+    for words in [named] if named else [[name] for name in COMPILERS]:
+        if shutil.which(words[0]):
+            return words
+    looked = " ".join(named) or ", ".join(COMPILERS)
+    raise DeviceNotFound(f"the servo callback in C needs a compiler, and there is none ({looked}); {INSTEAD}")
+
+
+class ShimServo:
+    """The callback in C. It needs no interpreter.
+
+    Parameters
+    ----------
+    timeout_ns : int
+        An older force is cut to zero [ns].
+    """
+
+    def __init__(self, library: Library, handle: int, timeout_ns: int) -> None:
+        made = shim()
+        self._room = ctypes.create_string_buffer(made.servo_size())
+        self._at = ctypes.addressof(self._room)
+        calls = Calls(*map(library.address, CALLED))
+        made.servo_prepare(self._at, byref(calls), handle, timeout_ns)
+        self._put, self._take, self._next_fault = made.servo_put, made.servo_take, made.servo_next_fault
+        self._seen: Shot | None = None
+        self._entry = Entry(ctypes.cast(made.servo_tick, CALLBACK), c_void_p(self._at))
+
+    @property
+    def entry(self) -> Entry:
+        """What is to be scheduled."""
+        return self._entry
+
+    def put(self, force: Vector, stamp_ns: int) -> None:
+        """Render this force [N], in the vendor's frame, from the next tick on; it is of this time [ns]."""
+        self._put(self._at, *force, stamp_ns)
+
+    def shot(self) -> Shot | None:
+        """What the newest tick saw; None before the first."""
+        seen = ShimShot()
+        if self._take(self._at, byref(seen)):
+            position, velocity = cast(Vector, tuple(seen.position)), cast(Vector, tuple(seen.velocity))
+            docked, cut = bool(seen.docked), bool(seen.cut)
+            self._seen = Shot(seen.tick, seen.stamp_ns, position, velocity, seen.buttons, docked, cut)
+        return self._seen
+
+    def faults(self) -> list[Raw]:
+        """Errors that have come off the stack since the last call, the oldest tick's first."""
+        found: list[Raw] = []
+        error = ErrorInfo()
+        while self._next_fault(self._at, byref(error)):
+            found.append((error.code, error.internal, error.handle))
+        return found
+
+
+class Watch:
+    """Notes when a callback is called and when it has returned, in the servo thread and without the interpreter.
+
+    Parameters
+    ----------
+    entry : Entry or None
+        The callback; None for a tick in which nothing is done.
+    """
+
+    def __init__(self, entry: Entry | None, room: int) -> None:
+        self._times = np.zeros((room, 2), np.int64)
+        self._inner = entry
+        callback = None if entry is None else ctypes.cast(entry.function, c_void_p)
+        self._room = WatchRoom(callback, entry and entry.data, self._times.ctypes.data, room, 0)
+        self.entry = Entry(ctypes.cast(shim().watch_tick, CALLBACK), c_void_p(ctypes.addressof(self._room)))
+
+    @property
+    def times(self) -> NDArray[np.int64]:
+        """When each tick so far began and ended, as pairs [ns]."""
+        return self._times[: self._room.count].copy()

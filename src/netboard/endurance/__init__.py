@@ -1,1 +1,0 @@
-"""``netboard bench stability``: where the methods hold, and where they fail."""

@@ -1,1 +1,0 @@
-"""The Novint Falcon, over USB without its maker's driver."""

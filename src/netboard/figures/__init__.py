@@ -1,1 +1,0 @@
-"""Pictures of a study, for the screen, for print and for people who do not see all colours."""

@@ -1,0 +1,6 @@
+"""What processes say to each other, and how it gets there.
+
+Open `protocol/PROTOCOL.md` first. `protocol` is pure: messages, their bytes, the rules of admission, the record
+buffer. `transport` has every ZeroMQ socket, the compiled path of the 1 kHz frames, and authentication by CURVE keys;
+only it imports zmq. `keys` makes and reads key files. This wing knows no session, no device and no recording.
+"""

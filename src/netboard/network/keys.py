@@ -1,0 +1,383 @@
+"""Keys of a rig: who may connect, as whom.
+
+A folder holds them (network.keys, mode 0700, files 0600; a looser one is refused). The server's has its own secret key,
+``server.key``, and ``authorized.toml``: the public key of every peer, and the one role and side it is for. A station's
+has one file for each process, named after what it is, ``agent.left.key``: the peer's own secret key and the server's
+public one. A key opens the channels its role needs, of its own side; a revoked one opens nothing from the next
+handshake on, for the list is read again whenever it has changed. No file is ever overwritten but the list itself.
+"""
+
+import hashlib
+import ipaddress
+import os
+import tomllib
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Annotated, Literal, TypeAlias, TypeVar
+
+from pydantic import AwareDatetime, Field, TypeAdapter, ValidationError
+
+from netboard.base.config import SIDES
+from netboard.base.errors import ConfigError
+from netboard.base.settings import NO_EXTRAS, to_toml
+from netboard.base.tables.rig import Network
+from netboard.network.transport import authenticator, channels
+
+Role: TypeAlias = Literal["agent", "display", "logger", "console", "listener"]
+
+AT_A_STATION = ("agent", "display")
+"""Roles that have a side."""
+
+OPENS: dict[str, tuple[str, ...]] = {
+    "motion": ("agent.left", "agent.right"),
+    "log": ("logger", "listener"),
+    "view.left": ("display.left", "agent.left"),
+    "view.right": ("display.right", "agent.right"),
+    "control": ("display.left", "display.right", "console"),
+}
+"""Whose key opens a channel. (An agent sees its station's view for the simulated participant at it.)"""
+
+SERVER = "server"
+LIST = "authorized.toml"
+LIST_HEAD = "# Who may connect to this server: public keys, each for one role and side. Written by: netboard keys\n"
+
+PublicKey: TypeAlias = Annotated[str, Field(pattern=r"^[0-9a-zA-Z.:+=^!/*?&<>()\[\]{}@%$#-]{40}$")]
+"""Z85 of 32 bytes."""
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class Peer:
+    """A peer's public key, as the server knows it.
+
+    Attributes
+    ----------
+    name : str
+        Which one: what it is for, numbered from the second on.
+    """
+
+    __pydantic_config__ = NO_EXTRAS
+    name: str
+    role: Role
+    side: Literal["left", "right", ""]
+    public: PublicKey
+    created: AwareDatetime
+    revoked: AwareDatetime | None = None
+
+    @property
+    def what(self) -> str:
+        """What it is for, in one word."""
+        return what(self.role, self.side)
+
+
+@dataclass(frozen=True, slots=True)
+class _List:
+    """What is in ``authorized.toml``."""
+
+    __pydantic_config__ = NO_EXTRAS
+    peer: tuple[Peer, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class _KeyFile:
+    """What is in a secret key's file; at a peer with the server's public key."""
+
+    __pydantic_config__ = NO_EXTRAS
+    name: str
+    created: AwareDatetime
+    secret: PublicKey
+    server: PublicKey | None = None
+
+
+# --- for processes -----------------------------------------------------------------------------------------------
+
+
+def encrypted(network: Network) -> bool:
+    """Whether keys are in use: if told so, and by itself wherever another machine can be reached."""
+    if network.curve == "auto":
+        return network.transport == "tcp" and not (local(network.host) and local(network.bind))
+    return network.curve == "on"
+
+
+def local(address: str) -> bool:
+    """Whether an address is one that no other machine can reach."""
+    try:
+        return ipaddress.ip_address(address).is_loopback
+    except ValueError:
+        return address == "localhost"
+
+
+def reach(network: Network, peer: str) -> channels.Addresses:
+    """Where a peer finds the server, with its keys if they are in use."""
+    lock = credentials(Path(network.keys), peer) if encrypted(network) else None
+    return channels.addresses(network, lock)
+
+
+def door(network: Network) -> authenticator.Door | None:
+    """Make the door of a server; None if keys are not in use."""
+    return authenticator.Door(Ring(Path(network.keys)), network.port) if encrypted(network) else None
+
+
+def credentials(folder: Path, peer: str) -> authenticator.Credentials:
+    """Read a peer's key."""
+    path = key_path(folder, peer)
+    role, _, side = peer.partition(".")
+    hint = f"make it at the server with: netboard keys add {role} {side}".rstrip() + ", and bring it here"
+    file = _read_key(path, hint)
+    if file.server is None:
+        raise ConfigError(f"{path}: is not the key of a peer: it has no key of the server")
+    return authenticator.Credentials(authenticator.public_of(file.secret), file.secret, file.server)
+
+
+class Ring:
+    """The server's own key, and what each peer's is for, as the files say now."""
+
+    def __init__(self, folder: Path) -> None:
+        self.secret = _read_key(key_path(folder, SERVER), "make it with: netboard keys init").secret
+        self._list = folder / LIST
+        self._stamp: tuple[int, int, int] | None = None
+        self._peers: dict[str, Peer] = {}
+        self._trouble = ""
+        self._look()
+        if self._trouble:
+            raise ConfigError(self._trouble)
+
+    def refuses(self, key: str, channel: str) -> str:
+        """Why a key may not come in to a channel; empty if it may."""
+        peer, reason = self._find(key)
+        if peer is None or reason:
+            return reason
+        return "" if peer.what in OPENS[channel] else f"the key of {peer.name} is not for this channel"
+
+    def forbids(self, key: str, role: str, side: str) -> str:
+        """Why the owner of a key may not speak as this; empty if it may."""
+        peer, reason = self._find(key)
+        if peer is None or reason:
+            return reason
+        return "" if peer.what == what(role, side) else f"the key of {peer.name} is not that of {what(role, side)}"
+
+    def owner(self, key: str) -> str:
+        """What a key is for, such as ``agent.left``; empty if that is not known."""
+        peer = self._peers.get(key)
+        return peer.what if peer else ""
+
+    def fingerprint(self, key: str) -> str:
+        """How people tell a key."""
+        return fingerprint(key)
+
+    def _find(self, key: str) -> tuple[Peer | None, str]:
+        """The owner of a key, and why it is not good, if it is not."""
+        self._look()
+        peer = self._peers.get(key)
+        if self._trouble:
+            return peer, self._trouble
+        if peer is None:
+            return peer, "its key is not known here"
+        return peer, f"the key of {peer.name} has been revoked" if peer.revoked else ""
+
+    def _look(self) -> None:
+        """Read the list again if it has changed; with one that is not in order nobody is let in."""
+        try:
+            found = self._list.stat()
+            stamp = (found.st_mtime_ns, found.st_ino, found.st_size)
+            if stamp != self._stamp:
+                self._peers = {peer.public: peer for peer in read_list(self._list.parent)}
+                self._stamp = stamp
+            self._trouble = ""
+        except OSError as error:
+            self._trouble = f"{self._list}: {error.strerror}"
+        except ConfigError as error:
+            self._trouble = str(error)
+
+
+# --- for people --------------------------------------------------------------------------------------------------
+
+
+def init(folder: Path) -> Path:
+    """Make the key of a server, and an empty list of peers."""
+    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    _refuse_open(folder)
+    path = key_path(folder, SERVER)
+    _write_key(path, _KeyFile(SERVER, _now(), authenticator.new_keys()[1]))
+    if not (folder / LIST).exists():
+        _write_new(folder / LIST, LIST_HEAD)
+    return path
+
+
+def add(folder: Path, role: Role, side: str, to: Path) -> tuple[Peer, Path]:
+    """Make a peer's key and let it in.
+
+    Parameters
+    ----------
+    to : Path
+        The folder its file goes to; made if it is not there.
+    """
+    if (role in AT_A_STATION) != (side in SIDES):
+        raise ConfigError(f"{role}: expected a side, left or right" if not side else f"{role}: has no side")
+    server = _read_key(key_path(folder, SERVER), "make it with: netboard keys init")
+    with _changed_list(folder) as peers:
+        others = sum(peer.what == what(role, side) for peer in peers)
+        name = what(role, side) + (f"-{others + 1}" if others else "")
+        public, secret = authenticator.new_keys()
+        peer = Peer(name, role, side, public, _now())  # type: ignore[arg-type]
+        to.mkdir(mode=0o700, parents=True, exist_ok=True)
+        path = key_path(to, peer.what)
+        _write_key(path, _KeyFile(name, peer.created, secret, authenticator.public_of(server.secret)))
+        peers.append(peer)
+    return peer, path
+
+
+def revoke(folder: Path, name: str) -> Peer:
+    """Let a peer in no more."""
+    with _changed_list(folder) as peers:
+        good = [place for place, peer in enumerate(peers) if peer.name == name and peer.revoked is None]
+        if not good:
+            names = ", ".join(peer.name for peer in peers if peer.revoked is None) or "none"
+            raise ConfigError(f"{folder / LIST}: there is no key {name} to revoke; good are: {names}")
+        peers[good[0]] = replace(peers[good[0]], revoked=_now())
+        return peers[good[0]]
+
+
+def read_list(folder: Path) -> tuple[Peer, ...]:
+    """Read which peers a server knows."""
+    path = folder / LIST
+    peers = _parse(path, _read(path, "make it with: netboard keys init"), _LIST_ADAPTER).peer
+    for peer in peers:
+        if (peer.role in AT_A_STATION) != (peer.side in SIDES):
+            raise ConfigError(f"{path}: {peer.name}: role {peer.role} and side {peer.side!r} do not go together")
+    if len({peer.public for peer in peers}) < len(peers):
+        raise ConfigError(f"{path}: the same key is there twice")
+    return peers
+
+
+def key_files(folder: Path) -> list[tuple[str, str, str]]:
+    """Tell which secret keys are in a folder.
+
+    Returns
+    -------
+    list of (str, str, str)
+        For each file its name, the fingerprint of its key, and of that of the server it is for, empty for a server's.
+    """
+    found = []
+    for path in sorted(folder.glob("*.key")):
+        file = _read_key(path, "")
+        server = fingerprint(file.server) if file.server else ""
+        found.append((path.name, fingerprint(authenticator.public_of(file.secret)), server))
+    return found
+
+
+def fingerprint(public: str) -> str:
+    """How people tell a public key: the beginning of its SHA-256."""
+    digest = hashlib.sha256(public.encode()).hexdigest()
+    return "-".join(digest[at : at + 4] for at in range(0, 16, 4))
+
+
+def what(role: str, side: str) -> str:
+    """A role and a side in one word, as in ``agent.left``."""
+    return f"{role}.{side}" if side else role
+
+
+def key_path(folder: Path, name: str) -> Path:
+    """Where a key is."""
+    return folder / f"{name}.key"
+
+
+# --- files -------------------------------------------------------------------------------------------------------
+
+
+@contextmanager
+def _changed_list(folder: Path) -> Iterator[list[Peer]]:
+    """The list, to be changed by one at a time; written anew at the end, as a whole or not at all."""
+    new = folder / f"{LIST}.new"
+    _write_new(new, "")
+    try:
+        peers = list(read_list(folder))
+        yield peers
+        with new.open("w", encoding="utf-8", newline="\n") as file:
+            file.write(_list_text(peers))
+            file.flush()
+            os.fsync(file.fileno())
+        new.replace(folder / LIST)
+    finally:
+        new.unlink(missing_ok=True)
+
+
+def _list_text(peers: Iterable[Peer]) -> str:
+    return LIST_HEAD + "".join(
+        f"\n[[peer]]\nname = {to_toml(peer.name)}\nrole = {to_toml(peer.role)}\nside = {to_toml(peer.side)}\n"
+        f"public = {to_toml(peer.public)}\ncreated = {peer.created.isoformat()}\n"
+        + (f"revoked = {peer.revoked.isoformat()}\n" if peer.revoked else "")
+        for peer in peers
+    )
+
+
+def _write_key(path: Path, file: _KeyFile) -> None:
+    _write_new(
+        path,
+        f"# A secret key of netboard: never show, copy or send it but to where {file.name} runs.\n"
+        f"name = {to_toml(file.name)}\ncreated = {file.created.isoformat()}\nsecret = {to_toml(file.secret)}\n"
+        + (f"server = {to_toml(file.server)}\n" if file.server else ""),
+    )
+
+
+def _write_new(path: Path, text: str) -> None:
+    """Write a file that only its owner can read, and that is not there yet."""
+    try:
+        path.touch(mode=0o600, exist_ok=False)
+        path.write_text(text, encoding="utf-8", newline="\n")
+    except FileExistsError:
+        raise ConfigError(f"{path}: is there already and is left as it is") from None
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be written: {error.strerror}") from error
+
+
+def _read_key(path: Path, hint: str) -> _KeyFile:
+    file = _parse(path, _read(path, hint), _KEY_ADAPTER)
+    try:
+        authenticator.public_of(file.secret)
+    except ValueError:
+        raise ConfigError(f"{path}: secret: is not a key") from None
+    return file
+
+
+def _read(path: Path, hint: str) -> str:
+    """Read a file that is for its owner's eyes only."""
+    try:
+        with path.open(encoding="utf-8") as file:
+            _refuse_open(path.parent)
+            _refuse_open(path)
+            return file.read()
+    except FileNotFoundError:
+        raise ConfigError(f"{path}: is not there; {hint}") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path}: cannot be read: {error}") from error
+
+
+def _refuse_open(path: Path) -> None:
+    """Refuse what others than its owner may read or change."""
+    mode = path.stat().st_mode & 0o777
+    if os.name == "posix" and mode & 0o077:
+        proper = "700" if path.is_dir() else "600"
+        raise ConfigError(f"{path}: is open to others (mode {mode:04o}); do: chmod {proper} {path}")
+
+
+def _parse(path: Path, text: str, adapter: TypeAdapter[T]) -> T:
+    try:
+        return adapter.validate_python(tomllib.loads(text))
+    except ValidationError as error:
+        first = error.errors(include_url=False, include_input=False)[0]
+        raise ConfigError(f"{path}: {'.'.join(str(step) for step in first['loc'])}: {first['msg']}") from None
+    except ValueError as error:
+        raise ConfigError(f"{path}: not valid TOML: {error}") from None
+
+
+def _now() -> datetime:
+    return datetime.now(UTC).replace(microsecond=0)
+
+
+_LIST_ADAPTER = TypeAdapter(_List)
+_KEY_ADAPTER = TypeAdapter(_KeyFile)

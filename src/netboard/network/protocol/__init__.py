@@ -1,0 +1,1 @@
+"""Messages, their bytes, and the rules of a connection. Pure."""

@@ -1,0 +1,288 @@
+"""Messages to bytes and back. `encode` and `decode` are the only way in and out.
+
+A frame is one MessagePack array ``[kind, field, field, ...]``, the fields in the order of the message's dataclass.
+
+Rule 1: `decode` gives a message that fits its dataclass or raises `WireError`, whatever the bytes.
+Rule 2: its work is bounded before it begins: each kind has a largest frame, a longest array and a largest map.
+Rule 3: types are exact. A boolean is no integer and an integer is no float; `encode` converts, `decode` refuses.
+Rule 4: `netboard.network.protocol.messages.KINDS` only grows. A number is never used for another message.
+
+NaN and infinities are legal on the wire: whoever uses a quantity guards against them. The checks of each class are
+built once, at import, from its type hints.
+"""
+
+import types
+import typing
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields
+from functools import partial
+from itertools import chain
+from operator import attrgetter, index
+from reprlib import repr as short
+from typing import Any
+
+import msgpack
+
+from netboard.base.errors import WireError
+from netboard.network.protocol.messages import CHOICES, KINDS, Kind, Message
+
+Check = Callable[[Any], Any]
+
+
+def encode(message: Message) -> bytes:
+    """Turn a message into a frame.
+
+    Parameters
+    ----------
+    message : Message
+        Any message. What stands for a number (an `IntFlag`, a numpy scalar, an int for a float) is converted.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If the message breaks the protocol: our own mistake.
+    """
+    plan = _PLANS_BY_CLASS[type(message)]
+    frame: bytes = msgpack.packb([plan.number, *map(_call, plan.writers, plan.values(message))])
+    if len(frame) > plan.most_bytes:
+        raise ValueError(f"{plan.name}: {len(frame)} bytes, at most {plan.most_bytes} are allowed")
+    return frame
+
+
+def kind_of(frame: bytes) -> type[Message]:
+    """Find which message a frame claims to be, before anything is unpacked.
+
+    Parameters
+    ----------
+    frame : bytes
+        What came in, from anyone.
+
+    Raises
+    ------
+    WireError
+        If it is no message of this protocol.
+    """
+    return KINDS[_plan_of(frame).number].message
+
+
+def decode(frame: bytes) -> Message:
+    """Turn a frame into a message.
+
+    Parameters
+    ----------
+    frame : bytes
+        What came in, from anyone.
+
+    Raises
+    ------
+    WireError
+        If it is not exactly one message of this protocol.
+    """
+    plan = _plan_of(frame)
+    if len(frame) > plan.most_bytes:
+        raise WireError(f"{plan.name}: {len(frame)} bytes, at most {plan.most_bytes} are allowed")
+    try:
+        parts = plan.unpack(frame)
+    except (ValueError, msgpack.UnpackException) as error:
+        raise WireError(f"{plan.name}: not MessagePack within the limits: {error!s:.100}") from error
+    if type(parts) is not tuple or len(parts) != plan.length:  # the kind itself was read by `_plan_of`
+        raise WireError(f"{plan.name}: not an array of {plan.length}")
+    try:
+        return plan.message(*map(_call, plan.readers, parts[1:]))
+    except ValueError as error:
+        raise WireError(f"{plan.name}: {_blame(plan, parts[1:])}") from error
+
+
+# --- one field ---------------------------------------------------------------------------------------------------
+
+
+def _call(check: Check, value: Any) -> Any:
+    return check(value)
+
+
+def _read_int(value: Any) -> int:
+    if type(value) is not int or value >= 2**63:  # MessagePack itself has nothing below -2**63
+        raise ValueError(f"expected an integer of 64 bits, got {short(value)}")
+    return value
+
+
+def _write_int(value: Any) -> int:
+    whole = int(index(value))
+    if not -(2**63) <= whole < 2**63:
+        raise ValueError(f"expected an integer of 64 bits, got {whole}")
+    return whole
+
+
+def _write_float(value: Any) -> float:
+    if isinstance(value, str | bytes):  # which float() would parse
+        raise TypeError(f"expected a number, got {short(value)}")
+    return float(value)
+
+
+def _exactly(expected: type, value: Any) -> Any:
+    if type(value) is not expected:
+        raise ValueError(f"expected {expected.__name__}, got {short(value)}")
+    return value
+
+
+def _one_of(allowed: tuple[str, ...], value: Any) -> Any:
+    if type(value) is not str or value not in allowed:
+        raise ValueError(f"expected one of {allowed}, got {short(value)}")
+    return value
+
+
+def _optional(check: Check, value: Any) -> Any:
+    return None if value is None else check(value)
+
+
+def _mapping(key: Check, item: Check, most_pairs: int, value: Any) -> Any:
+    if len(_exactly(dict, value)) > most_pairs:
+        raise ValueError(f"expected at most {most_pairs} pairs, got {len(value)}")
+    return {key(k): item(v) for k, v in value.items()}
+
+
+def _sequence(check: Check, most_items: int, value: Any) -> Any:
+    if len(_exactly(tuple, value)) > most_items:
+        raise ValueError(f"expected at most {most_items} items, got {len(value)}")
+    return tuple(map(check, value))
+
+
+def _rows_of_integers(slowly: Check, width: int, most_items: int, value: Any) -> Any:
+    """Read an array of records of integers: the check of each part is made for all of them at once.
+
+    What does not pass is checked part by part, to be refused in words.
+    """
+    if type(value) is tuple and len(value) <= most_items and {*map(type, value)} <= {tuple}:
+        numbers = tuple(chain.from_iterable(value))
+        if {*map(len, value)} <= {width} and {*map(type, numbers)} <= {int} and max(numbers, default=0) < 2**63:
+            return value
+    return slowly(value)
+
+
+def _record(checks: tuple[Check, ...], value: Any) -> Any:
+    if len(_exactly(tuple, value)) != len(checks):
+        raise ValueError(f"expected {len(checks)} items, got {len(value)}")
+    return tuple(map(_call, checks, value))
+
+
+_PLAIN: Mapping[type, Check] = {kind: partial(_exactly, kind) for kind in (str, bytes, bool)}
+_READ: Mapping[type, Check] = {**_PLAIN, int: _read_int, float: partial(_exactly, float)}
+_WRITE: Mapping[type, Check] = {**_PLAIN, int: _write_int, float: _write_float}
+
+
+def _compile(hint: Any, scalars: Mapping[type, Check], kind: Kind) -> Check:
+    """Make the check of one type hint of a kind of message; `scalars` says how its leaves are checked."""
+    origin, arguments = typing.get_origin(hint), typing.get_args(hint)
+    if origin is None:
+        return scalars[hint]
+    inner = tuple(_compile(part, scalars, kind) for part in arguments if part not in (type(None), Ellipsis))
+    if origin is types.UnionType:
+        return partial(_optional, *inner)
+    if origin is dict:
+        return partial(_mapping, inner[0], inner[1], kind.most_pairs)
+    if arguments[-1] is Ellipsis:
+        slowly = partial(_sequence, inner[0], kind.most_items)
+        parts = typing.get_args(arguments[0])
+        if scalars is _READ and parts and set(parts) == {int}:
+            return partial(_rows_of_integers, slowly, len(parts), kind.most_items)
+        return slowly
+    return partial(_record, inner)
+
+
+# --- one message -------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class _Plan:
+    """What there is to know about one kind of message, built once."""
+
+    number: int
+    name: str
+    message: Callable[..., Message]
+    length: int  # of the array: kind and fields [1]
+    most_bytes: int
+    names: tuple[str, ...]
+    values: Callable[[Message], tuple[Any, ...]]
+    readers: tuple[Check, ...]
+    writers: tuple[Check, ...]
+    unpack: Callable[[bytes], Any]
+
+
+def _getter(names: tuple[str, ...]) -> Callable[[Message], tuple[Any, ...]]:
+    """Like `attrgetter`, which gives a bare value for one name and refuses none."""
+    if len(names) > 1:
+        return attrgetter(*names)
+    return lambda message: tuple(getattr(message, name) for name in names)
+
+
+def _plan(number: int, kind: Kind) -> _Plan:
+    message = kind.message
+    hints = typing.get_type_hints(message)
+    names = tuple(field.name for field in fields(message))
+
+    def checks(scalars: Mapping[type, Check]) -> tuple[Check, ...]:
+        return tuple(
+            partial(_one_of, CHOICES[message, name])
+            if (message, name) in CHOICES
+            else _compile(hints[name], scalars, kind)
+            for name in names
+        )
+
+    length = 1 + len(names)
+    unpack = partial(
+        msgpack.unpackb,
+        use_list=False,
+        max_array_len=max(length, kind.most_items),  # an array is made at its full claimed length, so not the default
+        max_map_len=kind.most_pairs,
+        max_ext_len=0,
+    )  # strings and bytes may claim no more than the frame has, which is msgpack's default
+    if kind.most_items > length:
+        unpack = partial(_unpack_whole, unpack)
+    return _Plan(
+        number,
+        message.__name__,
+        message,
+        length,
+        kind.most_bytes,
+        names,
+        _getter(names),
+        checks(_READ),
+        checks(_WRITE),
+        unpack,
+    )
+
+
+def _unpack_whole(unpack: Callable[[bytes], Any], frame: bytes) -> Any:
+    """Unpack what may have long arrays: first make sure that everything they claim is there.
+
+    Else a nest of a thousand arrays, each of a full length that never comes, would be made of 3 KB.
+    """
+    whole = msgpack.Unpacker(read_size=64)
+    whole.feed(frame)
+    whole.skip()
+    return unpack(frame)
+
+
+_PLANS = {number: _plan(number, kind) for number, kind in KINDS.items()}
+_PLANS_BY_CLASS = {KINDS[number].message: plan for number, plan in _PLANS.items()}
+
+
+def _plan_of(frame: bytes) -> _Plan:
+    """Find the plan for the kind a frame claims to be, before anything is unpacked."""
+    kind_at = 3 if frame[:1] == b"\xdc" else 1  # after the array's header of three bytes, or of one
+    if len(frame) <= kind_at:
+        raise WireError(f"{len(frame)} bytes are no message")
+    plan = _PLANS.get(frame[kind_at])
+    if plan is None:
+        raise WireError(f"no message of kind {frame[kind_at]}")
+    return plan
+
+
+def _blame(plan: _Plan, values: tuple[Any, ...]) -> str:
+    """Say which field was refused, and why."""
+    for name, check, value in zip(plan.names, plan.readers, values, strict=True):
+        try:
+            check(value)
+        except ValueError as error:
+            return f"{name}: {error}"
+    raise AssertionError("every field passed")

@@ -1,0 +1,254 @@
+"""What operators say and hear: commands, how the server is, what has become of the attempts.
+
+A message is data only; `netboard.network.protocol.messages` holds the rules for all of them.
+"""
+
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+REPLAY_OF = "replay of "
+"""With this the notice of a replay begins, and no other."""
+
+ReplayCommand = Literal[
+    "play",
+    "seek",  # to a time, a trial or a tick
+    "speed",
+    "loop",  # one part again and again
+    "step",  # by ticks
+    "previous",  # trial, note or other mark
+]
+"""Commands that only a replay carries out."""
+
+SessionCommand = Literal[
+    "start",  # the block
+    "pause",  # at once
+    "resume",
+    "abort",  # give up this attempt, and try again
+    "stop",  # the block, at once
+    "emergency_stop",  # all commanded forces are zero
+    "emergency_release",  # devices may be armed again
+    "take",  # be the commander
+    "open",  # the session: its form, as JSON
+    "arm",  # devices may have forces
+    "disarm",
+    "pause_after_trial",
+    "repeat",  # one more trial at the end of the block, for the last one or the one named
+    "veto",  # take that back
+    "skip",  # count this trial as done without a success
+    "stop_after_block",  # the session
+    "next",  # give up what is left of this block, and go on with the next one
+    "end",  # the session, and with it the server; it can be resumed
+    "note",  # for the recording
+]
+"""Commands of a live session; a replay carries out some of them too."""
+
+CommandName = Literal[SessionCommand, ReplayCommand]
+"""Every command: what the protocol allows and what ``netboard control`` takes."""
+
+REPLAY_COMMANDS: tuple[str, ...] = get_args(ReplayCommand)
+"""Commands that only a replay carries out."""
+
+COMMANDS: tuple[str, ...] = get_args(CommandName)
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """An operator's wish. Whoever commands first is the commander; others may watch, and stop everything.
+
+    Attributes
+    ----------
+    name : str
+        One of ``netboard.network.protocol.control.COMMANDS``.
+    argument : str
+        What some of them need: a note's text, a form, a reason; else empty.
+    number : int
+        By which the answer is known [1].
+    """
+
+    name: str
+    argument: str
+    number: int
+
+
+@dataclass(frozen=True, slots=True)
+class Reply:
+    """The server's answer to a `Command`.
+
+    Attributes
+    ----------
+    number : int
+        The command's [1].
+    accepted : bool
+        Whether it is, or will be, carried out.
+    reason : str
+        Why not; or what will be done, and when. One sentence for people.
+    """
+
+    number: int
+    accepted: bool
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class StatusRequest:
+    """Ask the server how it is."""
+
+
+@dataclass(frozen=True, slots=True)
+class Status:
+    """How the server is.
+
+    Attributes
+    ----------
+    session : str
+        Id of this run of the server.
+    tick : int
+        Ticks so far [1].
+    phase : str
+        Phase of the trial, lower case.
+    trial, trials : int
+        Current trial, and how many the block asks for [1].
+    successes, failures : int
+        Trials done and attempts failed in the block [1].
+    completions : tuple of float
+        Completion times of the successful trials so far [s].
+    late_ticks : int
+        Ticks that started more than half a tick late [1].
+    waiting_for : tuple of str
+        Peers still missing.
+    peers : tuple of str
+        Peers that are there.
+    notice : str
+        What the operator should know, or empty.
+    links : tuple of (str, str, str, float, float, float, float, float, int)
+        For each peer that is there: what it is (``agent.left``), host and process, version; time since it was heard
+        [s], shortest round trip of late [s], bound of its clock's error [s], its drift [1e-6] (NaN: not known),
+        messages a second [Hz], messages lost [1].
+    loops : tuple of (str, float, float)
+        For each agent that is there: what it is, the delay of its loop of late, from reading the stylus to rendering
+        what the server made of that (NaN: not known), and the largest that its device alone is stable with [s, s].
+    name, dyad, study : str
+        How the session is labelled.
+    pilot, consent : bool
+        Whether it is a pilot run; whether both participants have consented.
+    opened : bool
+        Whether the session's form is complete, so that a block may begin and everything is recorded.
+    armed : bool
+        Whether the operator lets devices have forces.
+    commander : str
+        Console whose commands count; empty: the next one's.
+    block, blocks : int
+        Number of the block in its plan, from 1, and how many there are [1].
+    label : str
+        What people call the block.
+    condition : str
+        Its configuration and force condition, in words.
+    rest : float
+        What is left of the rest before the block [s].
+    pending : str
+        What will be done after this trial or block, or empty.
+    outcomes : int
+        How many attempts have been judged in this session: what `OutcomesRequest` can ask for [1].
+    recordings : tuple of (str, float, int, int)
+        For each logger that is there: its file, time since it brought records to disk [s]; bytes written and bytes
+        free [1].
+    stations : tuple of (str, float, int, float, int, int)
+        For each side: its name, age of the newest sample (NaN: none) [s], `Safeguard` bits of the last tenth of a
+        second, vertical force rendered (NaN: not known) [N], and how many ticks of this attempt had no fresh sample,
+        and a force at its limit [1].
+    refused : tuple of (str, str, int)
+        What was refused most often since the server started: channel (``handshake``: before a peer came in), reason,
+        and how often [1].
+    """
+
+    session: str
+    tick: int
+    phase: str
+    trial: int
+    trials: int
+    successes: int
+    failures: int
+    completions: tuple[float, ...]
+    late_ticks: int
+    waiting_for: tuple[str, ...]
+    peers: tuple[str, ...]
+    notice: str
+    links: tuple[tuple[str, str, str, float, float, float, float, float, int], ...]
+    loops: tuple[tuple[str, float, float], ...]
+    name: str
+    dyad: str
+    study: str
+    pilot: bool
+    consent: bool
+    opened: bool
+    armed: bool
+    commander: str
+    block: int
+    blocks: int
+    label: str
+    condition: str
+    rest: float
+    pending: str
+    outcomes: int
+    recordings: tuple[tuple[str, float, int, int], ...]
+    stations: tuple[tuple[str, float, int, float, int, int], ...]
+    refused: tuple[tuple[str, str, int], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class OutcomesRequest:
+    """Ask what has become of the attempts of this session.
+
+    Attributes
+    ----------
+    first : int
+        Number of the first one wanted, from 0 [1].
+    """
+
+    first: int
+
+
+@dataclass(frozen=True, slots=True)
+class Outcomes:
+    """What has become of some attempts, in order.
+
+    Attributes
+    ----------
+    first : int
+        Number of the first one [1].
+    attempts : tuple of (int, int, int, str, float, str, int)
+        For each: block, trial, attempt [1]; ``success``, ``fell``, ``timed_out``, ``aborted``, ``paused``, ``skipped``,
+        or ``incomplete`` where the server ended in it; its completion time (NaN: none) [s]; why it is doubtful, words
+        divided by commas, or empty; and the trial that it repeats, 0 for none [1].
+    """
+
+    first: int
+    attempts: tuple[tuple[int, int, int, str, float, str, int], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class TraceRequest:
+    """Ask for what has happened of late, to draw it.
+
+    Attributes
+    ----------
+    after : int
+        Ticks after this one are wanted, as far as the server remembers: a second or so [1].
+    """
+
+    after: int
+
+
+@dataclass(frozen=True, slots=True)
+class Trace:
+    """Every fifth tick of late.
+
+    Attributes
+    ----------
+    points : tuple of (int, float, float, float, float, float, float, float)
+        For each: tick [1]; height of the left and the right stylus and of the board's centre [m]; tilt [rad]; ball
+        position, NaN without one [m]; vertical force on the left and the right hand, as rendered,
+        NaN where not known [N].
+    """
+
+    points: tuple[tuple[int, float, float, float, float, float, float, float], ...]

@@ -1,0 +1,139 @@
+"""The frames of the 1 kHz exchange in their fixed form, read and written by compiled code.
+
+A message of numbers only has a frame of fixed length if every number takes its widest form: nine bytes, a marker and
+the 64 bits of an integer or a float. Netboard writes `Stylus`, `Force` and `Point` like that and reads such frames
+without making an object of each number; `netboard.network.protocol.codec` reads them as it reads any other form of the
+same message.
+
+In memory such a message is a row of words of 64 bits, one for each field, whatever its type: `fields_of` gives the
+record that names them.
+"""
+
+import struct
+from typing import Any, NamedTuple, get_type_hints
+
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.base.compiled import kernel
+from netboard.network.protocol.messages import KINDS, Message
+from netboard.network.protocol.motion import Force, Point, Stylus
+
+WIDE = 9
+"""Bytes of a number in its widest form [1]."""
+
+_MARKERS = {int: 0xD3, float: 0xCB}
+_TYPES = {int: "<i8", float: "<f8"}
+
+
+class Form(NamedTuple):
+    """The fixed form of a message.
+
+    Attributes
+    ----------
+    head : ndarray of uint8
+        The bytes before the first number.
+    markers : ndarray of uint8, shape (n,)
+        The marker of each number.
+    size : int
+        Length of the frame, in bytes [1].
+    """
+
+    head: NDArray[np.uint8]
+    markers: NDArray[np.uint8]
+    size: int
+
+
+def form_of(message: type[Message]) -> Form:
+    """Fixed form of a message of numbers only.
+
+    Parameters
+    ----------
+    message : type
+        Its dataclass.
+    """
+    number = next(number for number, kind in KINDS.items() if kind.message is message)
+    markers = [_MARKERS[hint] for hint in get_type_hints(message).values()]
+    length = len(markers) + 1
+    head = [0x90 | length, number] if length < 16 else [0xDC, 0, length, number]
+    return Form(np.array(head, np.uint8), np.array(markers, np.uint8), len(head) + WIDE * len(markers))
+
+
+def fields_of(message: type[Message]) -> list[tuple[str, str]]:
+    """Names and types of its words, as of a structured array.
+
+    Parameters
+    ----------
+    message : type
+        The dataclass of a message of numbers only.
+    """
+    return [(name, _TYPES[hint]) for name, hint in get_type_hints(message).items()]
+
+
+def packer_of(message: type[Message]) -> struct.Struct:
+    """Return what packs and unpacks the words of a message as they are in memory.
+
+    Parameters
+    ----------
+    message : type
+        The dataclass of a message of numbers only.
+    """
+    return struct.Struct("<" + "".join("d" if kind == "<f8" else "q" for _, kind in fields_of(message)))
+
+
+STYLUS, FORCE, POINT = form_of(Stylus), form_of(Force), form_of(Point)
+
+
+@kernel
+def read(frame: Any, head: Any, markers: Any, words: Any) -> bool:
+    """Read a frame of a fixed form; False, with nothing to rely on in the words, if it is not one.
+
+    Parameters
+    ----------
+    frame : bytes or ndarray of uint8
+        What came in.
+    head, markers : ndarray of uint8
+        The form.
+    words : ndarray of int64, shape (n,)
+        Where the numbers go, as they are in memory.
+    """
+    start, count = len(head), len(markers)
+    if len(frame) != start + 9 * count:
+        return False
+    for k in range(start):
+        if frame[k] != head[k]:
+            return False
+    for k in range(count):
+        place = start + 9 * k
+        if frame[place] != markers[k]:
+            return False
+        word = np.int64(0)
+        for byte in range(1, 9):
+            word = (word << np.int64(8)) | np.int64(frame[place + byte])
+        words[k] = word
+    return True
+
+
+@kernel
+def write(frame: Any, head: Any, markers: Any, words: Any) -> None:
+    """Write a frame of a fixed form.
+
+    Parameters
+    ----------
+    frame : ndarray of uint8
+        Where it goes; as long as the form says.
+    head, markers : ndarray of uint8
+        The form.
+    words : ndarray of int64, shape (n,)
+        The numbers, as they are in memory.
+    """
+    start = len(head)
+    for k in range(start):
+        frame[k] = head[k]
+    for k in range(len(markers)):
+        place = start + 9 * k
+        frame[place] = markers[k]
+        word = words[k]
+        for byte in range(8, 0, -1):
+            frame[place + byte] = word & 255
+            word >>= 8

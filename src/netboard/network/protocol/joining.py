@@ -1,0 +1,119 @@
+"""What every peer and the server say when they meet, while they are connected, and when they part.
+
+A message is data only; `netboard.network.protocol.messages` holds the rules for all of them.
+"""
+
+from dataclasses import dataclass
+
+HELLO_FIRST = "say hello first"
+"""Refusal of what comes before a `Hello`, or from a peer that has been forgotten: it says hello again."""
+
+ROLES = ("agent", "display", "logger", "console", "listener")
+
+
+@dataclass(frozen=True, slots=True)
+class Hello:
+    """First message of every peer on every channel that has a way back.
+
+    Attributes
+    ----------
+    role : str
+        ``agent``, ``display``, ``logger``, ``console`` or ``listener``.
+    side : str
+        ``left`` or ``right`` for agents and displays, else empty.
+    protocol : int
+        The sender's `PROTOCOL_VERSION` [1].
+    name : str
+        Host and process, for people.
+    version : str
+        Version of the sender's software.
+    details : dict of str
+        What else is worth recording: device model, serial number, limits.
+    """
+
+    role: str
+    side: str
+    protocol: int
+    name: str
+    version: str
+    details: dict[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class Welcome:
+    """The server's answer to an accepted `Hello`; it comes again, to everybody, when a block begins.
+
+    Attributes
+    ----------
+    session : str
+        Unique id of this run of the server.
+    protocol : int
+        The server's `PROTOCOL_VERSION` [1].
+    server_ns : int
+        Server time when this was sent [ns].
+    config : str
+        The resolved configuration of the block, as TOML.
+    """
+
+    session: str
+    protocol: int
+    server_ns: int
+    config: str
+
+
+@dataclass(frozen=True, slots=True)
+class Refusal:
+    """The server's answer to what it does not accept.
+
+    Attributes
+    ----------
+    reason : str
+        One sentence for people.
+    """
+
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Goodbye:
+    """Either side leaves on purpose.
+
+    Attributes
+    ----------
+    reason : str
+        One sentence for people.
+    """
+
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Ping:
+    """The server asks a peer for its time, a few times a second, on the log and control channels.
+
+    Attributes
+    ----------
+    sent_ns : int
+        Server time when it was sent: t0 of a clock probe [ns].
+    """
+
+    sent_ns: int
+
+
+@dataclass(frozen=True, slots=True)
+class Pong:
+    """The peer's answer to a `Ping`, at once.
+
+    Attributes
+    ----------
+    ping_ns : int
+        The ping's ``sent_ns`` [ns].
+    received_ns : int
+        When it was received: t1 of a clock probe [ns].
+    sent_ns : int
+        When this was sent: t2 of a clock probe [ns].
+    """
+
+    ping_ns: int
+    received_ns: int
+    sent_ns: int

@@ -1,0 +1,162 @@
+"""Every message of the protocol, under its number: the register of what can be said.
+
+Each message is one frozen dataclass, in the module of those who say it. A message is data only;
+`netboard.network.protocol.codec` turns it into bytes and back. Field order is wire order, so fields are only ever
+appended, and `PROTOCOL_VERSION` grows when one is. All times are nanoseconds of the sender's monotonic clock unless a
+field says "server time"; all other quantities are SI. PROTOCOL.md says who sends what to whom, when.
+"""
+
+from dataclasses import dataclass
+
+from netboard.network.protocol.control import (
+    COMMANDS,
+    Command,
+    Outcomes,
+    OutcomesRequest,
+    Reply,
+    Status,
+    StatusRequest,
+    Trace,
+    TraceRequest,
+)
+from netboard.network.protocol.joining import ROLES, Goodbye, Hello, Ping, Pong, Refusal, Welcome
+from netboard.network.protocol.motion import (
+    Backfill,
+    BackfillRequest,
+    Beat,
+    Felt,
+    Force,
+    Move,
+    Point,
+    Pointer,
+    Stylus,
+)
+from netboard.network.protocol.records import (
+    BackfillRecord,
+    ClockRecord,
+    EventRecord,
+    FrameRecord,
+    LogAck,
+    LogBatch,
+    LogEnd,
+    LogRequest,
+    TickRecord,
+)
+from netboard.network.protocol.views import MOST_SHOWN, Frames
+from netboard.stage.view import View
+
+PROTOCOL_VERSION = 5
+
+SIDES = ("left", "right")
+
+Message = (
+    Hello
+    | Welcome
+    | Refusal
+    | Goodbye
+    | Ping
+    | Pong
+    | Stylus
+    | Force
+    | Point
+    | Beat
+    | BackfillRequest
+    | Backfill
+    | View
+    | Frames
+    | LogRequest
+    | LogBatch
+    | LogAck
+    | LogEnd
+    | TickRecord
+    | EventRecord
+    | ClockRecord
+    | FrameRecord
+    | BackfillRecord
+    | Command
+    | Reply
+    | StatusRequest
+    | Status
+    | OutcomesRequest
+    | Outcomes
+    | TraceRequest
+    | Trace
+    | Move
+    | Pointer
+    | Felt
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """One row of `KINDS`.
+
+    Attributes
+    ----------
+    message : type
+        The message's dataclass.
+    most_bytes : int
+        Size of the largest frame [1].
+    most_items : int
+        Length of the longest array in a field; 0 for a message without arrays [1].
+    most_pairs : int
+        Pairs of the largest map in a field; 0 for a message without maps [1].
+    """
+
+    message: type[Message]
+    most_bytes: int
+    most_items: int = 0
+    most_pairs: int = 0
+
+
+KINDS: dict[int, Kind] = {
+    1: Kind(Hello, 4096, most_pairs=32),
+    2: Kind(Welcome, 262_144),
+    3: Kind(Refusal, 8192),  # may quote anything of a Hello
+    4: Kind(Goodbye, 4096),
+    5: Kind(Ping, 64),
+    6: Kind(Pong, 64),
+    10: Kind(Stylus, 256),
+    11: Kind(Force, 64),
+    12: Kind(Beat, 64),
+    13: Kind(Point, 128),
+    14: Kind(BackfillRequest, 64),
+    15: Kind(Backfill, 2304),
+    20: Kind(View, 4096),
+    21: Kind(Frames, 8192, MOST_SHOWN),
+    30: Kind(LogRequest, 64),
+    31: Kind(LogBatch, 1_048_576, 4096),
+    32: Kind(LogAck, 1024),
+    33: Kind(LogEnd, 64),
+    34: Kind(TickRecord, 4096),
+    35: Kind(EventRecord, 65_536, most_pairs=4096),
+    36: Kind(ClockRecord, 256),
+    37: Kind(FrameRecord, 256),
+    38: Kind(BackfillRecord, 2304),
+    50: Kind(Command, 8192),
+    51: Kind(StatusRequest, 16),
+    52: Kind(Status, 262_144, 10_240),
+    53: Kind(Reply, 4096),
+    54: Kind(OutcomesRequest, 64),
+    55: Kind(Outcomes, 65_536, 512),
+    56: Kind(TraceRequest, 64),
+    57: Kind(Trace, 65_536, 512),
+    60: Kind(Move, 128),
+    61: Kind(Pointer, 64),
+    62: Kind(Felt, 64),
+}
+"""The numbers on the wire. Append only; 127 is the highest."""
+
+CHOICES: dict[tuple[type[Message], str], tuple[str, ...]] = {
+    (Hello, "role"): ROLES,
+    (Hello, "side"): (*SIDES, ""),
+    (View, "station"): SIDES,
+    (Frames, "station"): SIDES,
+    (FrameRecord, "station"): SIDES,
+    (BackfillRecord, "side"): SIDES,
+    (Command, "name"): COMMANDS,
+    (Move, "side"): SIDES,
+    (Pointer, "side"): SIDES,
+    (Felt, "side"): SIDES,
+}
+"""Fields that allow only some strings."""

@@ -1,0 +1,283 @@
+"""What agents say and hear: the motion of a hand, the force on it, and what moves a hand that nobody holds.
+
+Agents and server exchange the first of these a thousand times a second. After an interruption the server asks an agent
+what it has rendered meanwhile (`BackfillRequest`, `Backfill`). The last three go past the server: from the
+brain of a simulated bimanual participant to its other hand, and between a played display and the agent of its side.
+A message is data only; `netboard.network.protocol.messages` holds the rules for all of them.
+"""
+
+from dataclasses import dataclass
+from enum import IntFlag
+
+
+class Safeguard(IntFlag):
+    """What the agent's safety chain did since the sample before, and the state it is in.
+
+    Attributes
+    ----------
+    ARMED
+        Forces from the server are rendered.
+    RAMPING
+        Armed a moment ago: they are rendered in part.
+    CLAMPED
+        A force was larger than the limit.
+    SLEWED
+        A force changed faster than the limit.
+    STALE
+        The last force is too old: it fades.
+    TOO_FAST
+        The stylus was faster than the limit: no force.
+    NOT_FINITE
+        A force or a reading was not a finite number: no force.
+    DEVICE_LOST
+        The device does not answer.
+    WORN
+        The motors have given so much for so long that less is allowed for a while.
+    STOPPED
+        An emergency stop at the device: no force.
+    NOT_READY
+        The device is not calibrated, not in a hand or outside of its workspace: no force.
+    """
+
+    ARMED = 1
+    RAMPING = 2
+    CLAMPED = 4
+    SLEWED = 8
+    STALE = 16
+    TOO_FAST = 32
+    NOT_FINITE = 64
+    DEVICE_LOST = 128
+    WORN = 256
+    STOPPED = 512
+    NOT_READY = 1024
+
+
+@dataclass(frozen=True, slots=True)
+class Stylus:
+    """One reading of a stylus, agent to server.
+
+    Attributes
+    ----------
+    seq : int
+        Number of the sample, from 0, without gaps at the source [1].
+    stamp_ns : int
+        When the device was read [ns].
+    x, y, z : float
+        Position in the scene's frame: out of the screen, right, up [m].
+    vx, vy, vz : float
+        Velocity [m/s].
+    buttons : int
+        Bit mask of pressed buttons [1].
+    safeguards : int
+        `Safeguard` bits since the sample before [1].
+    rendered : float
+        Vertical force handed to the device since the sample before, after all limits [N].
+    force_tick : int
+        Tick of the last `Force` or `Beat` received, -1 for none yet [1].
+    force_sent_ns : int
+        Its ``sent_ns``, server time: t0 of a clock probe [ns].
+    force_received_ns : int
+        When it was received: t1 of a clock probe [ns].
+    sent_ns : int
+        When this message was sent: t2 of a clock probe [ns].
+    loop_ns : int
+        Stylus read to the rendering of the first answer to it, for the newest such pair; 0 for none yet [ns].
+    """
+
+    seq: int
+    stamp_ns: int
+    x: float
+    y: float
+    z: float
+    vx: float
+    vy: float
+    vz: float
+    buttons: int
+    safeguards: int
+    rendered: float
+    force_tick: int
+    force_sent_ns: int
+    force_received_ns: int
+    sent_ns: int
+    loop_ns: int
+
+
+@dataclass(frozen=True, slots=True)
+class Force:
+    """The vertical force on one hand for one tick, server to agent.
+
+    Attributes
+    ----------
+    tick : int
+        Tick that computed it [1].
+    sent_ns : int
+        Server time when it was sent [ns].
+    stylus_seq : int
+        Newest stylus sample it was computed from, -1 for none yet [1].
+    force : float
+        Force on the hand, + = up [N].
+    lead_ns : int
+        How long before the deadline of a tick that sample arrived: what the agent sets its phase by [ns].
+    """
+
+    tick: int
+    sent_ns: int
+    stylus_seq: int
+    force: float
+    lead_ns: int
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """The board's control point of one side at one tick, in place of `Force` where agents compute their own.
+
+    Attributes
+    ----------
+    tick : int
+        Tick that it was found at [1].
+    sent_ns : int
+        Server time when this was sent [ns].
+    stylus_seq : int
+        Newest stylus sample received, -1 for none yet [1].
+    stamp_ns : int
+        The time it belongs to, on the agent's clock; 0 while the server does not know that [ns].
+    z : float
+        Height of the point [m].
+    vz : float
+        Its rate [m/s].
+    k : float
+        Stiffness of the coupling between stylus and point [N/m].
+    c : float
+        Its damping [N s/m].
+    lead_ns : int
+        How long before the deadline of a tick that sample arrived [ns].
+    """
+
+    tick: int
+    sent_ns: int
+    stylus_seq: int
+    stamp_ns: int
+    z: float
+    vz: float
+    k: float
+    c: float
+    lead_ns: int
+
+
+@dataclass(frozen=True, slots=True)
+class Beat:
+    """In place of either where no force is rendered: the server is alive and the hand is to feel nothing vertical.
+
+    Attributes
+    ----------
+    tick : int
+        Tick that sent it [1].
+    sent_ns : int
+        Server time when it was sent [ns].
+    stylus_seq : int
+        Newest stylus sample received, -1 for none yet [1].
+    lead_ns : int
+        How long before the deadline of a tick that sample arrived [ns].
+    arm : bool
+        Whether the device may be armed: the server knows the agent's clock well enough.
+    """
+
+    tick: int
+    sent_ns: int
+    stylus_seq: int
+    lead_ns: int
+    arm: bool
+
+
+BACKFILL_ROWS = 64
+"""A `Backfill` has at most so many rows [1]."""
+
+
+@dataclass(frozen=True, slots=True)
+class BackfillRequest:
+    """The server asks an agent what it has rendered while its samples did not arrive.
+
+    Attributes
+    ----------
+    first : int
+        Number of the first sample in question [1].
+    stop : int
+        Number after the last one [1].
+    """
+
+    first: int
+    stop: int
+
+
+@dataclass(frozen=True, slots=True)
+class Backfill:
+    """The answer of an agent, or the beginning of it.
+
+    Attributes
+    ----------
+    first : int
+        That of the request [1].
+    next : int
+        The server asks on from this number; the request's `stop` if there is no more [1].
+    rows : bytes
+        Rows of `netboard.base.tick.RENDERED`, little-endian, packed: those of the samples before `next` that the agent
+        still remembers, `BACKFILL_ROWS` at most.
+    """
+
+    first: int
+    next: int
+    rows: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Move:
+    """What a simulated participant's other hand shall do.
+
+    Attributes
+    ----------
+    side : str
+        The hand that moves.
+    delay : float
+        Time from receiving this to the start of the movement; negative for one that is under way [s].
+    duration : float
+        How long it takes [s].
+    displacement : float
+        How far the hand goes, + = up [m].
+    """
+
+    side: str
+    delay: float
+    duration: float
+    displacement: float
+
+
+@dataclass(frozen=True, slots=True)
+class Pointer:
+    """Where the player points in the display's window: there the hand of this side goes.
+
+    Attributes
+    ----------
+    side : str
+        The hand that is played.
+    z : float or None
+        Height of the pointer in the scene's frame; None before the player has pointed anywhere [m].
+    """
+
+    side: str
+    z: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Felt:
+    """What a played hand would feel.
+
+    Attributes
+    ----------
+    side : str
+        The hand that is played.
+    force : float
+        Vertical force on the hand, after all limits, + = up [N].
+    """
+
+    side: str
+    force: float

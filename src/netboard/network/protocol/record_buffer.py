@@ -1,0 +1,114 @@
+"""The lossless log: the last so many records, numbered, until a logger has them on disk.
+
+The server appends every record once; each logger has a cursor, which the server keeps and moves on by what it sent. A
+logger that comes late, asks again or starts anew moves the cursor back, as far as the ring still reaches. What it no
+longer reaches is counted in `LogBatch.lost`, never passed over in silence.
+"""
+
+from netboard.network.protocol.records import LogBatch
+
+
+class LogRing:
+    """The last records of a session; the record numbered n is in slot n modulo the capacity.
+
+    Parameters
+    ----------
+    capacity : int
+        Records kept [1].
+
+    Attributes
+    ----------
+    capacity : int
+        Records kept [1].
+    next : int
+        Number the next record will get: so many there have been [1].
+    acknowledged : int
+        Number of the first record that no logger has on disk [1].
+    """
+
+    def __init__(self, capacity: int) -> None:
+        if capacity < 1:
+            raise ValueError(f"capacity is {capacity}, expected at least 1")
+        self.capacity = capacity
+        self._slots = [b""] * capacity
+        self.next = 0
+        self.acknowledged = 0
+
+    @property
+    def first(self) -> int:
+        """Number of the oldest record that is still held [1]."""
+        return max(0, self.next - self.capacity)
+
+    def append(self, record: bytes) -> int:
+        """Keep a record, in place of the oldest one if need be, and return its number [1].
+
+        Parameters
+        ----------
+        record : bytes
+            An encoded record message.
+        """
+        number = self.next
+        self._slots[number % self.capacity] = record
+        self.next = number + 1
+        return number
+
+    def start(self, first: int) -> int:
+        """Cursor of a logger that asks for records.
+
+        Parameters
+        ----------
+        first : int
+            `LogRequest.first`: a number, or -1 for the first record that no logger has acknowledged [1].
+
+        Returns
+        -------
+        int
+            Number of the first record to send, still held or not; at most that of the next one to come [1].
+        """
+        return self.acknowledged if first < 0 else min(first, self.next)
+
+    def batch(self, cursor: int, most_records: int, most_bytes: int) -> LogBatch:
+        """Make the next batch for a logger, empty if it has everything.
+
+        Parameters
+        ----------
+        cursor : int
+            Number of the first record it has not been sent [1].
+        most_records : int
+            Records in the batch [1].
+        most_bytes : int
+            Bytes of records in the batch; the first is sent whatever its size [1].
+
+        Returns
+        -------
+        LogBatch
+            Moves the logger's cursor on to ``first + len(records)``.
+        """
+        first = max(cursor, self.first)
+        records: list[bytes] = []
+        room = most_bytes
+        for number in range(first, min(self.next, first + most_records)):
+            record = self._slots[number % self.capacity]
+            room -= len(record)
+            if room < 0 and records:
+                break
+            records.append(record)
+        return LogBatch(first, first - cursor, tuple(records))
+
+    def acknowledge(self, durable: int) -> bool:
+        """Note that all records before one are on disk; an older acknowledgement changes nothing.
+
+        Parameters
+        ----------
+        durable : int
+            `LogAck.durable` [1].
+
+        Returns
+        -------
+        bool
+            False if there are no such records yet: then nothing is acknowledged.
+        """
+        if durable > self.next:
+            return False
+        self.acknowledged = max(self.acknowledged, durable)
+        return True

@@ -1,0 +1,29 @@
+"""What displays say: which views they have shown. They are sent a `netboard.stage.view.View` up to 120 times a second.
+
+A message is data only; `netboard.network.protocol.messages` holds the rules for all of them.
+"""
+
+from dataclasses import dataclass
+
+MOST_SHOWN = 256
+"""Frames in one report: those of a second at 240 Hz, the highest refresh rate that is supported, and some more [1]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Frames:
+    """What a display has shown since its last report, display to server on the control channel.
+
+    Attributes
+    ----------
+    station : str
+        ``left`` or ``right``.
+    shown : tuple of (int, int, int)
+        For each frame: tick of the view, when it was received and when it was painted [1, ns, ns].
+    dropped : int
+        Refreshes since the start in which a view that had been sent did not come, or a picture that was due was not
+        painted [1].
+    """
+
+    station: str
+    shown: tuple[tuple[int, int, int], ...]
+    dropped: int

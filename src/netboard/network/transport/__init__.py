@@ -1,0 +1,1 @@
+"""Sockets, endpoints, polling and authentication: the only place that imports zmq."""

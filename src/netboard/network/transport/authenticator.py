@@ -1,0 +1,263 @@
+"""Who may come in: the server's door, at which peers show their keys, and what a peer knows to get in.
+
+CURVE (ZeroMQ's RFC 26) encrypts, and lets libzmq ask at each handshake whether the peer's key may come in (ZAP, RFC
+27). It is answered by the server's own loop, a few at a time: there is no thread that could hold up a tick. What each
+key is for is not known here, but to a `Ring`.
+
+With `netboard.network.transport.sockets`, `netboard.network.transport.endpoints` and
+`netboard.network.transport.fastpath` the only module that imports zmq.
+"""
+
+import logging
+import os
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Protocol, TypeAlias
+
+import zmq
+from zmq.utils import z85
+from zmq.utils.monitor import parse_monitor_message
+
+from netboard.network.transport.refusal_count import RefusalCount
+
+log = logging.getLogger(__name__)
+
+Socket: TypeAlias = "zmq.Socket[bytes]"
+
+MOST_HANDSHAKES = 3
+"""Handshakes answered, and failed ones heard of on a channel, in one go: strangers must not hold a tick up [1]."""
+MOST_FULL = 20
+"""If there are always more of them for so many times in a row, the channel is not listened to for a while [1]."""
+DEAF_NS = 10_000_000_000
+"""A channel on which more handshakes fail than can be heard of is not listened to for so long [ns]."""
+PRESSED_NS = 1_000_000_000
+"""After a handshake that is refused, the network's thread gives way to the loop for this time [ns]."""
+
+ZAP_ADDRESS = "inproc://zeromq.zap.01"
+"""Where libzmq asks whether a key may come in (ZeroMQ's RFC 27)."""
+
+EVENTS, POLLIN, NOBLOCK = int(zmq.EVENTS), int(zmq.POLLIN), int(zmq.NOBLOCK)
+"""As plain numbers: arithmetic with pyzmq's flags costs as much as receiving."""
+
+
+def readable(socket: Socket) -> bool:
+    """Whether there is something to read: cheaper than being told by an exception that there is not."""
+    return int(socket.getsockopt(EVENTS)) & POLLIN != 0
+
+
+@dataclass(frozen=True, slots=True)
+class Credentials:
+    """A peer's own keys, and the one by which it knows the server (Z85)."""
+
+    public: str
+    secret: str = field(repr=False)
+    server: str
+
+
+class Ring(Protocol):
+    """The server's own key, and what each peer's key is for."""
+
+    secret: str
+    """The server's secret key (Z85)."""
+
+    def refuses(self, key: str, channel: str) -> str:
+        """Why a key may not come in to a channel; empty if it may."""
+
+    def forbids(self, key: str, role: str, side: str) -> str:
+        """Why the owner of a key may not speak as this; empty if it may."""
+
+    def owner(self, key: str) -> str:
+        """What a key is for, such as ``agent.left``."""
+
+    def fingerprint(self, key: str) -> str:
+        """How people tell a key."""
+
+
+def new_keys() -> tuple[str, str]:
+    """A new pair of keys, public and secret (Z85)."""
+    public, secret = zmq.curve_keypair()
+    return public.decode(), secret.decode()
+
+
+def public_of(secret: str) -> str:
+    """The public key that goes with a secret one (Z85)."""
+    return zmq.curve_public(secret.encode()).decode()
+
+
+class Door:
+    """Where one server lets its peers in, by their keys.
+
+    Parameters
+    ----------
+    port : int
+        By which it is told from other servers in the same context.
+    """
+
+    def __init__(self, ring: Ring, port: int) -> None:
+        self.ring = ring
+        self._port = port
+        self._gates: list[_Gate] = []
+        self._watched: list[_Watched] = []
+        self._refused = RefusalCount()
+
+    @property
+    def totals(self) -> dict[str, int]:
+        """Handshakes and frames refused so far, by reason [1]."""
+        return self._refused.totals
+
+    def attend(self) -> None:
+        """Let in who knocks and may: a few at a time, on each channel's own context.
+
+        Nobody gets in unless this is called; the session does so a thousand times a second.
+        """
+        for gate in self._gates:
+            gate.answer()
+
+    def news(self, now_ns: int) -> list[dict[str, str]]:
+        """Hear of handshakes that failed; take what is to be told of those who were refused."""
+        for watched in self._watched:
+            for reason in watched.listen():
+                watched.gate.press()
+                self.refuse(watched.channel, "", "", reason)
+        return self._refused.reports(now_ns)
+
+    def rest(self) -> list[dict[str, str]]:
+        """Take the final counts of those who were refused."""
+        return self._refused.rest()
+
+    def refuse(self, channel: str, address: str, key: str, reason: str) -> None:
+        """Count a refusal."""
+        known = {"address": address, "key": self.ring.fingerprint(key) if key else ""}
+        details = {name: value for name, value in known.items() if value}
+        self._refused.count((channel, key or address, reason), {"channel": channel, **details, "reason": reason})
+
+    def guard(self, context: "Context", socket: Socket, name: str) -> None:
+        """Put a lock on the socket of a channel of that name, before it is bound."""
+        gate = context.gate = context.gate or _Gate(context)
+        gate.doors[f"{self._port}.{name}"] = (self, name)
+        if gate not in self._gates:
+            self._gates.append(gate)
+        socket.setsockopt(zmq.CURVE_SERVER, 1)
+        socket.setsockopt(zmq.CURVE_SECRETKEY, self.ring.secret.encode())
+        socket.setsockopt(zmq.ZAP_DOMAIN, f"{self._port}.{name}".encode())
+        socket.setsockopt(zmq.ZAP_ENFORCE_DOMAIN, 1)
+        self._watched.append(_Watched(context, socket, name, gate))
+
+
+class _Gate:
+    """Where libzmq asks: one for a context, however many doors there are."""
+
+    def __init__(self, context: "Context") -> None:
+        self.doors: dict[str, tuple[Door, str]] = {}
+        self._context = context
+        self._pressed_until_ns = 0
+        self._socket: Socket = context.socket(zmq.REP)
+        self._socket.setsockopt(zmq.LINGER, 0)
+        self._socket.bind(ZAP_ADDRESS)
+
+    def press(self) -> None:
+        """Note that somebody knocks who may not come in."""
+        self._pressed_until_ns = time.monotonic_ns() + PRESSED_NS
+
+    def answer(self) -> None:
+        """Answer some of those who wait for it."""
+        self._context.give_way(self._pressed_until_ns > 0 and time.monotonic_ns() < self._pressed_until_ns)
+        for _ in range(MOST_HANDSHAKES):
+            if not readable(self._socket):
+                return
+            version, request, domain, address, _, _, *credentials = self._socket.recv_multipart(NOBLOCK)
+            key = z85.encode(credentials[0]).decode()
+            door, channel = self.doors[domain.decode()]
+            reason = door.ring.refuses(key, channel)
+            if reason:
+                door.refuse(channel, address.decode(errors="replace"), key, reason)
+                verdict = (b"400", reason.encode(), b"")
+                self.press()
+            else:
+                verdict = (b"200", b"OK", key.encode())
+            self._socket.send_multipart((version, request, *verdict, b""), NOBLOCK)
+
+
+class _Watched:
+    """A socket that tells of handshakes that failed before it came to keys; libzmq does not say whose they were."""
+
+    def __init__(self, context: "Context", socket: Socket, channel: str, gate: _Gate) -> None:
+        self.channel, self.gate = channel, gate
+        self._context = context
+        self._socket = socket
+        self._deaf_until_ns = self._full = 0
+        self._monitor = self._open()
+
+    def listen(self) -> Iterator[str]:
+        """Why they failed."""
+        if self._socket.closed:
+            return
+        if self._deaf_until_ns:
+            if time.monotonic_ns() < self._deaf_until_ns:
+                return
+            self._deaf_until_ns, self._monitor = 0, self._open()
+        for _ in range(MOST_HANDSHAKES):
+            if self._monitor.closed or not readable(self._monitor):
+                self._full = 0
+                return
+            event = parse_monitor_message(self._monitor.recv_multipart(NOBLOCK))
+            if event["event"] == zmq.Event.HANDSHAKE_FAILED_NO_DETAIL:
+                yield NO_KEY
+            elif event["event"] == zmq.Event.HANDSHAKE_FAILED_PROTOCOL:
+                yield FAILURES.get(event["value"], NO_HANDSHAKE)
+        self._full += 1
+        if self._full < MOST_FULL:
+            return
+        self._full = 0
+        self._socket.monitor(None, 0)
+        self._monitor.close()
+        self._deaf_until_ns = time.monotonic_ns() + DEAF_NS
+        yield "more handshakes fail here than can be told of"
+
+    def _open(self) -> Socket:
+        """Listen. The queue has no bound: a full one would hold up libzmq's own thread."""
+        address = f"inproc://monitor.{id(self)}.{time.monotonic_ns()}"
+        self._socket.monitor(address, zmq.Event.HANDSHAKE_FAILED_PROTOCOL | zmq.Event.HANDSHAKE_FAILED_NO_DETAIL)
+        monitor: Socket = self._context.socket(zmq.PAIR)
+        monitor.setsockopt(zmq.LINGER, 0)
+        monitor.setsockopt(zmq.RCVHWM, 0)
+        monitor.connect(address)
+        return monitor
+
+
+NO_KEY = "it came without a key, or hung up before the handshake was over"
+"""Whoever has no key may find out first that the server has one, and hang up."""
+FAILURES: dict[int, str] = {
+    int(zmq.PROTOCOL_ERROR_ZMTP_MECHANISM_MISMATCH): NO_KEY,
+    int(zmq.PROTOCOL_ERROR_ZMTP_CRYPTOGRAPHIC): "it does not know this server's key, or repeated what another one said",
+}
+NO_HANDSHAKE = "it broke the rules of the handshake"
+
+
+class Context(zmq.Context["zmq.Socket[bytes]"]):
+    """Where sockets are made, the gate of the doors among them, and another context for channels that may wait.
+
+    Its threads may have a real-time priority above that of the loop they serve, so that what the loop sends is on its
+    way at once. A handshake takes such a thread as long as a third of a tick. While strangers knock the threads run
+    below the loop: then no tick waits for a handshake, and forces leave when the loop has done its tick.
+    """
+
+    gate: _Gate | None = None
+    patient: "Context | None" = None
+    threads: tuple[int, ...] = ()
+    above = below = 0
+    _gives_way = False
+
+    def give_way(self, wanted: bool) -> None:
+        """Let the threads run below the loop they serve, or above it again."""
+        if wanted == self._gives_way or not self.threads:
+            return
+        self._gives_way = wanted
+        priority = self.below if wanted else self.above
+        try:
+            for thread in self.threads:
+                os.sched_setscheduler(thread, os.SCHED_FIFO, os.sched_param(priority))
+        except OSError as error:
+            log.warning("the network's thread stays at its priority (%s)", error.strerror)
+            self.threads = ()

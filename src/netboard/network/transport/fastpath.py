@@ -1,0 +1,322 @@
+"""The fast path: the 1 kHz frames, received and sent by compiled code through libzmq's own functions.
+
+A loop that sleeps most of the time finds cold caches whenever it wakes, and there a handful of pyzmq's calls with what
+Python does between them takes a tenth of a tick. So kernels move the frames of the motion channel: they call what pyzmq
+calls itself, in the library that pyzmq has loaded, on a socket that `netboard.network.transport.sockets` has made and
+still owns.
+
+A fast path knows the peers it is to expect, by name and key. Whatever else comes in is handed to Python as it came.
+"""
+
+import ctypes
+import errno
+import sys
+import time
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+import zmq
+from llvmlite import binding
+from numba import types
+
+from netboard.base.compiled import kernel
+from netboard.base.errors import NetboardError
+
+MACHINES = -1
+"""In place of a time to go by: the machine's."""
+
+PLACES = 2
+"""Peers a fast path can know [1]."""
+
+NAME_ROOM = 255
+"""Longest name of a peer that ZeroMQ allows [bytes]."""
+
+KEY_SIZE = 40
+"""Length of a key (Z85) [bytes]."""
+
+ADDRESS_ROOM = 64
+
+MOST_PARTS = 256
+"""Parts of a message skipped in one go: it may have any number of them, and no message of netboard has two [1]."""
+
+NOTHING, OTHER, FAILED = -1, -2, -3
+"""What `receive` found in place of a frame of a peer that the fast path knows."""
+
+SENT, NOT_SENT = 0, 1
+"""What has become of a frame; or `FAILED`."""
+
+FAST_PATH = np.dtype(
+    [
+        ("message", "u1", (64,)),  # zmq_msg_t
+        ("clock", "<i8", (2,)),  # struct timespec
+        ("set_ns", "<i8"),  # time to go by, where it is not the machine's [ns]
+        ("socket", "<i8"),  # libzmq's address of it, 0 once that is closed
+        ("keyed", "<i8"),  # 1: peers are known by their keys, too
+        ("size", "<i8"),  # of the newest frame
+        ("more", "<i8"),  # 1: parts of a message are left to be skipped
+        ("name_size", "<i8"),
+        ("known", "<i8", (PLACES,)),  # lengths of the names, 0 for nobody
+        ("names", "u1", (PLACES, NAME_ROOM)),
+        ("keys", "u1", (PLACES, KEY_SIZE)),
+        ("name", "u1", (NAME_ROOM,)),  # of the newest frame's sender
+        ("key", "u1", (KEY_SIZE,)),
+        ("address", "u1", (ADDRESS_ROOM,)),
+        ("user_id", "u1", (8,)),  # names of properties, as libzmq wants them
+        ("peer_address", "u1", (16,)),
+    ],
+    align=True,
+)
+"""A fast path as the kernels see it."""
+
+Socket: TypeAlias = zmq.Socket[bytes]
+
+
+def _symbol(name: str) -> int:
+    """Find where a function of libzmq is: looked for in what pyzmq's own binding was linked with."""
+    module = sys.modules[zmq.backend.Socket.__module__]
+    try:
+        library = ctypes.CDLL(str(module.__file__))
+        return ctypes.cast(getattr(library, name), ctypes.c_void_p).value or 0
+    except (AttributeError, OSError) as error:
+        raise NetboardError(
+            f"this pyzmq ({zmq.__version__}) does not let libzmq's {name} be called: {error}"
+        ) from error
+
+
+def _called(name: str, returns: Any, *arguments: Any) -> Any:
+    """Let kernels call a function of the C library; addresses are whole numbers."""
+    return types.ExternalFunction(name, returns(*arguments))
+
+
+def _imported(name: str, returns: Any, *arguments: Any) -> Any:
+    """Let kernels call a function of libzmq."""
+    binding.add_symbol(name, _symbol(name))
+    return _called(name, returns, *arguments)
+
+
+_INT, _AT = types.int32, types.intp
+_zmq_recv = _imported("zmq_recv", _INT, _AT, _AT, _AT, _INT)
+_zmq_send = _imported("zmq_send", _INT, _AT, _AT, _AT, _INT)
+_zmq_errno = _imported("zmq_errno", _INT)
+_msg_init = _imported("zmq_msg_init", _INT, _AT)
+_msg_recv = _imported("zmq_msg_recv", _INT, _AT, _AT, _INT)
+_msg_data = _imported("zmq_msg_data", _AT, _AT)
+_msg_more = _imported("zmq_msg_more", _INT, _AT)
+_msg_gets = _imported("zmq_msg_gets", _AT, _AT, _AT)
+_msg_close = _imported("zmq_msg_close", _INT, _AT)
+_memcpy = _called("memcpy", _AT, _AT, _AT, _AT)
+_memcmp = _called("memcmp", _INT, _AT, _AT, _AT)
+_strncpy = _called("strncpy", _AT, _AT, _AT, _AT)
+_clock_gettime = _called("clock_gettime", _INT, _INT, _AT)
+
+_DONTWAIT, _SNDMORE = int(zmq.DONTWAIT), int(zmq.SNDMORE)
+_AGAIN, _INTERRUPTED, _UNREACHABLE = int(zmq.EAGAIN), errno.EINTR, int(zmq.EHOSTUNREACH)
+_CLOCK = int(getattr(time, "CLOCK_UPTIME_RAW", getattr(time, "CLOCK_MONOTONIC", 1)))
+"""The clock of `time.monotonic_ns`."""
+
+
+@kernel
+def now_ns(fast: Any) -> int:
+    """Monotonic time of this machine, as `netboard.base.clock.now_ns` has it, or what a simulation has set [ns]."""
+    if fast[0]["set_ns"] != MACHINES:
+        return int(fast[0]["set_ns"])
+    clock = fast[0]["clock"]
+    _clock_gettime(_CLOCK, clock.ctypes.data)
+    return int(clock[0] * 1_000_000_000 + clock[1])
+
+
+@kernel
+def _no_frame() -> int:
+    """Tell why nothing could be received."""
+    number = _zmq_errno()
+    return NOTHING if number in (_AGAIN, _INTERRUPTED) else FAILED
+
+
+@kernel
+def _not_sent() -> int:
+    """Tell why nothing could be sent."""
+    number = _zmq_errno()
+    return NOT_SENT if number in (_AGAIN, _INTERRUPTED, _UNREACHABLE) else FAILED
+
+
+@kernel
+def _known(fast: Any) -> int:
+    """Place of the newest frame's sender, or `OTHER`."""
+    us = fast[0]
+    size = us["name_size"]
+    for place in range(PLACES):
+        if us["known"][place] != size or _memcmp(us["names"][place].ctypes.data, us["name"].ctypes.data, size) != 0:
+            continue
+        if us["keyed"] and _memcmp(us["keys"][place].ctypes.data, us["key"].ctypes.data, KEY_SIZE) != 0:
+            continue
+        return place
+    return OTHER
+
+
+@kernel
+def _note_sender(fast: Any) -> None:
+    """Note with which key the newest frame's sender came in, and from where."""
+    us = fast[0]
+    message = us["message"].ctypes.data
+    us["key"][:] = 0
+    us["address"][:] = 0
+    user = _msg_gets(message, us["user_id"].ctypes.data)
+    if user != 0:
+        _strncpy(us["key"].ctypes.data, user, KEY_SIZE)
+    address = _msg_gets(message, us["peer_address"].ctypes.data)
+    if address != 0:
+        _strncpy(us["address"].ctypes.data, address, ADDRESS_ROOM - 1)
+
+
+@kernel
+def _skip_parts(fast: Any) -> bool:
+    """Skip what is left of a message in several parts, a bounded number of them; whether nothing is left."""
+    us = fast[0]
+    message = us["message"].ctypes.data
+    for _ in range(MOST_PARTS):
+        if us["more"] == 0:
+            return True
+        _msg_init(message)
+        us["more"] = _msg_recv(message, us["socket"], _DONTWAIT) >= 0 and _msg_more(message) != 0
+        _msg_close(message)
+    return bool(us["more"] == 0)
+
+
+@kernel
+def receive(fast: Any, frame: Any) -> int:
+    """Receive one frame of a router, without waiting.
+
+    What is not one frame, or is longer than there is room, is taken for an empty one, which no message is. The parts of
+    a message that has many are skipped a bounded number at a time; until then there is nothing.
+
+    Returns
+    -------
+    int
+        Place of the peer that sent it, or `NOTHING`, `OTHER`, `FAILED`.
+    """
+    if not _skip_parts(fast):
+        return NOTHING
+    us = fast[0]
+    socket = us["socket"]
+    size = _zmq_recv(socket, us["name"].ctypes.data, NAME_ROOM, _DONTWAIT)
+    if size < 0:
+        return _no_frame()
+    us["name_size"] = size
+    message = us["message"].ctypes.data
+    _msg_init(message)
+    size = _msg_recv(message, socket, _DONTWAIT)
+    if size < 0:
+        _msg_close(message)
+        return FAILED
+    if us["keyed"]:
+        _note_sender(fast)
+    whole = size <= len(frame) and _msg_more(message) == 0
+    if whole:
+        _memcpy(frame.ctypes.data, _msg_data(message), size)
+    us["more"] = _msg_more(message) != 0
+    _msg_close(message)
+    us["size"] = size if whole else 0
+    return _known(fast)
+
+
+@kernel
+def send_to(fast: Any, place: int, frame: Any) -> int:
+    """Send a frame to a known peer, without waiting.
+
+    Returns
+    -------
+    int
+        `SENT`, `NOT_SENT` if the peer is gone or its queue is full, or `FAILED`.
+    """
+    us = fast[0]
+    name = us["names"][place]
+    if _zmq_send(us["socket"], name.ctypes.data, us["known"][place], _DONTWAIT | _SNDMORE) < 0:
+        return _not_sent()  # refused here or not at all
+    return SENT if _zmq_send(us["socket"], frame.ctypes.data, len(frame), _DONTWAIT) >= 0 else _not_sent()
+
+
+@kernel
+def hear(fast: Any, frame: Any) -> int:
+    """Receive one frame of a socket of one peer, without waiting.
+
+    Parameters
+    ----------
+    frame : ndarray of uint8
+        Where the frame goes; what is longer than that is cut off.
+    """
+    size = _zmq_recv(fast[0]["socket"], frame.ctypes.data, len(frame), _DONTWAIT)
+    return min(size, len(frame)) if size >= 0 else _no_frame()
+
+
+@kernel
+def say(fast: Any, frame: Any) -> int:
+    """Send a frame on a socket of one peer, without waiting.
+
+    Returns
+    -------
+    int
+        `SENT`, `NOT_SENT` if nobody is there or the queue is full, or `FAILED`.
+    """
+    return SENT if _zmq_send(fast[0]["socket"], frame.ctypes.data, len(frame), _DONTWAIT) >= 0 else _not_sent()
+
+
+class Sender(NamedTuple):
+    """Who sent a frame."""
+
+    name: bytes
+    key: str
+    address: str
+
+
+def sender_of(row: Any) -> Sender:
+    """Read who sent a frame from whatever has ``name``, ``name_size``, ``key`` and ``address``, as `FAST_PATH` has."""
+    key, address = (row[name].tobytes().rstrip(b"\0").decode(errors="replace") for name in ("key", "address"))
+    return Sender(row["name"][: row["name_size"]].tobytes(), key, address)
+
+
+class FastPath:
+    """A socket whose frames kernels exchange.
+
+    Parameters
+    ----------
+    socket : zmq.Socket or None
+        A router or a dealer, which must not be closed before the fast path is; None for one that leads nowhere.
+    """
+
+    def __init__(self, socket: Socket | None, keyed: bool = False) -> None:
+        self.record = np.zeros(1, FAST_PATH)
+        us = self.record[0]
+        us["socket"], us["keyed"] = 0 if socket is None else socket.underlying, keyed
+        us["set_ns"] = MACHINES
+        for name, text in (("user_id", b"User-Id"), ("peer_address", b"Peer-Address")):
+            us[name][: len(text)] = np.frombuffer(text, np.uint8)
+
+    def know(self, place: int, name: bytes, key: str) -> None:
+        """Expect frames of a peer."""
+        us = self.record[0]
+        us["known"][place] = len(name)
+        us["names"][place][: len(name)] = np.frombuffer(name, np.uint8)
+        us["keys"][place] = np.frombuffer(key.encode().ljust(KEY_SIZE, b"\0"), np.uint8)
+
+    def forget(self, place: int) -> None:
+        """Take the peer at a place for a stranger again."""
+        self.record[0]["known"][place] = 0
+
+    @property
+    def sender(self) -> Sender:
+        """Who sent the newest frame."""
+        return sender_of(self.record[0])
+
+    @property
+    def size(self) -> int:
+        """Length of the newest frame [bytes]."""
+        return int(self.record[0]["size"])
+
+    def fail(self, channel: str) -> None:
+        """Say why the socket is of no use any more."""
+        number = zmq.zmq_errno()
+        raise NetboardError(f"the {channel} channel failed: {zmq.strerror(number)}")
+
+    def close(self) -> None:
+        """Let go of the socket: from now on nothing is received or sent."""
+        self.record[0]["socket"] = 0

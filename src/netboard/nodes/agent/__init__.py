@@ -1,0 +1,1 @@
+"""The agent: one loop that owns one device."""

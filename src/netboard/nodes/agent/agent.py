@@ -1,0 +1,281 @@
+"""The agent: one loop that owns one device.
+
+Each millisecond it reads the stylus and sends it. As soon as a force comes back, and at the latest before the next
+millisecond, the safety chain turns it into what the device may render. The agent trusts nobody: without fresh messages
+the force fades, and on every way out the device gets zero force first.
+
+A device that is lost ends nothing: the agent leaves the session, looks for the device again and again, and comes back
+with it. Forces come back as after any pause.
+
+Its milliseconds follow the server's ticks: the server says how long before the tick's deadline a sample came, and the
+agent moves its phase, slowly, until that is `LEAD_NS`. So a sample waits for nothing but the other side's.
+"""
+
+import logging
+from collections.abc import Callable
+from importlib.metadata import version
+from typing import Protocol
+
+from netboard.base.clock import Pacer, now_ns
+from netboard.base.config import Config, Side
+from netboard.base.errors import DeviceError, DeviceNotFound
+from netboard.base.process import NAME, Seldom, steady_loop
+from netboard.base.tick import TICK_NS
+from netboard.devices.contract.device import Device, DeviceInfo, Reading
+from netboard.devices.safety.chain import Guard, Safety
+from netboard.devices.safety.fixture import lateral_force
+from netboard.devices.safety.passivity import Passivity
+from netboard.devices.safety.virtual_coupling import hand_force
+from netboard.network import keys
+from netboard.network.protocol import fixed
+from netboard.network.protocol.joining import Hello
+from netboard.network.protocol.messages import PROTOCOL_VERSION
+from netboard.network.protocol.motion import Beat, Force, Point, Safeguard, Stylus
+from netboard.network.transport import channels, sockets
+from netboard.nodes.agent.motion_link import Link
+from netboard.nodes.agent.rendered_buffer import RenderedRing
+from netboard.nodes.ports.round_trips import DELAY_LIMIT, limit_ns, loops_of
+from netboard.physics.stability.delayed_coupling import Mechanism
+
+log = logging.getLogger(__name__)
+
+LEAD_NS = 300_000
+"""A sample shall come so long before its tick's deadline: enough for most of what delays one [ns]."""
+
+SHIFT_SHARE = 0.02
+"""Share of the error by which the phase is moved with each message [1]."""
+
+LARGEST_SHIFT_NS = 5_000
+"""The phase is moved by at most so much in a tick: the interval of the samples stays 1 ms within 0.5 % [ns]."""
+
+SEEK_NS = 500_000_000
+"""A lost device is looked for so often [ns]."""
+
+_NOT_READY = int(Safeguard.NOT_READY)
+_STYLUS = fixed.packer_of(Stylus)
+
+
+def phase_shift(lead_ns: int) -> int:
+    """How much later the next sample shall be, for one that came so long before its deadline [ns]."""
+    error = (lead_ns - LEAD_NS + TICK_NS // 2) % TICK_NS - TICK_NS // 2
+    return min(max(round(SHIFT_SHARE * error), -LARGEST_SHIFT_NS), LARGEST_SHIFT_NS)
+
+
+class Companion(Protocol):
+    """What lives with the device in the agent's process: the simulated person who holds a virtual stylus."""
+
+    def begin(self, text: str) -> None:
+        """Hear the configuration of the block that begins."""
+
+    def step(self, now_ns: int, haptics: bool) -> None:
+        """Live for a millisecond; `haptics` tells whether the hand is given forces at all."""
+
+
+class Agent:
+    """One device, its safety chain and its link to the server."""
+
+    def __init__(
+        self,
+        config: Config,
+        side: Side,
+        device: Device,
+        context: sockets.Context,
+        companion: Companion | None = None,
+    ) -> None:
+        where = keys.reach(config.network, f"agent.{side}")
+        socket = sockets.motion_agent(context, where.reach(channels.MOTION), f"agent.{side}@{NAME}")
+        timeout_ns = int(config.network.sample_timeout_ms * 1e6)
+        self._config, self._side = config, side
+        self._link = Link(socket, introduction(side, config, device.info), timeout_ns)
+        self._device = device
+        self._safety = Safety(config.safety, device.info.max_force, device.info.continuous_force)
+        self._fixture = config.fixture
+        self._passivity = Passivity() if config.safety.passivity else None
+        self._companion = companion
+        self._seq = 0
+        self._safeguards = 0
+        self._rendered = 0.0
+        self._ring = RenderedRing()
+
+    def run(self, stopping: Callable[[], bool]) -> None:
+        """Serve the device until told to stop; its owner closes it."""
+        self._link.warm()
+        steady_loop()
+        while not stopping():
+            try:
+                self._serve(stopping)
+            except DeviceError as error:
+                self._lose(error)
+                self._seek(stopping)
+        self._link.leave("the agent was stopped")
+
+    def _serve(self, stopping: Callable[[], bool]) -> None:
+        """Serve the device that is there; leave it with zero force."""
+        pacer = Pacer(now_ns() + TICK_NS)
+        while not stopping():
+            pacer.wait()
+            pacer.shift(self._tick(pacer.due_ns + TICK_NS))
+        self._device.write(0.0, 0.0, 0.0)
+
+    def _lose(self, error: DeviceError) -> None:
+        """Release what is left of the device, with zero force, and leave the session without it."""
+        self._safety.device_lost()
+        self._rendered = 0.0
+        try:
+            self._device.close()
+        except DeviceError as last:
+            log.warning("the device could not be told to render no force: %s", last)
+        log.error("the device is lost, no force is rendered: %s", error)
+        self._link.part(f"the device is lost: {error}")
+
+    def _seek(self, stopping: Callable[[], bool]) -> None:
+        """Look for the lost device until it is there again."""
+        log.info("looking for the device every %g s", SEEK_NS * 1e-9)
+        trouble = Seldom(log)
+        while not stopping():
+            try:
+                info = self._device.open()
+            except DeviceNotFound:
+                Pacer(now_ns() + SEEK_NS).wait()
+                continue
+            except DeviceError as error:
+                trouble.say(f"the device is back, but cannot be used yet: {error}")
+                Pacer(now_ns() + SEEK_NS).wait()
+                continue
+            log.info("the device is back: %s %s", info.model, info.serial)
+            self._safety = Safety(self._config.safety, info.max_force, info.continuous_force)
+            self._link.introduce(introduction(self._side, self._config, info))
+            return
+
+    def _tick(self, until_ns: int) -> int:
+        """Read and send the stylus, then render what comes until the next tick is due; how to shift that [ns].
+
+        Where the agent computes the force itself nothing has to come: it is rendered at once.
+        """
+        reading = self._device.read(now_ns())
+        self._arm(reading)
+        self._send(reading)
+        shift_ns = 0
+        lived = False
+        rendered = alone = isinstance(self._link.newest, Point)
+        if alone:
+            self._render(reading)
+        while (left_ns := until_ns - now_ns()) > 0:
+            wait_ns = left_ns if lived else left_ns - TICK_NS // 4
+            if wait_ns > 0 and self._link.wait(wait_ns * 1e-9):
+                if not self._link.receive():
+                    continue
+                if not alone:
+                    self._render(reading)
+                shift_ns += phase_shift(self._link.newest.lead_ns) if self._link.newest else 0
+                rendered = True
+            if not lived:
+                self._live()
+                lived = True
+        if not lived:
+            self._live()
+        if not rendered:
+            self._render(reading)
+        if self._link.asked is not None:
+            self._link.answer(self._ring.answer(self._link.asked))
+        return shift_ns
+
+    def _live(self) -> None:
+        """Let whoever lives with the device live for a millisecond, when that holds up no force."""
+        if self._companion is not None:
+            if self._link.block:
+                self._companion.begin(self._link.block)
+                self._link.block = ""
+            self._companion.step(now_ns(), isinstance(self._link.newest, Force | Point))
+
+    def _arm(self, reading: Reading) -> None:
+        """Arm the device only while the server says that it may be, and that nothing is to be felt.
+
+        So a device that has lost the server in a trial stays without force until the trial has been paused and resumed.
+        """
+        buttons, mine = reading.buttons, self._device.agent
+        if buttons & mine.stop_buttons:
+            self._safety.stop()
+            return
+        if not reading.ready or buttons & mine.consent_buttons != mine.consent_buttons:
+            self._safety.disarm()
+            self._safeguards |= _NOT_READY
+            return
+        beat = self._link.newest
+        if isinstance(beat, Beat):
+            if not beat.arm:
+                self._safety.disarm()
+            elif self._safety.guard is Guard.DISARMED:
+                self._safety.arm()
+
+    def _render(self, reading: Reading) -> None:
+        """Hand the device the newest force, or our own copy of it, and the fixture's, through the safety chain."""
+        message = self._link.newest
+        fz = message.force if isinstance(message, Force) else 0.0
+        if isinstance(message, Point):
+            fz = hand_force(message, self._link.heard_ns, reading)
+        elif self._passivity is not None:
+            fz = self._limited(self._passivity, reading)
+        fx, fy = lateral_force(reading, self._fixture)
+        velocity = (reading.vx, reading.vy, reading.vz)
+        limited = self._safety.step(now_ns(), (fx, fy, fz), self._link.received_ns, velocity)
+        self._device.write(limited.fx, limited.fy, limited.fz)
+        self._link.rendered(now_ns())
+        self._rendered = limited.fz
+        self._safeguards |= int(limited.safeguards)
+
+    def _limited(self, passivity: Passivity, reading: Reading) -> float:
+        """Return the force of the server, kept from making energy."""
+        message = self._link.newest
+        if not isinstance(message, Force):
+            passivity.reset()
+            return 0.0
+        return passivity.step(message.force, message.stylus_seq, reading.z, reading.vz, self._rendered)
+
+    def _send(self, reading: Reading) -> None:
+        """Send the sample with what has become of the forces since the one before."""
+        message, seq = self._link.newest, self._seq
+        if self._passivity is not None:
+            self._passivity.remember(seq, reading.z)
+        _STYLUS.pack_into(
+            self._link.sample.data,
+            0,
+            seq,
+            reading.stamp_ns,
+            reading.x,
+            reading.y,
+            reading.z,
+            reading.vx,
+            reading.vy,
+            reading.vz,
+            reading.buttons,
+            self._safeguards,
+            self._rendered,
+            -1 if message is None else message.tick,
+            0 if message is None else message.sent_ns,
+            self._link.heard_ns,
+            now_ns(),
+            self._link.loop_ns,
+        )
+        self._link.send(seq, reading.stamp_ns)
+        self._ring.add(seq, reading.stamp_ns, self._rendered, self._safeguards)
+        self._seq += 1
+        self._safeguards = 0
+
+
+def introduction(side: Side, config: Config, info: DeviceInfo) -> Hello:
+    """How an agent introduces itself, with what is worth recording of its device."""
+    agent = config.agents.left if side == "left" else config.agents.right
+    details = {
+        **info.details,
+        "device": agent.device,
+        "model": info.model,
+        "serial": info.serial,
+        "max_force": f"{info.max_force!r} N",
+        "resolution": f"{info.resolution!r} m",
+        "zero": f"{agent.zero!r} m",
+    }
+    if info.mass is not None and info.damping is not None:
+        loops = loops_of(config, Mechanism(info.mass, info.damping))
+        details[DELAY_LIMIT] = f"{limit_ns(loops) * 1e-6:g} ms"
+    return Hello("agent", side, PROTOCOL_VERSION, NAME, version("netboard"), details)

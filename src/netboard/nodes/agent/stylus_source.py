@@ -1,0 +1,238 @@
+"""Who lives with a device in the agent's process: a simulated person, or what stands there for a real one.
+
+A simulated person sees what the station's display is sent, feels what the own device renders, and acts. In a dyadic
+block each station has its own brain, which moves the hand on that side's device. In a bimanual block one brain lives in
+the left agent, looks at what the block's station is shown, and moves both hands: what the right one shall do travels
+over the nerve, a channel from the left agent to the right one. With each block these people begin anew. A real person
+who plays with the mouse sits at the display, which tells the agent of its side where the pointer is, and is told what
+the hand would feel.
+"""
+
+from collections.abc import Iterable
+from dataclasses import replace
+from math import isfinite
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+
+from netboard.base.config import SIDES, Config, Side, parse
+from netboard.base.errors import WireError
+from netboard.devices.contract.device import Device
+from netboard.network import keys
+from netboard.network.protocol.codec import decode, encode
+from netboard.network.protocol.motion import Felt, Move, Pointer
+from netboard.network.transport import channels, sockets
+from netboard.participants.controller import Brain
+from netboard.participants.senses import Glimpse
+from netboard.participants.submovement import Submovement
+from netboard.stage.view import View
+
+HOST: Side = "left"
+"""Where the brain of a bimanual participant sits."""
+
+SHORTEST_MOVE = 1e-3
+"""No movement over the nerve is shorter than this [s]."""
+
+FELT_NS = 8_000_000
+"""A player is told what the hand would feel this often, as often as views come [ns]."""
+
+
+@runtime_checkable
+class Held(Protocol):
+    """A device in a simulated hand, which can be felt and told to move."""
+
+    side: Side
+
+    @property
+    def felt(self) -> float:
+        """Vertical force the motors exert on the hand now [N]."""
+
+    def command(self, moves: Iterable[Submovement]) -> None:
+        """Let the hand do something."""
+
+    def live(self, now_ns: int) -> None:
+        """Let the hand's mechanics run up to now."""
+
+
+@runtime_checkable
+class Pointed(Protocol):
+    """A device whose stylus goes where somebody points."""
+
+    side: Side
+
+    @property
+    def felt(self) -> float:
+        """Vertical force on the hand now [N]."""
+
+    def point(self, z: float | None, now_ns: int) -> None:
+        """Hear where the player points; None before the player has pointed anywhere."""
+
+
+class Eye:
+    """Looks at what a station's display is sent."""
+
+    def __init__(self, socket: sockets.Socket) -> None:
+        self.glimpse: Glimpse | None = None
+        self._socket = socket
+
+    def look(self, now_ns: int) -> None:
+        """Take the newest view."""
+        frame = sockets.receive(self._socket)
+        if frame is None:
+            return
+        try:
+            view = decode(frame)
+        except WireError:
+            return
+        if isinstance(view, View):
+            self.glimpse = Glimpse(
+                now_ns * 1e-9, view.phase, view.z, view.theta, view.p, view.target, view.left, view.right
+            )
+
+    def close(self) -> None:
+        """Look no more."""
+        self._socket.close()
+
+
+class Person:
+    """A brain with one or two hands; the hand on the own device is moved directly, the other one over the nerve.
+
+    Parameters
+    ----------
+    nerve : zmq.Socket or None
+        Where the other hand is told what to do, if it is this person's too.
+    """
+
+    def __init__(
+        self, config: Config, device: Held, context: sockets.Context, nerve: "sockets.Socket | None" = None
+    ) -> None:
+        where = keys.reach(config.network, f"agent.{device.side}")
+        bimanual = config.block.configuration == "bimanual"
+        station = config.block.station if bimanual else device.side
+        sides: tuple[Side, ...] = ("left", "right") if bimanual else (device.side,)
+        rng = np.random.default_rng((config.block.seed, len(SIDES) + SIDES.index(device.side)))
+        self._brain = Brain(config.participant, config.physics, config.task, sides, rng)
+        self._eye = Eye(sockets.view_subscriber(context, where.reach(channels.VIEW[station])))
+        self._device = device
+        self._reads = config.block.force == "full"  # only the whole force tells where the partner is
+        self._nerve = nerve
+
+    def step(self, now_ns: int, haptics: bool) -> None:
+        """Look, feel, decide, move."""
+        self._device.live(now_ns)
+        self._eye.look(now_ns)
+        felt = self._device.felt if haptics and self._reads and self._nerve is None else None
+        moves = self._brain.step(now_ns * 1e-9, self._eye.glimpse, felt)
+        for move in moves:
+            if move.side == self._device.side:
+                self._device.command((move,))
+            elif self._nerve is not None:
+                delay = move.start - now_ns * 1e-9
+                sockets.send(self._nerve, encode(Move(move.side, delay, move.duration, move.displacement)))
+
+    def close(self) -> None:
+        """Be no more."""
+        self._eye.close()
+
+
+class Limb:
+    """A hand without a brain of its own: it does what comes over the nerve."""
+
+    def __init__(self, config: Config, device: Held, context: sockets.Context) -> None:
+        self._device = device
+        self._nerve = sockets.nerve_receiver(context, channels.addresses(config.network).reach(channels.NERVE))
+
+    def step(self, now_ns: int, haptics: bool) -> None:
+        """Do what has been asked for."""
+        self._device.live(now_ns)
+        while (frame := sockets.receive(self._nerve)) is not None:
+            try:
+                move = decode(frame)
+            except WireError:
+                continue
+            if isinstance(move, Move) and move.side == self._device.side and _possible(move):
+                start = now_ns * 1e-9 + move.delay
+                self._device.command((Submovement(self._device.side, start, move.duration, move.displacement),))
+
+    def close(self) -> None:
+        """Be no more."""
+        self._nerve.close()
+
+
+class Player:
+    """A person at the display of this side, who points at where the stylus shall go."""
+
+    def __init__(self, config: Config, device: Pointed, context: sockets.Context) -> None:
+        where = channels.addresses(config.network)
+        self._device = device
+        self._pointer = sockets.pointer_receiver(context, where.pointer(device.side))
+        self._felt = sockets.felt_publisher(context, where.felt(device.side))
+        self._told_ns = 0
+
+    def begin(self, text: str) -> None:
+        """Play on: who is there does not change with the block."""
+
+    def step(self, now_ns: int, haptics: bool) -> None:
+        """Hear where the player points, and tell what is felt."""
+        frame = sockets.receive(self._pointer)
+        if frame is not None:
+            self._take(frame, now_ns)
+        if now_ns - self._told_ns >= FELT_NS:
+            self._told_ns = now_ns
+            self._felt.send(encode(Felt(self._device.side, self._device.felt)))
+
+    def _take(self, frame: bytes, now_ns: int) -> None:
+        try:
+            pointer = decode(frame)
+        except WireError:
+            return
+        if isinstance(pointer, Pointer) and pointer.side == self._device.side and isfinite(pointer.z or 0.0):
+            self._device.point(pointer.z, now_ns)
+
+
+def _possible(move: Move) -> bool:
+    """Whether a hand can move like that."""
+    return abs(move.displacement) <= 1.0 and SHORTEST_MOVE <= move.duration <= 60.0 and abs(move.delay) <= 60.0
+
+
+class Life:
+    """Whoever is simulated at a device, made anew for each block."""
+
+    def __init__(self, config: Config, device: Held, context: sockets.Context) -> None:
+        self._config, self._device, self._context = config, device, context
+        self._nerve: sockets.Socket | None = None
+        self._who = self._made()
+
+    def begin(self, text: str) -> None:
+        """Live for another block, of this configuration; for the same one nothing changes."""
+        told = parse(text, "the server's configuration")
+        config = replace(self._config, block=told.block, physics=told.physics, task=told.task)
+        if config != self._config:
+            self._config = config
+            self._who.close()
+            self._who = self._made()
+
+    def step(self, now_ns: int, haptics: bool) -> None:
+        """Live for a millisecond."""
+        self._who.step(now_ns, haptics)
+
+    def _made(self) -> Person | Limb:
+        if self._config.block.configuration != "bimanual":
+            return Person(self._config, self._device, self._context)
+        if self._device.side != HOST:
+            return Limb(self._config, self._device, self._context)
+        return Person(self._config, self._device, self._context, self._own_nerve())
+
+    def _own_nerve(self) -> sockets.Socket:
+        """Where the other hand is told what to do; bound once, for an address is not free again at once."""
+        if self._nerve is None:
+            where = keys.reach(self._config.network, f"agent.{self._device.side}")
+            self._nerve = sockets.nerve_sender(self._context, where.reach(channels.NERVE))
+        return self._nerve
+
+
+def companion_of(config: Config, device: Device, context: sockets.Context) -> Life | Player | None:
+    """Make who lives with a device; nobody with one that a real hand holds."""
+    if isinstance(device, Pointed):
+        return Player(config, device, context)
+    return Life(config, device, context) if isinstance(device, Held) else None

@@ -1,0 +1,1 @@
+"""Is this machine fit for a session? Disk, network, timing, software, USB."""

@@ -1,0 +1,77 @@
+"""Whether the recordings' disk is fast enough and large enough for a session.
+
+The logger writes a chunk and waits until it is on disk, over and over; this does the same, in the same folder.
+"""
+
+import os
+import shutil
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from netboard.base.finding import Colour, Finding
+from netboard.base.tables.rig import Recording
+
+BYTES_PER_SECOND = 250_000
+"""A recording grows by this, with a margin: demos took 120 to 190 kB/s."""
+
+GOOD_HOURS, FEWEST_HOURS = 24.0, 4.0
+"""Recording hours that should be left, and that must [h]."""
+
+GOOD_MS, BEARABLE_MS = 200.0, 2000.0
+"""A chunk should be on disk within the time between two flushes; the server's ring bears much more [ms]."""
+
+
+def nearest(folder: Path) -> Path:
+    """The folder, or the nearest one above it that is there."""
+    folder = folder.absolute()
+    while not folder.is_dir() and folder != folder.parent:
+        folder = folder.parent
+    return folder
+
+
+def space(settings: Recording) -> Finding:
+    """How long a recording could go on."""
+    name = "disk space"
+    free = shutil.disk_usage(nearest(Path(settings.directory))).free
+    hours = free / BYTES_PER_SECOND / 3600
+    found = f"{free / 1e9:.1f} GB free for {settings.directory}: {hours:.0f} h of recording"
+    figures = {"free_gb": free / 1e9, "hours": hours}
+    if hours >= GOOD_HOURS:
+        return Finding(name, "green", found, figures=figures)
+    colour: Colour = "yellow" if hours >= FEWEST_HOURS else "red"
+    return Finding(name, colour, found, "make room, or choose another [recording] directory", figures)
+
+
+def speed(settings: Recording, chunks: int, progress: Callable[[float], None]) -> Finding:
+    """How long a chunk takes to be on disk."""
+    name = "disk speed"
+    folder = nearest(Path(settings.directory))
+    try:
+        took = sync_times(folder, settings.chunk_bytes, chunks, progress)
+    except OSError as error:
+        return Finding(name, "red", f"{folder}: {error.strerror}", "choose a [recording] directory you may write to")
+    p50, most = float(np.median(took)), max(took)
+    found = f"{settings.chunk_bytes // 1024} KiB are on disk after {p50:.1f} ms (median), {most:.1f} ms (longest)"
+    figures = {"p50_ms": p50, "max_ms": most}
+    if most <= GOOD_MS:
+        return Finding(name, "green", found, figures=figures)
+    colour: Colour = "yellow" if most <= BEARABLE_MS else "red"
+    return Finding(name, colour, found, "record to a local disk that nothing else keeps busy", figures)
+
+
+def sync_times(folder: Path, chunk_bytes: int, chunks: int, progress: Callable[[float], None]) -> list[float]:
+    """Write and sync so many chunks of noise, and return how long each took [ms]."""
+    took = []
+    with tempfile.NamedTemporaryFile(dir=folder, prefix=".netboard-doctor-", buffering=0) as file:
+        for number in range(chunks):
+            chunk = os.urandom(chunk_bytes)
+            began = time.monotonic()
+            file.write(chunk)
+            os.fsync(file.fileno())
+            took.append((time.monotonic() - began) * 1000)
+            progress((number + 1) / chunks)
+    return took

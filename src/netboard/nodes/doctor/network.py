@@ -1,0 +1,126 @@
+"""What the network's side of a machine is like: how well clocks can be compared here, and are ports and keys in order.
+
+Two sockets of this process exchange stamps over loopback, through ZeroMQ, as server and agents do over the network.
+Both ends have one clock, so the offset found must be 0 within the bound; between machines a bound cannot be smaller.
+"""
+
+import errno
+import socket as net
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import TypeVar
+
+from netboard.base.clock import now_ns
+from netboard.base.errors import ConfigError, NetboardError
+from netboard.base.finding import Finding
+from netboard.base.tables.rig import Network
+from netboard.network import keys
+from netboard.network.protocol.admission import ClockEstimator
+from netboard.network.transport import channels, poller, sockets
+
+LOOPBACK = "127.0.0.1"
+PATIENCE_NS = 5_000_000_000
+"""Loopback that takes longer for one frame is out of order [ns]."""
+
+T = TypeVar("T")
+
+
+def clock_bound(network: Network, exchanges: int, progress: Callable[[float], None]) -> Finding:
+    """Compare the clock of this machine with itself, over loopback."""
+    name = "clock bound"
+    estimator = compare(exchanges, progress)
+    offset_us, bound_us = estimator.offset_ns / 1000, estimator.bound_ns / 1000
+    found = f"{offset_us:+.1f} us, known to {bound_us:.1f} us"
+    figures = {"offset_us": offset_us, "bound_us": bound_us}
+    if abs(offset_us) > bound_us:
+        return Finding(
+            name, "red", found, "the clock jumps: look for a faulty virtual machine or clock source", figures
+        )
+    if bound_us > network.clock_bound_ms * 1000:
+        return Finding(name, "red", found, f"devices are armed below {network.clock_bound_ms:g} ms only", figures)
+    return Finding(name, "green", found, figures=figures)
+
+
+def compare(exchanges: int, progress: Callable[[float], None]) -> ClockEstimator:
+    """Exchange stamps between two sockets of this process."""
+    where = channels.addresses(Network(host=LOOPBACK, bind=LOOPBACK, port=free_port()))
+    estimator = ClockEstimator()
+    with sockets.open_context() as context:
+        server = sockets.control_server(context, where.listen(channels.CONTROL))
+        peer = sockets.control_client(context, where.reach(channels.CONTROL), "doctor")
+        server_hears, peer_hears = poller.Waiter((server.socket,)), poller.Waiter((peer,))
+        for number in range(exchanges):
+            _send_when_connected(peer, b"hello")
+            name = _heard(server_hears, server.receive)[0]
+            t0 = now_ns()
+            server.send(name, b"ping")
+            _heard(peer_hears, lambda: sockets.receive(peer))
+            t1 = now_ns()
+            sockets.send(peer, b"pong")
+            _heard(server_hears, server.receive)
+            estimator.add(t0, t1, t1, now_ns())
+            progress((number + 1) / exchanges)
+    return estimator
+
+
+def _send_when_connected(peer: sockets.Socket, frame: bytes) -> None:
+    """Send as soon as somebody listens."""
+    until = now_ns() + PATIENCE_NS
+    while not sockets.send(peer, frame):
+        if now_ns() > until:
+            raise NetboardError(f"no connection over loopback within {PATIENCE_NS * 1e-9:g} s")
+        time.sleep(0.001)
+
+
+def _heard(waiter: poller.Waiter, receive: Callable[[], T | None]) -> T:
+    """What has come, when it has."""
+    heard = receive() if waiter.wait(PATIENCE_NS * 1e-9) else None
+    if heard is None:
+        raise NetboardError(f"a frame did not come through loopback within {PATIENCE_NS * 1e-9:g} s")
+    return heard
+
+
+def free_port() -> int:
+    """First port of which the one of the control channel is free now."""
+    with net.socket() as probe:
+        probe.bind((LOOPBACK, 0))
+        return int(probe.getsockname()[1]) - channels.CONTROL
+
+
+def ports(network: Network) -> Finding:
+    """Whether a server could listen here."""
+    name = "ports"
+    if network.transport != "tcp":
+        return Finding(name, "green", f"none needed: transport is {network.transport}")
+    numbers = range(network.port, network.port + len(channels.CHANNELS))
+    found = f"{network.bind}:{numbers[0]}-{numbers[-1]}"
+    for number in numbers:
+        try:
+            with net.socket() as probe:
+                probe.setsockopt(net.SOL_SOCKET, net.SO_REUSEADDR, 1)
+                probe.bind((network.bind, number))
+        except OSError as error:
+            if error.errno == errno.EADDRNOTAVAIL:
+                return Finding(name, "green", f"{network.bind} is another machine's address: no server listens here")
+            advice = "is a server running? else choose another [network] port"
+            return Finding(name, "yellow", f"{network.bind}:{number}: {error.strerror}", advice)
+    return Finding(name, "green", f"{found} are free")
+
+
+def secrets(network: Network) -> Finding:
+    """Whether the keys that are needed are here, and for their owner's eyes only."""
+    name = "keys"
+    if not keys.encrypted(network):
+        if keys.local(network.bind) and keys.local(network.host):
+            return Finding(name, "green", "none needed within one machine")
+        return Finding(name, "yellow", "switched off", 'with [network] curve = "on" nobody comes in without a key')
+    folder = Path(network.keys)
+    try:
+        found = [file for file, _, _ in keys.key_files(folder)]
+    except ConfigError as error:
+        return Finding(name, "red", str(error), "keys are for their owner's eyes only")
+    if not found:
+        advice = "at the server: netboard keys init; at a station: bring the files that netboard keys add made for it"
+        return Finding(name, "red", f"none in {folder}", advice)
+    return Finding(name, "green", f"{', '.join(found)} in {folder}")

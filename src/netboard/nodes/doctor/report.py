@@ -1,0 +1,141 @@
+"""The doctor's whole examination, and the report of it, which the logger puts into every recording it makes here.
+
+A report names no person and no machine: it says what the machine is like.
+"""
+
+import json
+import os
+import platform
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass, replace
+from datetime import UTC, datetime
+from pathlib import Path
+
+from netboard.base.config import Config
+from netboard.base.errors import NetboardError
+from netboard.base.finding import Finding
+from netboard.base.process import OFF, OK, cpus_for
+from netboard.devices.setup import usb_access
+from netboard.nodes.doctor import disk, network, software, system, timing
+
+Progress = Callable[[float], None]
+Step = Callable[[Progress], list[Finding]]
+
+FORMAT = 1
+"""Version of the report's layout [1]."""
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How much time an examination takes.
+
+    Attributes
+    ----------
+    timer_seconds : float
+        How long each of the two timers runs [s].
+    """
+
+    timer_seconds: float
+    exchanges: int
+    chunks: int
+
+
+THOROUGH = Effort(10.0, 1000, 200)
+QUICK = Effort(1.0, 100, 20)
+
+
+@dataclass(frozen=True)
+class Report:
+    """All findings, and of what machine they are."""
+
+    utc: str
+    machine: dict[str, str]
+    findings: tuple[Finding, ...]
+
+    @property
+    def fit(self) -> bool:
+        """Whether nothing is red."""
+        return all(finding.colour != "red" for finding in self.findings)
+
+    @property
+    def summary(self) -> str:
+        """The report in one line."""
+        count = Counter(finding.colour for finding in self.findings)
+        late = [finding.figures["p999_us"] for finding in self.findings if finding.name == timing.TIMER]
+        told = f"{count['green']} green, {count['yellow']} yellow, {count['red']} red"
+        return told + "".join(f"; timer p99.9 {us:.0f} us" for us in late)
+
+    def text(self) -> str:
+        """Write the report as JSON."""
+        head = {"format": FORMAT, "summary": self.summary, "utc": self.utc, "machine": self.machine}
+        return json.dumps({**head, "findings": [asdict(finding) for finding in self.findings]}, indent=2)
+
+    def save(self, path: Path) -> None:
+        """Write the report to a file, in place of an older one."""
+        fresh = path.with_name(f"{path.name}.new")
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            fresh.write_text(self.text() + "\n", encoding="utf-8")
+            fresh.replace(path)
+        except OSError as error:
+            raise NetboardError(f"{path}: cannot be written: {error.strerror}") from error
+
+
+def steps(config: Config, effort: Effort) -> dict[str, Step]:
+    """What is looked at, in order; each step says how far it has got, of 1."""
+    return {
+        "software": lambda progress: [software.versions()],
+        "timer": lambda progress: list(_timers(config, effort, progress)),
+        "operating system": lambda progress: [
+            system.throttle(),
+            system.governor(),
+            system.preemption(),
+            system.clock_source(),
+        ],
+        "clock": lambda progress: [network.clock_bound(config.network, effort.exchanges, progress)],
+        "network": lambda progress: [network.ports(config.network), network.secrets(config.network)],
+        "disk": lambda progress: [
+            disk.space(config.recording),
+            disk.speed(config.recording, effort.chunks, progress),
+        ],
+        "windows": lambda progress: [software.qt()],
+        "devices": lambda progress: [usb_access.devices()],
+    }
+
+
+def _timers(config: Config, effort: Effort, progress: Progress) -> Iterator[Finding]:
+    """Run a loop as the server's, and one that asks for nothing; what the first was granted is told too."""
+    wanted = config.realtime
+    real = timing.measure(wanted, effort.timer_seconds, lambda done: progress(done / 2))
+    yield system.scheduling(real.came["scheduling"])
+    yield system.memory(real.came["memory"])
+    yield system.core_sleep(real.came["core_sleep"] == OK)
+    if real.came["cpus"] != OFF:
+        yield system.cpus(cpus_for("server", wanted), real.came["cpus"])
+    yield timing.verdict(real)
+    plain = replace(wanted, scheduling=False, lock_memory=False)
+    usual = timing.measure(plain, effort.timer_seconds, lambda done: progress((1 + done) / 2))
+    yield timing.comparison(usual)
+
+
+def examine(config: Config, effort: Effort, follow: Callable[[str, float], None]) -> Report:
+    """Look at everything.
+
+    Parameters
+    ----------
+    follow : callable
+        Told what is looked at, and how much of that is done, of 1.
+    """
+    findings: list[Finding] = []
+    for what, step in steps(config, effort).items():
+        follow(what, 0.0)
+        findings += step(lambda done, what=what: follow(what, done))  # type: ignore[misc]
+        follow(what, 1.0)
+    return Report(datetime.now(UTC).isoformat(timespec="seconds"), machine(), tuple(findings))
+
+
+def machine() -> dict[str, str]:
+    """What this machine is, without its name."""
+    load = f"{os.getloadavg()[0]:.2f}" if hasattr(os, "getloadavg") else "?"
+    return {"platform": platform.platform(), "cpus": str(os.cpu_count()), "load": load}

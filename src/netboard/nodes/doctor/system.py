@@ -1,0 +1,126 @@
+"""How the operating system is set up: what it would do to a loop that wants to wake every millisecond.
+
+All of it is read from /proc, /sys and /dev below a root that a test may choose; where a file is not there, the system
+does not offer what it is about.
+"""
+
+import sys
+from pathlib import Path
+
+from netboard.base.finding import Finding, text_of
+from netboard.base.process import OFF, OK
+
+ROOT = Path("/")
+NOT_OFFERED = "not offered here"
+STEADY_CLOCKS = ("tsc", "arch_sys_counter", "kvm-clock", "hyperv_clocksource_tsc_page", "timebase")
+"""Clock sources that are read in well under a microsecond."""
+
+LIGHT_SLEEP_US = 20
+"""A core that wakes from its deepest sleep within this is no trouble [us]."""
+
+LIMITS = "install deploy/limits.d/netboard.conf, join the group netboard, log in anew"
+
+LEAST_RUNTIME = 0.8
+"""Real-time loops should be allowed at least this share of a core [1]."""
+
+
+def throttle(root: Path = ROOT) -> Finding:
+    """How much of a core real-time loops may take: all but a bit, so that a hung one does not freeze the machine."""
+    name = "real-time throttle"
+    kernel = root / "proc/sys/kernel"
+    runtime, period = text_of(kernel / "sched_rt_runtime_us"), text_of(kernel / "sched_rt_period_us")
+    if not runtime or not period:
+        return Finding(name, "green", NOT_OFFERED)
+    found = f"{runtime} of {period} us"
+    if int(runtime) < 0:
+        return Finding(
+            name, "yellow", "off", "a hung loop can freeze the machine: sysctl kernel.sched_rt_runtime_us=950000"
+        )
+    if int(runtime) < LEAST_RUNTIME * int(period):
+        return Finding(name, "red", found, "too little for a loop: sysctl kernel.sched_rt_runtime_us=950000")
+    return Finding(name, "green", found)
+
+
+def governor(root: Path = ROOT) -> Finding:
+    """Whether cores change their clock rate, which makes a loop that sleeps most of the time a slow one."""
+    name = "CPU governor"
+    found = {text_of(file) for file in (root / "sys/devices/system/cpu").glob("cpu[0-9]*/cpufreq/scaling_governor")}
+    if not found:
+        return Finding(name, "green", "the clock rate is fixed, or the host's business")
+    if found == {"performance"}:
+        return Finding(name, "green", "performance")
+    return Finding(name, "yellow", ", ".join(sorted(found)), "cpupower frequency-set --governor performance")
+
+
+def preemption(root: Path = ROOT) -> Finding:
+    """Whether the kernel lets go of what it does when a loop is due."""
+    name = "kernel preemption"
+    version = text_of(root / "proc/version")
+    if not version:
+        return Finding(name, "green", NOT_OFFERED)
+    if text_of(root / "sys/kernel/realtime") == "1" or "PREEMPT_RT" in version:
+        return Finding(name, "green", "PREEMPT_RT")
+    _, _, rest = text_of(root / "sys/kernel/debug/sched/preempt").partition("(")
+    chosen, _, _ = rest.partition(")")
+    asked = [word.partition("=")[2] for word in text_of(root / "proc/cmdline").split() if word.startswith("preempt=")]
+    model = chosen or (asked[-1] if asked else "")
+    if model in {"none", "voluntary"} or "PREEMPT" not in version:
+        return Finding(name, "yellow", model or "none", "boot with preempt=full, or a PREEMPT_RT kernel")
+    return Finding(name, "green", model or ("chosen at boot" if "PREEMPT_DYNAMIC" in version else "full"))
+
+
+def core_sleep(granted: bool, root: Path = ROOT) -> Finding:
+    """How long a core takes to wake; with `granted`, netboard keeps it from sleeping deep while it runs."""
+    name = "sleep of cores"
+    states = (root / "sys/devices/system/cpu/cpu0/cpuidle").glob("state*/latency")
+    deepest = max((int(text_of(state) or 0) for state in states), default=0)
+    found = f"wakes within {deepest} us" + (
+        ", 2 us while netboard runs" if granted and deepest > LIGHT_SLEEP_US else ""
+    )
+    if deepest <= LIGHT_SLEEP_US or granted:
+        return Finding(name, "green", found, figures={"latency_us": deepest})
+    advice = "let the group netboard write /dev/cpu_dma_latency (deploy/udev/70-netboard.rules)"
+    return Finding(name, "yellow", found, advice, {"latency_us": deepest})
+
+
+def clock_source(root: Path = ROOT) -> Finding:
+    """What the kernel reads the time from."""
+    name = "clock source"
+    found = text_of(root / "sys/devices/system/clocksource/clocksource0/current_clocksource")
+    if not found:
+        return Finding(name, "green", NOT_OFFERED)
+    if found in STEADY_CLOCKS:
+        return Finding(name, "green", found)
+    return Finding(name, "yellow", found, "slow to read; boot with clocksource=tsc if the processor's is reliable")
+
+
+def scheduling(came: str) -> Finding:
+    """Whether the loops are scheduled in real time; `came` is what came of asking for it."""
+    name = "real-time scheduling"
+    if came == OK:
+        return Finding(name, "green", "granted")
+    if came == OFF:
+        return Finding(name, "yellow", "not asked for", "[realtime] scheduling = true")
+    if sys.platform != "linux":
+        return Finding(name, "yellow", came, "run server and agents on Linux")
+    return Finding(name, "red", f"refused: {came}", LIMITS)
+
+
+def memory(came: str) -> Finding:
+    """Whether memory is kept from being paged out; `came` is what came of asking for it."""
+    name = "locked memory"
+    if came == OK:
+        return Finding(name, "green", "granted")
+    if came == OFF:
+        return Finding(name, "yellow", "not asked for", "[realtime] lock_memory = true")
+    if sys.platform != "linux":
+        return Finding(name, "yellow", came, "run server and agents on Linux")
+    return Finding(name, "yellow", f"refused: {came}", LIMITS)
+
+
+def cpus(wanted: str, came: str) -> Finding:
+    """Whether the server may run on the CPUs that are set aside for it."""
+    if came == OK:
+        return Finding("server's CPUs", "green", wanted)
+    advice = "name CPUs of the server's machine in [realtime] server_cpus"
+    return Finding("server's CPUs", "yellow", f"{wanted}: {came}", advice)

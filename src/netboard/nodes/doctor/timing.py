@@ -1,0 +1,127 @@
+"""How late a 1 kHz loop is woken on this machine, with what the services ask for and without.
+
+The loop is a process of its own, which asks for everything exactly as the server does
+(`netboard.base.process.prepare`), so that nothing of the doctor's own is in its way, and nothing of what it was granted
+stays.
+"""
+
+import json
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from netboard.base.clock import now_ns
+from netboard.base.errors import NetboardError
+from netboard.base.finding import Colour, Finding
+from netboard.base.process import Priority, cpus_for, prepare, steady_loop
+from netboard.base.tables.rig import Realtime
+from netboard.base.tick import TICK_NS
+
+TIMER = "timer"
+"""Name of the finding that sums a machine up."""
+
+GOOD_US, BEARABLE_US = 300.0, 1000.0
+"""Lateness that one wake-up in a thousand may have: to be green, and to be at least yellow; a tick is 1000 [us]."""
+
+ROUND_SECONDS = 0.1
+WARM_UP_TICKS = 200
+
+
+@dataclass(frozen=True)
+class Woken:
+    """How a loop fared.
+
+    Attributes
+    ----------
+    p50_us, p99_us, p999_us, max_us : float
+        Lateness: half of the wake-ups were no later, and so on [us].
+    """
+
+    came: dict[str, str]
+    p50_us: float
+    p99_us: float
+    p999_us: float
+    max_us: float
+
+
+def measure(wanted: Realtime, seconds: float, progress: Callable[[float], None]) -> Woken:
+    """Let a loop run in a process of its own.
+
+    Parameters
+    ----------
+    progress : callable
+        Told again and again how much has been done of 1 [1].
+    """
+    asked = json.dumps({"wanted": asdict(wanted), "seconds": seconds})
+    command = [sys.executable, "-m", "netboard.nodes.doctor.timing", asked]
+    began = time.monotonic()
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as loop:
+        while True:
+            try:
+                said, trouble = loop.communicate(timeout=ROUND_SECONDS)
+                break
+            except subprocess.TimeoutExpired:
+                progress(min(1.0, (time.monotonic() - began) / seconds))
+    if loop.returncode:
+        raise NetboardError(f"the timer's loop failed: {(trouble.strip().splitlines() or ['no word'])[-1]}")
+    return Woken(**json.loads(said))
+
+
+def verdict(woken: Woken) -> Finding:
+    """Judge how a loop fared that asked for what the server asks for."""
+    found, figures = told(woken), figures_of(woken)
+    if woken.p999_us <= GOOD_US:
+        return Finding(TIMER, "green", found, figures=figures)
+    colour: Colour = "yellow" if woken.p999_us <= BEARABLE_US else "red"
+    return Finding(TIMER, colour, found, "find what else runs here; see docs/how-to/real-time.md", figures)
+
+
+def comparison(woken: Woken) -> Finding:
+    """Tell how a loop fared that asked for nothing."""
+    return Finding(f"{TIMER}, nothing asked for", "green", told(woken), figures=figures_of(woken))
+
+
+def told(woken: Woken) -> str:
+    """Write lateness for people."""
+    return f"p50 {woken.p50_us:.0f}, p99 {woken.p99_us:.0f}, p99.9 {woken.p999_us:.0f}, max {woken.max_us:.0f} us late"
+
+
+def figures_of(woken: Woken) -> dict[str, float]:
+    """Write lateness for programs."""
+    return {"p50_us": woken.p50_us, "p99_us": woken.p99_us, "p999_us": woken.p999_us, "max_us": woken.max_us}
+
+
+def lateness(ticks: int) -> list[int]:
+    """Sleep until each of so many deadlines, 1 ms apart, and return how late each wake-up was [ns]."""
+    late = []
+    due = now_ns() + TICK_NS
+    for _ in range(ticks):
+        time.sleep(max(0, due - now_ns()) * 1e-9)
+        late.append(now_ns() - due)
+        due += TICK_NS
+    return late
+
+
+def percentiles(late_ns: list[int]) -> dict[str, float]:
+    """Sum up lateness [us]."""
+    p50, p99, p999, most = np.percentile(late_ns, [50, 99, 99.9, 100]) / 1000
+    return {"p50_us": float(p50), "p99_us": float(p99), "p999_us": float(p999), "max_us": float(most)}
+
+
+def main(asked: dict[str, Any]) -> None:
+    """Be that process."""
+    wanted = Realtime(**asked["wanted"])
+    came = prepare(wanted, Priority.SERVER, cpus_for("server", wanted))
+    steady_loop()
+    lateness(WARM_UP_TICKS)
+    late = lateness(round(asked["seconds"] * 1000))
+    sys.stdout.write(json.dumps({"came": came, **percentiles(late)}))
+
+
+if __name__ == "__main__":
+    main(json.loads(sys.argv[1]))

@@ -1,0 +1,1 @@
+"""The logger, and other subscribers to the log: LSL outlets."""

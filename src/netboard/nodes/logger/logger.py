@@ -1,0 +1,347 @@
+"""The logger: takes every record of a session from the server and brings it to disk.
+
+Records are numbered. What is doubled is dropped, what is missing is asked for again, and what the server no longer has
+is noted as lost; so a recording has no silent hole. Each block has a file of its own, which is made when its first
+record comes. Only what is safely on disk is acknowledged: a logger that starts anew goes on with the first record that
+is not, in the next part. A disk that runs out of space or goes away ends it:
+what was written is saved, and the server is told why.
+"""
+
+import logging
+import shutil
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from importlib.metadata import version
+from pathlib import Path
+
+from netboard.base.clock import now_ns
+from netboard.base.config import parse
+from netboard.base.errors import NetboardError, WireError
+from netboard.base.process import NAME, Seldom
+from netboard.base.tables.rig import Recording
+from netboard.network.protocol.codec import decode, encode
+from netboard.network.protocol.joining import Goodbye, Hello, Ping, Pong, Refusal, Welcome
+from netboard.network.protocol.messages import PROTOCOL_VERSION, Message
+from netboard.network.protocol.records import LogAck, LogBatch, LogEnd, LogRequest
+from netboard.nodes.logger.log_link import BURST, HELLO_NS, SILENT_NS, WAIT_SECONDS, Link
+from netboard.recording.files.provenance import next_recording, provenance
+from netboard.recording.files.writer import RecordingWriter
+from netboard.recording.format.channels import begun, record_of
+from netboard.recording.format.disk import Space, require_space
+
+log = logging.getLogger(__name__)
+
+ASK_NS = 200_000_000
+"""Missing records are asked for again after so long [ns]."""
+
+LOOK_NS = 1_000_000_000
+"""That the file was deleted or moved is noticed after so long although nothing comes [ns]."""
+
+
+def place(batch: LogBatch, expected: int | None) -> tuple[int, int] | None:
+    """Decide what a batch means to a logger that expects a certain record next.
+
+    Parameters
+    ----------
+    expected : int or None
+        Number of the next record; None if any is welcome [1].
+
+    Returns
+    -------
+    (int, int) or None
+        How many records from `expected` on are lost for good, and how many of the batch the logger has already [1];
+        None if records are missing that the server still has.
+    """
+    if expected is None:
+        return batch.lost, 0
+    if batch.first <= expected:
+        return 0, expected - batch.first
+    if batch.first - batch.lost <= expected:
+        return batch.first - expected, 0
+    return None
+
+
+class Logger:
+    """Everything the logger is made of.
+
+    Parameters
+    ----------
+    once : bool
+        True: end with the session; False: wait for the next one.
+    clock : callable
+        Monotonic time [ns].
+    wall_clock : callable
+        UTC, read once for each file [ns].
+    """
+
+    def __init__(
+        self,
+        settings: Recording,
+        link: Link,
+        *,
+        once: bool,
+        clock: Callable[[], int] = now_ns,
+        wall_clock: Callable[[], int] = time.time_ns,
+    ) -> None:
+        self.finished: list[Path] = []
+        self._settings = settings
+        self._link = link
+        self._once = once
+        self._clock = clock
+        self._wall_clock = wall_clock
+        self._writer: RecordingWriter | None = None
+        self._welcome: Welcome | None = None
+        self._session = ""
+        self._ended = ""
+        self._welcomed = False
+        self._log_time_minus_clock = 0
+        self._heard_ns = self._greeted_ns = self._asked_ns = -SILENT_NS
+        self._looked_ns = 0
+        self._end_doubted = False
+        self._refused = ""
+        self._nonsense = Seldom(log)
+        self._space_is_low = False
+        self._hello = Hello("logger", "", PROTOCOL_VERSION, NAME, version("netboard"), {})
+
+    def run(self, stopping: Callable[[], bool]) -> int:
+        """Record until told to stop, or with `once` until the session is over.
+
+        Returns
+        -------
+        int
+            Exit code: 0, or 1 if the recording could not be continued.
+        """
+        log.info("waiting for the server")
+        try:
+            while not (stopping() or (self._once and self._ended)):
+                self.step()
+            if self._writer is not None:
+                self._close("the logger was stopped")
+                self._say(Goodbye("the logger was stopped"))
+        except NetboardError as error:
+            log.error("%s", error)
+            self._give_up(str(error))
+            return 1
+        finally:
+            if self._writer is not None:
+                self._writer.abandon()
+        return 0
+
+    def step(self) -> None:
+        """Wait a moment for the server, take what has come, and do what is due."""
+        self._link.wait(WAIT_SECONDS)
+        for _ in range(BURST):
+            frame = self._link.receive()
+            if frame is None:
+                break
+            self._heard_ns = self._clock()
+            self._hear(frame)
+        self._greet()
+        if self._writer is not None:
+            self._keep(self._writer)
+
+    def _keep(self, writer: RecordingWriter) -> None:
+        """Bring to disk what is due; where nothing comes, see now and then that the file is still there."""
+        due = writer.is_due(self._log_time())
+        if due:
+            writer.flush(self._log_time())
+        if due or self._clock() - self._looked_ns >= LOOK_NS:
+            self._acknowledge(writer)
+
+    def _say(self, message: Message) -> None:
+        self._link.send(encode(message))
+
+    def _log_time(self) -> int:
+        """UTC when the file was opened plus monotonic time since: never stepped."""
+        return self._clock() + self._log_time_minus_clock
+
+    def _greet(self) -> None:
+        """Say hello to a server that has not answered yet, or not for a while.
+
+        A server that has welcomed us is not greeted again while it is heard, however late its first records are: each
+        hello begins the exchange anew, which on a slow way would never come to its end.
+        """
+        now = self._clock()
+        silent = now - self._heard_ns >= SILENT_NS
+        if (silent or not self._welcomed) and now - self._greeted_ns >= HELLO_NS:
+            self._greeted_ns = now
+            self._welcomed = False
+            self._say(self._hello)
+
+    def _hear(self, frame: bytes) -> None:
+        try:
+            message = decode(frame)
+        except WireError as error:
+            self._nonsense.say(f"the server sent nonsense: {error}")
+            self._ask()
+            return
+        match message:
+            case Ping(sent_ns=ping_ns):
+                self._say(Pong(ping_ns, self._heard_ns, self._clock()))
+            case Welcome():
+                self._enter(message)
+            case LogBatch():
+                self._take(message)
+            case LogEnd(last=last):
+                self._end(last)
+            case Goodbye(reason=reason):
+                log.info("the server says goodbye: %s", reason)
+                self._close(f"the server left: {reason}")
+            case Refusal(reason=reason):
+                self._welcomed = False
+                if reason != self._refused:
+                    self._refused = reason
+                    log.warning("the server refuses: %s", reason)
+
+    def _enter(self, welcome: Welcome) -> None:
+        """Begin a session, or go on with the one we are in."""
+        self._refused = ""
+        if welcome.session == self._ended:
+            return
+        if self._ended and self._once:
+            return
+        if self._welcome is not None and welcome.session != self._session:
+            # Not yet welcomed: the numbers of the old session must not be acknowledged in the new one.
+            self._close("the server began another session")
+            if self._once:
+                return
+        self._welcomed = True
+        if self._writer is None:
+            self._welcome, self._session = welcome, welcome.session
+            self._folder()
+        else:
+            self._acknowledge(self._writer)
+        self._ask()
+
+    def _folder(self) -> Path:
+        """Make the folder of the recordings, and see that there is space."""
+        directory = Path(self._settings.directory)
+        try:
+            directory.mkdir(parents=True, exist_ok=True)
+            require_space(directory, shutil.disk_usage(directory).free)
+        except OSError as error:
+            raise NetboardError(f"{directory}: cannot be made: {error.strerror}") from error
+        return directory
+
+    def _open(self, welcome: Welcome) -> RecordingWriter:
+        """Begin a file."""
+        config = parse(welcome.config, "the server's configuration")
+        directory = self._folder()
+        utc_ns, monotonic_ns = self._wall_clock(), self._clock()
+        path, part = next_recording(directory, config, welcome.session, utc_ns)
+        metadata = provenance(welcome, config, part, utc_ns, monotonic_ns)
+        self._log_time_minus_clock = utc_ns - monotonic_ns
+        self._writer = writer = RecordingWriter(path, metadata, welcome.config, self._settings, utc_ns)
+        self._end_doubted = False
+        log.info("recording to %s", path)
+        self._look_at_space(writer.space(utc_ns))
+        return writer
+
+    def _ask(self) -> None:
+        """Ask for the next record we want, and all that follow."""
+        self._asked_ns = self._clock()
+        first = None if self._writer is None else self._writer.next_record
+        self._say(LogRequest(-1 if first is None else first))
+
+    def _ask_again(self) -> None:
+        """Ask, but not for every batch that comes before the answer."""
+        if self._clock() - self._asked_ns >= ASK_NS:
+            self._ask()
+
+    def _take(self, batch: LogBatch) -> None:
+        if self._writer is None:
+            if self._welcome is None or not self._welcomed:
+                return
+            self._open(self._welcome)
+        assert self._writer is not None
+        placed = place(batch, self._writer.next_record)
+        if placed is None:
+            self._ask_again()
+            return
+        lost, known = placed
+        now = self._log_time()
+        if lost:
+            first = batch.first - lost
+            log.error("records %d to %d are lost: the server no longer has them", first, batch.first - 1)
+            self._writer.note_lost(first, lost, now)
+        for number, record in enumerate(batch.records[known:], start=batch.first + known):
+            self._write(self._writer, record, number, now)
+
+    def _write(self, writer: RecordingWriter, frame: bytes, number: int, now: int) -> None:
+        try:
+            record = record_of(frame)
+        except WireError as error:
+            log.error("record %d cannot be read: %s", number, error)
+            writer.note_unreadable(frame, number, str(error), now)
+            return
+        if writer.next_record is not None and (config := begun(record)):
+            writer = self._begin_another(writer, config)
+        writer.write(record, number, self._log_time())
+
+    def _begin_another(self, writer: RecordingWriter, config: str) -> RecordingWriter:
+        """Finish the file of a block, and begin that of the next one."""
+        assert self._welcome is not None
+        self._finish(writer, "complete")
+        self._welcome = replace(self._welcome, config=config)
+        return self._open(self._welcome)
+
+    def _end(self, last: int) -> None:
+        """Finish the recording if it is whole; otherwise ask for the rest.
+
+        While a welcome is awaited nothing could be acknowledged: the server says the end again after it.
+        """
+        if self._welcome is None or not self._welcomed:
+            return
+        following = None if self._writer is None else self._writer.next_record
+        # After a request for what no logger has yet, an end without any record says that there is nothing left; it is
+        # believed the second time.
+        nothing_left = last < 0 or (following is None and self._end_doubted)
+        if nothing_left or (following is not None and following > last):
+            self._close("complete")
+            self._say(Goodbye("the recording is complete"))
+            return
+        self._end_doubted = True
+        self._ask()
+
+    def _close(self, ended: str) -> None:
+        """Be done with the session: finish the recording, if there is one, and tell the server that it is on disk."""
+        if self._welcome is None:
+            return
+        if self._writer is not None:
+            self._finish(self._writer, ended)
+        self._welcome, self._ended = None, self._session
+
+    def _finish(self, writer: RecordingWriter, ended: str) -> None:
+        """Give a recording its final name."""
+        writer.finish(self._log_time(), ended)
+        self._writer = None
+        self.finished.append(writer.path)
+        log.info("finished %s%s", writer.path, "" if ended == "complete" else f" ({ended})")
+        self._acknowledge(writer)
+
+    def _give_up(self, reason: str) -> None:
+        """Save what can be saved after a fault, and leave."""
+        if self._writer is not None and self._writer.is_open:
+            try:
+                self._close(reason)
+            except NetboardError as error:
+                log.error("%s", error)
+        if self._writer is not None and self._writer.part.exists():
+            log.error("what was written is whole up to its last chunk: netboard recover %s", self._writer.part)
+        self._say(Goodbye(reason[:1000]))
+
+    def _acknowledge(self, writer: RecordingWriter) -> None:
+        self._looked_ns = self._clock()
+        space = writer.space(self._log_time())
+        if writer.durable is not None and self._welcomed:
+            self._say(LogAck(writer.durable, space.free, writer.path.name, writer.size))
+        self._look_at_space(space)
+
+    def _look_at_space(self, space: Space) -> None:
+        """Say when space becomes scarce; stop while there is enough to finish the recording."""
+        if space.low and not self._space_is_low:
+            log.warning("%s: only %s", self._settings.directory, space)
+        self._space_is_low = space.low
+        if space.out and self._writer is not None:
+            raise NetboardError(f"{self._settings.directory}: only {space}: the recording had to end")

@@ -1,0 +1,180 @@
+"""The other end of the log for whoever only listens: hears every record as it is made, keeps nothing, confirms nothing.
+
+Records are numbered, so what was not heard is known and told. Who waited for the server hears a session from its first
+record on, who comes to one that goes on from then on. A server that ends or is started anew is awaited again, without
+end. The server's probes of this machine's clock are among the records: they tell what its time is here.
+"""
+
+import logging
+from collections import deque
+from collections.abc import Callable
+from importlib.metadata import version
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.base.clock import now_ns
+from netboard.base.errors import WireError
+from netboard.base.process import NAME, Seldom
+from netboard.base.tick import TICK
+from netboard.network.protocol.codec import decode, encode
+from netboard.network.protocol.joining import Goodbye, Hello, Ping, Pong, Refusal, Welcome
+from netboard.network.protocol.messages import PROTOCOL_VERSION, Message
+from netboard.network.protocol.records import (
+    ClockRecord,
+    EventRecord,
+    LogBatch,
+    LogRequest,
+    TickRecord,
+    kind_of_peer,
+)
+from netboard.nodes.logger.log_link import BURST, HELLO_NS, SILENT_NS, WAIT_SECONDS, Link
+from netboard.recording.format.channels import record_of
+
+log = logging.getLogger(__name__)
+
+WAITED_NS = 3_000_000_000
+"""Who is welcomed within this time has come to a server that was there before [ns]."""
+
+ANSWERS = 64
+"""Own answers to the server's probes that are remembered: of 10 s and more [1]."""
+
+
+class Ear(Protocol):
+    """Whoever wants to know what is heard."""
+
+    def begin(self, welcome: Welcome) -> None:
+        """Another session of the server is heard."""
+
+    def tell_clock(self, offset_ns: int, bound_ns: int) -> None:
+        """What the server knows of this machine's clock: how much it is ahead of its own, and a bound [ns]."""
+
+    def tell_lost(self, first: int, count: int) -> None:
+        """So many records from this number on were not heard [1]."""
+
+    def take(self, ticks: NDArray[Any], events: list[EventRecord]) -> None:
+        """Ticks and events that have been heard, in order."""
+
+
+class Listener:
+    """Listens to the log of one server.
+
+    Parameters
+    ----------
+    clock : callable
+        Monotonic time [ns].
+    """
+
+    def __init__(self, link: Link, ear: Ear, purpose: str, clock: Callable[[], int] = now_ns) -> None:
+        self.lost = 0
+        self._link, self._ear, self._clock = link, ear, clock
+        self._hello = Hello("listener", "", PROTOCOL_VERSION, NAME, version("netboard"), {"for": purpose})
+        self._session = ""
+        self._next: int | None = None
+        self._welcomed = False
+        self._began_ns = clock()
+        self._heard_ns = self._greeted_ns = self._began_ns - SILENT_NS
+        self._answers: deque[int] = deque(maxlen=ANSWERS)
+        self._refused = ""
+        self._nonsense = Seldom(log)
+
+    def run(self, stopping: Callable[[], bool]) -> None:
+        """Listen until told to stop."""
+        log.info("waiting for the server")
+        while not stopping():
+            self.step()
+        self._say(Goodbye("the listener was stopped"))
+
+    def step(self) -> None:
+        """Wait a moment for the server, and take what has come."""
+        self._link.wait(WAIT_SECONDS)
+        for _ in range(BURST):
+            frame = self._link.receive()
+            if frame is None:
+                break
+            self._heard_ns = self._clock()
+            try:
+                self._hear(decode(frame))
+            except WireError as error:
+                self._nonsense.say(f"the server sent nonsense: {error}")
+        self._greet()
+
+    def _greet(self) -> None:
+        """Say hello to a server that has not answered yet, or not for a while."""
+        now = self._clock()
+        silent = now - self._heard_ns >= SILENT_NS
+        if (silent or not self._welcomed) and now - self._greeted_ns >= HELLO_NS:
+            self._greeted_ns = now
+            self._welcomed = False
+            self._say(self._hello)
+
+    def _hear(self, message: Message) -> None:
+        match message:
+            case Ping(sent_ns=ping_ns):
+                answer = Pong(ping_ns, self._heard_ns, self._clock())
+                self._answers.append(answer.sent_ns)
+                self._say(answer)
+            case Welcome():
+                self._enter(message)
+            case LogBatch():
+                self._take(message)
+            case Goodbye(reason=reason):
+                log.info("the server says goodbye: %s", reason)
+                self._welcomed = False
+            case Refusal(reason=reason):
+                self._welcomed = False
+                if reason != self._refused:
+                    self._refused = reason
+                    log.warning("the server refuses: %s", reason)
+
+    def _enter(self, welcome: Welcome) -> None:
+        """Begin to hear a session, or go on with it."""
+        self._welcomed, self._refused = True, ""
+        if welcome.session != self._session:
+            waited = bool(self._session) or self._clock() - self._began_ns > WAITED_NS
+            self._session, self._next = welcome.session, 0 if waited else None
+            self._answers.clear()
+            self._ear.begin(welcome)
+        self._say(LogRequest(-1 if self._next is None else self._next))
+
+    def _take(self, batch: LogBatch) -> None:
+        if not self._session:
+            return
+        expected = batch.first if self._next is None else self._next
+        if batch.first > expected:
+            self._miss(expected, batch.first - expected)
+        rows: list[bytes] = []
+        events: list[EventRecord] = []
+        for number, frame in enumerate(batch.records, start=batch.first):
+            if number >= expected:
+                self._sort(number, frame, rows, events)
+        self._next = max(expected, batch.first + len(batch.records))
+        if rows or events:
+            self._ear.take(np.frombuffer(b"".join(rows), TICK), events)
+
+    def _sort(self, number: int, frame: bytes, rows: list[bytes], events: list[EventRecord]) -> None:
+        """Put a record where it belongs."""
+        try:
+            record = record_of(frame)
+        except WireError as error:
+            self._nonsense.say(f"record {number} cannot be read: {error}")
+            self._miss(number, 1)
+            return
+        match record:
+            case TickRecord(row=row) if len(row) == TICK.itemsize:
+                rows.append(row)
+            case TickRecord():
+                self._nonsense.say("ticks of another version of netboard: install the same on both machines")
+                self._miss(number, 1)
+            case EventRecord():
+                events.append(record)
+            case ClockRecord(peer=peer, t2_ns=sent_ns) if kind_of_peer(peer) == "listener" and sent_ns in self._answers:
+                self._ear.tell_clock(record.offset_ns, record.bound_ns)
+
+    def _miss(self, first: int, count: int) -> None:
+        self.lost += count
+        self._ear.tell_lost(first, count)
+
+    def _say(self, message: Message) -> None:
+        self._link.send(encode(message))

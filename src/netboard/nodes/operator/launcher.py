@@ -1,0 +1,157 @@
+"""A set of netboard processes on this machine: started together, watched, and none left behind.
+
+Each runs ``netboard ...`` in a session of its own, so that a Ctrl-C in the terminal reaches only whoever started them,
+who then ends them in order. What a process says goes to a file, or where its starter speaks.
+"""
+
+import os
+import random
+import signal
+import socket as net
+import subprocess
+import sys
+import time
+from contextlib import nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from netboard.base.errors import NetboardError
+from netboard.base.process import SUPERVISOR, WITH_PARENT
+
+STOP_SECONDS = 15.0
+"""Processes get this long to end cleanly before they are killed [s]."""
+
+CHANNELS = 6
+"""Ports that a session takes, one after the other [1]."""
+
+_guards: list[net.socket] = []
+"""They hold the places of rows of ports that this process has found free."""
+
+
+@dataclass(frozen=True)
+class Ended:
+    """A process that has ended."""
+
+    name: str
+    code: int
+    last_words: str
+
+    def __str__(self) -> str:
+        how = f"was killed by signal {-self.code}" if self.code < 0 else f"ended with exit code {self.code}"
+        return f"the {self.name} {how}" + (f": {self.last_words}" if self.last_words else "")
+
+
+class Launcher:
+    """Runs and watches processes; on leaving, ends all that still run.
+
+    Parameters
+    ----------
+    folder : Path or None
+        Where what they say is kept, one file each; None lets them speak where this process speaks.
+    """
+
+    def __init__(self, folder: Path | None, environment: dict[str, str]) -> None:
+        self._folder = folder
+        self._environment = os.environ | environment | {WITH_PARENT: "1"}
+        self._environment.pop(SUPERVISOR, None)  # who watches over this process does not over those
+        self._running: dict[str, subprocess.Popen[bytes]] = {}
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.stop(*self._running)
+
+    def start(self, name: str, *arguments: str) -> None:
+        """Start ``netboard ARGUMENTS`` under a name."""
+        command = [sys.executable, "-m", "netboard.services.cli", *arguments]
+        apart = (
+            {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP}  # type: ignore[attr-defined,unused-ignore]
+            if sys.platform == "win32"
+            else {"start_new_session": True}
+        )
+        log = self.log_of(name)
+        with nullcontext() if log is None else log.open("ab") as said:
+            self._running[name] = subprocess.Popen(
+                command, stdin=subprocess.DEVNULL, stdout=said, stderr=said, env=self._environment, **apart
+            )
+
+    def log_of(self, name: str) -> Path | None:
+        """File with what a process has said."""
+        return None if self._folder is None else self._folder / f"{name.replace(' ', '-')}.log"
+
+    def running(self) -> list[str]:
+        """Names of all that have not been stopped, in the order they were started."""
+        return list(self._running)
+
+    def process_id(self, name: str) -> int:
+        """Process id of a running process."""
+        return self._running[name].pid
+
+    def ended(self) -> Ended | None:
+        """Tell of a process that has ended although nobody asked it to, if there is one."""
+        for name, process in self._running.items():
+            code = process.poll()
+            if code is not None:
+                return Ended(name, code, self._last_words(name))
+        return None
+
+    def wait(self, name: str, seconds: float) -> str:
+        """Wait for a process to end cleanly by itself, at most so long [s]; what went wrong, or nothing."""
+        try:
+            code = self._running[name].wait(seconds)
+        except subprocess.TimeoutExpired:
+            return f"the {name} did not end by itself within {seconds:.0f} s"
+        del self._running[name]
+        return str(Ended(name, code, self._last_words(name))) if code else ""
+
+    def stop(self, *names: str) -> list[Ended]:
+        """Ask processes to stop, all at once, and kill what does not; which of them have failed.
+
+        One that was still starting, and had no answer to being asked yet, has not.
+        """
+        processes = {name: self._running.pop(name) for name in names}
+        for process in processes.values():
+            process.terminate()
+        until = time.monotonic() + STOP_SECONDS
+        for process in processes.values():
+            try:
+                process.wait(max(0.0, until - time.monotonic()))
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+        return [
+            Ended(name, process.returncode, self._last_words(name))
+            for name, process in processes.items()
+            if process.returncode not in (0, -signal.SIGTERM)
+        ]
+
+    def _last_words(self, name: str) -> str:
+        log = self.log_of(name)
+        lines = [] if log is None else log.read_text(errors="replace").strip().splitlines()
+        return lines[-1].strip() if lines else ""
+
+
+def free_port() -> int:
+    """First of enough free ports in a row; while this process lives, no other one finds the same here.
+
+    They are taken only later, by processes that take their time to start: until then the port behind them is held.
+    """
+    ports = range(5550, 32_000, CHANNELS + 1)
+    for port in random.sample(ports, len(ports)):
+        guard = net.socket()
+        try:
+            guard.bind(("127.0.0.1", port + CHANNELS))
+            for channel in range(CHANNELS):
+                with net.socket() as probe:
+                    probe.bind(("127.0.0.1", port + channel))
+        except OSError:
+            guard.close()
+            continue
+        _guards.append(guard)
+        return port
+    raise NetboardError(f"there are no {CHANNELS} free ports in a row on this machine")

@@ -1,0 +1,173 @@
+"""The operator's end of the control channel: ask how the server is, tell it what to do.
+
+Whoever has a loop of its own (a window) calls `poll` often and `command` when something is wished; whoever has none
+(a shell command) calls `ask` and `do`, which wait.
+"""
+
+import logging
+from collections import deque
+from importlib.metadata import version
+
+from netboard.base.clock import now_ns
+from netboard.base.errors import NetboardError, WireError
+from netboard.base.process import NAME
+from netboard.base.tables.rig import Network
+from netboard.network import keys
+from netboard.network.protocol.codec import decode, encode
+from netboard.network.protocol.control import (
+    Command,
+    Outcomes,
+    OutcomesRequest,
+    Reply,
+    Status,
+    StatusRequest,
+    Trace,
+    TraceRequest,
+)
+from netboard.network.protocol.joining import HELLO_FIRST, Goodbye, Hello, Ping, Pong, Refusal, Welcome
+from netboard.network.protocol.messages import PROTOCOL_VERSION, Message
+from netboard.network.transport import channels, poller, sockets
+
+HELLO_NS = 500_000_000
+"""Hello is said again after so long without an answer [ns]."""
+
+ANSWER_SECONDS = 3.0
+"""The server has so long to answer a command [s]."""
+
+MOST_POINTS = 4000
+"""Points of the trace that are kept: 20 s [1]."""
+
+SILENT_NS = 3_000_000_000
+"""A server that was there and has not even asked for the time for so long is called anew [ns]."""
+
+log = logging.getLogger(__name__)
+
+
+class Operator:
+    """Talks to one server; nothing here waits longer than it is told to.
+
+    Attributes
+    ----------
+    attempts : list of tuple
+        What has become of all attempts of the session so far, as in `Outcomes`.
+    """
+
+    def __init__(self, network: Network, context: sockets.Context) -> None:
+        where = keys.reach(network, "console")
+        self.status: Status | None = None
+        self.attempts: list[tuple[int, int, int, str, float, str, int]] = []
+        self.points: deque[tuple[int, float, float, float, float, float, float, float]] = deque(maxlen=MOST_POINTS)
+        self._replies: dict[int, Reply] = {}
+        self._number = 0
+        self._socket = sockets.control_client(context, where.reach(channels.CONTROL), f"console@{NAME}")
+        self._hello = encode(Hello("console", "", PROTOCOL_VERSION, NAME, version("netboard"), {}))
+        self._said_hello_ns = -HELLO_NS
+        self._welcomed = False
+        self._heard_ns = 0
+
+    def ask(self, seconds: float) -> Status | None:
+        """Ask for the status and wait for an answer at most so long [s]; None without an answer."""
+        self.poll(trace=False)
+        answered = None
+        while answered is None and poller.wait_readable(self._socket, seconds):
+            answered = self._take()
+        return answered
+
+    def poll(self, *, trace: bool = True) -> Status | None:
+        """Take what has come, and ask for what is new: the status, outcomes, and the trace if wanted; never waits."""
+        newest = self._take()
+        if self._welcomed and now_ns() - self._heard_ns > SILENT_NS:
+            log.info("the server has been silent for %g s: connecting anew", SILENT_NS * 1e-9)
+            self._welcomed = False
+            sockets.renew(self._socket)
+        if self._welcomed:
+            self._say(StatusRequest())
+            if self.status is not None and len(self.attempts) < self.status.outcomes:
+                self._say(OutcomesRequest(len(self.attempts)))
+            if trace:
+                self._say(TraceRequest(self.points[-1][0] if self.points else -1))
+        elif now_ns() - self._said_hello_ns > HELLO_NS:
+            self._said_hello_ns = now_ns()
+            sockets.send_or_renew(self._socket, self._hello)
+        return newest
+
+    @property
+    def silent_seconds(self) -> float:
+        """Time since the server was heard; infinite before the first time [s]."""
+        return (now_ns() - self._heard_ns) * 1e-9 if self._heard_ns else float("inf")
+
+    def command(self, name: str, argument: str = "") -> int:
+        """Tell the server what to do; the number by which `reply` knows the answer."""
+        self._number += 1
+        self._say(Command(name, argument, self._number))
+        return self._number
+
+    def reply(self, number: int) -> Reply | None:
+        """Take the answer to a command, once; None while there is none."""
+        return self._replies.pop(number, None)
+
+    def do(self, name: str, argument: str = "", seconds: float = ANSWER_SECONDS) -> Reply:
+        """Tell the server what to do, and wait for its answer at most so long [s]."""
+        number = self.command(name, argument)
+        until_ns = now_ns() + int(seconds * 1e9)
+        while (left_ns := until_ns - now_ns()) > 0:
+            if poller.wait_readable(self._socket, left_ns * 1e-9):
+                self._take()
+            if (reply := self.reply(number)) is not None:
+                return reply
+        raise NetboardError(f"{name}: the server has not answered within {seconds:g} s")
+
+    def attend(self, seconds: float) -> None:
+        """Let time pass, answering what the server asks [s]."""
+        until_ns = now_ns() + int(seconds * 1e9)
+        while (left_ns := until_ns - now_ns()) > 0:
+            if poller.wait_readable(self._socket, left_ns * 1e-9):
+                self._take()
+
+    def leave(self) -> None:
+        """Say goodbye and close."""
+        sockets.send(self._socket, encode(Goodbye("done")))
+        sockets.close_after_goodbye(self._socket)
+
+    def _say(self, message: Message) -> None:
+        sockets.send(self._socket, encode(message))
+
+    def _take(self) -> Status | None:
+        newest = None
+        while (frame := sockets.receive(self._socket)) is not None:
+            self._heard_ns = now_ns()
+            try:
+                message = decode(frame)
+            except WireError as error:
+                raise NetboardError(f"the server sent nonsense: {error}") from error
+            match message:
+                case Welcome():
+                    self._welcomed = True
+                case Ping(sent_ns=ping_ns):
+                    received_ns = now_ns()
+                    self._say(Pong(ping_ns, received_ns, now_ns()))
+                case Status():
+                    newest = self._hear(message)
+                case Reply(number=number):
+                    self._replies[number] = message
+                case Outcomes(first=first, attempts=attempts) if first == len(self.attempts):
+                    self.attempts.extend(attempts)
+                case Trace(points=points):
+                    last = self.points[-1][0] if self.points else -1
+                    self.points.extend(point for point in points if point[0] > last)
+                case Refusal(reason=reason) if reason == HELLO_FIRST:  # it was silent, and had to make room
+                    self._welcomed = False
+                case Refusal(reason=reason):
+                    raise NetboardError(f"the server refuses: {reason}")
+        return newest
+
+    def _hear(self, status: Status) -> Status:
+        """Keep a status; forget what has become of another session, or in a replay that has gone back, came later."""
+        if self.status is not None and status.session != self.status.session:
+            self.attempts.clear()
+            self.points.clear()
+        del self.attempts[status.outcomes :]
+        if self.points and self.points[-1][0] >= status.tick:
+            self.points.clear()
+        self.status = status
+        return status

@@ -1,0 +1,59 @@
+"""The peers of a running session, as a table for the terminal."""
+
+from math import isnan
+
+from rich.console import Group, RenderableType
+from rich.text import Text
+
+from netboard.base.terminal import FittedTable, numbers
+from netboard.network.protocol.control import Status
+
+
+def status_tables(status: Status) -> RenderableType:
+    """Where the session is, and how each of its peers is connected."""
+    return Group(*_lines(status), _links(status), *_loops(status))
+
+
+def _lines(status: Status) -> list[Text]:
+    lines = [
+        Text(f"session {status.session[:8]}   {status.phase}, trial {status.trial} of {status.trials}", style="bold"),
+        Text(
+            f"tick {status.tick}   {status.successes} done, {status.failures} failed   {status.late_ticks} late ticks"
+        ),
+    ]
+    if status.waiting_for:
+        lines.append(Text("waiting for " + ", ".join(status.waiting_for), style="yellow"))
+    if status.notice:
+        lines.append(Text(status.notice, style="yellow"))
+    lines += [Text(f"refused {times} times: {where}: {why}", style="yellow") for where, why, times in status.refused]
+    return lines
+
+
+def _links(status: Status) -> FittedTable:
+    measured = numbers("heard", "round trip", "clock known to", "drift", "messages", "lost")
+    table = FittedTable("peer", "host:process", "version", *measured, title="Peers")
+    for what, name, version, age, round_trip, bound, drift, rate, lost in status.links:
+        table.add_row(
+            what,
+            name,
+            version,
+            f"{_milliseconds(age)} ago",
+            _milliseconds(round_trip),
+            _milliseconds(bound),
+            "-" if isnan(drift) else f"{drift:+.1f} ppm",
+            f"{rate:.0f} Hz",
+            str(lost),
+        )
+    return table
+
+
+def _loops(status: Status) -> list[Text]:
+    """From stylus to force: the delay of late, and how much of it is stable."""
+    return [
+        Text(f"{what}: stylus to force {_milliseconds(late)} of late; left alone, stable to {_milliseconds(most)}")
+        for what, late, most in status.loops
+    ]
+
+
+def _milliseconds(seconds: float) -> str:
+    return "-" if isnan(seconds) else f"{seconds * 1e3:.2f} ms"

@@ -1,0 +1,295 @@
+"""The server's end of the control channel: displays that report their frames, and operators.
+
+It only collects what they say, and answers what they ask; the server decides. A display's word goes no further than its
+own frames: it cannot command. A station may have several displays, of which the one that came last tells what was
+shown.
+
+No peer can hold up a tick: a few messages are taken at a time, each peer may send so many messages and bytes a second
+(`netboard.nodes.ports.rate_limit`), what a peer may not say is not unpacked, and what takes longer (a report of frames,
+an answer to an operator) is done in pieces, between ticks, when the session asks for the next piece.
+"""
+
+from collections import deque
+from typing import NamedTuple, Protocol
+
+from netboard.base.errors import WireError
+from netboard.network.protocol.admission import admit
+from netboard.network.protocol.codec import decode, encode, kind_of
+from netboard.network.protocol.control import (
+    Command,
+    Outcomes,
+    OutcomesRequest,
+    Reply,
+    Status,
+    StatusRequest,
+    Trace,
+    TraceRequest,
+)
+from netboard.network.protocol.joining import HELLO_FIRST, Goodbye, Hello, Ping, Pong, Welcome
+from netboard.network.protocol.messages import Message
+from netboard.network.protocol.records import ClockRecord, FrameRecord
+from netboard.network.protocol.views import MOST_SHOWN, Frames
+from netboard.network.transport import endpoints
+from netboard.nodes.ports import emergency
+from netboard.nodes.ports.arrivals import Comings, News
+from netboard.nodes.ports.peer import Link, Peer, Probes, what
+from netboard.nodes.ports.rate_limit import COMMANDS_AT_ONCE, COMMANDS_HZ, Allowance
+from netboard.nodes.ports.refusals import CROWDED, Refusals
+
+ROLES = ("display", "console")
+QUESTIONS: tuple[type[Message], ...] = (StatusRequest, OutcomesRequest, TraceRequest)
+MAY_SAY: dict[str, frozenset[type[Message]]] = {
+    "": frozenset((Hello, Goodbye)),
+    "display": frozenset((Hello, Goodbye, Pong, Frames)),
+    "console": frozenset((Hello, Goodbye, Pong, Command, *QUESTIONS)),
+}
+"""What a peer of each role may say, and a stranger (of no role); what else it says is not unpacked."""
+
+MOST_FRAMES, MOST_BYTES = 4, 2048
+"""Frames taken in one go, and no more once they are so long together: the longest takes a tenth of a tick [1, 1]."""
+
+MOST_PEERS = 16
+"""Peers of each role remembered: one that is silent makes room for one more [1]."""
+
+TRY_NS = 20_000_000
+"""Whether all of them are still there is tried so often [ns]."""
+
+MOST_WISHES = 8
+"""Commands of one peer that wait to be decided on [1]."""
+
+MOST_REPORTS = 16
+"""Reports of a station that wait to be recorded [1]."""
+
+SILENT_NS = 3_000_000_000
+"""A peer that has said nothing for so long is not there; it is welcome back without another hello [ns]."""
+
+
+class Answers(Protocol):
+    """Who knows what operators ask for."""
+
+    def status(self) -> Status:
+        """How the session is."""
+
+    def outcomes(self, first: int) -> Outcomes:
+        """What has become of the attempts from this one on."""
+
+    def trace(self, after: int) -> Trace:
+        """What has happened after this tick."""
+
+
+class Wish(NamedTuple):
+    """A command, and who gave it."""
+
+    who: bytes
+    name: str
+    command: Command
+
+
+class ControlPort:
+    """Who is on the control channel, what they wish and what they have shown."""
+
+    def __init__(self, router: endpoints.Router, welcome: Welcome, answers: Answers) -> None:
+        self.wishes: list[Wish] = []
+        self.news: News = []
+        self.refusals = Refusals(router, self.news)
+        self._router = router
+        self._welcome = encode(welcome)
+        self._answers = answers
+        self._peers: dict[bytes, Peer] = {}
+        self._silent: set[bytes] = set()
+        self._allowance, self._commands = Allowance(), Allowance(COMMANDS_HZ, COMMANDS_AT_ONCE)
+        self._comings = Comings(self.news)
+        self._asked: dict[tuple[bytes, type[Message]], Message] = {}
+        self._reports: deque[tuple[str, deque[tuple[int, int, int]], int]] = deque()
+        self._probes = Probes()
+        self._reporting: dict[str, bytes] = {}
+        self._tried_ns = -TRY_NS
+        self._shown = {"left": 0, "right": 0}
+
+    @property
+    def peers(self) -> tuple[str, ...]:
+        """What the displays and consoles are that have said hello, and can still be heard."""
+        return tuple(sorted({what(peer.hello) for name, peer in self._peers.items() if name not in self._silent}))
+
+    def drain(self, now_ns: int) -> bool:
+        """Take what has arrived and answer it; whether there may be more."""
+        frames = size = 0
+        while frames < MOST_FRAMES and size < MOST_BYTES:
+            received = self._router.receive()
+            if received is None:
+                return False
+            if received != endpoints.NOBODY and self._take(*received, now_ns):
+                size += len(received[1])
+            frames += 1
+        return True
+
+    def answer(self) -> None:
+        """Answer the question that has waited longest, if there is one: each takes the time of several messages."""
+        if self._asked:
+            who, kind = next(iter(self._asked))
+            answer = self._find_answer(self._asked.pop((who, kind)))
+            self._router.send(who, encode(answer))
+
+    def take_frames(self, most: int | None = None) -> list[FrameRecord]:
+        """Take records of the frames that displays have shown, no more than so many [1]."""
+        found: list[FrameRecord] = []
+        while self._reports and (most is None or len(found) < most):
+            station, shown, dropped = self._reports[0]
+            while shown and (most is None or len(found) < most):
+                found.append(FrameRecord(self._shown[station], station, *shown.popleft(), dropped))
+                self._shown[station] += 1
+            if not shown:
+                self._reports.popleft()
+        return found
+
+    def pump(self, now_ns: int) -> None:
+        """Ask the peers for their time, note who has fallen silent, and send what is owed."""
+        self._router.pay()
+        self.refusals.look(now_ns)
+        for name, peer in self._peers.items():
+            if ping := peer.ping(now_ns):
+                self._router.send(name, encode(ping))
+            if name not in self._silent and peer.age_ns(now_ns) > SILENT_NS:
+                self._silent.add(name)
+                self._tell("silent", peer.hello, now_ns)
+
+    def links(self, now_ns: int) -> list[Link]:
+        """Tell how the peers are connected."""
+        return [peer.link(now_ns) for name, peer in self._peers.items() if name not in self._silent]
+
+    def clock_records(self, seq: int) -> list[ClockRecord]:
+        """The newest raw probe of each peer with the estimate so far, numbered from `seq`."""
+        return self._probes.records(self._peers.values(), seq)
+
+    def renew(self, welcome: Welcome) -> None:
+        """Another block: tell everybody what counts now."""
+        self._welcome = encode(welcome)
+        for name in self._peers:
+            self._router.owe(name, self._welcome)
+
+    def reply(self, wish: Wish, accepted: bool, reason: str) -> None:
+        """Tell whoever gave a command what becomes of it."""
+        self._router.send(wish.who, encode(Reply(wish.command.number, accepted, reason)))
+
+    def is_there(self, who: bytes) -> bool:
+        """Whether a peer can still be heard."""
+        return who in self._peers and who not in self._silent
+
+    def goodbye(self, reason: str) -> None:
+        """Tell everybody that the session is over."""
+        for name in self._peers:
+            self._router.send(name, encode(Goodbye(reason)))
+
+    def close(self) -> None:
+        """Close, some time after the goodbye: what a peer has not read by then is lost."""
+        self._router.close_after_goodbye()
+
+    def _take(self, name: bytes, frame: bytes, now_ns: int) -> bool:
+        """Take a message; False if its peer may not send so many, and it was not looked at."""
+        if not self._allowance.takes(name, len(frame), now_ns):
+            self.refusals.refuse(name, CROWDED, now_ns)
+            return False
+        peer = self._peers.get(name)
+        if peer is not None:
+            peer.hear(now_ns)
+            if name in self._silent:
+                self._silent.discard(name)
+                self._tell("back", peer.hello, now_ns)
+        try:
+            self._hear(name, peer, frame, now_ns)
+        except WireError as error:
+            self.refusals.refuse(name, str(error), now_ns)
+        return True
+
+    def _hear(self, name: bytes, peer: Peer | None, frame: bytes, now_ns: int) -> None:
+        """Take what a peer says."""
+        role, kind = "" if peer is None else peer.hello.role, kind_of(frame)
+        if kind not in MAY_SAY[role]:
+            raise WireError(f"a {role} may not send {kind.__name__}" if role else HELLO_FIRST)
+        match decode(frame):
+            case Hello() as hello:
+                self._greet(name, hello, now_ns)
+            case Goodbye():
+                self._forget(name, now_ns)
+            case _ if peer is None:
+                raise WireError(HELLO_FIRST)
+            case Pong() as pong:
+                peer.answered(pong, now_ns)
+            case Frames() as frames:
+                self._note(name, peer.hello.side, frames)
+            case Command() as command:
+                self._wish(Wish(name, peer.hello.name, command), now_ns)
+            case question:
+                self._asked.setdefault((name, kind), question)
+
+    def _wish(self, wish: Wish, now_ns: int) -> None:
+        """Let a command wait to be decided on: behind all others, or before them if it must not wait."""
+        waiting = sum(other.who == wish.who for other in self.wishes)
+        if wish.command.name == emergency.STOP:
+            if not any(other.command.name == emergency.STOP for other in self.wishes):
+                self.wishes.insert(0, wish)
+            else:
+                self.reply(wish, True, "")
+        elif waiting >= MOST_WISHES or not self._commands.takes(wish.who, 0, now_ns):
+            self.reply(wish, False, "too many commands at once")
+            self.refusals.note(endpoints.shown(wish.who), "too many commands at once", now_ns)
+        else:
+            self.wishes.append(wish)
+
+    def _find_answer(self, question: Message) -> Message:
+        """Let whoever knows answer an operator."""
+        match question:
+            case OutcomesRequest(first=first):
+                return self._answers.outcomes(first)
+            case TraceRequest(after=after):
+                return self._answers.trace(after)
+        return self._answers.status()
+
+    def _greet(self, name: bytes, hello: Hello, now_ns: int) -> None:
+        admit(hello)
+        if hello.role not in ROLES:
+            raise WireError(f"this is the control channel, not one for a {hello.role}")
+        if reason := self._router.forbids(hello.role, hello.side):
+            raise WireError(reason)
+        if name not in self._peers:
+            self._make_room(hello.role, now_ns)
+            self._tell("joined", hello, now_ns)
+            self._peers[name] = Peer(hello, now_ns)
+        self._reporting[hello.side] = name
+        self._router.owe(name, self._welcome)
+
+    def _make_room(self, role: str, now_ns: int) -> None:
+        """Forget a peer of a role that is silent, or cannot be sent anything, if there are too many."""
+        same = [name for name, peer in self._peers.items() if peer.hello.role == role]
+        if len(same) < MOST_PEERS:
+            return
+        gone = next((name for name in same if name in self._silent), None)
+        if gone is None and now_ns - self._tried_ns >= TRY_NS:
+            self._tried_ns, ping = now_ns, encode(Ping(now_ns))
+            gone = next((name for name in same if not self._router.send(name, ping)), None)
+        if gone is None:
+            raise WireError(f"there are {MOST_PEERS} peers like it already")
+        self._forget(gone, now_ns)
+
+    def _forget(self, name: bytes, now_ns: int) -> None:
+        peer = self._peers.pop(name, None)
+        if peer is not None:
+            self._silent.discard(name)
+            for kind in QUESTIONS:
+                self._asked.pop((name, kind), None)
+            self._tell("left", peer.hello, now_ns)
+
+    def _tell(self, happened: str, hello: Hello, now_ns: int) -> None:
+        details = {"side": hello.side, "name": hello.name, **hello.details}
+        self._comings.tell(f"{hello.role}_{happened}", details, now_ns)
+
+    def _note(self, name: bytes, side: str, frames: Frames) -> None:
+        """Let a report wait to be recorded."""
+        if frames.station != side:
+            raise WireError(f"the {side} display may not report for the {frames.station} station")
+        if self._reporting[side] != name:
+            return
+        if sum(station == side for station, _, _ in self._reports) >= MOST_REPORTS:
+            raise WireError(f"{CROWDED}: {MOST_REPORTS} reports of up to {MOST_SHOWN} frames wait already")
+        if frames.shown:
+            self._reports.append((side, deque(frames.shown), frames.dropped))

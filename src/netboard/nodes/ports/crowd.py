@@ -1,0 +1,76 @@
+"""Peers without a seat on the motion channel: what they send is kept by compiled code until there is time for it.
+
+Samples lie behind it in the same socket, so it is taken out of the way at once; it is looked at after the tick.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from netboard.base.compiled import kernel
+from netboard.network.protocol.joining import Hello
+from netboard.network.protocol.messages import KINDS
+from netboard.network.transport import fastpath
+
+STRANGERS_FRAME = 4096
+"""Longest frame of a peer without a seat that is looked at, that of a greeting [bytes]."""
+
+ROOM_FOR_STRANGERS = 16
+"""Frames of peers without a seat that are kept until there is time for them [1]."""
+
+PLACES_HEARD = 8192
+DEAF_NS = 200_000_000
+"""After a frame of a peer without a seat nothing more of it is looked at for this time; greetings count apart [ns]."""
+
+_HELLO = next(number for number, kind in KINDS.items() if kind.message is Hello)
+
+STRANGER = np.dtype(
+    [
+        ("size", "<i8"),
+        ("name_size", "<i8"),
+        ("name", "u1", (fastpath.NAME_ROOM,)),
+        ("key", "u1", (fastpath.KEY_SIZE,)),
+        ("address", "u1", (fastpath.ADDRESS_ROOM,)),
+        ("frame", "u1", (STRANGERS_FRAME,)),
+    ],
+    align=True,
+)
+"""A frame of a peer without a seat, and who sent it."""
+
+CROWD = np.dtype(
+    [
+        ("kept", "<i8"),
+        ("dropped", "<i8"),
+        ("deaf_until_ns", "<i8", (PLACES_HEARD,)),
+        ("strangers", STRANGER, (ROOM_FOR_STRANGERS,)),
+    ],
+    align=True,
+)
+"""What peers without a seat have sent: frames that are kept, and how many were dropped unread."""
+
+
+@kernel
+def keep(crowd: Any, fast: Any, frame: Any, now_ns: int) -> None:
+    """Keep a frame of a peer without a seat for later, or only count it.
+
+    Each name is heard once in a while, its greetings apart from all else: so a peer that says hello is heard however
+    much others send.
+    """
+    us, them = fast[0], crowd[0]
+    size = us["size"]
+    place = 2166136261
+    for k in range(us["name_size"]):
+        place = ((place ^ us["name"][k]) * 16777619) & 0xFFFFFFFF
+    place = (2 * place + (size > 1 and frame[1] == _HELLO)) % PLACES_HEARD
+    row = them["kept"]
+    if now_ns < them["deaf_until_ns"][place] or row >= ROOM_FOR_STRANGERS or size > STRANGERS_FRAME:
+        them["dropped"] += 1
+        return
+    them["deaf_until_ns"][place] = now_ns + DEAF_NS
+    stranger = them["strangers"][row]
+    stranger["size"], stranger["name_size"] = size, us["name_size"]
+    stranger["name"][:] = us["name"]
+    stranger["key"][:] = us["key"]
+    stranger["address"][:] = us["address"]
+    stranger["frame"][:size] = frame[:size]
+    them["kept"] = row + 1

@@ -1,0 +1,156 @@
+"""A peer as an operator wants to see it: who it is, how it is connected, what time it has, what is lost.
+
+The server asks peers that do not speak every millisecond for their time, a few times a second.
+"""
+
+from collections import Counter
+from collections.abc import Iterable
+from math import nan
+from typing import Protocol
+
+from netboard.network.protocol.admission import NEVER_NS, ClockEstimator
+from netboard.network.protocol.joining import Hello, Ping, Pong
+from netboard.network.protocol.records import ClockRecord, connection_name
+
+Link = tuple[str, str, str, float, float, float, float, float, int]
+"""One item of `Status.links`."""
+
+PING_NS = 200_000_000
+"""Interval between two pings of a peer that answers [ns]."""
+
+SILENCE_SHARE = 8
+"""A silent peer is pinged at this fraction of its silence, so that few pings wait for a process that was suspended:
+it answers them all at once when it goes on [1]."""
+
+CLOCK_WINDOW_NS = 10_000_000_000
+"""Of the answers of so long the best ones count [ns]."""
+
+RATE_NS = 1_000_000_000
+"""Rates are those of the last whole span of this length, or longer [ns]."""
+
+
+def what(hello: Hello) -> str:
+    """What a peer is: ``agent.left``, ``logger``."""
+    return f"{hello.role}.{hello.side}".rstrip(".")
+
+
+def _seconds(span_ns: int) -> float:
+    """Turn a span to seconds, NaN for one that is not known."""
+    return nan if span_ns == NEVER_NS else span_ns * 1e-9
+
+
+class Rate:
+    """Turns a count that grows into a rate."""
+
+    def __init__(self) -> None:
+        self._value = 0.0
+        self._count = 0
+        self._since_ns = -RATE_NS
+
+    def of(self, count: int, now_ns: int) -> float:
+        """Rate of late [Hz]."""
+        span_ns = now_ns - self._since_ns
+        if span_ns >= RATE_NS or count < self._count:
+            self._value = max(count - self._count, 0) / (span_ns * 1e-9)
+            self._count, self._since_ns = count, now_ns
+        return self._value
+
+
+def link_of(hello: Hello, clock: ClockEstimator, age_ns: int, rate: float, lost: int) -> Link:
+    """Write an item of `Status.links`."""
+    return (
+        what(hello),
+        hello.name,
+        hello.version,
+        age_ns * 1e-9,
+        _seconds(clock.round_trip_ns),
+        _seconds(clock.bound_ns),
+        clock.drift_ppm,
+        rate,
+        lost,
+    )
+
+
+class Probed(Protocol):
+    """A connection of a peer whose clock is probed; its name is empty until a probe of it is recorded."""
+
+    @property
+    def hello(self) -> Hello | None:
+        """How the peer introduced itself."""
+
+    connection: str
+    probe: tuple[int, int, int, int] | None
+    clock: ClockEstimator
+
+
+class Probes:
+    """Writes the clock probes of a port's peers as records.
+
+    Each connection has a clock estimate of its own, so its probes are told from those of another by name:
+    ``display.left``, then ``display.left#2`` and so on.
+    """
+
+    def __init__(self) -> None:
+        self._connections: Counter[str] = Counter()
+
+    def records(self, peers: Iterable[Probed], seq: int) -> list[ClockRecord]:
+        """Write the newest raw probe of each peer, numbered from `seq`; each probe is written once."""
+        records: list[ClockRecord] = []
+        for peer in peers:
+            if peer.probe is not None and peer.hello is not None:
+                peer.connection = peer.connection or self._next(what(peer.hello))
+                clock = peer.clock
+                estimate = clock.offset_ns, clock.bound_ns, clock.drift_ppm
+                records.append(ClockRecord(seq + len(records), peer.connection, *peer.probe, *estimate))
+                peer.probe = None
+        return records
+
+    def _next(self, kind: str) -> str:
+        self._connections[kind] += 1
+        return connection_name(kind, self._connections[kind])
+
+
+class Peer:
+    """A peer that is asked for its time.
+
+    Parameters
+    ----------
+    now_ns : int
+        When [ns].
+    """
+
+    def __init__(self, hello: Hello, now_ns: int) -> None:
+        self.hello = hello
+        self.connection = ""
+        self.clock = ClockEstimator(CLOCK_WINDOW_NS)
+        self.probe: tuple[int, int, int, int] | None = None
+        self._heard_ns = now_ns
+        self._messages = 0
+        self._rate = Rate()
+        self._asked_ns = now_ns - PING_NS
+
+    def hear(self, now_ns: int) -> None:
+        """Note that it said something."""
+        self._heard_ns = now_ns
+        self._messages += 1
+
+    def age_ns(self, now_ns: int) -> int:
+        """How long it has been silent [ns]."""
+        return now_ns - self._heard_ns
+
+    def ping(self, now_ns: int) -> Ping | None:
+        """Return the question to send, if one is due."""
+        if now_ns - self._asked_ns < max(PING_NS, self.age_ns(now_ns) // SILENCE_SHARE):
+            return None
+        self._asked_ns = now_ns
+        return Ping(now_ns)
+
+    def answered(self, pong: Pong, now_ns: int) -> None:
+        """Take the answer, unless its stamps are impossible."""
+        probe = (pong.ping_ns, pong.received_ns, pong.sent_ns, now_ns)
+        if self.clock.add(*probe):
+            self.probe = probe
+
+    def link(self, now_ns: int) -> Link:
+        """Tell how it is."""
+        return link_of(self.hello, self.clock, self.age_ns(now_ns), self._rate.of(self._messages, now_ns), 0)

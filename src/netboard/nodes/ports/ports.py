@@ -1,0 +1,88 @@
+"""The server's ends of the channels of one session: opened together, and told together when a block begins.
+
+What goes on at each of them is the port's own affair; what they bring is the session's.
+"""
+
+from typing import Any
+
+from netboard.base.config import Config
+from netboard.network.protocol.joining import Welcome
+from netboard.network.transport import authenticator, channels, sockets
+from netboard.nodes.ports.control_port import Answers, ControlPort
+from netboard.nodes.ports.log_port import LogPort
+from netboard.nodes.ports.motion_port import MotionPort
+from netboard.nodes.ports.refusals import Refusals
+from netboard.nodes.ports.view_port import ViewPort
+from netboard.recording.recovery.spill import Spill, spill_path
+
+RING_SHARE = 1.5
+"""Records that the log's ring holds for each millisecond: one of a tick, and room for others [1]."""
+
+MOST_REFUSED = 8
+"""Kinds of refusals that operators are told of: those that were most often [1]."""
+
+
+class Ports:
+    """All ports of a session.
+
+    Parameters
+    ----------
+    door : doors.Door or None
+        Where peers show their keys; None where no keys are asked for.
+
+    Attributes
+    ----------
+    inlets : (zmq.Socket, zmq.Socket)
+        Where something may come that the session wants to know at once: motion, control.
+    """
+
+    def __init__(
+        self,
+        config: Config,
+        welcome: Welcome,
+        answers: Answers,
+        context: sockets.Context,
+        door: authenticator.Door | None,
+    ) -> None:
+        network = config.network
+        where = channels.addresses(network, door)
+        motion = sockets.motion_server(context, where.listen(channels.MOTION))
+        control = sockets.control_server(context, where.listen(channels.CONTROL))
+        self.motion = MotionPort(
+            motion, welcome, int(network.sample_timeout_ms * 1e6), int(network.clock_bound_ms * 1e6)
+        )
+        self.control = ControlPort(control, welcome, answers)
+        spill = Spill(spill_path(config, welcome.session), welcome, int(network.log_spill_mb * 1e6))
+        ring = int(network.log_ring_s * 1000 * RING_SHARE)
+        self.log = LogPort(sockets.log_server(context, where.listen(channels.LOG)), welcome, ring, spill)
+        self.views = ViewPort(network, context, door)
+        self.inlets = (motion.socket, control.socket)
+
+    def renew(self, welcome: Welcome, ends: Any) -> None:
+        """Another block: tell everybody what counts now."""
+        self.motion.renew(welcome, ends)
+        self.control.renew(welcome)
+        self.log.renew(welcome)
+        self.views.renew()
+
+    @property
+    def refusals(self) -> tuple[Refusals, ...]:
+        """What each channel has refused."""
+        return self.motion.refusals, self.control.refusals, self.log.refusals
+
+    def refused(self, door: authenticator.Door | None) -> tuple[tuple[str, str, int], ...]:
+        """What was refused most often, at the door and on the channels, as `Status.refused` has it."""
+        totals = [("handshake", door.totals)] if door is not None else []
+        totals += [(refusals.channel, refusals.totals) for refusals in self.refusals]
+        found = [(channel, reason, times) for channel, of in totals for reason, times in of.items()]
+        return tuple(sorted(found, key=lambda item: -item[2])[:MOST_REFUSED])
+
+    def goodbye(self, reason: str) -> None:
+        """Tell agents and operators that they are not needed any more."""
+        self.motion.goodbye(reason)
+        self.control.goodbye(reason)
+
+    def close(self) -> None:
+        """Close what does not close by itself when its last record is kept."""
+        self.views.close()
+        self.control.close()

@@ -1,0 +1,64 @@
+"""Telling peers, and the recording, what was refused, without letting a flood of it become a flood of words.
+
+A refusal is answered the first time, and then at most once a second for the same peer and reason. How it is counted and
+reported is in `netboard.network.transport.refusal_count`.
+"""
+
+from netboard.network.protocol.codec import encode
+from netboard.network.protocol.joining import Refusal
+from netboard.network.transport import endpoints
+from netboard.network.transport.refusal_count import RefusalCount
+from netboard.nodes.ports.arrivals import News
+
+AGAIN_NS = 1_000_000_000
+"""The same refusal is repeated to its peer after this time [ns]."""
+
+REMEMBERED = 1024
+"""Answers remembered, of peer and reason: the oldest is forgotten first [1]."""
+
+CROWDED = "too many messages"
+"""Why a message was dropped unread: its peer, or all strangers together, had sent too many."""
+
+
+class Refusals:
+    """The refusals on one channel."""
+
+    def __init__(self, router: endpoints.Router, news: News) -> None:
+        self._router = router
+        self._news = news
+        self._count = RefusalCount()
+        self._answered: dict[tuple[bytes, str], int] = {}
+
+    @property
+    def channel(self) -> str:
+        """Name of the channel."""
+        return self._router.channel
+
+    @property
+    def totals(self) -> dict[str, int]:
+        """Refusals so far, by reason [1]."""
+        return self._count.totals
+
+    def refuse(self, peer: bytes, reason: str, now_ns: int) -> None:
+        """Refuse what a peer has sent."""
+        self.note(endpoints.shown(peer), reason, now_ns)
+        if now_ns - self._answered.get((peer, reason), now_ns - AGAIN_NS) >= AGAIN_NS:
+            self._answered.pop((peer, reason), None)
+            self._answered[peer, reason] = now_ns
+            if len(self._answered) > REMEMBERED:
+                del self._answered[next(iter(self._answered))]
+            self._router.send(peer, encode(Refusal(reason)))
+
+    def note(self, peer: str, reason: str, now_ns: int, times: int = 1) -> None:
+        """Count what was refused, without an answer."""
+        details = {"channel": self._router.channel, "peer": peer, "reason": reason}
+        self._count.count((peer, reason), details, times)
+        self.look(now_ns, again=False)
+
+    def look(self, now_ns: int, *, again: bool = True) -> None:
+        """Report what is due: what is new, and with ``again`` how often there was what is known."""
+        self._news += [("refused", details) for details in self._count.reports(now_ns, again=again)]
+
+    def settle(self) -> None:
+        """Report the final count of every kind."""
+        self._news += [("refused", details) for details in self._count.rest()]

@@ -1,0 +1,375 @@
+"""The server's two seats, one for each side's agent, as rows of words that compiled code reads and writes.
+
+A seat holds the newest sample of its agent and what is known of the link. What happens 1000 times a second (a sample
+comes, a row of the tick is filled, a force goes out) happens here, without an object for each number: in a loop that
+sleeps most of the time each of Python's steps costs four times what it costs in a benchmark.
+
+Whatever time a sample carries is the agent's; `STAMP` is the same in server time.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from netboard.base.compiled import kernel
+from netboard.base.config import SIDES
+from netboard.base.tables.scene import Physics
+from netboard.base.tick import KNOWN_NS, TICK, TICK_NS
+from netboard.network.protocol import fixed
+from netboard.network.protocol.motion import Safeguard, Stylus
+from netboard.network.transport import fastpath
+from netboard.nodes.ports.crowd import CROWD, keep
+from netboard.physics.arithmetic.trig import sincos
+
+SANE_NS = 2**60
+"""Stamps beyond this, 36 years, are nonsense, and their arithmetic would leave 64 bits [ns]."""
+
+OWN = (
+    "arrived_ns",  # when the newest sample came [ns]
+    "server_stamp_ns",  # its stamp in server time [ns]
+    "lead_ns",  # how long before the deadline of a tick it came [ns]
+    "gathered",  # safeguards of all samples since the last tick
+    "fresh",  # 1: it came since the last tick
+    "punctual",  # 1: at the last tick there was a fresh one
+    "taken",  # samples taken
+    "missing",  # numbers skipped between them
+    "stale",  # samples not taken: repeated or overtaken
+    "offset_ns",  # agent's clock minus the server's [ns]
+    "clock_known",  # 1: there is such an estimate
+    "tripped",  # safeguards of the last tick that are told as events
+    "transit_ns",  # half the shortest round trip of late: what a sample takes [ns]
+)
+"""What the server notes beside a sample."""
+
+SEAT = np.dtype([*fixed.fields_of(Stylus), *((name, "<i8") for name in OWN)])
+"""One seat. Every field is one word; those of the sample come first, in the order of `Stylus`."""
+
+WORDS = len(SEAT.names or ())
+SAMPLE_WORDS = WORDS - len(OWN)
+_AT = {name: place for place, name in enumerate(SEAT.names or ())}
+
+# Plain integers: what numba folds into the kernels below.
+SEQ, FORCE_TICK, FORCE_SENT, FORCE_RECEIVED, SENT = (
+    _AT[name] for name in ("seq", "force_tick", "force_sent_ns", "force_received_ns", "sent_ns")
+)
+ARRIVED, STAMP, LEAD, GATHERED, FRESH, PUNCTUAL = (_AT[name] for name in OWN[:6])
+TAKEN, MISSING, STALE, OFFSET, CLOCK_KNOWN, _TRIPPED, TRANSIT = (_AT[name] for name in OWN[6:])
+STAMPED, _Z, _VZ, SAFEGUARDS = (_AT[name] for name in ("stamp_ns", "z", "vz", "safeguards"))
+LOOP = _AT["loop_ns"]
+ARMED_BIT = int(Safeguard.ARMED)
+_STOPPED_BIT = int(Safeguard.STOPPED)
+TRIPS = (
+    Safeguard.STALE
+    | Safeguard.TOO_FAST
+    | Safeguard.NOT_FINITE
+    | Safeguard.DEVICE_LOST
+    | Safeguard.WORN
+    | Safeguard.STOPPED
+    | Safeguard.NOT_READY
+)
+"""Safeguards that are told as events when they begin."""
+
+_TRIP_BITS = int(TRIPS)
+
+_ROW = {name: place for place, name in enumerate(TICK.names or ())}
+_COPIED = {
+    "seq": "seq",
+    "stamp_ns": "server_stamp_ns",
+    "sent_z": "z",
+    "sent_vz": "vz",
+    "x": "x",
+    "y": "y",
+    "rendered": "rendered",
+    "safeguards": "gathered",
+    "buttons": "buttons",
+    "loop_ns": "loop_ns",
+    "lead_ns": "lead_ns",
+}
+"""Fields of a row, without their side, and those of the seat they are filled from."""
+
+_FROM = np.array([_AT[name] for name in _COPIED.values()])
+_TO = np.array([[_ROW[f"{side}_{name}"] for name in _COPIED] for side in SIDES])
+_LIVE = np.array([_ROW[f"{side}_live"] for side in SIDES])
+_RENDERED = np.array([_ROW[f"{side}_rendered"] for side in SIDES])
+_ROW_SEQ = np.array([_ROW[f"{side}_seq"] for side in SIDES])
+_ROW_FORCE = np.array([_ROW[f"{side}_force"] for side in SIDES])
+_TICK, _TIME, _LATE = _ROW["tick"], _ROW["time_ns"], _ROW["late_ns"]
+_HEIGHT, _CLIMB, _TILT, _TURN = (_ROW[name] for name in ("z", "vz", "theta", "omega"))
+
+MOST_FRAMES = 64
+"""Frames taken in one go: whoever sends more must not hold up a tick [1]."""
+
+PATIENCE_NS = 40_000
+"""The second sample of a tick is looked for again and again for so long: sleeping would take longer [ns]."""
+
+MORE, OTHER, FAILED = 4, 8, 16
+"""Bits that `drain` returns beside those of the sides a sample has come from, 1 and 2."""
+
+FRAMES = 32
+"""So much `drain` returns for each frame it has taken."""
+
+FEW_STRANGERS = 8
+"""Frames of peers without a seat that are taken in one go while no sample is awaited behind them [1]."""
+
+LIVE, ARMED, STOPPED, TRIPPED = 1, 4, 16, 64
+"""Bits that `fill` returns for the left side; the right side's are twice as large."""
+
+
+@kernel
+def empty(seat: Any) -> None:
+    """Forget everything: somebody else sits here, or nobody."""
+    for k in range(len(seat)):
+        seat[k] = 0
+    seat[SEQ] = -1
+
+
+@kernel
+def take(seat: Any, sample: Any, now_ns: int, due_ns: int) -> bool:
+    """Take a sample: the newest wins. False if it is not newer, or its stamps are nonsense."""
+    for k in (STAMPED, FORCE_SENT, FORCE_RECEIVED, SENT):
+        if not -SANE_NS <= sample[k] <= SANE_NS:
+            return False
+    seq, newest = sample[SEQ], seat[SEQ]
+    if seq <= newest:
+        seat[STALE] += 1
+        return False
+    if seat[TAKEN] > 0:  # what was sent before the first one heard was sent to nobody
+        seat[MISSING] += seq - newest - 1
+    for k in range(SAMPLE_WORDS):
+        seat[k] = sample[k]
+    seat[TAKEN] += 1
+    seat[ARRIVED] = now_ns
+    seat[STAMP] = seat[STAMPED] - seat[OFFSET] if seat[CLOCK_KNOWN] else now_ns
+    seat[LEAD] = due_ns - now_ns
+    seat[GATHERED] |= seat[SAFEGUARDS]
+    seat[FRESH] = 1
+    return True
+
+
+@kernel
+def take_frame(seat: Any, frame: Any, head: Any, markers: Any, sample: Any, now_ns: int, due_ns: int) -> int:
+    """Read a sample in its fixed form and take it: -1 if the frame is anything else, else whether it was taken."""
+    if not fixed.read(frame, head, markers, sample):
+        return -1
+    return 1 if take(seat, sample, now_ns, due_ns) else 0
+
+
+@kernel
+def awaited(seats: Any) -> bool:
+    """Tell whether a tick should wait for its deadline: a sample is missing from a side that was punctual so far."""
+    fresh = 0
+    for place in range(2):
+        fresh += seats[place, FRESH]
+        if seats[place, PUNCTUAL] and not seats[place, FRESH]:
+            return True
+    return fresh == 0
+
+
+@kernel
+def drain(
+    seats: Any,
+    fast: Any,
+    frame: Any,
+    head: Any,
+    markers: Any,
+    sample: Any,
+    due_ns: int,
+    eager: bool,
+    most: int,
+    crowd: Any,
+) -> int:
+    """Take the samples that have come.
+
+    What arrives meanwhile must not seem to come before it was sent, so each has a time of its own. What peers without a
+    seat send is kept for later.
+
+    Returns
+    -------
+    int
+        1 and 2 for a sample that was taken from the left and right side, `MORE` if there may be more to take, `OTHER`
+        if the last frame is something else of a peer with a seat, `FAILED`, and `FRAMES` for each frame.
+    """
+    found = frames = strangers = give_up_ns = 0
+    while frames < most and (strangers < FEW_STRANGERS or awaited(seats)):
+        place = fastpath.receive(fast, frame)
+        if place == fastpath.NOTHING:
+            if fastpath.now_ns(fast) < give_up_ns:
+                continue
+            return found + frames * FRAMES
+        if place == fastpath.FAILED:
+            return found + frames * FRAMES + FAILED
+        frames += 1
+        now_ns = fastpath.now_ns(fast)
+        if place < 0:
+            keep(crowd, fast, frame, now_ns)
+            strangers += 1
+            continue
+        size = fast[0]["size"]
+        taken = take_frame(seats[place], frame[:size], head, markers, sample, now_ns, due_ns)
+        if taken < 0:
+            return found + frames * FRAMES + OTHER
+        found |= taken << place
+        if eager and not awaited(seats):
+            break
+        if eager and give_up_ns == 0:
+            give_up_ns = now_ns + PATIENCE_NS
+    return found + frames * FRAMES + MORE
+
+
+@kernel
+def fill(row: Any, seats: Any, number: int, due_ns: int, late_ns: int, timeout_ns: int) -> int:
+    """Begin the row of a tick with the newest samples; which sides are live, armed, stopped, and tripped just now.
+
+    The force that a device has rendered is NaN where the newest sample is too old, or too new, to say so.
+
+    Returns
+    -------
+    int
+        The sum of `LIVE`, `ARMED`, `STOPPED` and `TRIPPED` for the left side, and twice that for the right one.
+    """
+    for k in range(len(row)):
+        row[k] = 0
+    row[_TICK], row[_TIME], row[_LATE] = number, due_ns, late_ns
+    found = 0
+    values, numbers = seats.view(np.float64), row.view(np.float64)
+    for place in range(2):
+        seat = seats[place]
+        for k in range(len(_FROM)):
+            row[_TO[place, k]] = seat[_FROM[k]]
+        finite = np.isfinite(values[place, _Z] + values[place, _VZ])
+        in_time = due_ns - seat[ARRIVED] < timeout_ns and abs(due_ns - seat[STAMP]) < timeout_ns
+        if seat[TAKEN] > 0 and finite and in_time:
+            row[_LIVE[place]] = 1
+            found |= LIVE << place
+        old = due_ns - seat[STAMP] - seat[TRANSIT] > KNOWN_NS or abs(due_ns - seat[ARRIVED]) > KNOWN_NS
+        if seat[TAKEN] == 0 or not in_time or old:
+            numbers[_RENDERED[place]] = np.nan
+        if seat[SAFEGUARDS] & ARMED_BIT:
+            found |= ARMED << place
+        if seat[GATHERED] & _STOPPED_BIT:
+            found |= STOPPED << place
+        trips = seat[GATHERED] & _TRIP_BITS
+        if trips & ~seat[_TRIPPED]:
+            found |= TRIPPED << place
+        if seat[FRESH]:
+            seat[_TRIPPED] = trips
+        seat[PUNCTUAL], seat[FRESH], seat[GATHERED] = seat[FRESH], 0, 0
+    return found
+
+
+@kernel
+def tell_force(words: Any, row: Any, told: Any, seats: Any, gains: Any, place: int, now_ns: int) -> None:
+    """Fill in the `Force` of one side for one tick.
+
+    Parameters
+    ----------
+    told : ndarray of int64
+        The words of the row whose force is told: the same, or an earlier one (`netboard.stage.stage.Stage.told`).
+    """
+    words[0], words[1], words[2] = row[_TICK], now_ns, seats[place, SEQ]
+    words.view(np.float64)[3] = told.view(np.float64)[_ROW_FORCE[place]] * gains[place]
+    words[4] = seats[place, LEAD]
+
+
+@kernel
+def tell_point(words: Any, row: Any, seats: Any, gains: Any, place: int, ends: Any, now_ns: int) -> None:
+    """Fill in the `Point` of one side for one tick: that of the state which the tick has found.
+
+    Parameters
+    ----------
+    ends : ndarray of float64, shape (2, 3)
+        For each side: board's centre to control point, + = right; stiffness and damping of the coupling [SI].
+    """
+    values, numbers = row.view(np.float64), words.view(np.float64)
+    s, c = sincos(values[_TILT])
+    words[0], words[1], words[2] = row[_TICK], now_ns, seats[place, SEQ]
+    words[3] = row[_TIME] + seats[place, OFFSET] if seats[place, CLOCK_KNOWN] else 0
+    numbers[4] = values[_HEIGHT] + ends[place, 0] * s
+    numbers[5] = values[_CLIMB] + ends[place, 0] * values[_TURN] * c
+    numbers[6], numbers[7] = ends[place, 1] * gains[place], ends[place, 2] * gains[place]
+    words[8] = seats[place, LEAD]
+
+
+@kernel
+def send_forces(
+    fast: Any, frame: Any, row: Any, told: Any, seats: Any, gains: Any, head: Any, markers: Any, words: Any
+) -> int:
+    """Send each side that is there its `Force` of one tick; at every other tick the other side first.
+
+    Parameters
+    ----------
+    told : ndarray of int64
+        The words of the row whose forces are told: the same, or an earlier one (`netboard.stage.stage.Stage.told`).
+
+    Returns
+    -------
+    int
+        `netboard.network.transport.fastpath.FAILED` if the socket is of no use any more; what a peer does not take is
+        no failure.
+    """
+    first = row[_TICK] & 1
+    for turn in range(2):
+        place = first ^ turn
+        if fast[0]["known"][place] == 0:
+            continue
+        tell_force(words, row, told, seats, gains, place, fastpath.now_ns(fast))
+        fixed.write(frame, head, markers, words)
+        if fastpath.send_to(fast, place, frame) == fastpath.FAILED:
+            return fastpath.FAILED
+    return fastpath.SENT
+
+
+@kernel
+def send_points(
+    fast: Any, frame: Any, row: Any, seats: Any, gains: Any, ends: Any, head: Any, markers: Any, words: Any
+) -> int:
+    """Send each side that is live its `Point` of one tick, as `send_forces` does the forces.
+
+    A side without a sample that counts is told nothing: its agent lets the force fade.
+
+    Parameters
+    ----------
+    ends : ndarray of float64, shape (2, 3)
+        For each side: board's centre to control point, + = right; stiffness and damping of the coupling [SI].
+
+    Returns
+    -------
+    int
+        `netboard.network.transport.fastpath.FAILED` if the socket is of no use any more; what a peer does not take is
+        no failure.
+    """
+    first = row[_TICK] & 1
+    for turn in range(2):
+        place = first ^ turn
+        if fast[0]["known"][place] == 0 or row[_LIVE[place]] == 0:
+            continue
+        tell_point(words, row, seats, gains, place, ends, fastpath.now_ns(fast))
+        fixed.write(frame, head, markers, words)
+        if fastpath.send_to(fast, place, frame) == fastpath.FAILED:
+            return fastpath.FAILED
+    return fastpath.SENT
+
+
+def ends_of(physics: Physics) -> Any:
+    """Return what `send_points` needs of the scene: the couplings' control points, stiffness and damping."""
+    ends = np.zeros((2, 3))
+    for end, side, arm in zip(ends, SIDES, (-physics.l, physics.l), strict=True):
+        end[:] = (arm, physics.k_h, physics.c_h) if physics.coupling in (side, "both") else (arm, 0.0, 0.0)
+    return ends
+
+
+def warm() -> None:
+    """Compile (or load) the kernels, so that no first sample is late."""
+    fast, frame = fastpath.FastPath(None).record, np.zeros(fixed.FORCE.size, np.uint8)
+    row, seats, sample = np.zeros(len(_ROW), np.int64), np.zeros((2, WORDS), np.int64), np.zeros(SAMPLE_WORDS, np.int64)
+    for seat in seats:
+        empty(seat)
+    crowd = np.zeros(1, CROWD)
+    drain(seats, fast, frame, *fixed.STYLUS[:2], sample, TICK_NS, False, MOST_FRAMES, crowd)
+    take(seats[0], sample, TICK_NS, TICK_NS)
+    awaited(seats)
+    fill(row, seats, 0, TICK_NS, 0, TICK_NS)
+    gains = np.ones(2)
+    send_forces(fast, frame, row, row, seats, gains, *fixed.FORCE[:2], np.zeros(len(fixed.FORCE.markers), np.int64))
+    point, words = np.zeros(fixed.POINT.size, np.uint8), np.zeros(len(fixed.POINT.markers), np.int64)
+    send_points(fast, point, row, seats, gains, np.zeros((2, 3)), *fixed.POINT[:2], words)

@@ -1,0 +1,118 @@
+"""Who listens to the log beside the loggers: peers that are sent what is recorded, and are waited for by nobody.
+
+Rules: a listener gets records from the ring alone, one batch at a time, and after the loggers; what it does not take in
+time is lost to it, and it is told how many records that are. It acknowledges nothing, and whether records are safe, a
+trial may go on or a session may end is decided without knowing of it.
+"""
+
+from netboard.base.errors import WireError
+from netboard.network.protocol.codec import encode
+from netboard.network.protocol.joining import Goodbye, Hello, Pong, Welcome
+from netboard.network.protocol.messages import Message
+from netboard.network.protocol.record_buffer import LogRing
+from netboard.network.protocol.records import LogEnd, LogRequest
+from netboard.network.transport import endpoints
+from netboard.nodes.ports.arrivals import Comings
+from netboard.nodes.ports.peer import Link, Peer
+
+MOST_LISTENERS = 4
+
+MOST_RECORDS = 128
+MOST_BYTES = 65_536
+"""In one go a listener is sent no more: some ten times what is recorded between two goes [1]."""
+
+GONE_NS = 2_000_000_000
+"""A listener that has said nothing for so long is gone [ns]."""
+
+
+class _Listener:
+    """A listener as the server sees it."""
+
+    def __init__(self, peer: Peer) -> None:
+        self.peer = peer
+        self.cursor: int | None = None
+        self.lost = 0
+        self.told_end = False
+
+
+class Listeners:
+    """The listeners of a session."""
+
+    def __init__(self, router: endpoints.Router, ring: LogRing, comings: Comings) -> None:
+        self._router = router
+        self._ring = ring
+        self._comings = comings
+        self._listeners: dict[bytes, _Listener] = {}
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._listeners
+
+    def __len__(self) -> int:
+        return len(self._listeners)
+
+    @property
+    def peers(self) -> list[Peer]:
+        """The listeners that are there."""
+        return [listener.peer for listener in self._listeners.values()]
+
+    def links(self, now_ns: int) -> list[Link]:
+        """Tell how they are connected."""
+        return [(*listener.peer.link(now_ns)[:-1], listener.lost) for listener in self._listeners.values()]
+
+    def greet(self, name: bytes, hello: Hello, welcome: Welcome, now_ns: int) -> None:
+        """Let one in that may come in; one that is known goes on where it was."""
+        known = self._listeners.get(name)
+        if known is None and len(self._listeners) >= MOST_LISTENERS:
+            raise WireError("too many listeners")
+        self._router.owe(name, encode(welcome))
+        if known is None or known.peer.hello != hello:
+            self._listeners[name] = _Listener(Peer(hello, now_ns))
+            self._comings.tell("listener_joined", {"name": hello.name, **hello.details}, now_ns)
+
+    def hear(self, name: bytes, message: Message, now_ns: int) -> None:
+        """Take what one says."""
+        listener = self._listeners[name]
+        listener.peer.hear(now_ns)
+        match message:
+            case LogRequest(first=first):
+                listener.cursor = self._ring.next if first < 0 else self._ring.start(first)
+            case Pong():
+                listener.peer.answered(message, now_ns)
+            case Goodbye(reason=reason):
+                self._forget(name, reason, now_ns)
+
+    def pump(self, now_ns: int, *, ended: bool, unheard: bool = False) -> bool:
+        """Send each what its queue takes; whether one has been asked for its time.
+
+        While there is something `unheard`, nobody counts as silent.
+        """
+        pinged = False
+        for name, listener in list(self._listeners.items()):
+            if listener.peer.age_ns(now_ns) > GONE_NS and not unheard:
+                self._forget(name, "fell silent", now_ns)
+                continue
+            ping = listener.peer.ping(now_ns)
+            pinged |= ping is not None and self._router.send(name, encode(ping))
+            if listener.cursor is not None:
+                listener.cursor = self._feed(name, listener, listener.cursor, ended)
+        return pinged
+
+    def dismiss(self) -> None:
+        """Say goodbye to them all."""
+        for name in self._listeners:
+            self._router.send(name, encode(Goodbye("the session is over")))
+
+    def _feed(self, name: bytes, listener: _Listener, cursor: int, ended: bool) -> int:
+        """Send the next batch, and after the last one that it was the last; return what follows it."""
+        if cursor < self._ring.next:
+            batch = self._ring.batch(cursor, MOST_RECORDS, MOST_BYTES)
+            if self._router.send(name, encode(batch)):
+                listener.lost += batch.lost
+                cursor = batch.first + len(batch.records)
+        elif ended and not listener.told_end:
+            listener.told_end = self._router.send(name, encode(LogEnd(self._ring.next - 1)))
+        return cursor
+
+    def _forget(self, name: bytes, reason: str, now_ns: int) -> None:
+        listener = self._listeners.pop(name)
+        self._comings.tell("listener_left", {"name": listener.peer.hello.name, "reason": reason}, now_ns)

@@ -1,0 +1,79 @@
+"""The server's end of the two view channels: each station is shown what it may see, when it is its turn."""
+
+from math import ceil
+from typing import Any
+
+import numpy as np
+
+from netboard.base.clock import now_ns
+from netboard.base.config import SIDES, Side
+from netboard.base.tables.rig import Network
+from netboard.base.tick import TICK
+from netboard.network.protocol.codec import encode
+from netboard.network.transport import authenticator, channels, sockets
+from netboard.stage.curtain import Curtain, view_of
+
+SAME_VIEW_TICKS = 50
+"""A view that has not changed is sent again after so many ticks: a display knows that the link is alive [1]."""
+
+_AT = {name: place for place, name in enumerate(TICK.names or ())}
+_SHOWN = ("phase", "z", "theta", "p", "target", "trial", "attempt", "failures", "completion", "counted")
+_SEEN = np.array([_AT[name] for name in (*_SHOWN, "left_used_z", "right_used_z")])
+"""What views are made of: while these words of a row are the same, so are the views."""
+
+
+class ViewPort:
+    """Both stations' publishers.
+
+    Parameters
+    ----------
+    network : Network
+        Where they listen, and how often a view may be sent.
+    """
+
+    def __init__(self, network: Network, context: sockets.Context, door: authenticator.Door | None) -> None:
+        where = channels.addresses(network, door)
+        self._views = {side: sockets.view_publisher(context, where.listen(channels.VIEW[side])) for side in SIDES}
+        self._every = ceil(1000 / network.view_rate_hz)
+        self._turn: dict[Side, int] = {"left": 0, "right": self._every // 2}
+        self._seen: dict[Side, tuple[int, bytes]] = {}
+        self._seq = dict.fromkeys(SIDES, 0)
+        self.renew()
+
+    def renew(self) -> None:
+        """Forget what has been shown: with another block everything is new."""
+        self._seen = dict.fromkeys(SIDES, (-SAME_VIEW_TICKS, b""))
+
+    def show(
+        self, following: int, curtain: Curtain, row: Any, words: Any, best: float | None, rest: float | None
+    ) -> None:
+        """Send a station what it may see, if it is its turn, somebody looks, and there is anything new.
+
+        Parameters
+        ----------
+        following : int
+            Milliseconds that have gone by, by which turns are taken: live, the number of the following tick [1].
+        """
+        for side, turn in self._turn.items():
+            if following > turn:
+                self._turn[side] = max(turn, following - self._every) + self._every
+                self._show_to(side, following, curtain, row, words, best, rest)
+
+    def _show_to(
+        self, side: Side, following: int, curtain: Curtain, row: Any, words: Any, best: float | None, rest: float | None
+    ) -> None:
+        publisher = self._views[side]
+        if not publisher.wanted():
+            return
+        sent_tick, sent = self._seen[side]
+        seen = words[_SEEN].tobytes()
+        if seen == sent and following - sent_tick < SAME_VIEW_TICKS:
+            return
+        self._seen[side] = following, seen
+        publisher.send(encode(view_of(curtain, row, side, best, now_ns(), self._seq[side], rest)))
+        self._seq[side] += 1
+
+    def close(self) -> None:
+        """Close both."""
+        for publisher in self._views.values():
+            publisher.close()

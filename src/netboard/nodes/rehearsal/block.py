@@ -1,0 +1,219 @@
+"""One block with simulated people, tick by tick and without a clock: a closed loop of minds, bodies and the stage.
+
+A tick goes as in the live system: both styluses are read, the stage does the tick, the forces act from its deadline on,
+and whoever is shown it sees it one tick later. What happens between two thoughts is one kernel. The block starts as
+soon as a live one would, and rests before blocks are left out: people here do not get tired.
+
+Rule 1: the ticks depend on the configuration, the people and nothing else; not on how many are done in one piece.
+Rule 2: the rows are those of a recording: inputs, state and outputs, and what the server would have noted beside them.
+"""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.base.compiled import composed
+from netboard.base.config import SIDES, Config, Side
+from netboard.base.errors import ConfigError
+from netboard.base.tables.simulated import Participant
+from netboard.base.tick import START_NS, TICK, TICK_NS, TICK_SECONDS
+from netboard.nodes.rehearsal.body import LEAD_NS, STEPS, Body, fill, tell
+from netboard.nodes.rehearsal.closed_loop import THINK_TICKS, Mind, seats_of
+from netboard.stage.stage import make_stage
+from netboard.task.trials.state_machine import Cause, Phase
+
+PIECE = 1000
+"""Ticks in a piece, if nothing else is asked for [1]."""
+
+START_TICK = 500
+"""The tick at which a block starts: as long as the server wants everything to have been ready [1]."""
+
+PATIENCE = 120.0
+"""A block is stopped when its trials have taken longer than this on average: whoever is here cannot do it [s]."""
+
+KEPT = THINK_TICKS
+"""Ticks before a piece that are kept, for whoever has not looked at them yet [1]."""
+
+_FINISHED = int(Phase.FINISHED)
+
+
+def _ticks(state: Any, rows: Any, first: int, count: int, book: Any, tables: Any) -> None:
+    """Stand for the ticks of a stage, which `composed` puts in its place."""
+    raise NotImplementedError
+
+
+def _loop(
+    state: Any,
+    rows: Any,
+    words: NDArray[np.int64],
+    numbers: NDArray[np.float64],
+    first: int,
+    count: int,
+    book: Any,
+    tables: Any,
+    bodies: Any,
+    white: Any,
+) -> int:
+    """Do some ticks with both bodies, or fewer if the block is over; how many."""
+    for k in range(count):
+        place = first + k
+        for side in range(2):
+            fill(bodies[side], side, white[side][k * STEPS : (k + 1) * STEPS], words[place], numbers[place])
+        _ticks(state, rows, place, 1, book, tables)
+        for side in range(2):
+            tell(bodies[side], side, words[place], numbers[place])
+        if state[0]["phase"] == _FINISHED:
+            return k + 1
+    return count
+
+
+@cache
+def _loop_around(ticks: Callable[..., None]) -> Callable[..., int]:
+    """Compile the loop around the ticks of a stage."""
+    return composed(_loop, _ticks=ticks)
+
+
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """What came of a block.
+
+    Attributes
+    ----------
+    completions : tuple of float
+        Completion times of the successful trials [s].
+    """
+
+    completions: tuple[float, ...]
+    failures: int
+    ticks: int
+    given_up: bool
+
+    @property
+    def duration(self) -> float:
+        """How long it took the people [s]."""
+        return self.ticks * TICK_SECONDS
+
+
+class Rehearsal:
+    """One block.
+
+    Parameters
+    ----------
+    people : mapping of str to Participant
+        Participants A and B. A robot is the one of ``[participant]``.
+    """
+
+    def __init__(self, config: Config, people: Mapping[str, Participant]) -> None:
+        if config.block.force == "unrelated":
+            raise ConfigError(
+                '[block] force: found "unrelated", expected another condition: a rehearsal has no recorded forces'
+            )
+        self._stage = make_stage(config)
+        self._state = self._stage.initial()
+        self._loop = _loop_around(self._stage.ticks)
+        block = config.block
+        moving = {side: person_at(config, side, people) for side in SIDES}
+        seed = (block.seed, block.number)
+        left, right = (
+            Body(config, side, moving[side], np.random.default_rng((*seed, 1 + place)))
+            for place, side in enumerate(SIDES)
+        )
+        self._bodies: dict[Side, Body] = {"left": left, "right": right}
+        self._parts = (left.parts, right.parts)
+        self._minds = [
+            (sides, Mind(config, who, station, sides, np.random.default_rng((*seed, 3 + SIDES.index(sides[0])))))
+            for station, sides in seats_of(config)
+            if (who := moving[sides[0]]) is not None
+        ]
+        self._last_tick = START_TICK + round(block.trials * PATIENCE / TICK_SECONDS)
+        self._completions: list[float] = []
+        self._ticks = 0
+        self._given_up = False
+
+    @property
+    def successes(self) -> int:
+        """Successful trials so far [1]."""
+        return len(self._completions)
+
+    def summary(self) -> Summary:
+        """What has come of it so far."""
+        failures = int(self._state["failures"][0])
+        return Summary(tuple(self._completions), failures, self._ticks, self._given_up)
+
+    def pieces(self, size: int = PIECE) -> Iterator[NDArray[Any]]:
+        """Do the block.
+
+        Yields
+        ------
+        ndarray of TICK, shape (n,)
+            The next ticks, at most `size`; valid until the next are asked for.
+        """
+        rows = np.zeros(KEPT + size, TICK)
+        words, numbers = rows.view(np.int64).reshape(len(rows), -1), rows.view(np.float64).reshape(len(rows), -1)
+        over = False
+        while not over:
+            rows[:KEPT] = rows[-KEPT:].copy()
+            self._prepare(rows[KEPT:])
+            done = KEPT
+            while done < len(rows) and not over:
+                count = min(-self._ticks % THINK_TICKS + 1, len(rows) - done)
+                done = self._do(rows, words, numbers, done, count)
+                over = self._state["phase"][0] == Phase.FINISHED
+            self._given_up = bool(rows["event"][done - 1] == Cause.STOP)
+            yield rows[KEPT:done]
+
+    def _do(
+        self, rows: NDArray[Any], words: NDArray[np.int64], numbers: NDArray[np.float64], first: int, count: int
+    ) -> int:
+        """Do some ticks, with a thought after the last if it is time for one; the place of the tick that is next."""
+        white = (self._bodies["left"].noise(count), self._bodies["right"].noise(count))
+        stage = self._stage
+        done = self._loop(self._state, rows, words, numbers, first, count, stage.book, stage.tables, self._parts, white)
+        self._ticks += done
+        if self._state["successes"][0] > len(self._completions):
+            self._completions.append(float(self._state["completion"][0]))
+        last = first + done - 1
+        if (self._ticks - 1) % THINK_TICKS == 0:
+            for sides, mind in self._minds:
+                self._think(rows, last, sides, mind)
+        return first + done
+
+    def _think(self, rows: NDArray[Any], last: int, sides: tuple[Side, ...], mind: Mind) -> None:
+        """Let somebody look, decide and move after a tick."""
+        tick = self._ticks - 1
+        late = tick - mind.shown(tick)
+        if late <= min(tick, THINK_TICKS):  # else it is what was seen before
+            mind.look(rows[last - late])
+        moves = mind.think(rows[last], self._bodies[sides[0]].wanted)
+        for side in sides if moves else ():
+            self._bodies[side].command(moves)
+
+    def _prepare(self, rows: NDArray[Any]) -> None:
+        """Number and date the next ticks."""
+        rows[:] = np.zeros(1, TICK)
+        rows["tick"] = np.arange(self._ticks, self._ticks + len(rows))
+        rows["time_ns"] = START_NS + rows["tick"] * TICK_NS
+        rows["command"][rows["tick"] == START_TICK] = Cause.START
+        rows["command"][rows["tick"] == self._last_tick] = Cause.STOP
+        rows["late_ns"] = -LEAD_NS
+
+
+def person_at(config: Config, side: Side, people: Mapping[str, Participant]) -> Participant | None:
+    """Who moves a hand."""
+    block = config.block
+    match block.left if side == "left" else block.right:
+        case "still":
+            return None
+        case "robot":
+            return config.participant
+        case "person":
+            pass
+        case other:
+            raise ConfigError(f'[block] {side}: found "{other}", expected person, still or robot')
+    if block.configuration == "bimanual":
+        return people[block.performer]
+    return people["A" if config.session.seat_a == side else "B"]

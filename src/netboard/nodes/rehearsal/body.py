@@ -1,0 +1,209 @@
+"""A simulated hand on its virtual device, a tick at a time: what an agent with a simulated person sends the server.
+
+Its milliseconds are those of an agent that keeps pace with the server: the stylus is read `LEAD_NS` before the deadline
+of a tick, and the force computed in that tick acts from the deadline on. Hand, encoder, velocity, fixture and the
+motors' limit are the equations that `netboard.devices.simulated.virtual` and the agent use; all that happens in a tick
+is one kernel. The safety chain is left out, but for its clamp: nothing it watches for happens here, so armed and at its
+full force it hands on what comes. Motors stay cool, and nothing takes its time.
+"""
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.base.compiled import kernel
+from netboard.base.config import SIDES, Config, Side
+from netboard.base.errors import ConfigError
+from netboard.base.tables.simulated import Participant
+from netboard.base.tick import TICK, TICK_NS
+from netboard.devices.contract.velocity import SAMPLES, SLACK, taken
+from netboard.devices.safety.fixture import drawn_in
+from netboard.devices.simulated.virtual import encoded, within
+from netboard.network.protocol.motion import Safeguard
+from netboard.participants.cable import CABLES
+from netboard.participants.device_models import resolved
+from netboard.participants.hand import STEP, STEP_NS, hold, swing, swing_on_cables
+from netboard.participants.submovement import Submovement
+from netboard.task.trials.state_machine import is_active
+
+LEAD_NS = STEP_NS
+"""The stylus is read so long before the deadline of its tick [ns]."""
+
+STEPS = TICK_NS // STEP_NS
+"""Steps of the hand in a tick [1]."""
+
+_BEFORE = LEAD_NS // STEP_NS
+"""Those of them in which the force of the tick before still acts [1]."""
+
+_ARMED, _CLAMPED = int(Safeguard.ARMED), int(Safeguard.CLAMPED)
+
+_AT = {name: place for place, name in enumerate(TICK.names or ())}
+_TICK, _TIME, _PHASE = _AT["tick"], _AT["time_ns"], _AT["phase"]
+
+
+def _places(field: str) -> tuple[int, int]:
+    """Where a row has a field of the left and of the right side."""
+    return _AT[f"{SIDES[0]}_{field}"], _AT[f"{SIDES[1]}_{field}"]
+
+
+_LIVE, _SEQ, _STAMP, _Z, _VZ = map(_places, ("live", "seq", "stamp_ns", "sent_z", "sent_vz"))
+_X, _Y, _RENDERED, _GUARDS = map(_places, ("x", "y", "rendered", "safeguards"))
+_LOOP, _LEAD, _FORCE = map(_places, ("loop_ns", "lead_ns", "force"))
+
+_DEVICE = np.dtype(
+    [
+        ("k", "<f8"),  # stiffness of the fixture [N/m]
+        ("c", "<f8"),  # its damping [N s/m]
+        ("limit", "<f8"),  # largest force, of the motors or of the safety chain [N]
+        ("resolution", "<f8"),  # size of an encoder step [m]
+        ("x", "<f8"),  # the newest reading [m]
+        ("y", "<f8"),
+        ("vx", "<f8"),  # [m/s]
+        ("vy", "<f8"),
+        ("fx", "<f8"),  # force that acts [N]
+        ("fy", "<f8"),
+        ("fz", "<f8"),
+        ("wanted", "<f8"),  # vertical force to act next [N]
+        ("count", "<i8"),  # positions that the velocity is made of [1]
+        ("told", "<i8"),  # forces heard of [1]
+        ("held", "<i8"),  # 0: nobody moves it, it is at rest at height 0
+    ]
+)
+"""A device as the kernels know it."""
+
+
+@kernel
+def _live(body: Any, white: NDArray[np.float64], origin: float, force: tuple[float, float, float]) -> None:
+    """Let a hand live for some steps under a constant force."""
+    hand, end, arm, cables, course = body[:5]
+    if len(cables) == 0:
+        swing(hand, arm, course, origin, force[0], force[1], force[2], white)
+    else:
+        swing_on_cables(hand, end, arm, cables, course, origin, force[0], force[1], force[2], white)
+
+
+@kernel
+def fill(body: Any, side: int, white: NDArray[np.float64], words: Any, numbers: Any) -> None:
+    """Live from the reading before to that of this tick, and put that into the tick's row.
+
+    Parameters
+    ----------
+    words : ndarray of int64, shape (n,)
+        The row as words; its ``tick`` and ``time_ns`` are there, ``time_ns`` one tick after that of the row before.
+    """
+    hand, _, _, _, _, device, stamps, places, _ = body
+    d = device[0]
+    stamp_ns = words[_TIME] - LEAD_NS
+    words[_LIVE[side]], words[_SEQ[side]], words[_STAMP[side]] = 1, words[_TICK], stamp_ns
+    words[_GUARDS[side]], words[_LEAD[side]] = _ARMED, LEAD_NS
+    numbers[_RENDERED[side]] = 0.0
+    if d["held"] == 0:
+        return
+    origin = (stamp_ns - TICK_NS) * 1e-9
+    _live(body, white[:_BEFORE], origin, (d["fx"], d["fy"], d["fz"]))
+    fx, fy = drawn_in(d["k"], d["c"], d["x"], d["vx"]), drawn_in(d["k"], d["c"], d["y"], d["vy"])
+    force = within(d["limit"], fx, fy, d["wanted"])
+    d["fx"], d["fy"], d["fz"] = force
+    _live(body, white[_BEFORE:], origin + _BEFORE * STEP, force)
+    x, y, z = encoded(hand, 0.0, d["resolution"])
+    count, vx, vy, vz = taken(stamps, places, d["count"], SLACK * d["resolution"], stamp_ns, (x, y, z))
+    d["count"], d["x"], d["y"], d["vx"], d["vy"] = count, x, y, vx, vy
+    numbers[_Z[side]], numbers[_VZ[side]], numbers[_X[side]], numbers[_Y[side]] = z, vz, x, y
+    numbers[_RENDERED[side]], words[_LOOP[side]] = force[2], LEAD_NS
+    if force[2] != d["wanted"]:
+        words[_GUARDS[side]] = _ARMED | _CLAMPED
+
+
+@kernel
+def tell(body: Any, side: int, words: Any, numbers: Any) -> float:
+    """Let a body know what force came out of a tick; with a delay of the block, it acts so much later.
+
+    Returns
+    -------
+    float
+        Vertical force on the hand that acts next: none unless a trial is on [N].
+    """
+    d, coming = body[5][0], body[8]
+    place, size = d["told"], len(coming)
+    coming[place % size] = numbers[_FORCE[side]]
+    d["told"] = place + 1
+    d["wanted"] = coming[(place + 1) % size] if is_active(words[_PHASE]) else 0.0
+    return float(d["wanted"])
+
+
+class Body:
+    """One hand on one device.
+
+    Parameters
+    ----------
+    config : Config
+        Rig and experiment; of the rig the simulated device, the fixture and the largest force.
+    person : Participant or None
+        Whose hand; None for a stylus that is held still at height 0.
+    """
+
+    def __init__(self, config: Config, side: Side, person: Participant | None, rng: np.random.Generator) -> None:
+        refuse_flaws(config)
+        own = resolved(config.virtual)
+        self._side, self._place = side, SIDES.index(side)
+        self._hand = hold(person or config.participant, config.virtual, rng)
+        hand, device = self._hand, np.zeros(1, _DEVICE)
+        device["k"], device["c"] = config.fixture.stiffness, config.fixture.damping
+        device["limit"] = min(own.max_force, config.safety.max_force)
+        device["resolution"], device["held"] = own.resolution, person is not None
+        self._device = device[0]
+        cables = np.zeros(0, CABLES) if hand.cables is None else hand.cables
+        stamps, places = np.zeros(SAMPLES, np.int64), np.zeros((3, SAMPLES))
+        coming = np.zeros(config.block.force_delay_ms + 1)
+        self.parts = (hand.state, hand.end, hand.arm, cables, hand.course, device, stamps, places, coming)
+
+    @property
+    def wanted(self) -> float:
+        """Vertical force on the hand that acts next [N]."""
+        return float(self._device["wanted"])
+
+    def command(self, moves: Iterable[Submovement]) -> None:
+        """Let the hand do something.
+
+        Parameters
+        ----------
+        moves : iterable of Submovement
+            What; those of the other hand are not for this one.
+        """
+        self._hand.plan(move for move in moves if move.side == self._side)
+
+    def warm(self) -> None:
+        """Compile (or load from the cache) all that happens in a tick, by one of this body."""
+        words = np.zeros(len(_AT), np.int64)
+        self.fill(words)
+        self.tell(words)
+
+    def noise(self, ticks: int) -> NDArray[np.float64]:
+        """Take what drives the tremor in the next ticks."""
+        return self._hand.noise(ticks * STEPS)
+
+    def fill(self, words: NDArray[np.int64]) -> None:
+        """Live for a millisecond, and put the stylus into a tick's row."""
+        fill(self.parts, self._place, self.noise(1), words, words.view(np.float64))
+
+    def tell(self, words: NDArray[np.int64]) -> float:
+        """Hear what force came out of a tick."""
+        return tell(self.parts, self._place, words, words.view(np.float64))
+
+
+def refuse_flaws(config: Config) -> None:
+    """Refuse flaws of a simulated device that are not simulated here."""
+    virtual, own = config.virtual, resolved(config.virtual)
+    flaws = {
+        "thermal_time": own.thermal_time,
+        "read_latency_ms": virtual.read_latency_ms,
+        "write_latency_ms": virtual.write_latency_ms,
+    }
+    for key, value in flaws.items():
+        if value > 0.0:
+            raise ConfigError(
+                f"[virtual] {key}: found {value:g}, expected 0: a rehearsal and a robot partner have motors that stay "
+                "cool and devices that answer at once (only agents with virtual devices have the others)"
+            )

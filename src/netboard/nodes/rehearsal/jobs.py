@@ -1,0 +1,137 @@
+"""Blocks to be rehearsed: who takes part in each, where its recording goes, and what came of it.
+
+One after the other in this process, or several at once, each in a process of its own.
+"""
+
+import hashlib
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass, replace
+from multiprocessing import get_context
+from pathlib import Path
+from statistics import fmean
+
+from netboard.base.config import Config, digest
+from netboard.base.tables.simulated import Participant
+from netboard.base.tick import TICK_SECONDS
+from netboard.nodes.rehearsal.block import Rehearsal
+from netboard.nodes.rehearsal.population import LETTERS, person_of
+from netboard.recording.files.offline_writer import Keeper
+
+
+@dataclass(frozen=True)
+class Job:
+    """One block to be rehearsed.
+
+    Attributes
+    ----------
+    begun_ns : int or None
+        When it was begun, as its recording says; None for when it is [ns].
+    """
+
+    config: Config
+    people: dict[str, Participant]
+    session: str
+    folder: Path | None
+    fast: bool = True
+    begun_ns: int | None = None
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """What came of a block, as it is shown and written as JSON.
+
+    Attributes
+    ----------
+    mean_completion : float or None
+        Mean completion time of the successful ones; None without one [s].
+    seconds : float
+        How long it took here [s].
+    """
+
+    session: str
+    block: int
+    label: str
+    configuration: str
+    force: str
+    successes: int
+    failures: int
+    mean_completion: float | None
+    ticks: int
+    seconds: float
+    given_up: bool
+    recording: str
+
+    @property
+    def factor(self) -> float:
+        """How many times faster than the people it was [1]."""
+        return self.ticks * TICK_SECONDS / self.seconds
+
+
+def jobs_of(blocks: Sequence[Config], seed: int, dyad: int, folder: Path | None, fast: bool = True) -> list[Job]:
+    """Say what is to be done; sessions of the dyad have ids that depend on their blocks and the seed alone."""
+    ids = {
+        name: hashlib.sha256(" ".join([str(seed), *(digest(b) for b in blocks if b.session.name == name)]).encode())
+        for name in dict.fromkeys(block.session.name for block in blocks)
+    }
+    return [
+        Job(
+            replace(config, session=replace(config.session, pilot=True)),
+            {letter: person_of(config.participant, seed, dyad, letter) for letter in LETTERS},
+            ids[config.session.name].hexdigest()[:32],
+            folder,
+            fast,
+        )
+        for config in blocks
+    ]
+
+
+def rehearse(job: Job, tell: Callable[[int], object] = lambda successes: None) -> Sheet:
+    """Rehearse one block."""
+    began = time.perf_counter()
+    rehearsal = Rehearsal(job.config, job.people)
+    begun_ns = time.time_ns() if job.begun_ns is None else job.begun_ns
+    keeper = None if job.folder is None else Keeper(job.folder, job.config, job.session, begun_ns)
+    ticks = 0
+    for rows in rehearsal.pieces():
+        if keeper is not None:
+            keeper.take(rows)
+        ticks += len(rows)
+        tell(rehearsal.successes)
+        if not job.fast:
+            time.sleep(max(0.0, began + ticks * TICK_SECONDS - time.perf_counter()))
+    if keeper is not None:
+        keeper.finish()
+    summary, block = rehearsal.summary(), job.config.block
+    return Sheet(
+        session=job.config.session.name,
+        block=block.number,
+        label=block.label or f"{block.configuration}, {block.force}",
+        configuration=block.configuration,
+        force=block.force,
+        successes=len(summary.completions),
+        failures=summary.failures,
+        mean_completion=fmean(summary.completions) if summary.completions else None,
+        ticks=summary.ticks,
+        seconds=time.perf_counter() - began,
+        given_up=summary.given_up,
+        recording="" if keeper is None else str(keeper.path),
+    )
+
+
+def rehearse_all(
+    jobs: Sequence[Job], workers: int, done: Callable[[Sheet], object] = lambda sheet: None
+) -> list[Sheet]:
+    """Rehearse blocks."""
+    if workers == 1:
+        sheets = []
+        for job in jobs:
+            sheets.append(rehearse(job))
+            done(sheets[-1])
+        return sheets
+    with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
+        asked = [pool.submit(rehearse, job) for job in jobs]
+        for answer in as_completed(asked):
+            done(answer.result())
+        return [answer.result() for answer in asked]

@@ -1,0 +1,1 @@
+"""A recording on the sockets of a server, or told as text."""

@@ -1,0 +1,29 @@
+"""A recording told as text, event by event, at the pace it happened."""
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from netboard.base.clock import now_ns
+from netboard.recording.files.reader import Recording
+
+NAP = 0.05
+"""How long a stop request may wait [s]."""
+
+
+def narrate(path: Path, speed: float, stopping: Callable[[], bool], say: Callable[[str], None]) -> None:
+    """Tell the events of a recording."""
+    with Recording(path) as recording:
+        events = recording.events()
+    if not events:
+        say("nothing happened in this recording")
+        return
+    first_ns, begin_ns = events[0].time_ns, now_ns()
+    for event in events:
+        due_ns = begin_ns + (event.time_ns - first_ns) / speed
+        while (left := (due_ns - now_ns()) * 1e-9) > 0:
+            if stopping():
+                return
+            time.sleep(min(left, NAP))
+        details = "  ".join(f"{key}={value}" for key, value in event.details.items())
+        say(f"{(event.time_ns - first_ns) * 1e-9:9.3f} s  tick {event.tick:8d}  {event.name:16s}  {details}")

@@ -1,0 +1,108 @@
+"""What a replay answers when operators ask: how the session was at this position, as far as it was recorded.
+
+Nothing is armed, nobody is waited for, and the peers are those of the replay itself.
+"""
+
+from math import nan
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from netboard.base.clock import now_ns
+from netboard.base.config import SIDES, Side
+from netboard.base.tick import LATE_NS
+from netboard.network.protocol.control import REPLAY_OF, Outcomes, Status, Trace
+from netboard.network.protocol.motion import Safeguard
+from netboard.nodes.server.answers import SAFEGUARD_TICKS, TRACE_EVERY, trace_of
+from netboard.nodes.server.attempts import MOST_ROWS
+from netboard.recording.replay.orders import in_words
+from netboard.stage.curtain import PHASE_NAMES
+from netboard.task.trials.state_machine import BALL_FREE
+
+if TYPE_CHECKING:
+    from netboard.nodes.replay.replay_server import ReplayServer
+
+TRACE_TICKS = 1000
+"""So many ticks before the present one are told at the most [1]."""
+
+_LIMITED = int(Safeguard.CLAMPED)
+
+
+class ReplayAnswers:
+    """Answers for a replay."""
+
+    def __init__(self, server: "ReplayServer") -> None:
+        self._server = server
+        ticks = server.reel.ticks
+        self._late = np.cumsum(ticks["late_ns"] > LATE_NS)
+
+    def status(self) -> Status:
+        """How the session was, for operators."""
+        server, reel, now = self._server, self._server.reel, now_ns()
+        index = server.index
+        row, config, outcomes = reel.ticks[index], reel.config, reel.outcomes(index)
+        return Status(
+            session=server.session,
+            tick=int(row["tick"]) + 1,
+            phase=PHASE_NAMES[int(row["phase"])],
+            trial=int(row["trial"]),
+            trials=config.block.trials + int(row["extra"]),
+            successes=int(row["successes"]),
+            failures=int(row["failures"]),
+            completions=tuple(outcome[4] for outcome in outcomes if outcome[3] == "success"),
+            late_ticks=int(self._late[index]),
+            waiting_for=(),
+            peers=server.control.peers,
+            notice=f"{REPLAY_OF}{reel.name}: {in_words(server.playback, reel, now * 1e-9)}",
+            links=tuple(server.control.links(now)),
+            loops=(),
+            name=config.session.name,
+            dyad=config.session.dyad,
+            study=config.session.study,
+            pilot=config.session.pilot,
+            consent=config.session.consent,
+            opened=True,
+            armed=False,
+            commander="",
+            block=config.block.number,
+            blocks=config.block.blocks,
+            label=config.block.label,
+            condition=f"{config.block.configuration}, force {config.block.force.replace('_', ' ')}",
+            rest=reel.rest(index) or 0.0,
+            pending="",
+            outcomes=len(outcomes),
+            recordings=(),
+            stations=tuple(self._station(side, index) for side in SIDES),
+            refused=(),
+        )
+
+    def _station(self, side: Side, index: int) -> tuple[str, float, int, float, int, int]:
+        """How a station was, as `Status.stations` has it."""
+        ticks = self._server.reel.ticks
+        row = ticks[index]
+        age = (int(row["time_ns"]) - int(row[f"{side}_stamp_ns"])) * 1e-9 if row[f"{side}_live"] else nan
+        bits = ticks[f"{side}_safeguards"][max(index + 1 - SAFEGUARD_TICKS, 0) : index + 1]
+        attempt = ticks[self._begun(index) : index + 1]
+        lost = int(np.count_nonzero(attempt[f"{side}_live"] == 0))
+        limited = int(np.count_nonzero(attempt[f"{side}_safeguards"] & _LIMITED))
+        return side, age, int(np.bitwise_or.reduce(bits)), float(row[f"{side}_rendered"]), lost, limited
+
+    def _begun(self, index: int) -> int:
+        """Index of the row with which the attempt that is on began; that of the next row if none is on."""
+        ticks = self._server.reel.ticks
+        if int(ticks["phase"][index]) not in BALL_FREE:
+            return index + 1
+        return max(int(np.searchsorted(ticks["tick"], ticks["tick"][index] - ticks["run_ticks"][index])), 0)
+
+    def outcomes(self, first: int) -> Outcomes:
+        """What had become of the attempts from this one on."""
+        first = max(first, 0)
+        known = self._server.reel.outcomes(self._server.index)
+        return Outcomes(first, tuple(known[first:][:MOST_ROWS]))
+
+    def trace(self, after: int) -> Trace:
+        """What has happened after this tick, and not after the present one."""
+        reel, index = self._server.reel, self._server.index
+        rows = reel.ticks[max(index + 1 - TRACE_TICKS, 0) : index + 1]
+        rows = rows[(rows["tick"] > after) & (rows["tick"] % TRACE_EVERY == 0)]
+        return trace_of(rows, rows["tick"].tolist(), ball=reel.curtain.ball)

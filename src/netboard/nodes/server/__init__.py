@@ -1,0 +1,1 @@
+"""The physics server: sessions, their ticks, attempts, blocks, commands and supervision."""

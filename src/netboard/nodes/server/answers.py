@@ -1,0 +1,115 @@
+"""What a session answers when operators ask: how it is, what has become of its attempts, what has happened of late.
+
+Nothing here changes anything; what is asked often must cost little, for it is answered between two ticks.
+"""
+
+from collections.abc import Iterable
+from math import nan
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.base.clock import now_ns
+from netboard.base.config import SIDES, Side
+from netboard.network.protocol.control import Outcomes, Status, Trace
+from netboard.stage.curtain import PHASE_NAMES
+
+if TYPE_CHECKING:
+    from netboard.nodes.server.session import Session
+
+TRACE_EVERY = 5
+"""A trace has every so many ticks [1]."""
+
+SAFEGUARD_TICKS = 100
+"""Operators are shown what the safety chains did in the last so many ticks [1]."""
+
+FRESH_TICKS = 10
+"""Rows of the ring so close to being written again are not read [1]."""
+
+_TRACED = ("left_used_z", "right_used_z", "z", "theta", "p", "left_rendered", "right_rendered")
+
+
+class SessionAnswers:
+    """Answers for a session."""
+
+    def __init__(self, session: "Session") -> None:
+        self._session = session
+
+    def status(self) -> Status:
+        """How the session is, for operators."""
+        session = self._session
+        state, config, delays = session.state[0], session.block.config, session.block.delays
+        now = now_ns()
+        agents = tuple(f"agent.{side}" for side in SIDES if session.motion.seats[side].hello is not None)
+        loggers = ("logger",) * session.log.loggers + ("listener",) * len(session.log.listeners)
+        said = session.watch.notice or session.ledger.trouble or session.log.notice or delays.notice
+        return Status(
+            session=session.session,
+            tick=session.number,
+            phase=PHASE_NAMES[int(state["phase"])],
+            trial=int(state["trial"]),
+            trials=config.block.trials + int(state["extra"]),
+            successes=int(state["successes"]),
+            failures=int(state["failures"]),
+            completions=tuple(session.ledger.completions),
+            late_ticks=session.pace.late_ticks,
+            waiting_for=session.missing,
+            peers=(*agents, *loggers, *session.control.peers),
+            notice="; ".join(filter(None, (session.questionnaires and f"ask now: {session.questionnaires}", said))),
+            links=(*session.motion.links(now), *session.log.links(now), *session.control.links(now)),
+            loops=self._loops(),
+            name=config.session.name,
+            dyad=config.session.dyad,
+            study=config.session.study,
+            pilot=config.session.pilot,
+            consent=config.session.consent,
+            opened=session.desk.opened,
+            armed=session.desk.armed,
+            commander=session.desk.name if session.control.is_there(session.desk.commander) else "",
+            block=config.block.number,
+            blocks=config.block.blocks,
+            label=config.block.label,
+            condition=f"{config.block.configuration}, force {config.block.force.replace('_', ' ')}",
+            rest=session.rest(now) or 0.0,
+            pending=session.desk.pending,
+            outcomes=len(session.ledger.attempts),
+            recordings=session.log.recordings(now),
+            stations=tuple(self._station(side, now) for side in SIDES),
+            refused=session.refused,
+        )
+
+    def _loops(self) -> tuple[tuple[str, float, float], ...]:
+        """How long the loop of each hand takes, and may take at the most."""
+        delays, seated = self._session.block.delays, self._session.motion.seats
+        late = dict(zip(SIDES, delays.late, strict=True))
+        limit = delays.limit_ns * 1e-9
+        return tuple((f"agent.{side}", late[side], limit) for side in SIDES if seated[side].hello is not None)
+
+    def _station(self, side: Side, now: int) -> tuple[str, float, int, float, int, int]:
+        """How a station is, as `Status.stations` has it."""
+        session = self._session
+        seat = session.motion.seats[side]
+        if seat.hello is None:
+            return side, nan, 0, 0.0, *session.ledger.counts(side)
+        newest = np.arange(max(session.number - SAFEGUARD_TICKS, 0), session.number) % len(session.rows)
+        bits = int(np.bitwise_or.reduce(session.rows[f"{side}_safeguards"][newest], initial=0))
+        rendered = float(session.rows[f"{side}_rendered"][(session.number - 1) % len(session.rows)])
+        return side, seat.silent_ns(now) * 1e-9, bits, rendered, *session.ledger.counts(side)
+
+    def outcomes(self, first: int) -> Outcomes:
+        """What has become of the attempts from this one on."""
+        return self._session.ledger.outcomes(first)
+
+    def trace(self, after: int) -> Trace:
+        """What has happened after this tick, as far as it is remembered."""
+        oldest = max(after + 1, self._session.number - len(self._session.rows) + FRESH_TICKS, 0)
+        numbers = range(-(-oldest // TRACE_EVERY) * TRACE_EVERY, self._session.number, TRACE_EVERY)
+        rows = self._session.rows[np.array(numbers, np.int64) % len(self._session.rows)]
+        return trace_of(rows, numbers, ball=self._session.block.curtain.ball)
+
+
+def trace_of(rows: NDArray[Any], numbers: Iterable[int], *, ball: bool) -> Trace:
+    """Say what has happened in some ticks."""
+    values = (rows[name].tolist() if ball or name != "p" else [nan] * len(rows) for name in _TRACED)
+    return Trace(tuple(zip(numbers, *values, strict=True)))

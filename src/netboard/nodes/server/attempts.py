@@ -1,0 +1,267 @@
+"""The ledger of a session: what has become of every attempt, why it is doubtful, and what is done once more.
+
+It is shown every tick, and told what the trial machine has decided. Operators read it; a session that follows a plan
+has it in a journal too, from which it can be resumed after whatever has happened. Nothing here waits for a disk.
+"""
+
+from collections.abc import Callable
+from dataclasses import asdict
+from typing import Any, Literal
+
+from netboard.base.config import SIDES, Config, Side
+from netboard.base.errors import NetboardError
+from netboard.network.protocol.control import Outcomes
+from netboard.network.protocol.motion import Safeguard
+from netboard.network.protocol.records import FrameRecord
+from netboard.recording.recovery.journal_file import Journal
+from netboard.task.journal.entries import (
+    AttemptBegan,
+    AttemptEnded,
+    BlockBegan,
+    BlockEnded,
+    Ended,
+    Entry,
+    Note,
+    Opened,
+    Outcome,
+    Repeat,
+    Resumed,
+    Veto,
+)
+from netboard.task.journal.progress import Progress, Row
+from netboard.task.trials.quality import Referee, Verdict
+from netboard.task.trials.repeats import Repeats, wants_repeat
+from netboard.task.trials.state_machine import TABLE, Cause, Phase
+
+MOST_ROWS = 200
+"""Attempts told at once [1]."""
+
+OUTCOMES: dict[Cause, Outcome] = {
+    Cause.HELD: "success",
+    Cause.FELL: "fell",
+    Cause.TIMED_OUT: "timed_out",
+    Cause.ABORT: "aborted",
+    Cause.STOP: "aborted",
+    Cause.LAST: "aborted",
+    Cause.PAUSE: "paused",
+    Cause.FAULT: "paused",
+    Cause.SKIP: "skipped",
+}
+"""What becomes of an attempt, by what ends it."""
+
+_UNDER_WAY = (Phase.LEVELLING, Phase.RUNNING, Phase.HOLDING)
+
+Event = tuple[str, dict[str, str]]
+
+
+class Ledger:
+    """Follows the attempts of a session.
+
+    Parameters
+    ----------
+    begin_journal : callable or None
+        Makes the journal of a session whose form is complete, from its configuration; None for a session without one.
+
+    Attributes
+    ----------
+    completions : list of float
+        Completion times of the block so far [s].
+    wanted : int
+        Trials to be repeated of which the trial machine has not been told [1].
+    """
+
+    def __init__(
+        self,
+        begin_journal: Callable[[Config], Journal] | None = None,
+        journal: Journal | None = None,
+        progress: Progress | None = None,
+    ) -> None:
+        self.attempts: list[Row] = list(progress.outcomes) if progress else []
+        self.completions: list[float] = []
+        self.wanted = 0
+        self._begin_journal, self._journal, self._progress = begin_journal, journal, progress
+        self._run = ""
+        self._block = 0
+        self._repeats = Repeats(1)
+        self._rules: Config | None = None
+        self._referee: Referee | None = None
+        self._seen = 0
+        self._verdict: Verdict | None = None
+        self._left: Literal["stopped", "given_up"] = "stopped"
+        self._stopped = False
+
+    @property
+    def opened(self) -> bool:
+        """Whether the session has been opened in an earlier run of the server."""
+        return self._progress is not None
+
+    @property
+    def best(self) -> float | None:
+        """Best completion time of the block so far; None before the first [s]."""
+        return min(self.completions, default=None)
+
+    @property
+    def trouble(self) -> str:
+        """What is wrong with the journal, or nothing."""
+        said = "" if self._journal is None else self._journal.trouble
+        return f"the journal cannot be written: {said}" if said else ""
+
+    def open(self, config: Config, run: str) -> None:
+        """The session is open: from now on everything counts."""
+        if self._journal is None and self._begin_journal is not None:
+            self._journal = self._begin_journal(config)
+        self._run = run
+        if self._progress is not None:
+            self._write(Resumed(run))
+        else:
+            self._write(Opened(run, {name: str(value) for name, value in asdict(config.session).items()}))
+
+    def place(self, block: int) -> dict[str, int]:
+        """Where a block begins: its beginning, or where an earlier run of the server has left it."""
+        so_far = self._progress
+        if so_far is None or so_far.block != block:
+            return {}
+        names = ("trial", "attempt", "successes", "failures", "extra", "block_ticks")
+        return {name: getattr(so_far, name) for name in names}
+
+    def begin(self, config: Config, tick: int) -> None:
+        """Let a block begin with a tick."""
+        so_far = self._progress if self._progress and self._progress.block == config.block.number else None
+        self._block, self._rules = config.block.number, config
+        self._repeats = so_far.repeats if so_far else Repeats(config.block.trials)
+        self.completions = list(so_far.completions) if so_far else []
+        self._referee = Referee(config, int(Safeguard.CLAMPED))
+        self._referee.warm()
+        self._seen, self._verdict, self.wanted = tick, None, 0
+        self._left, self._stopped = "stopped", False
+        start = (so_far.trial, so_far.attempt) if so_far else (1, 1)
+        self._write(BlockBegan(self._block, *start, self._run, tick))
+
+    def close(self, reason: str = "the session was ended") -> None:
+        """The server ends."""
+        self._write(Ended(reason))
+        if self._journal is not None:
+            self._journal.close()
+
+    # --- what is seen ----------------------------------------------------------------------------------------------
+
+    def look(self, rows: Any, following: int) -> None:
+        """See all ticks before one."""
+        if self._referee is not None and following > self._seen:
+            verdicts = self._referee.watch(rows, self._seen, following - self._seen)
+            self._verdict = verdicts[-1] if verdicts else None
+            self._seen = following
+
+    def painted(self, frame: FrameRecord) -> None:
+        """Hear of a frame that a display has painted."""
+        if self._referee is not None:
+            self._referee.paint(frame.station, frame.tick, frame.painted_ns)
+
+    def happened(self, cause: Cause, row: Any, state: Any, rows: Any, number: int) -> list[Event]:
+        """Hear what the trial machine has decided; what is to be recorded of it."""
+        self._verdict = None
+        self.look(rows, number + 1)
+        events = []
+        if int(row["command"]) == Cause.SKIP and cause == Cause.LAST:  # the last trial was skipped
+            cause, over = Cause.SKIP, True
+        else:
+            over = cause == Cause.LAST
+        ended = cause in OUTCOMES and (int(row["phase"]) in _UNDER_WAY or cause == Cause.SKIP)
+        if ended:
+            events.append(self._end_attempt(cause, row, state, number))
+        then = int(state["phase"])
+        if then == Phase.LEVELLING and (ended or cause in (Cause.START, Cause.NEXT, Cause.RESUME)):
+            self._write(AttemptBegan(self._block, int(state["trial"]), int(state["attempt"]), self._run, number))
+        if then == Phase.FINISHED:
+            self._stopped = not over and self._left == "stopped"
+            self._write(BlockEnded(self._block, "finished" if over else self._left))
+        return events
+
+    def _end_attempt(self, cause: Cause, row: Any, state: Any, number: int) -> Event:
+        """Write down what has become of an attempt."""
+        trial, attempt, outcome = int(row["trial"]), int(row["attempt"]), OUTCOMES[cause]
+        flags = self._verdict.flags if self._verdict is not None else ()
+        completion = float(state["completion"]) if cause == Cause.HELD else None
+        if completion is not None:
+            self.completions.append(completion)
+        assert self._rules is not None
+        again = wants_repeat(self._rules.quality, outcome, flags, trial, self._repeats)
+        repeats, words = self._repeats.repeated_by(trial), ",".join(flags)
+        self._write(
+            AttemptEnded(
+                block=self._block,
+                trial=trial,
+                attempt=attempt,
+                outcome=outcome,
+                completion=completion,
+                flags=flags,
+                repeats=repeats,
+                again=again,
+                run=self._run,
+                tick=number,
+                block_ticks=int(state["block_ticks"]),
+            )
+        )
+        nothing = float("nan") if completion is None else completion
+        self.attempts.append((self._block, trial, attempt, outcome, nothing, words, repeats))
+        if again:
+            self._repeats = self._repeats.ask(trial)
+            self.wanted += 1
+        told = {"trial": str(trial), "attempt": str(attempt), "outcome": outcome, "flags": words}
+        if repeats:
+            told["repeats"] = str(repeats)
+        return "attempt_ended", told
+
+    # --- what operators ask and wish -------------------------------------------------------------------------------
+
+    def outcomes(self, first: int) -> Outcomes:
+        """What has become of the attempts from this one on, as many as are told at once."""
+        return Outcomes(max(first, 0), tuple(self.attempts[max(first, 0) :][:MOST_ROWS]))
+
+    def counts(self, side: Side) -> tuple[int, int]:
+        """Ticks of the newest attempt without a fresh sample of a side, and with a force at its limit."""
+        if self._referee is None:
+            return 0, 0
+        counted, place = self._referee.counted, SIDES.index(side)
+        return int(counted["lost"][place]), int(counted["clipped"][place])
+
+    def ask(self, wish: str, argument: str, present: int) -> int:
+        """Have a trial done once more, or take that back."""
+        if argument and not argument.isdigit():
+            raise NetboardError(f'{wish}: found "{argument}", expected the number of a trial')
+        if wish == "repeat":
+            trial = int(argument or present - 1)
+            why_not = self._repeats.why_not_ask(trial, present)
+        else:
+            trial = int(argument or self._repeats.newest(present))
+            why_not = self._repeats.why_not_veto(trial, present) if trial else "no repeat is to come in this block"
+        if why_not:
+            raise NetboardError(why_not)
+        if wish == "repeat":
+            self._repeats = self._repeats.ask(trial)
+            self._write(Repeat(self._block, trial))
+        else:
+            self._repeats = self._repeats.veto(trial)
+            self._write(Veto(self._block, trial))
+        return trial
+
+    def give_up(self) -> None:
+        """What is left of the block will not be done."""
+        self._left = "given_up"
+        if self._stopped:
+            self._write(BlockEnded(self._block, "given_up"))
+
+    def take_wanted(self, phase: Phase) -> Cause:
+        """Tell the trial machine of a trial that the rules have done once more, if there is one."""
+        if self.wanted and Cause.REPEAT in TABLE[phase]:
+            self.wanted -= 1
+            return Cause.REPEAT
+        return Cause.NONE
+
+    def note(self, text: str, tick: int) -> None:
+        """Keep an operator's note."""
+        self._write(Note(text, self._run, tick))
+
+    def _write(self, entry: Entry) -> None:
+        if self._journal is not None:
+            self._journal.append(entry)

@@ -1,0 +1,119 @@
+"""The blocks of a session, made ready before its first tick: nothing is compiled while somebody holds a stylus."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from netboard.base.config import SIDES, Config, Side, resolve
+from netboard.base.errors import ConfigError, RecordingError
+from netboard.base.tables.experiment import Session
+from netboard.nodes.ports import samples
+from netboard.nodes.ports.round_trips import Delays
+from netboard.nodes.server.robot import Robot
+from netboard.recording.files.reader import Recording
+from netboard.stage.curtain import Curtain, make_curtain
+from netboard.stage.stage import Stage, make_stage
+from netboard.task.trials.unrelated import Unrelated, unrelated_of
+
+
+@dataclass(frozen=True, slots=True)
+class Ready:
+    """A block that can begin at any moment.
+
+    Attributes
+    ----------
+    delays : Delays
+        The watch over the loops of both hands; blocks of one scene share it.
+    """
+
+    config: Config
+    text: str
+    stage: Stage
+    curtain: Curtain
+    delays: Delays
+    ends: Any
+    people: tuple[Side, ...]
+    robots: tuple[Robot, ...]
+    unrelated: Unrelated | None
+
+    def stand_in(self, row: Any, words: Any, number: int, due_ns: int, state: Any) -> int:
+        """Put what does not come from an agent into the row of a tick; the bits of the sides that it stands for [1]."""
+        found = 0
+        for robot in self.robots:
+            robot.fill(words, number, due_ns)
+            found |= (samples.LIVE | samples.ARMED) << SIDES.index(robot.side)
+        if self.unrelated is not None:
+            row["left_other"], row["right_other"] = self.unrelated.at(state)
+        return found
+
+
+class Programme:
+    """The blocks of a session, in order, and the one that is on.
+
+    Parameters
+    ----------
+    remake : callable or None
+        Makes them anew for a form of the session; None for a session without one.
+    """
+
+    def __init__(
+        self, configs: Sequence[Config], remake: Callable[[Session], Sequence[Config]] | None = None, place: int = 0
+    ) -> None:
+        self._watches: dict[Any, Delays] = {}
+        self._blocks = [_ready(config, self._watches) for config in configs]
+        self._remake = remake
+        self._place = place
+        self.block = self._blocks[place]
+
+    @property
+    def last(self) -> bool:
+        """Whether the block that is on is the last one."""
+        return self._place + 1 == len(self._blocks)
+
+    @property
+    def planned(self) -> bool:
+        """Whether there is a plan, and not just one block."""
+        return self._remake is not None
+
+    def next(self) -> Ready:
+        """Go on to the next block."""
+        self._place += 1
+        self.block = self._blocks[self._place]
+        return self.block
+
+    def open(self, session: Session) -> None:
+        """Let all blocks be those of a session whose form has been filled in."""
+        assert self._remake is not None
+        self._blocks = [_ready(config, self._watches) for config in self._remake(session)]
+        self.block = self._blocks[self._place]
+
+
+def _ready(config: Config, watches: dict[Any, Delays]) -> Ready:
+    """Make a block ready."""
+    stage = make_stage(config)
+    stage.warm()
+    people = tuple(side for side in SIDES if getattr(config.block, side) == "person")
+    scene = config.physics, config.virtual, config.network.delay_action
+    if scene not in watches:
+        watches[scene] = Delays(config)
+    return Ready(
+        config=config,
+        text=resolve(config),
+        stage=stage,
+        curtain=make_curtain(config),
+        delays=watches[scene],
+        ends=samples.ends_of(config.physics) if config.physics.coupling_at == "both" else None,
+        people=people,
+        robots=tuple(Robot(config, side) for side in SIDES if side not in people),
+        unrelated=_unrelated(config.block.unrelated) if config.block.unrelated else None,
+    )
+
+
+def _unrelated(path: str) -> Unrelated:
+    """Read the forces of another session."""
+    try:
+        with Recording(Path(path)) as recording:
+            return unrelated_of(recording.ticks(), path)
+    except (OSError, RecordingError) as error:
+        raise ConfigError(f'[block] unrelated: found "{path}", which cannot be read: {error}') from None

@@ -1,0 +1,186 @@
+"""The operators' desk: whose commands count, and what becomes of each.
+
+Several consoles may watch; the commands of one count, the commander's. That is whoever commands first, until it leaves
+or another one takes over. To stop all forces, and to leave a note, nobody has to be the commander.
+Pure: it is told how things stand and decides; the session does it.
+"""
+
+import json
+from dataclasses import asdict, dataclass
+
+from netboard.base.errors import ConfigError
+from netboard.base.settings import check
+from netboard.base.tables.experiment import Session
+from netboard.network.protocol.control import REPLAY_COMMANDS
+from netboard.nodes.ports import emergency
+from netboard.task.trials.state_machine import TABLE, Cause, Phase
+
+CAUSES = {
+    "start": Cause.START,
+    "pause": Cause.PAUSE,
+    "resume": Cause.RESUME,
+    "abort": Cause.ABORT,
+    "stop": Cause.STOP,
+    "skip": Cause.SKIP,
+    "repeat": Cause.REPEAT,
+    "veto": Cause.VETO,
+}
+"""Commands that the trial machine carries out."""
+
+ANYBODYS = (emergency.STOP, "note", "take")
+"""Commands for which nobody has to be the commander."""
+
+UNOPENED = ("open", "end", emergency.STOP, emergency.RELEASE, "note", "take", "arm", "disarm")
+"""Commands that need no open session."""
+
+_UNDER_WAY = (Phase.RUNNING, Phase.HOLDING)
+
+
+@dataclass(frozen=True, slots=True)
+class Situation:
+    """How things stand when a command comes."""
+
+    phase: Phase
+    missing: tuple[str, ...]
+    last: bool
+    plan: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Decision:
+    """What becomes of a command."""
+
+    accepted: bool
+    reason: str = ""
+    cause: Cause = Cause.NONE
+
+
+class Desk:
+    """Remembers who commands, and what was asked for later.
+
+    Attributes
+    ----------
+    pause_after : bool
+        The trial that is under way is to be the last one before a pause.
+    """
+
+    def __init__(self, *, opened: bool, armed: bool) -> None:
+        self.opened, self.armed = opened, armed
+        self.commander, self.name = b"", ""
+        self.pause_after = self.end_after = False
+
+    @property
+    def pending(self) -> str:
+        """What will be done later, for people."""
+        asked = (("pause after this trial", self.pause_after), ("end after this block", self.end_after))
+        return ", ".join(words for words, wanted in asked if wanted)
+
+    def leave(self) -> None:
+        """Nobody commands any more."""
+        self.commander, self.name = b"", ""
+
+    def decide(self, command: str, who: bytes, name: str, now: Situation) -> Decision:
+        """Decide on a command."""
+        if command in REPLAY_COMMANDS:
+            return Decision(False, f"cannot {command}: this is a live session, not a replay")
+        if command == "take" or (command not in ANYBODYS and not self.commander):
+            self.commander, self.name = who, name
+        if command not in ANYBODYS and who != self.commander:
+            return Decision(False, f"{self.name} commands; take over first (take)")
+        if not self.opened and command not in UNOPENED:
+            return Decision(False, "the session is not open: fill in its form first (open)")
+        if command in CAUSES:
+            return self._machine(command, now)
+        return self._deed(command, now)
+
+    def _machine(self, command: str, now: Situation) -> Decision:
+        """Decide on what the trial machine has to carry out."""
+        cause = CAUSES[command]
+        if cause not in TABLE[now.phase]:
+            return Decision(False, _not_now(command, now.phase))
+        if command in ("start", "resume"):
+            if not self.armed:
+                return Decision(False, f"cannot {command}: the devices are not armed (arm)")
+            if now.missing:
+                return Decision(False, f"cannot {command} without " + ", ".join(now.missing))
+        if command == "pause":
+            self.pause_after = False
+        return Decision(True, cause=cause)
+
+    def _deed(self, command: str, now: Situation) -> Decision:
+        """Decide on what the session itself has to do."""
+        match command:
+            case "open" if self.opened:
+                return Decision(False, "the session is open already")
+            case "arm":
+                self.armed = True
+            case "disarm":
+                self.armed = False
+            case "pause_after_trial":
+                return self._pause_after(now)
+            case "stop_after_block" | "next" if not now.plan:
+                return Decision(False, f"cannot {command}: there is no plan, only this block")
+            case "stop_after_block":
+                self.end_after = not self.end_after
+                return Decision(True, "the session ends after this block" if self.end_after else "taken back")
+            case "next" if now.last:
+                return Decision(False, "cannot go on to the next block: this is the last one")
+            case "next" if now.phase in (*_UNDER_WAY, Phase.SUCCEEDED, Phase.FAILED):
+                return Decision(False, "cannot give up the block in a trial: pause first")
+        return Decision(True)
+
+    def _pause_after(self, now: Situation) -> Decision:
+        if Cause.PAUSE not in TABLE[now.phase]:
+            return Decision(False, _not_now("pause", now.phase))
+        if now.phase not in _UNDER_WAY:
+            return Decision(True, cause=Cause.PAUSE)
+        self.pause_after = not self.pause_after
+        return Decision(True, "paused after this trial" if self.pause_after else "taken back")
+
+    def due(self, phase: Phase) -> Cause:
+        """What was asked for earlier and is due now."""
+        if self.pause_after and phase not in _UNDER_WAY and Cause.PAUSE in TABLE[phase]:
+            self.pause_after = False
+            return Cause.PAUSE
+        return Cause.NONE
+
+
+def _not_now(command: str, phase: Phase) -> str:
+    """Say that a command does nothing in a phase, and which ones do something."""
+    possible = [name for name, cause in CAUSES.items() if cause in TABLE[phase]]
+    return f"cannot {command} while {phase.name.lower()}; possible now: {', '.join(possible) or 'nothing'}"
+
+
+def form_of(text: str, known: Session) -> Session:
+    """Read the form of a session: a JSON object with keys of the configuration's table ``[session]``.
+
+    Raises
+    ------
+    ConfigError
+        If it is no such object, a value is not allowed, or it is neither a pilot run nor has consent.
+    """
+    form = check(Session, asdict(known) | _object(text, "the form"), ("session",))
+    if not form.ready:
+        raise ConfigError("both participants have to give their consent, or the session has to be a pilot run")
+    return form
+
+
+def note_of(text: str, tick: int) -> tuple[str, int]:
+    """Read a note: a JSON object with ``text`` and the ``tick`` at which its writing began, or a plain text."""
+    if not text.lstrip().startswith("{"):
+        return text, tick
+    note = _object(text, "the note")
+    words, at = note.get("text"), note.get("tick", tick)
+    if not isinstance(words, str) or not isinstance(at, int):
+        raise ConfigError("the note: expected a text and the number of a tick")
+    return words, at
+
+
+def _object(text: str, what: str) -> dict[str, object]:
+    try:
+        found = json.loads(text or "{}")
+    except (ValueError, RecursionError) as error:  # brackets in brackets in brackets
+        raise ConfigError(f"{what} is not JSON: {error}") from None
+    if not isinstance(found, dict):
+        raise ConfigError(f"{what}: expected a JSON object")
+    return found

@@ -1,0 +1,54 @@
+"""Whether a block can begin, and whether a trial can go on: in words, for the operator and for the recording.
+
+It looks at ports, desk, alarm and pace, and changes nothing, but that a gap in time is told of once.
+"""
+
+from netboard.base.config import SIDES
+from netboard.nodes.ports import emergency, samples
+from netboard.nodes.ports.emergency import Alarm
+from netboard.nodes.ports.ports import Ports
+from netboard.nodes.server.blocks import Ready
+from netboard.nodes.server.commands import Desk
+from netboard.nodes.server.tick_clock import Pace
+
+
+class Readiness:
+    """Knows what a session must have."""
+
+    def __init__(self, ports: Ports, desk: Desk, warned: Alarm, pace: Pace) -> None:
+        self._motion, self._log = ports.motion, ports.log
+        self._desk, self._alarm, self._pace = desk, warned, pace
+
+    def lacks(self, block: Ready, resting: bool, now_ns: int) -> tuple[str, ...]:
+        """What a block needs and is not there.
+
+        Parameters
+        ----------
+        resting : bool
+            Whether it waits for the rest before it to be over.
+        """
+        lacking = [*self._motion.lacks(now_ns, block.people), *block.delays.lacking]
+        if block.config.network.require_logger and not self._log.loggers:
+            lacking.append("the logger")
+        if self._alarm.halted:
+            lacking.append(emergency.LACKING)
+        if resting:
+            lacking.append("the rest to be over")
+        return tuple(lacking)
+
+    def trouble(self, block: Ready, found: int, now_ns: int) -> str:
+        """Why a running trial cannot go on, or nothing."""
+        if self._alarm.halted:
+            return self._alarm.halted
+        if not self._desk.armed:
+            return "the operator has disarmed the devices"
+        if self._pace.gap:
+            return self._pace.take_gap()
+        for place, side in enumerate(SIDES):
+            if not found & (samples.LIVE << place):
+                return f"no sample from the {side} agent"
+            if not found & (samples.ARMED << place):
+                return f"the {side} device is not armed{self._alarm.why(side, now_ns)}"
+        if block.delays.trouble:
+            return block.delays.trouble
+        return self._log.trouble if block.config.network.require_logger else ""

@@ -1,0 +1,59 @@
+"""A robot partner: a simulated person within the server, or a hand that is held still.
+
+It sees what the curtain lets its side see, late, feels the force of its hand, if any, and moves a simulated hand: what
+it puts into the row of a tick is what an agent would have sent. It knows nothing else, and never waits: the server
+calls `Robot.fill` before a tick and `Robot.take` after it.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.base.config import SIDES, Config, Side
+from netboard.base.tick import TICK
+from netboard.nodes.rehearsal.body import Body
+from netboard.nodes.rehearsal.closed_loop import THINK_TICKS, Mind
+
+_AT = {name: place for place, name in enumerate(TICK.names or ())}
+_TICK, _TIME = _AT["tick"], _AT["time_ns"]
+
+
+class Robot:
+    """Moves one hand of a block.
+
+    Parameters
+    ----------
+    config : Config
+        Rig and experiment; ``[block] left`` or ``right`` says ``robot`` or ``still``, and the robot's parameters are
+        those of ``[participant]``.
+    """
+
+    def __init__(self, config: Config, side: Side) -> None:
+        self.side = side
+        moved = config.block.left if side == "left" else config.block.right
+        who = None if moved == "still" else config.participant
+        seed = (config.block.seed, config.block.number, SIDES.index(side))
+        Body(config, side, config.participant, np.random.default_rng(seed)).warm()
+        self._body = Body(config, side, who, np.random.default_rng((*seed, 0)))
+        self._mind = None if who is None else Mind(config, who, side, (side,), np.random.default_rng((*seed, 1)))
+
+    def fill(self, words: NDArray[np.int64], tick: int, time_ns: int) -> None:
+        """Put the sample for a tick into its row: live, its number, its stamp, height and rate.
+
+        Parameters
+        ----------
+        words : ndarray of int64, shape (n,)
+            The row of the tick as words; what the other side has sent may be there already.
+        """
+        words[_TICK], words[_TIME] = tick, time_ns
+        self._body.fill(words)
+
+    def take(self, words: NDArray[np.int64]) -> None:
+        """See and feel a tick that is done, and perhaps decide on a movement."""
+        if self._mind is None:
+            return
+        told = self._body.tell(words)
+        tick = int(words[_TICK])
+        if tick % THINK_TICKS == 0:
+            self._body.command(self._mind.think(words.view(TICK)[0], told))
+        if self._mind.shown(tick + 1) == tick:
+            self._mind.look(words.view(TICK)[0])

@@ -1,0 +1,92 @@
+"""The physics server: one loop that runs the sessions of any number of dyads in real time.
+
+It sleeps until something comes or a tick is due, and lets the session that it concerns go on. The sessions' ticks are
+spread over the millisecond, so that they do not come all at once. What happens is decided in
+`netboard.nodes.server.session`.
+"""
+
+import logging
+from collections.abc import Callable, Sequence
+
+from netboard.base.clock import now_ns
+from netboard.base.process import steady_loop
+from netboard.base.tick import TICK_NS
+from netboard.network.transport import authenticator, poller, sockets
+from netboard.nodes.ports import samples
+from netboard.nodes.server.attempts import Ledger
+from netboard.nodes.server.blocks import Programme
+from netboard.nodes.server.session import Session
+
+log = logging.getLogger(__name__)
+
+LONGEST_SLEEP_NS = 50_000_000
+"""The loop looks up so often at least, to be stopped [ns]."""
+
+
+class Server:
+    """The sessions and their loop.
+
+    Parameters
+    ----------
+    doors : sequence of authenticator.Door or None
+        Where the peers of each dyad show their keys; None where no keys are asked for.
+    """
+
+    def __init__(
+        self,
+        sessions: Sequence[tuple[Programme, Ledger]],
+        context: sockets.Context,
+        doors: Sequence[authenticator.Door | None],
+        *,
+        autostart: bool,
+    ) -> None:
+        samples.warm()
+        self.sessions = [
+            Session(programme, ledger, context, door, autostart=autostart)
+            for (programme, ledger), door in zip(sessions, doors, strict=True)
+        ]
+
+    @property
+    def everything_recorded(self) -> bool:
+        """Whether every record that matters is known to be on disk."""
+        return all(session.everything_recorded for session in self.sessions)
+
+    def run(self, stopping: Callable[[], bool], machine: dict[str, str]) -> None:
+        """Run all sessions until each has ended, by itself or because the process is asked to stop.
+
+        Parameters
+        ----------
+        machine : dict of str
+            What the process was given by its machine, to be recorded.
+        """
+        steady_loop()
+        first_ns = now_ns() + TICK_NS
+        for place, session in enumerate(self.sessions):
+            session.begin(first_ns + place * TICK_NS // len(self.sessions), machine)
+        running = list(self.sessions)
+        while running:
+            self._run(running, stopping)
+            for session in [session for session in running if session.over]:
+                session.close()
+                running.remove(session)
+
+    def _run(self, running: list[Session], stopping: Callable[[], bool]) -> None:
+        """Run these sessions until one of them begins to end, or is over."""
+        inlets = {socket: session for session in running if not session.ending for socket in session.inlets}
+        waiter = poller.Waiter(inlets)
+        while True:
+            sleep_ns = min(min(session.wake_ns for session in running) - now_ns(), LONGEST_SLEEP_NS)
+            signalled = waiter.signalled(sleep_ns * 1e-9)
+            called = {inlets[socket] for socket in signalled}
+            now = now_ns()
+            for session in running:
+                if session not in called and now < session.wake_ns:
+                    continue
+                before = session.ending
+                motion, control = (socket in signalled for socket in session.inlets)
+                session.go_on(motion, control)
+                if session.over or session.ending != before:
+                    return
+            if stopping():
+                for session in running:
+                    session.stop()

@@ -1,0 +1,102 @@
+"""The watch over a block: which command, if any, the stage gets at a tick without an operator's wish.
+
+Peers come and go, the log falls behind: all of it ends here as one `Cause` a tick and a line for people.
+Pure: it is told everything and does nothing.
+"""
+
+from dataclasses import dataclass
+
+from netboard.task.trials.state_machine import TABLE, Cause, Phase
+
+READY_TICKS = 500
+"""Everything must have been ready for so many ticks before a block starts or goes on by itself [1]."""
+
+LASTING_TICKS = 100
+"""A reason that comes during a pause must hold for so many ticks to be named as the cause of the pause later [1]."""
+
+
+@dataclass
+class Watch:
+    """Decides the command of each tick.
+
+    Attributes
+    ----------
+    autostart : bool
+        Start when everything is ready, and go on after a fault when everything is ready again.
+    """
+
+    autostart: bool
+    notice: str = ""
+    _ready_since: int | None = None
+    _faulted: bool = False
+    _cause: str = ""
+    _trouble: str = ""
+    _trouble_since: int = 0
+    _seen: tuple[Phase, tuple[str, ...], str] | None = None
+    _refused_when: tuple[Phase, tuple[str, ...], str] | None = None
+
+    def command(self, tick: int, phase: Phase, missing: tuple[str, ...], trouble: str) -> Cause:
+        """Command for this tick.
+
+        While a trial goes on and nothing is wrong, it need not be asked.
+        """
+        if missing or trouble:
+            self._ready_since = None
+        elif self._ready_since is None:
+            self._ready_since = tick
+        if trouble != self._trouble:
+            self._trouble, self._trouble_since = trouble, tick
+        self._seen = (phase, missing, trouble)
+        if trouble and Cause.FAULT in TABLE[phase]:
+            self._faulted = True
+            self._pause(trouble)
+            return Cause.FAULT
+        if self.autostart and self._ready_since is not None and tick - self._ready_since >= READY_TICKS:
+            return self._by_itself(phase)
+        if self._refused_when != self._seen:
+            self._refused_when = None
+            self._say(tick, phase, missing, trouble)
+        return Cause.NONE
+
+    def obeyed(self) -> None:
+        """An operator's wish is carried out: what was to be said before counts no more."""
+        self._faulted, self._refused_when = False, None
+        self.notice = self._cause = ""
+
+    def refused(self, reason: str) -> None:
+        """An operator's wish is not carried out: the reason is shown until the situation changes."""
+        self.notice, self._refused_when = reason, self._seen
+
+    def await_operator(self) -> None:
+        """Go on only when an operator wishes it, whatever the reason of the pause was."""
+        self._faulted = False
+
+    def faulted(self, reason: str) -> None:
+        """The stage itself has paused the trial."""
+        self._pause(reason)
+
+    def _pause(self, reason: str) -> None:
+        self._refused_when, self._cause = None, reason
+        self.notice = f"paused: {reason}"
+
+    def _say(self, tick: int, phase: Phase, missing: tuple[str, ...], trouble: str) -> None:
+        """Show what holds now, not what held once."""
+        waiting = "waiting for " + ", ".join(missing) if missing else ""
+        if phase == Phase.IDLE:
+            self.notice = waiting
+        elif phase == Phase.PAUSED:
+            if trouble and tick - self._trouble_since >= LASTING_TICKS:
+                self._cause = trouble
+            ready = f"ready to resume (paused: {self._cause})" if self._cause else ""
+            self.notice = f"paused: {trouble or waiting}" if trouble or waiting else ready
+        else:
+            self.notice = ""
+
+    def _by_itself(self, phase: Phase) -> Cause:
+        if phase == Phase.IDLE:
+            self.obeyed()
+            return Cause.START
+        if phase == Phase.PAUSED and self._faulted:
+            self.obeyed()
+            return Cause.RESUME
+        return Cause.NONE

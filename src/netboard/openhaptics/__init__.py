@@ -1,1 +1,0 @@
-"""Touch, Phantom and their kin, through the library of their maker (HDAPI)."""

@@ -1,0 +1,1 @@
+"""Arithmetic for kernels: strict sine and cosine, states as tuples, SIMD lanes."""

@@ -1,0 +1,417 @@
+"""Several floats in one vector register: a type for kernels, whose arithmetic is one instruction on the processor.
+
+What the compiler makes of a loop over eight nodes is a matter of luck; of lanes it can make nothing but vectors. They
+come from arrays and tuples, go back there, and know +, -, * and / with each other and with floats, lane by lane, to the
+bit as floats do it. So the text of `netboard.physics.scene.models` compiles for them as it stands. In plain Python
+lanes are small arrays of numpy.
+
+Numba has no such type: this module is the only one that writes instructions by hand.
+"""
+
+import inspect
+import operator
+from collections.abc import Callable, Sequence
+from functools import cache
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.core.typeconv.castgraph import Conversion
+from numba.core.typing.templates import AbstractTemplate, infer_global, signature
+from numba.extending import intrinsic, lower_builtin, lower_cast, models, register_model
+from numpy.typing import NDArray
+
+from netboard.base.compiled import specialised
+from netboard.physics.arithmetic.vectors import State
+
+Array = NDArray[np.float64]
+
+_DOUBLE = ir.DoubleType()
+_INT = ir.IntType(32)
+
+
+class Lanes(types.Type):
+    """So many float64 side by side.
+
+    Parameters
+    ----------
+    count : int
+        How many; powers of two cost least [1].
+    """
+
+    def __init__(self, count: int) -> None:
+        """Name it."""
+        self.count = count
+        super().__init__(name=f"lanes({count})")
+
+    def can_convert_from(self, typingctx: Any, other: Any) -> Any:
+        """Let a number stand where lanes are asked for: the same in each.
+
+        Parameters
+        ----------
+        typingctx : object
+            Of numba's, not used.
+        other : type
+            Numba's type of what stands there.
+        """
+        return Conversion.safe if isinstance(other, types.Float | types.Integer) else None
+
+
+def _make_model(manager: Any, lanes: Any) -> Any:
+    return models.PrimitiveModel(manager, lanes, ir.VectorType(_DOUBLE, lanes.count))
+
+
+register_model(Lanes)(_make_model)
+
+
+def _spread_value(builder: Any, value: Any, count: int) -> Any:
+    """Write the same float into every lane."""
+    vector = ir.VectorType(_DOUBLE, count)
+    first = builder.insert_element(ir.Constant(vector, ir.Undefined), value, _INT(0))
+    return _spread_lane(builder, first, 0, count)
+
+
+def _spread_lane(builder: Any, lanes: Any, i: int, count: int) -> Any:
+    """Write one lane into every lane."""
+    mask = ir.Constant(ir.VectorType(_INT, count), [i] * count)
+    return builder.shuffle_vector(lanes, ir.Constant(lanes.type, ir.Undefined), mask)
+
+
+def _cast(context: Any, builder: Any, source: Any, target: Any, value: Any) -> Any:
+    return _spread_value(builder, context.cast(builder, value, source, types.float64), target.count)
+
+
+lower_cast(types.Float, Lanes)(_cast)
+lower_cast(types.Integer, Lanes)(_cast)
+
+
+class _Arithmetic(AbstractTemplate):
+    """Lanes with lanes, or with a number."""
+
+    def generic(self, args: Any, kws: Any) -> Any:
+        """Return the types that it works with."""
+        found = [a for a in args if isinstance(a, Lanes)]
+        if not found or not all(a == found[0] or isinstance(a, types.Float | types.Integer) for a in args):
+            return None
+        return signature(found[0], *[found[0]] * len(args))
+
+
+def _define(operation: Any, instruction: str, operands: int) -> None:
+    """Let an operator of Python be an instruction."""
+
+    def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        return getattr(builder, instruction)(*args)
+
+    infer_global(operation)(type(f"_{operation.__name__}", (_Arithmetic,), {}))
+    lower_builtin(operation, *[Lanes] * operands)(lower)
+
+
+for _name, _instruction in (("add", "fadd"), ("sub", "fsub"), ("mul", "fmul"), ("truediv", "fdiv")):
+    _define(getattr(operator, _name), _instruction, 2)
+    _define(getattr(operator, f"i{_name}"), _instruction, 2)
+_define(operator.neg, "fneg", 1)
+
+
+def _element(context: Any, builder: Any, array_type: Any, array: Any, offset: Any) -> Any:
+    """Write the address of an element of an array, counted through the whole of it."""
+    structure = cgutils.create_struct_proxy(array_type)(context, builder, array)
+    return builder.gep(structure.data, [offset])
+
+
+def _load(context: Any, builder: Any, sig: Any, args: Any, count: int) -> Any:
+    place = _element(context, builder, sig.args[0], args[0], context.cast(builder, args[1], sig.args[1], types.intp))
+    pointer = builder.bitcast(place, ir.VectorType(_DOUBLE, count).as_pointer())
+    return builder.load(pointer, align=8)
+
+
+def _loading(typing: Any, array: Any, offset: Any, count: Any) -> Any:
+    def write(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        return _load(context, builder, sig, args, count.literal_value)
+
+    return Lanes(count.literal_value)(array, types.intp, count), write
+
+
+def _pairing(typing: Any, array: Any, offset: Any, count: Any) -> Any:
+    n = count.literal_value
+    result = types.UniTuple(Lanes(n), 2)
+
+    def write(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        both = _load(context, builder, sig, args, 2 * n)
+        masks = [ir.Constant(ir.VectorType(_INT, n), list(range(side, 2 * n, 2))) for side in (0, 1)]
+        parts = [builder.shuffle_vector(both, ir.Constant(both.type, ir.Undefined), mask) for mask in masks]
+        return context.make_tuple(builder, result, parts)
+
+    return result(array, types.intp, count), write
+
+
+def _storing(typing: Any, array: Any, offset: Any, lanes: Any) -> Any:
+    def write(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        place = _element(context, builder, sig.args[0], args[0], args[1])
+        builder.store(args[2], builder.bitcast(place, args[2].type.as_pointer()), align=8)
+        return context.get_dummy_value()
+
+    return types.none(array, types.intp, lanes), write
+
+
+def _extracting(typing: Any, lanes: Any, i: Any) -> Any:
+    def write(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        return builder.extract_element(args[0], _INT(i.literal_value))
+
+    return types.float64(lanes, i), write
+
+
+def _spreading(typing: Any, lanes: Any, i: Any) -> Any:
+    def write(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        return _spread_lane(builder, args[0], i.literal_value, lanes.count)
+
+    return lanes(lanes, i), write
+
+
+def _gathering(typing: Any, values: Any, count: Any) -> Any:
+    def write(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        vector = ir.Constant(ir.VectorType(_DOUBLE, count.literal_value), [0.0] * count.literal_value)
+        for i in range(values.count):
+            vector = builder.insert_element(vector, builder.extract_value(args[0], i), _INT(i))
+        return vector
+
+    return Lanes(count.literal_value)(values, count), write
+
+
+def _bounding(typing: Any, lanes: Any, bound: Any) -> Any:
+    def write(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        n = lanes.count
+        high = _spread_value(builder, args[1], n)
+        low = _spread_value(builder, builder.fneg(args[1]), n)
+        inside = builder.and_(builder.fcmp_ordered("<=", args[0], high), builder.fcmp_ordered(">=", args[0], low))
+        bits = builder.bitcast(inside, ir.IntType(n))
+        return builder.icmp_unsigned("==", bits, ir.Constant(ir.IntType(n), -1))
+
+    return types.boolean(lanes, types.float64), write
+
+
+def _applying(typing: Any, array: Any, offset: Any, lanes: Any, count: Any) -> Any:
+    n = count.literal_value
+
+    def write(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        pointer = ir.VectorType(_DOUBLE, n).as_pointer()
+        start = context.cast(builder, args[1], sig.args[1], types.intp)
+        chains: list[Any] = []  # two, which the processor adds up side by side
+        for j in range(lanes.count):
+            place = _element(context, builder, array, args[0], builder.add(start, ir.Constant(start.type, j * n)))
+            column = builder.load(builder.bitcast(place, pointer), align=8)
+            product = builder.fmul(column, _spread_lane(builder, args[2], j, n))
+            if j < 2:
+                chains.append(product)
+            else:
+                chains[j % 2] = builder.fadd(chains[j % 2], product)
+        return builder.fadd(*chains)
+
+    return Lanes(n)(array, types.intp, lanes, count), write
+
+
+def lanes_at(array: Array, offset: int, count: int) -> Any:
+    """Return lanes from an array.
+
+    Parameters
+    ----------
+    array : ndarray of float64
+        C-contiguous.
+    offset : int
+        Where the first is, counted through the whole array [1].
+    count : int
+        How many; a constant at the call [1].
+    """
+    return array.ravel()[offset : offset + count]
+
+
+def pair_at(array: Array, offset: int, count: int) -> tuple[Any, Any]:
+    """Return two sets of lanes from an array in which they take turns.
+
+    Parameters
+    ----------
+    array : ndarray of float64
+        C-contiguous.
+    offset : int
+        Where the first of the first set is, counted through the whole array [1].
+    count : int
+        How many are in each; a constant at the call [1].
+    """
+    both = array.ravel()[offset : offset + 2 * count]
+    return both[::2], both[1::2]
+
+
+def put(array: Array, offset: int, lanes: Any) -> None:
+    """Write lanes to an array.
+
+    Parameters
+    ----------
+    array : ndarray of float64
+        C-contiguous.
+    offset : int
+        Where the first goes, counted through the whole array [1].
+    lanes : lanes
+        What to write.
+    """
+    array.ravel()[offset : offset + len(lanes)] = lanes
+
+
+def lane(lanes: Any, i: int) -> float:
+    """Return one of the lanes, in their unit [1].
+
+    Parameters
+    ----------
+    lanes : lanes
+        Some numbers.
+    i : int
+        Which; a constant at the call [1].
+    """
+    return float(lanes[i])
+
+
+def spread(lanes: Any, i: int) -> Any:
+    """Return lanes that are all like one of the given ones.
+
+    Parameters
+    ----------
+    lanes : lanes
+        Some numbers.
+    i : int
+        Which; a constant at the call [1].
+    """
+    return np.full(len(lanes), lanes[i])
+
+
+def gathered(values: State, count: int) -> Any:
+    """Return the floats of a tuple as lanes, followed by zeros.
+
+    Parameters
+    ----------
+    values : tuple of float
+        Some numbers.
+    count : int
+        How many lanes; a constant at the call [1].
+    """
+    return np.array([*values, *[0.0] * (count - len(values))])
+
+
+def within(lanes: Any, bound: float) -> bool:
+    """Return whether no lane is larger than a bound, in either direction, or not a number.
+
+    Parameters
+    ----------
+    lanes : lanes
+        Some numbers.
+    bound : float
+        The largest magnitude, in the unit of the lanes [1].
+    """
+    return bool((np.abs(lanes) <= bound).all())
+
+
+def applied(array: Array, offset: int, lanes: Any, count: int) -> Any:
+    """Return the product of a matrix and lanes.
+
+    Parameters
+    ----------
+    array : ndarray of float64
+        C-contiguous; with the columns of the matrix one after the other.
+    offset : int
+        Where the matrix starts, counted through the whole array [1].
+    lanes : lanes
+        What to multiply it with: as many as there are columns.
+    count : int
+        How many lanes the result has: as many as there are rows; a constant at the call [1].
+    """
+    columns = array.ravel()[offset : offset + len(lanes) * count].reshape(len(lanes), count)
+    chains = [columns[0] * lanes[0], columns[1] * lanes[1]]
+    for j in range(2, len(lanes)):
+        chains[j % 2] = chains[j % 2] + columns[j] * lanes[j]
+    return chains[0] + chains[1]
+
+
+def _is(plain: Callable[..., Any], instructions: Any) -> None:
+    """Let numba write some instructions in place of a function; arrays have to lie as their offsets are counted."""
+    names = ", ".join(inspect.signature(plain).parameters)
+    text = eval(f"lambda {names}: instructions({names})", {"instructions": instructions, "__name__": __name__})
+
+    def choose(*arguments: Any) -> Any:
+        return None if any(isinstance(a, types.Array) and a.layout != "C" for a in arguments) else text
+
+    specialised(plain)(eval(f"lambda {names}: choose({names})", {"choose": choose}))
+
+
+for _plain, _writer in (
+    (lanes_at, _loading),
+    (pair_at, _pairing),
+    (put, _storing),
+    (lane, _extracting),
+    (spread, _spreading),
+    (gathered, _gathering),
+    (within, _bounding),
+    (applied, _applying),
+):
+    _is(_plain, intrinsic(prefer_literal=True)(_writer))
+
+
+def written(names: str, write: Callable[..., str]) -> Callable[..., Any]:
+    """Return a function whose text depends on the lengths of its arguments, in kernels and in plain Python alike.
+
+    Parameters
+    ----------
+    names : str
+        Names of the arguments.
+    write : callable
+        Returns the text: an expression, perhaps after lines that it needs. Its arguments are the lengths of those that
+        are tuples, the numbers of those that are constants at the call, and 0 for others.
+    """
+
+    @cache
+    def compose(*sizes: int) -> Any:
+        *lines, result = write(*sizes).split("\n")
+        known: dict[str, Any] = {**_OPERATIONS, "__name__": __name__}
+        exec("\n    ".join([f"def composed({names}):", *lines, f"return {result}"]), known)
+        return known["composed"]
+
+    def run(*arguments: Any) -> Any:
+        sizes = [len(a) if isinstance(a, tuple) else a if isinstance(a, int) else 0 for a in arguments]
+        return compose(*sizes)(*arguments)
+
+    def choose(*arguments: Any) -> Any:
+        sizes = [len(a) if isinstance(a, types.BaseTuple) else getattr(a, "literal_value", 0) for a in arguments]
+        return compose(*sizes)
+
+    plain: Callable[..., Any] = eval(f"lambda {names}: run({names})", {"run": run, "__name__": __name__})
+    specialised(plain)(eval(f"lambda {names}: choose({names})", {"choose": choose}))
+    return plain
+
+
+def width_of(length: int) -> int:
+    """Return how many lanes hold a state.
+
+    Parameters
+    ----------
+    length : int
+        Length of the state [1].
+
+    Returns
+    -------
+    int
+        As many as a vector register has, or several [1].
+    """
+    return 4 if length <= 4 else 8 if length <= 8 else 16
+
+
+def listed(terms: Sequence[str]) -> str:
+    """Return the text of a tuple.
+
+    Parameters
+    ----------
+    terms : sequence of str
+        Texts of its elements.
+    """
+    return "(" + "".join(f"{term}, " for term in terms) + ")"
+
+
+_OPERATIONS = {f.__name__: f for f in (lanes_at, lane, spread, gathered, within, applied)}
+"""What such a text may use."""

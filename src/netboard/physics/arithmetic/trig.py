@@ -1,0 +1,127 @@
+"""Sine and cosine that give the same bits everywhere.
+
+The C library's own differ between libraries, versions and processors, and a recording must verify to the bit on any
+machine. These use nothing but IEEE additions, multiplications and comparisons, in one fixed order, and are good to
+1 ulp up to `LARGEST_ANGLE`. Beyond it an angle has too few digits left to reduce exactly, and the result is NaN, as it
+is for what is not finite; nothing here raises.
+
+The polynomials and the reduction are those of fdlibm (``k_sin.c``, ``k_cos.c``, ``e_rem_pio2.c``, in the order of
+FreeBSD's msun, whose chains of operations are shorter):
+Copyright (C) 1993 by Sun Microsystems, Inc. All rights reserved. Permission to use, copy, modify, and distribute this
+software is freely granted, provided that this notice is preserved.
+"""
+
+import math
+
+from netboard.base.compiled import inlined
+
+LARGEST_ANGLE = 1.6e6
+"""Angles beyond this give NaN: below it a multiple of pi/2 has at most 20 bits, so its products are exact [rad]."""
+
+EIGHTH_TURN = 0.7853981633974483
+"""Up to here the polynomials do without reduction: pi/4 [rad]."""
+
+_TWO_OVER_PI = 0.6366197723675814
+_NEAREST = 6755399441055744.0  # 1.5 * 2**52: adding and subtracting it rounds to the nearest whole number
+
+# pi/2 = _HALF_PI_1 + _HALF_PI_2 + _HALF_PI_3; the first two have 33 bits each.
+_HALF_PI_1 = 1.57079632673412561417e00
+_HALF_PI_2 = 6.07710050630396597660e-11
+_HALF_PI_3 = 2.02226624879595063154e-21
+
+_S1 = -1.66666666666666324348e-01
+_S2 = 8.33333333332248946124e-03
+_S3 = -1.98412698298579493134e-04
+_S4 = 2.75573137070700676789e-06
+_S5 = -2.50507602534068634195e-08
+_S6 = 1.58969099521155010221e-10
+
+_C1 = 4.16666666666666019037e-02
+_C2 = -1.38888888888741095749e-03
+_C3 = 2.48015872894767294178e-05
+_C4 = -2.75573143513906633035e-07
+_C5 = 2.08757232129817482790e-09
+_C6 = -1.13596475577881948265e-11
+
+
+@inlined
+def small(x: float, tail: float) -> tuple[float, float]:
+    """Return sine and cosine of ``x + tail``, up to `EIGHTH_TURN`.
+
+    Parameters
+    ----------
+    x : float
+        Angle [rad].
+    tail : float
+        What belongs to it below its last digit [rad].
+
+    Returns
+    -------
+    s, c : float
+        Sine and cosine [1].
+    """
+    z = x * x
+    w = z * z
+    v = z * x
+    sine = _S2 + z * (_S3 + z * _S4) + z * w * (_S5 + z * _S6)
+    s = x - ((z * (0.5 * tail - v * sine) - tail) - v * _S1)
+    cosine = z * (_C1 + z * (_C2 + z * _C3)) + w * w * (_C4 + z * (_C5 + z * _C6))
+    half = 0.5 * z
+    top = 1.0 - half
+    c = top + (((1.0 - top) - half) + (z * cosine - x * tail))
+    return s, c
+
+
+@inlined
+def reduced(x: float) -> tuple[float, float, float]:
+    """Return what an angle is beyond the nearest multiple of a quarter turn (Cody and Waite, in three parts).
+
+    Parameters
+    ----------
+    x : float
+        Angle, up to `LARGEST_ANGLE` [rad].
+
+    Returns
+    -------
+    y, tail : float
+        The remainder, and what belongs to it below its last digit [rad].
+    n : float
+        How many quarter turns are left out, a whole number [1].
+    """
+    n = (x * _TWO_OVER_PI + _NEAREST) - _NEAREST
+    first = x - n * _HALF_PI_1
+    w = n * _HALF_PI_2
+    rest = first - w
+    w = n * _HALF_PI_3 - ((first - rest) - w)
+    y = rest - w
+    return y, (rest - y) - w, n
+
+
+@inlined
+def sincos(x: float) -> tuple[float, float]:
+    """Return sine and cosine of an angle, the same bits on every machine.
+
+    Parameters
+    ----------
+    x : float
+        Angle [rad].
+
+    Returns
+    -------
+    s, c : float
+        Sine and cosine, within 1 ulp up to `LARGEST_ANGLE`; NaN beyond it [1].
+    """
+    if abs(x) <= EIGHTH_TURN:
+        return small(x, 0.0)
+    if not abs(x) <= LARGEST_ANGLE:
+        return math.nan, math.nan
+    y, tail, n = reduced(x)
+    s, c = small(y, tail)
+    quarter = int(n) & 3
+    if quarter == 0:
+        return s, c
+    if quarter == 1:
+        return c, -s
+    if quarter == 2:
+        return -s, -c
+    return -c, s

@@ -1,0 +1,263 @@
+"""Arithmetic on states: tuples of floats that the compiler takes apart, so that a loop over them costs nothing.
+
+A state is ``(z, vz, theta, omega)`` followed by ``(p, vp)`` of each ball. Every function here is plain Python, and has
+beside it the text that numba compiles instead, written out for the length at hand; both do the same operations in the
+same order, to the bit.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+from netboard.base.compiled import specialised
+
+State = tuple[float, ...]
+"""A state, its rate of change, or any other tuple of floats."""
+
+
+def _unrolled(function: Callable[..., Any], names: str, write: Callable[..., str]) -> None:
+    """Let numba compile, for tuples of known lengths, the expression that `write` makes from the arguments' types."""
+
+    def compose(*arguments: Any) -> Any:
+        return eval(f"lambda {names}: {write(*arguments)}")
+
+    specialised(function)(eval(f"lambda {names}: compose({names})", {"compose": compose}))
+
+
+def _listed(count: int, term: str) -> str:
+    """Write a tuple whose i-th element is the term with # replaced by i."""
+    return "(" + "".join(term.replace("#", str(i)) + ", " for i in range(count)) + ")"
+
+
+def plus(x: State, h: float, k: State) -> State:
+    """Return ``x + h k``.
+
+    Parameters
+    ----------
+    x : tuple of float
+        A state [SI].
+    h : float
+        Factor; a time where k is a rate [s].
+    k : tuple of float
+        As long as x [SI].
+    """
+    return tuple([a + h * b for a, b in zip(x, k, strict=True)])
+
+
+_unrolled(plus, "x, h, k", lambda x, h, k: _listed(x.count, "x[#] + h * k[#]"))
+
+
+def blend(x: State, h: float, weights: State, ks: tuple[State, ...]) -> State:
+    """Return ``x + h (w0 k0 + w1 k1 + ...)``.
+
+    Parameters
+    ----------
+    x : tuple of float
+        A state [SI].
+    h : float
+        Length of a step [s].
+    weights : tuple of float
+        A weight for each rate; constants at the call [1].
+    ks : tuple of tuple of float
+        Rates, as many as weights, each as long as x [SI].
+    """
+    return tuple([a + h * _weighted(weights, [k[i] for k in ks]) for i, a in enumerate(x)])
+
+
+def _weighted(weights: State, values: list[float]) -> float:
+    """Return the weighted sum, from the first to the last."""
+    total = weights[0] * values[0]
+    for weight, value in zip(weights[1:], values[1:], strict=True):
+        total += weight * value
+    return total
+
+
+_unrolled(
+    blend,
+    "x, h, weights, ks",
+    lambda x, h, weights, ks: _listed(
+        x.count, "x[#] + h * (" + " + ".join(f"weights[{j}] * ks[{j}][#]" for j in range(ks.count)) + ")"
+    ),
+)
+
+
+def row(table: Any, i: int, like: State) -> State:
+    """Return a row of a table as a tuple.
+
+    Parameters
+    ----------
+    table : ndarray of float64, shape (n, length)
+        The table [SI].
+    i : int
+        Number of the row [1].
+    like : tuple of float
+        Any tuple as long as the row [SI].
+    """
+    return tuple(table[i, : len(like)].tolist())
+
+
+_unrolled(row, "table, i, like", lambda table, i, like: _listed(like.count, "table[i, #]"))
+
+
+def places(x: State) -> State:
+    """Return where the balls are.
+
+    Parameters
+    ----------
+    x : tuple of float
+        A state [SI].
+
+    Returns
+    -------
+    tuple of float
+        p of each ball, + = right [m].
+    """
+    return x[4::2]
+
+
+_unrolled(places, "x", lambda x: "(" + "".join(f"x[{i}], " for i in range(4, x.count, 2)) + ")")
+
+
+def speeds(x: State) -> State:
+    """Return how fast the balls move along the board.
+
+    Parameters
+    ----------
+    x : tuple of float
+        A state [SI].
+
+    Returns
+    -------
+    tuple of float
+        vp of each ball, + = right [m/s].
+    """
+    return x[5::2]
+
+
+_unrolled(speeds, "x", lambda x: "(" + "".join(f"x[{i}], " for i in range(5, x.count, 2)) + ")")
+
+
+def total(a: State) -> float:
+    """Return the sum, from the first to the last; 0 of none [SI].
+
+    Parameters
+    ----------
+    a : tuple of float
+        What to add up [SI].
+    """
+    result = a[0] if a else 0.0
+    for value in a[1:]:
+        result += value
+    return result
+
+
+_unrolled(total, "a", lambda a: " + ".join(f"a[{i}]" for i in range(a.count)) or "0.0")
+
+
+def dot(a: State, b: State) -> float:
+    """Return the sum of products, from the first to the last; 0 of none [SI].
+
+    Parameters
+    ----------
+    a, b : tuple of float
+        Of equal length [SI].
+    """
+    result = a[0] * b[0] if a else 0.0
+    for one, other in zip(a[1:], b[1:], strict=True):
+        result += one * other
+    return result
+
+
+_unrolled(dot, "a, b", lambda a, b: " + ".join(f"a[{i}] * b[{i}]" for i in range(a.count)) or "0.0")
+
+
+def alike(value: float, a: State) -> State:
+    """Return the same value for each.
+
+    Parameters
+    ----------
+    value : float
+        The value [SI].
+    a : tuple of float
+        One for each ball [SI].
+    """
+    return (value,) * len(a)
+
+
+_unrolled(alike, "value, a", lambda value, a: _listed(a.count, "value"))
+
+
+def affine(constant: float, factor: float, a: State) -> State:
+    """Return ``constant + factor a`` for each element.
+
+    Parameters
+    ----------
+    constant, factor : float
+        The same for all [SI].
+    a : tuple of float
+        One for each ball [SI].
+    """
+    return tuple([constant + factor * value for value in a])
+
+
+_unrolled(affine, "constant, factor, a", lambda constant, factor, a: _listed(a.count, "constant + factor * a[#]"))
+
+
+def joined(vz: float, az: float, omega: float, ao: float, vp: State, ap: State) -> State:
+    """Return the rate of a state from those of its parts.
+
+    Parameters
+    ----------
+    vz, az : float
+        Rates of the height and of its rate [m/s, m/s2].
+    omega, ao : float
+        Rates of the tilt and of its rate [rad/s, rad/s2].
+    vp, ap : tuple of float
+        Rates of each ball's place and of its rate [m/s, m/s2].
+    """
+    return (vz, az, omega, ao, *(value for pair in zip(vp, ap, strict=True) for value in pair))
+
+
+_unrolled(
+    joined,
+    "vz, az, omega, ao, vp, ap",
+    lambda vz, az, omega, ao, vp, ap: (
+        "(vz, az, omega, ao, " + "".join(f"vp[{i}], ap[{i}], " for i in range(vp.count)) + ")"
+    ),
+)
+
+
+TINY = 1e-200
+"""Nothing so small matters, in any unit, and its products are denormal numbers: processors are many times slower
+with those, and a board between two still hands would come to them [SI]."""
+
+
+def calm(x: State) -> State:
+    """Return the state with numbers that are too small to matter put to 0.
+
+    Parameters
+    ----------
+    x : tuple of float
+        A state [SI].
+    """
+    return tuple([0.0 if abs(a) < TINY else a for a in x])
+
+
+_unrolled(calm, "x", lambda x: _listed(x.count, f"0.0 if abs(x[#]) < {TINY} else x[#]"))
+
+
+def replaced(x: State, i: int, value: float) -> State:
+    """Return the state with another value in one place.
+
+    Parameters
+    ----------
+    x : tuple of float
+        A state [SI].
+    i : int
+        The place, from 0 [1].
+    value : float
+        What goes there [SI].
+    """
+    return (*x[:i], value, *x[i + 1 :])
+
+
+_unrolled(replaced, "x, i, value", lambda x, i, value: _listed(x.count, "value if i == # else x[#]"))

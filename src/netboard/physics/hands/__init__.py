@@ -1,0 +1,1 @@
+"""Hands known by samples: extrapolation between them, and the drive it makes of that."""

@@ -1,0 +1,287 @@
+"""Hands that are known by samples: what each does from one to the next, and the drives that this makes.
+
+Time is counted in ticks, whole numbers of a small unit, so that samples and other times that fall together do so
+exactly, and equal intervals are equal to the bit.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.base.compiled import kernel
+from netboard.base.errors import ConfigError
+from netboard.physics.hands.extrapolation import between, later, moving, resting
+from netboard.physics.scene.parameters import SCENE
+
+HOLDS = ("zoh", "cv", "ca", "hermite")
+"""How a hand moves between its samples; a hold's number is its place."""
+
+GAP = 3.0
+"""Samples further apart than so many times the median are a gap [1]."""
+
+FILL = 0.001
+"""For "hermite", samples further apart are filled in to at most this, from polynomials through four of them [s]."""
+
+FINEST = 11
+"""Times are whole numbers of 10^-11 s, or of a larger power of ten where float64 does not hold that many digits [1]."""
+
+_ZOH, _HERMITE = HOLDS.index("zoh"), HOLDS.index("hermite")
+
+
+@dataclass(frozen=True)
+class Hands:
+    """Two styluses, sampled.
+
+    Attributes
+    ----------
+    t : ndarray of float64, shape (n,)
+        Times of the samples, increasing, at least two [s].
+    z : ndarray of float64, shape (n, 2)
+        Heights of the left and of the right stylus [m].
+    vz : ndarray of float64, shape (n, 2)
+        Their rates [m/s].
+    """
+
+    t: NDArray[np.float64]
+    z: NDArray[np.float64]
+    vz: NDArray[np.float64]
+
+
+def find_gaps(t: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Find samples after which a gap begins.
+
+    Parameters
+    ----------
+    t : ndarray of float64, shape (n,)
+        Times of the samples, increasing [s].
+
+    Returns
+    -------
+    ndarray of int64, shape (gaps,)
+        Their numbers, from 0 [1].
+    """
+    intervals = np.diff(t)
+    return np.flatnonzero(intervals > GAP * np.median(intervals))
+
+
+@dataclass(frozen=True)
+class Held:
+    """Two hands at all times: what each does from a tick on, until the next.
+
+    Attributes
+    ----------
+    hold : int
+        Number of the hold [1].
+    scale : float
+        Ticks in a second [1/s].
+    ticks : ndarray of int64, shape (n,)
+        When, ascending [1/scale s].
+    z : ndarray of float64, shape (n, 2)
+        Heights of the left and of the right stylus [m].
+    vz : ndarray of float64, shape (n, 2)
+        Their rates [m/s].
+    az : ndarray of float64, shape (n, 2)
+        Rates of these, where the hold needs them [m/s2].
+    """
+
+    hold: int
+    scale: float
+    ticks: NDArray[np.int64]
+    z: NDArray[np.float64]
+    vz: NDArray[np.float64]
+    az: NDArray[np.float64]
+
+
+def hold_hands(hands: Hands, hold: str) -> Held:
+    """Say what hands do between their samples.
+
+    With "hermite" they go through heights and rates: on a cubic from sample to sample where these are close, otherwise
+    by way of polynomials through four samples, and across a gap on one cubic. With the others they go on from the last
+    sample: with its height and rate (zoh), its rate (cv) or its acceleration, the slope of the last two rates (ca); in
+    a gap for as long as is usual, and then they rest where they got to.
+
+    Parameters
+    ----------
+    hands : Hands
+        The samples.
+    hold : str
+        One of `HOLDS`.
+
+    Returns
+    -------
+    Held
+        For `drives_along`.
+
+    Raises
+    ------
+    ConfigError
+        If two samples fall on one tick.
+    """
+    scale = _scale_of(hands.t)
+    ticks = np.rint(hands.t * scale).astype(np.int64)
+    close = np.flatnonzero(np.diff(ticks) <= 0)
+    if len(close):
+        raise ConfigError(f"t: samples {close[0] + 1} and {close[0] + 2} are less than {1 / scale:g} s apart")
+    held = Held(HOLDS.index(hold), scale, ticks, hands.z, hands.vz, np.zeros_like(hands.vz))
+    if hold == "ca":
+        held.az[1:] = np.diff(hands.vz, axis=0) / (np.diff(ticks) / scale)[:, None]
+    gaps = find_gaps(hands.t)
+    return _filled(held, gaps) if hold == "hermite" else _rested(held, gaps)
+
+
+def _scale_of(t: NDArray[np.float64]) -> float:
+    """Return how many ticks a second has."""
+    digits = np.floor(-np.log10(4.0 * np.spacing(np.abs(t).max())))
+    return float(10.0 ** min(FINEST, int(digits)))
+
+
+def _rested(held: Held, gaps: NDArray[np.int64]) -> Held:
+    """Let the hands rest in each gap, from the usual time on."""
+    usual = int(np.median(np.diff(held.ticks)))
+    z, age = held.z[gaps], usual / held.scale
+    if held.hold != _ZOH:
+        z = z + held.vz[gaps] * age + 0.5 * held.az[gaps] * (age * age)
+    return Held(
+        held.hold,
+        held.scale,
+        np.insert(held.ticks, gaps + 1, held.ticks[gaps] + usual),
+        np.insert(held.z, gaps + 1, z, axis=0),
+        np.insert(held.vz, gaps + 1, 0.0, axis=0),
+        np.insert(held.az, gaps + 1, 0.0, axis=0),
+    )
+
+
+def _filled(held: Held, gaps: NDArray[np.int64]) -> Held:
+    """Fill in samples that are far apart, but not the gaps."""
+    parts = np.ceil(np.diff(held.ticks) / (FILL * held.scale) - 1e-6).astype(np.int64)
+    parts[gaps] = 1
+    if parts.max() == 1:
+        return held
+    first = np.concatenate(([0], np.cumsum(parts)))
+    n = int(first[-1]) + 1
+    filled = Held(held.hold, held.scale, np.empty(n, np.int64), np.empty((n, 2)), np.empty((n, 2)), np.zeros((n, 2)))
+    ends = np.concatenate((gaps, [len(held.ticks) - 1]))
+    _fill(held.ticks, held.z, held.vz, parts, first, ends, held.scale, filled.ticks, filled.z, filled.vz)
+    return filled
+
+
+@kernel
+def _fill(
+    ticks: Any,
+    z: Any,
+    vz: Any,
+    parts: Any,
+    first: Any,
+    ends: Any,
+    scale: float,
+    out_ticks: Any,
+    out_z: Any,
+    out_vz: Any,
+) -> None:
+    """Write the samples and what is between them: osculating polynomials through four (Newton's form, nodes twice)."""
+    x, c = np.empty(8), np.empty(8)
+    begin, run_number = 0, 0
+    for i in range(len(ticks)):
+        out_ticks[first[i]], out_z[first[i]], out_vz[first[i]] = ticks[i], z[i], vz[i]
+        if i == ends[run_number]:  # the last sample before a gap
+            begin, run_number = i + 1, run_number + 1
+            continue
+        # The two samples and their neighbours, as far as there are any on this side of a gap. Only if none are close
+        # together: what is wrong with them would grow with the distance.
+        low = max(min(i - 1, ends[run_number] - 3), begin)
+        nodes = min(low + 4, ends[run_number] + 1) - low
+        for j in range(low, low + nodes - 1):
+            if 3 * (ticks[j + 1] - ticks[j]) < ticks[i + 1] - ticks[i]:
+                low, nodes = i, 2
+                break
+        for hand in range(2):
+            for j in range(2 * nodes):
+                x[j], c[j] = (ticks[low + j // 2] - ticks[i]) / scale, z[low + j // 2, hand]
+            for order in range(1, 2 * nodes):
+                for j in range(2 * nodes - 1, order - 1, -1):
+                    if order == 1 and j % 2 == 1:
+                        c[j] = vz[low + j // 2, hand]
+                    else:
+                        c[j] = (c[j] - c[j - 1]) / (x[j] - x[j - order])
+            for part in range(1, parts[i]):
+                tick = ticks[i] + (part * (ticks[i + 1] - ticks[i])) // parts[i]
+                t, value, slope = (tick - ticks[i]) / scale, 0.0, 0.0
+                for j in range(2 * nodes - 1, -1, -1):
+                    slope = slope * (t - x[j]) + value
+                    value = value * (t - x[j]) + c[j]
+                out_ticks[first[i] + part] = tick
+                out_z[first[i] + part, hand], out_vz[first[i] + part, hand] = value, slope
+
+
+def drives_along(held: Held, ticks: NDArray[np.int64], scene: NDArray[Any]) -> NDArray[np.float64]:
+    """Return the polynomials of both drives from each of some times on, until the hold's next one.
+
+    Parameters
+    ----------
+    held : Held
+        The hands.
+    ticks : ndarray of int64, shape (n,)
+        The times, in ticks [1/scale s].
+    scene : ndarray of SCENE, shape (1,)
+        The scene.
+
+    Returns
+    -------
+    ndarray of float64, shape (n, 8)
+        Coefficients of the left drive and of the right one, as `netboard.physics.hands.extrapolation.drives` takes them
+        [N, N/s, N/s2, N/s3].
+    """
+    places = np.searchsorted(held.ticks, ticks, side="right") - 1
+    out = np.empty((len(ticks), 8))
+    _write_drives(ticks, places, held.ticks, held.scale, held.z, held.vz, held.az, held.hold, scene[0], out)
+    return out
+
+
+def styluses_along(held: Held, ticks: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return the styluses at some times.
+
+    Parameters
+    ----------
+    held : Held
+        The hands.
+    ticks : ndarray of int64, shape (n,)
+        The times, in ticks [1/scale s].
+
+    Returns
+    -------
+    ndarray of float64, shape (n, 4)
+        left_z, left_vz, right_z, right_vz [m, m/s].
+    """
+    out, unit = np.empty((len(ticks), 4)), np.zeros(1, SCENE)
+    # The drive of a coupling of nothing but a stiffness of 1 is a height, that of a damping of 1 a rate.
+    for first, name in enumerate("kc"):
+        unit["k_left"] = unit["k_right"] = name == "k"
+        unit["c_left"] = unit["c_right"] = name == "c"
+        out[:, first::2] = drives_along(held, ticks, unit)[:, (0, 4)]
+    return out
+
+
+@kernel
+def _write_drives(
+    knots: Any, samples: Any, ticks: Any, scale: float, z: Any, vz: Any, az: Any, hold: int, scene: Any, out: Any
+) -> None:
+    """Write the drives, each counted from its knot."""
+    k_left, c_left, k_right, c_right = scene["k_left"], scene["c_left"], scene["k_right"], scene["c_right"]
+    for n in range(len(knots)):
+        i = samples[n]
+        if hold == _HERMITE and i + 1 < len(ticks):
+            gap = (ticks[i + 1] - ticks[i]) / scale
+            left = between(z[i, 0], vz[i, 0], z[i + 1, 0], vz[i + 1, 0], gap, k_left, c_left)
+            right = between(z[i, 1], vz[i, 1], z[i + 1, 1], vz[i + 1, 1], gap, k_right, c_right)
+        elif hold in (_HERMITE, _ZOH):
+            left, right = resting(z[i, 0], vz[i, 0], k_left, c_left), resting(z[i, 1], vz[i, 1], k_right, c_right)
+        else:
+            left = moving(z[i, 0], vz[i, 0], az[i, 0], k_left, c_left)
+            right = moving(z[i, 1], vz[i, 1], az[i, 1], k_right, c_right)
+        u = later(
+            (left[0], left[1], left[2], left[3], right[0], right[1], right[2], right[3]), (knots[n] - ticks[i]) / scale
+        )
+        for j in range(8):
+            out[n, j] = u[j]

@@ -1,0 +1,164 @@
+"""One-step methods that are explicit: a state goes in with a step's hands, the state after it comes out.
+
+Every method is a function ``step(x, h, hands, tables, parts, scene)`` of the same arguments: the state, the length of
+the step, the hands through it (`netboard.physics.hands.extrapolation.drives`), the method's tables and which of them
+are for this length (an array without elements if it needs none), and the scene. `netboard.physics.methods.catalogue`
+lists them, with their orders and nodes.
+"""
+
+from typing import Any
+
+from netboard.base.compiled import inlined
+from netboard.physics.arithmetic.vectors import State, blend, joined, places, plus, speeds
+from netboard.physics.hands.extrapolation import drives
+from netboard.physics.scene.models import rates
+from netboard.physics.scene.parameters import Parts
+
+
+@inlined
+def moved(x: State, t: float, y: State, parts: Parts) -> State:
+    """Return where a state gets in a time with the velocities of another, which it takes over.
+
+    Parameters
+    ----------
+    x : tuple of float
+        The state from which the places are taken [SI].
+    t : float
+        How long it moves [s].
+    y : tuple of float
+        The state from which the velocities are taken [SI].
+    parts : Parts
+        What the scene has; a constant at the call.
+
+    Returns
+    -------
+    tuple of float
+        A state [SI].
+    """
+    p = plus(places(x), t, speeds(y)) if parts.free else places(x)
+    return joined(x[0] + t * y[1], y[1], x[2] + t * y[3], y[3], p, speeds(y))
+
+
+@inlined
+def euler(x: State, h: float, hands: Any, tables: Any, parts: Parts, scene: Any) -> State:
+    """Return the state after one step of Euler's explicit method (order 1).
+
+    Parameters
+    ----------
+    x : tuple of float
+        The state [SI].
+    h : float
+        Length of the step [s].
+    hands : tuple
+        The hands through the step, as `netboard.physics.hands.extrapolation.drives` takes them [N].
+    tables : tuple of ndarray of float64, shape (kinds, k, n, n), and int
+        Not used.
+    parts : Parts
+        What the scene has; a constant at the call.
+    scene : SCENE record
+        The scene.
+
+    Returns
+    -------
+    tuple of float
+        The state at the end of the step [SI].
+    """
+    left, right = drives(hands, 0, 0.0)
+    return plus(x, h, rates(x, left, right, parts, scene))
+
+
+@inlined
+def semi_implicit(x: State, h: float, hands: Any, tables: Any, parts: Parts, scene: Any) -> State:
+    """Return the state after one step of the semi-implicit method of Euler (order 1).
+
+    First the velocities, then the places with the new velocities (Hairer, Lubich and Wanner, Geometric Numerical
+    Integration, I.1.2).
+
+    Parameters
+    ----------
+    x : tuple of float
+        The state [SI].
+    h : float
+        Length of the step [s].
+    hands : tuple
+        The hands through the step, as `netboard.physics.hands.extrapolation.drives` takes them [N].
+    tables : tuple of ndarray of float64, shape (kinds, k, n, n), and int
+        Not used.
+    parts : Parts
+        What the scene has; a constant at the call.
+    scene : SCENE record
+        The scene.
+
+    Returns
+    -------
+    tuple of float
+        The state at the end of the step [SI].
+    """
+    left, right = drives(hands, 0, 0.0)
+    return moved(x, h, plus(x, h, rates(x, left, right, parts, scene)), parts)
+
+
+@inlined
+def heun(x: State, h: float, hands: Any, tables: Any, parts: Parts, scene: Any) -> State:
+    """Return the state after one step of Heun's method, the explicit trapezoidal rule (order 2).
+
+    Parameters
+    ----------
+    x : tuple of float
+        The state [SI].
+    h : float
+        Length of the step [s].
+    hands : tuple
+        The hands through the step, as `netboard.physics.hands.extrapolation.drives` takes them [N].
+    tables : tuple of ndarray of float64, shape (kinds, k, n, n), and int
+        Not used.
+    parts : Parts
+        What the scene has; a constant at the call.
+    scene : SCENE record
+        The scene.
+
+    Returns
+    -------
+    tuple of float
+        The state at the end of the step [SI].
+    """
+    left, right = drives(hands, 0, 0.0)
+    k1 = rates(x, left, right, parts, scene)
+    left, right = drives(hands, 1, h)
+    k2 = rates(plus(x, h, k1), left, right, parts, scene)
+    return blend(x, 0.5 * h, (1.0, 1.0), (k1, k2))
+
+
+@inlined
+def rk4(x: State, h: float, hands: Any, tables: Any, parts: Parts, scene: Any) -> State:
+    """Return the state after one step of the classical Runge-Kutta method (order 4).
+
+    Parameters
+    ----------
+    x : tuple of float
+        The state [SI].
+    h : float
+        Length of the step [s].
+    hands : tuple
+        The hands through the step, as `netboard.physics.hands.extrapolation.drives` takes them [N].
+    tables : tuple of ndarray of float64, shape (kinds, k, n, n), and int
+        Not used.
+    parts : Parts
+        What the scene has; a constant at the call.
+    scene : SCENE record
+        The scene.
+
+    Returns
+    -------
+    tuple of float
+        The state at the end of the step [SI].
+    """
+    half = 0.5 * h
+    left, right = drives(hands, 0, 0.0)
+    k1 = rates(x, left, right, parts, scene)
+    left, right = drives(hands, 1, half)
+    k2 = rates(plus(x, half, k1), left, right, parts, scene)
+    k3 = rates(plus(x, half, k2), left, right, parts, scene)
+    left, right = drives(hands, 2, h)
+    k4 = rates(plus(x, h, k3), left, right, parts, scene)
+    return blend(x, h / 6.0, (1.0, 2.0, 2.0, 1.0), (k1, k2, k3, k4))

@@ -1,0 +1,1 @@
+"""What is simulated: parameters, equations of motion, force conditions, energy, closed forms."""

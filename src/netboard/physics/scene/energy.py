@@ -1,0 +1,310 @@
+"""Where the energy of a scene is, and what it flows through: in strict arithmetic, and along a whole trajectory.
+
+The flows add up to the rate of what is stored, exactly. By Lagrange, energy comes from the hands and goes into dampers
+alone. The paper's equations are not quite those of a mechanical system; what they add or take has a flow of its own. A
+stop that turns a ball back takes energy in no time, which no flow has: along a trajectory it is what is missing.
+docs/physics.md derives it all; `netboard.physics.scene.models` has the symbols.
+"""
+
+from collections.abc import Callable
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.polynomial.polynomial import polyder, polyval
+from numpy.typing import NDArray
+
+from netboard.base.compiled import inlined, kernel
+from netboard.physics.arithmetic.vectors import State, affine, alike, dot, places, row, speeds, total
+from netboard.physics.scene.models import rates, turned
+from netboard.physics.scene.parameters import Parts
+
+
+class Stored(NamedTuple):
+    """Energies; gravity counts from the height of the origin.
+
+    Attributes
+    ----------
+    kinetic : float
+        Of the motion of board and balls [J].
+    gravity : float
+        Of their heights [J].
+    spring_left, spring_right : float
+        In the couplings to the hands [J].
+    spring_board : float
+        In the spring from the board to the origin [J].
+    """
+
+    kinetic: float
+    gravity: float
+    spring_left: float
+    spring_right: float
+    spring_board: float
+
+
+class Flows(NamedTuple):
+    """Powers, + = into the scene.
+
+    Attributes
+    ----------
+    hand_left, hand_right : float
+        From the hands [W].
+    damper_left, damper_right : float
+        Into the dampers of the couplings, never positive [W].
+    damper_board : float
+        Into the damping of the board's heave and tilt, never positive [W].
+    model : float
+        What the paper's equations add; 0 by Lagrange [W].
+    """
+
+    hand_left: float
+    hand_right: float
+    damper_left: float
+    damper_right: float
+    damper_board: float
+    model: float
+
+
+@inlined
+def _moving(x: State, s: float, c: float, parts: Parts, scene: Any) -> float:
+    """Return the kinetic energy of the balls [J]; by the paper they move along the board, and that is all."""
+    p, vz, omega = places(x), x[1], x[3]
+    m: float = scene["m"]
+    ease: float = scene["ease"]
+    if not parts.lagrangian:
+        return 0.5 * (m / ease) * dot(speeds(x), speeds(x)) if parts.free else 0.0
+    lever = scene["ball_height"] * omega
+    if parts.free:
+        along = affine(-lever, 1.0, speeds(x))
+    else:
+        m *= scene["fixed_load"]
+        along = alike(-lever, p)
+    lifted = s * total(along) + omega * c * total(p)
+    return 0.5 * m * (dot(along, along) / ease + omega * omega * dot(p, p) + vz * (len(p) * vz + 2.0 * lifted))
+
+
+@inlined
+def stored(x: State, left_z: float, right_z: float, parts: Parts, scene: Any) -> Stored:
+    """Return the energies of the scene.
+
+    Parameters
+    ----------
+    x : tuple of float
+        The state [SI].
+    left_z, right_z : float
+        Heights of the styluses [m].
+    parts : Parts
+        What the scene has.
+    scene : SCENE record
+        The scene.
+
+    Returns
+    -------
+    Stored
+        Their sum is all that the scene has [J].
+    """
+    s, c = turned(x[2], parts)
+    z, arm = x[0], scene["l"] * s
+    kinetic = 0.5 * (scene["M"] * (x[1] * x[1]) + scene["I"] * (x[3] * x[3]))
+    gravity = scene["M"] * scene["g"] * z
+    if parts.loaded:
+        kinetic += _moving(x, s, c, parts, scene)
+        weight = scene["m"] * scene["g"]
+        if not parts.free:
+            weight *= scene["fixed_load"]
+        above = z + scene["ball_height"] * c if parts.lagrangian else z
+        gravity += weight * (len(places(x)) * above + s * total(places(x)))
+    left, right = left_z - (z - arm), right_z - (z + arm)
+    return Stored(
+        kinetic,
+        gravity,
+        0.5 * scene["k_left"] * (left * left),
+        0.5 * scene["k_right"] * (right * right),
+        0.5 * scene["k_s"] * (z * z),
+    )
+
+
+@inlined
+def flows(x: State, left_z: float, left_vz: float, right_z: float, right_vz: float, parts: Parts, scene: Any) -> Flows:
+    """Return the powers through which the energy of the scene changes.
+
+    Parameters
+    ----------
+    x : tuple of float
+        The state [SI].
+    left_z, left_vz, right_z, right_vz : float
+        Heights of the styluses and their rates [m, m/s].
+    parts : Parts
+        What the scene has.
+    scene : SCENE record
+        The scene.
+
+    Returns
+    -------
+    Flows
+        Their sum is the rate of the sum of `stored` [W].
+    """
+    s, c = turned(x[2], parts)
+    z, vz, omega = x[0], x[1], x[3]
+    arm, arm_rate = scene["l"] * s, scene["l"] * omega * c
+    left, left_slip = left_z - (z - arm), left_vz - (vz - arm_rate)
+    right, right_slip = right_z - (z + arm), right_vz - (vz + arm_rate)
+    odd = 0.0
+    if parts.loaded and not parts.lagrangian:
+        # The board carries only c^2 of a ball's weight, and a ball may be told to roll uphill.
+        g, load = scene["g"], scene["m"]
+        odd = len(places(x)) * (g * s) * vz
+        if parts.free:
+            odd += (g + scene["ball_gravity"] / scene["ease"]) * total(speeds(x))
+        else:
+            load *= scene["fixed_load"]
+        odd *= load * s
+    return Flows(
+        (scene["k_left"] * left + scene["c_left"] * left_slip) * left_vz,
+        (scene["k_right"] * right + scene["c_right"] * right_slip) * right_vz,
+        -scene["c_left"] * (left_slip * left_slip),
+        -scene["c_right"] * (right_slip * right_slip),
+        -(scene["b_z"] * (vz * vz) + scene["b_theta"] * (omega * omega)),
+        odd,
+    )
+
+
+_GAUSS = (0.5 - 0.15**0.5, 0.5, 0.5 + 0.15**0.5)
+_SHARES = np.array([5.0, 8.0, 5.0]) / 18.0
+"""Gauss's rule on 0..1: its nodes, and their shares in the integral."""
+
+
+def _values_and_slopes(*polynomials: tuple[float, ...]) -> NDArray[np.float64]:
+    """Return polynomials of 0..1 at the nodes, and their slopes: an array of nodes, the two, and polynomials."""
+    basis = np.array(polynomials).T
+    both = np.array([polyval(_GAUSS, basis), polyval(_GAUSS, polyder(basis))])
+    return np.ascontiguousarray(np.moveaxis(both, -1, 0))
+
+
+# What a polynomial that meets both ends of an interval has of the difference of their values, of their rates, and of
+# the rates of those (Hermite).
+_QUINTIC = _values_and_slopes(
+    (0.0, 0.0, 0.0, 10.0, -15.0, 6.0),
+    (0.0, 1.0, 0.0, -6.0, 8.0, -3.0),
+    (0.0, 0.0, 0.0, -4.0, 7.0, -3.0),
+    (0.0, 0.0, 0.5, -1.5, 1.5, -0.5),
+    (0.0, 0.0, 0.0, 0.5, -1.0, 0.5),
+)
+_CUBIC = _values_and_slopes((0.0, 0.0, 3.0, -2.0), (0.0, 1.0, -2.0, 1.0), (0.0, 0.0, -1.0, 1.0))
+
+
+@inlined
+def _place(w: Any, x: Any, before: State, after: State, i: int, j: int, h: float, out: Any) -> None:
+    """Write coordinate j and its rate at a node of interval i, on the quintic."""
+    step, start, end = x[i + 1, j] - x[i, j], h * x[i, j + 1], h * x[i + 1, j + 1]
+    bend, last = (h * h) * before[j + 1], (h * h) * after[j + 1]
+    out[j] = x[i, j] + (w[0, 0] * step + w[0, 1] * start + w[0, 2] * end + w[0, 3] * bend + w[0, 4] * last)
+    out[j + 1] = (w[1, 0] * step + w[1, 1] * start + w[1, 2] * end + w[1, 3] * bend + w[1, 4] * last) / h
+
+
+@inlined
+def _held(w: Any, hands: Any, i: int, j: int, h: float) -> tuple[float, float]:
+    """Return height and rate of a stylus, in columns j and j + 1, at a node of interval i, on the cubic."""
+    step, start, end = hands[i + 1, j] - hands[i, j], h * hands[i, j + 1], h * hands[i + 1, j + 1]
+    z = hands[i, j] + (w[0, 0] * step + w[0, 1] * start + w[0, 2] * end)
+    return z, (w[1, 0] * step + w[1, 1] * start + w[1, 2] * end) / h
+
+
+@inlined
+def _rate(like: State, states: Any, hands: Any, i: int, parts: Parts, scene: Any) -> State:
+    """Return the rate of a state between the styluses that belong to it."""
+    left = scene["k_left"] * hands[i, 0] + scene["c_left"] * hands[i, 1]
+    right = scene["k_right"] * hands[i, 2] + scene["c_right"] * hands[i, 3]
+    return rates(row(states, i, like), left, right, parts, scene)
+
+
+@cache
+def _make_along(PARTS: Parts) -> tuple[Callable[..., None], Callable[..., None]]:
+    """Compile the energies at many states, and the work between them."""
+
+    @kernel
+    def all_stored(like: State, states: Any, hands: Any, scene: Any, out: Any) -> None:
+        for i in range(len(states)):
+            held = stored(row(states, i, like), hands[i, 0], hands[i, 2], PARTS, scene[0])
+            for j in range(len(held)):
+                out[i, j] = held[j]
+
+    @kernel
+    def all_work(like: State, times: Any, states: Any, hands: Any, scene: Any, out: Any) -> None:
+        one, at = scene[0], np.empty((1, len(like)))
+        after = _rate(like, states, hands, 0, PARTS, one)
+        for i in range(len(times) - 1):
+            h = times[i + 1] - times[i]
+            before, after = after, _rate(like, states, hands, i + 1, PARTS, one)
+            out[i + 1] = out[i]
+            for node in range(len(_SHARES)):
+                for j in range(0, len(like), 2):
+                    _place(_QUINTIC[node], states, before, after, i, j, h, at[0])
+                left_z, left_vz = _held(_CUBIC[node], hands, i, 0, h)
+                right_z, right_vz = _held(_CUBIC[node], hands, i, 2, h)
+                flow = flows(row(at, 0, like), left_z, left_vz, right_z, right_vz, PARTS, one)
+                for j in range(len(flow)):
+                    out[i + 1, j] += _SHARES[node] * h * flow[j]
+
+    return all_stored, all_work
+
+
+def stored_along(
+    states: NDArray[np.float64], hands: NDArray[np.float64], parts: Parts, scene: NDArray[Any]
+) -> NDArray[np.float64]:
+    """Return the energies of the scene at each state.
+
+    Parameters
+    ----------
+    states : ndarray of float64, shape (n, length)
+        The states [SI].
+    hands : ndarray of float64, shape (n, 4)
+        left_z, left_vz, right_z, right_vz of the styluses at the same times [m, m/s].
+    parts : Parts
+        What the scene has.
+    scene : ndarray of SCENE, shape (1,)
+        The scene.
+
+    Returns
+    -------
+    ndarray of float64, shape (n, 5)
+        As in `Stored` [J].
+    """
+    out = np.empty((len(states), len(Stored._fields)))
+    _make_along(parts)[0]((0.0,) * states.shape[1], states, hands, scene, out)
+    return out
+
+
+def work_along(
+    times: NDArray[np.float64],
+    states: NDArray[np.float64],
+    hands: NDArray[np.float64],
+    parts: Parts,
+    scene: NDArray[Any],
+) -> NDArray[np.float64]:
+    """Return the work done through each flow since the start of a trajectory.
+
+    Between two states the board moves by the quintic that meets both with their rates, a stylus by the cubic, and the
+    power is integrated by Gauss with three nodes: the error falls with the sixth power of the interval.
+
+    Parameters
+    ----------
+    times : ndarray of float64, shape (n,)
+        When the states are, ascending [s].
+    states : ndarray of float64, shape (n, length)
+        The states [SI].
+    hands : ndarray of float64, shape (n, 4)
+        left_z, left_vz, right_z, right_vz of the styluses at the same times [m, m/s].
+    parts : Parts
+        What the scene has.
+    scene : ndarray of SCENE, shape (1,)
+        The scene.
+
+    Returns
+    -------
+    ndarray of float64, shape (n, 6)
+        As in `Flows`, since the first state [J].
+    """
+    out = np.zeros((len(states), len(Flows._fields)))
+    _make_along(parts)[1]((0.0,) * states.shape[1], times, states, hands, scene, out)
+    return out

@@ -1,0 +1,280 @@
+"""Forces and accelerations of the scene: the paper's equations and the full Lagrangian ones, in strict arithmetic.
+
+docs/physics.md writes them out and derives them. Rule 1: the same bits on every machine, and in plain Python
+(``NUMBA_DISABLE_JIT=1``): no ``fastmath``, no fused multiply-add, no math library, one order of operations. Rule 2:
+mirror images to the bit: exchange left and right and the signs of tilt and balls, and every result changes side or sign
+exactly. Rule 3: nothing raises; what is not finite goes in and comes out. Rule 4: what a scene does not need is not
+computed: `parts` is a constant wherever this is compiled.
+
+Symbols: a state x is ``(z, vz, theta, omega)`` and ``(p, vp)`` of each ball: height of the board's centre, tilt (+ =
+right end up), ball along the board (+ = right), and their rates; s, c sine and cosine of the tilt. A hand enters by its
+drive ``u = k z_s + c vz_s`` alone: what its coupling would pull a board at rest at the origin with. It knows no trial,
+no sample and no step.
+"""
+
+from typing import Any
+
+from netboard.base.compiled import inlined
+from netboard.physics.arithmetic.trig import sincos
+from netboard.physics.arithmetic.vectors import (
+    State,
+    affine,
+    alike,
+    dot,
+    joined,
+    places,
+    replaced,
+    speeds,
+    total,
+)
+from netboard.physics.scene.parameters import Parts
+
+
+@inlined
+def turned(theta: float, parts: Parts) -> tuple[float, float]:
+    """Return sine and cosine of the tilt, which are 0 and 1 on a board that cannot tilt.
+
+    Parameters
+    ----------
+    theta : float
+        Tilt [rad].
+    parts : Parts
+        What the scene has.
+
+    Returns
+    -------
+    s, c : float
+        Sine and cosine [1].
+    """
+    return sincos(theta) if parts.tilts else (0.0, 1.0)
+
+
+@inlined
+def coupling(x: State, left: float, right: float, parts: Parts, scene: Any) -> tuple[float, float]:
+    """Return the forces of the two hands on the board; the hands feel their opposites (paper eq. 1-2).
+
+    Parameters
+    ----------
+    x : tuple of float
+        The state [SI].
+    left, right : float
+        Drives of the hands [N].
+    parts : Parts
+        What the scene has.
+    scene : SCENE record
+        The scene.
+
+    Returns
+    -------
+    left, right : float
+        Forces on the board, + = up [N].
+    """
+    s, c = turned(x[2], parts)
+    arm, arm_rate = scene["l"] * s, scene["l"] * x[3] * c
+    return (
+        left - (scene["k_left"] * (x[0] - arm) + scene["c_left"] * (x[1] - arm_rate)),
+        right - (scene["k_right"] * (x[0] + arm) + scene["c_right"] * (x[1] + arm_rate)),
+    )
+
+
+@inlined
+def _pull(x: State, left: float, right: float, s: float, c: float, parts: Parts, scene: Any) -> tuple[float, float]:
+    """Return the upward force on a board without balls, and the difference of the hands' forces, right - left [N]."""
+    arm, arm_rate = scene["l"] * s, scene["l"] * x[3] * c
+    k, d = scene["k_left"] + scene["k_right"], scene["c_left"] + scene["c_right"]
+    force = (left + right) - scene["M"] * scene["g"] - (k + scene["k_s"]) * x[0] - (d + scene["b_z"]) * x[1]
+    turn = (right - left) - k * arm - d * arm_rate
+    if not parts.even:
+        k, d = scene["k_right"] - scene["k_left"], scene["c_right"] - scene["c_left"]
+        force -= k * arm + d * arm_rate
+        turn -= k * x[0] + d * x[1]
+    return force, turn
+
+
+@inlined
+def _paper(x: State, left: float, right: float, parts: Parts, scene: Any) -> State:
+    """Return the rate of the state by the paper's equations (3-5): the balls weigh on the board and nothing more."""
+    s, c = turned(x[2], parts)
+    force, turn = _pull(x, left, right, s, c, parts, scene)
+    torque = scene["l"] * turn
+    p = places(x)
+    if parts.loaded:
+        weight = scene["m"] * scene["g"]
+        if not parts.free:
+            weight *= scene["fixed_load"]
+        force -= len(p) * weight * (c * c)
+        torque -= weight * total(p)
+    # Multiplied by reciprocals, which are ready long before sine and cosine are: a division would lengthen the chain.
+    az = force * (1.0 / scene["M"]) if parts.heaves else 0.0
+    ao = torque * c * (1.0 / scene["I"]) if parts.tilts else 0.0
+    if parts.damped:
+        ao -= scene["b_theta"] * x[3] * (1.0 / scene["I"])
+    if parts.free:
+        return joined(x[1], az, x[3], ao, speeds(x), alike(scene["ball_gravity"] * s, p))
+    return joined(x[1], az, x[3], ao, alike(0.0, p), alike(0.0, p))
+
+
+@inlined
+def masses(x: State, s: float, c: float, parts: Parts, scene: Any) -> tuple[float, float, float]:
+    """Return the inertia of the board and what moves with it, by Lagrange.
+
+    Balls that roll are eliminated: what their momentum along the board takes away is taken away here.
+
+    Parameters
+    ----------
+    x : tuple of float
+        The state [SI].
+    s, c : float
+        Sine and cosine of the tilt [1].
+    parts : Parts
+        What the scene has; a constant at the call.
+    scene : SCENE record
+        The scene.
+
+    Returns
+    -------
+    a11, a12, a22 : float
+        Inertia against heave, heave with tilt, and tilt [kg, kg m, kg m2].
+    """
+    p = places(x)
+    n = len(p)
+    if not parts.loaded:
+        return scene["M"], 0.0, scene["I"]
+    if parts.free:
+        m = scene["m"]
+        return scene["M"] + n * m * (1.0 - scene["ease"] * (s * s)), m * c * total(p), scene["I"] + m * dot(p, p)
+    m, r = scene["m"] * scene["fixed_load"], scene["ball_height"]
+    return (
+        scene["M"] + n * m,
+        m * (c * total(p) - n * r * s),
+        scene["I"] + m * (dot(p, p) + n * (r * r) * (1.0 / scene["ease"])),
+    )
+
+
+@inlined
+def solved(a11: float, a12: float, a22: float, force: float, torque: float, parts: Parts) -> tuple[float, float]:
+    """Return the accelerations of heave and tilt that a force and a torque give, of those that the board can make.
+
+    Parameters
+    ----------
+    a11, a12, a22 : float
+        Inertia against heave, heave with tilt, and tilt [kg, kg m, kg m2].
+    force, torque : float
+        What acts on heave and tilt [N, N m].
+    parts : Parts
+        What the scene has; a constant at the call.
+
+    Returns
+    -------
+    az, ao : float
+        Accelerations of heave and tilt [m/s2, rad/s2].
+    """
+    if not parts.tilts:
+        return force / a11, 0.0
+    if not parts.heaves:
+        return 0.0, torque / a22
+    inverse = 1.0 / (a11 * a22 - a12 * a12)
+    return (a22 * force - a12 * torque) * inverse, (a11 * torque - a12 * force) * inverse
+
+
+@inlined
+def _lagrangian(x: State, left: float, right: float, parts: Parts, scene: Any) -> State:
+    """Return the rate of the state by Lagrange's equations of the same scene (docs/physics.md)."""
+    s, c = turned(x[2], parts)
+    omega, g, r = x[3], scene["g"], scene["ball_height"]
+    force, turn = _pull(x, left, right, s, c, parts, scene)
+    torque = scene["l"] * turn * c
+    if parts.damped:
+        torque -= scene["b_theta"] * omega
+    p, vp = places(x), speeds(x)
+    n, spin = len(p), omega * omega
+    if parts.loaded and parts.free:
+        m, ease = scene["m"], scene["ease"]
+        along = (1.0 - ease) * spin * total(p) + n * ease * g * s
+        force -= m * (n * g + (2.0 * total(vp) - n * r * omega) * omega * c - s * along)
+        torque -= m * (g * c * total(p) + 2.0 * omega * dot(p, vp) - r * spin * total(p))
+    elif parts.loaded:
+        m = scene["m"] * scene["fixed_load"]
+        force -= m * (n * g - spin * (s * total(p) + n * r * c))
+        torque -= m * g * (c * total(p) - n * r * s)
+    a11, a12, a22 = masses(x, s, c, parts, scene)
+    az, ao = solved(a11, a12, a22, force, torque, parts)
+    if parts.free:
+        ease = scene["ease"]
+        return joined(x[1], az, omega, ao, vp, affine(r * ao - ease * s * (g + az), ease * spin, p))
+    return joined(x[1], az, omega, ao, alike(0.0, p), alike(0.0, p))
+
+
+@inlined
+def rates(x: State, left: float, right: float, parts: Parts, scene: Any) -> State:
+    """Return the rate of change of a state.
+
+    Parameters
+    ----------
+    x : tuple of float
+        The state [SI].
+    left, right : float
+        Drives of the hands [N].
+    parts : Parts
+        What the scene has; a constant at the call.
+    scene : SCENE record
+        The scene.
+
+    Returns
+    -------
+    tuple of float
+        As long as the state [SI].
+    """
+    if parts.lagrangian:
+        return _lagrangian(x, left, right, parts, scene)
+    return _paper(x, left, right, parts, scene)
+
+
+@inlined
+def _struck(x: State, i: int, parts: Parts, scene: Any) -> State:
+    """Return the state after the blow that turns ball i back at its stop; by Lagrange, the board feels it too."""
+    back = -(1.0 + scene["restitution"]) * x[5 + 2 * i]
+    if not parts.lagrangian:
+        return replaced(x, 5 + 2 * i, x[5 + 2 * i] + back)
+    s, c = turned(x[2], parts)
+    r, ease = scene["ball_height"], scene["ease"]
+    a11, a12, a22 = masses(x, s, c, parts, scene)
+    # Answers to a unit blow along the board, over ball i; as large a blow as gives ball i the change it needs.
+    vz, omega = solved(a11, a12, a22, -s * ease, r, parts)
+    others = r * omega - s * ease * vz
+    blow = back / (others + ease / scene["m"])
+    x = replaced(replaced(x, 1, x[1] + blow * vz), 3, x[3] + blow * omega)
+    for j in range(len(places(x))):
+        x = replaced(x, 5 + 2 * j, x[5 + 2 * j] + blow * others)
+    return replaced(x, 5 + 2 * i, x[5 + 2 * i] + blow * (ease / scene["m"]))
+
+
+@inlined
+def stopped(x: State, parts: Parts, scene: Any) -> State:
+    """Return the state after a step, with balls that ran past a stop set on it and turned back (Newton's restitution).
+
+    The blow counts at the end of the step in which it falls: late by less than a step.
+
+    Parameters
+    ----------
+    x : tuple of float
+        The state [SI].
+    parts : Parts
+        What the scene has; a constant at the call.
+    scene : SCENE record
+        The scene.
+
+    Returns
+    -------
+    tuple of float
+        The state [SI].
+    """
+    if parts.stops:
+        for i in range(len(places(x))):
+            p, vp = x[4 + 2 * i], x[5 + 2 * i]
+            if abs(p) > scene["stop"]:
+                edge = scene["stop"] if p > 0.0 else -scene["stop"]
+                x = replaced(x, 4 + 2 * i, edge)
+                if p * vp > 0.0:
+                    x = _struck(x, i, parts, scene)
+    return x

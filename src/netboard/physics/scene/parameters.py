@@ -1,0 +1,161 @@
+"""A scene: what is simulated, as data. Its constants are one packed record, and what it has are constants of kernels.
+
+Everything comes from the table ``[physics]`` of the configuration. `SCENE` holds the numbers, `Parts` says which parts
+of the equations there are: kernels are compiled for a `Parts`, and compute nothing that it does not need.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.base.tables.declared import number_of, require, words_of
+from netboard.base.tables.scene import Physics
+
+SCENE = np.dtype(
+    [
+        ("M", "<f8"),  # mass of the board [kg]
+        ("m", "<f8"),  # mass of each ball [kg]
+        ("g", "<f8"),  # gravitational acceleration [m/s2]
+        ("k_left", "<f8"),  # stiffness of the coupling between left stylus and board [N/m]
+        ("c_left", "<f8"),  # its damping [N s/m]
+        ("k_right", "<f8"),  # stiffness of the right coupling [N/m]
+        ("c_right", "<f8"),  # its damping [N s/m]
+        ("k_s", "<f8"),  # stiffness of the spring from the board's centre to the origin [N/m]
+        ("l", "<f8"),  # control point to the board's centre [m]
+        ("I", "<f8"),  # moment of inertia of the board [kg m2]
+        ("b_z", "<f8"),  # damping of the board's heave [N s/m]
+        ("b_theta", "<f8"),  # damping of its tilt [N m s/rad]
+        ("ball_gravity", "<f8"),  # paper's model: acceleration of a ball over sin(theta), - is downhill [m/s2]
+        ("ease", "<f8"),  # mass of a ball over its inertia against being moved along: 1 slides, 5/7 a sphere rolls [1]
+        ("ball_height", "<f8"),  # height of a ball's centre above the board [m]
+        ("fixed_load", "<f8"),  # share of a fixed ball's weight that loads the board [1]
+        ("stop", "<f8"),  # where stops turn a ball back, from the board's centre [m]
+        ("restitution", "<f8"),  # share of its speed that a stop gives back [1]
+    ]
+)
+"""One scene."""
+
+
+class Parts(NamedTuple):
+    """What a scene has, for the compiler.
+
+    Attributes
+    ----------
+    lagrangian : bool
+        Lagrange's equations; otherwise the paper's.
+    heaves, tilts : bool
+        What the board can do.
+    even : bool
+        Both couplings are alike.
+    damped : bool
+        The tilt has a damping of its own.
+    loaded : bool
+        There are balls, and they press on the board.
+    free : bool
+        They roll; otherwise they are fixed to the board.
+    stops : bool
+        Stops turn them back.
+    """
+
+    lagrangian: bool
+    heaves: bool
+    tilts: bool
+    even: bool
+    damped: bool
+    loaded: bool
+    free: bool
+    stops: bool
+
+
+_SAME_NAME = ("M", "m", "g", "k_s", "l", "I", "b_z", "b_theta", "ball_height", "restitution")
+
+
+def pack_scene(physics: Physics) -> NDArray[Any]:
+    """Return the numbers of a scene, for the kernels.
+
+    Parameters
+    ----------
+    physics : Physics
+        The configuration's table.
+
+    Returns
+    -------
+    ndarray of SCENE, shape (1,)
+        The packed record, SI units.
+    """
+    scene = np.zeros(1, SCENE)
+    for name in _SAME_NAME:
+        scene[name] = getattr(physics, name)
+    for side in ("left", "right"):
+        if physics.coupling in (side, "both"):
+            scene[f"k_{side}"], scene[f"c_{side}"] = physics.k_h, physics.c_h
+    scene["ease"] = 1.0 / (1.0 + physics.ball_inertia)
+    scene["ball_gravity"] = scene["ease"] * (-physics.g if physics.ball_sign == "downhill" else physics.g)
+    scene["fixed_load"] = 1.0 if physics.fixed_ball == "loads_board" else 0.0
+    scene["stop"] = physics.ball_stop
+    return scene
+
+
+_KNOWN: dict[str, tuple[str, ...]] = {
+    "model": ("paper", "lagrangian"),
+    "board": ("free", "hinged", "level"),
+    "coupling": ("both", "left", "right", "none"),
+    "ball_sign": ("downhill", "printed"),
+    "fixed_ball": ("loads_board", "carried"),
+}
+"""Words that are compared below: whatever is not the one is the other."""
+
+for _key, _words in _KNOWN.items():
+    require(f"[physics] {_key} in netboard/physics/scene/parameters.py", _words, words_of(Physics, _key))
+
+
+def parts_of(physics: Physics, free: bool = True) -> Parts:
+    """Return what a scene has.
+
+    Parameters
+    ----------
+    physics : Physics
+        The configuration's table.
+    free : bool
+        The balls roll; otherwise they are fixed.
+
+    Returns
+    -------
+    Parts
+        The constants to compile kernels for.
+
+    Raises
+    ------
+    ConfigError
+        If the scene has a word that is not known here.
+    """
+    for key, words in _KNOWN.items():
+        number_of(getattr(physics, key), words, f"[physics] {key}")
+    there = physics.balls > 0
+    return Parts(
+        lagrangian=physics.model == "lagrangian",
+        heaves=physics.board != "hinged",
+        tilts=physics.board != "level",
+        even=physics.coupling in ("both", "none"),
+        damped=physics.b_theta > 0 and physics.board != "level",
+        loaded=there,
+        free=there and free,
+        stops=there and free and physics.ball_stop > 0,
+    )
+
+
+def state_length(physics: Physics) -> int:
+    """Return how many numbers a state of the scene has.
+
+    Parameters
+    ----------
+    physics : Physics
+        The configuration's table.
+
+    Returns
+    -------
+    int
+        Four for the board and two for each ball [1].
+    """
+    return 4 + 2 * physics.balls

@@ -1,0 +1,299 @@
+"""What of the board's force a hand is given: all of it, the partner's part, all but that, nothing, or a recorded one.
+
+The parts are those of the board at rest. Near the level board, with both styluses and the ball where they are, height
+and tilt follow from a linear balance of forces and torques, and the force of a hand on the board is
+
+    F_own = weight + own z_own + partner z_partner + ball p
+
+with four gains for each hand that depend on the scene alone. The partner's part is the third term; the environment's
+are the others. Nothing else of the partner is in the latter, and nothing else at all in the former: no rate, no
+damping, no motion of the board. docs/forces.md has the equations.
+
+It knows no trial and no time: whether a hand feels anything now is asked elsewhere.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.base.compiled import inlined
+from netboard.base.config import Config
+from netboard.base.errors import ConfigError
+from netboard.base.tables.declared import FORCES, number_of, require, words_of
+from netboard.base.tables.experiment import MOST_TRIALS, Block
+from netboard.physics.scene.parameters import Parts, pack_scene, parts_of
+
+RENDERED = ("none", "full", "partner_only", "environment_only", "unrelated")
+"""The force conditions that `force_on_hand` renders; another one cannot be compiled."""
+
+require("force_on_hand in netboard/physics/scene/rendering.py", RENDERED, FORCES)
+
+MOVERS = ("person", "still", "robot")
+"""Who can move a hand; what is not still is felt by somebody."""
+
+require("felt_of in netboard/physics/scene/rendering.py", MOVERS, words_of(Block, "left"))
+
+PARTIAL = ("partner_only", "environment_only")
+"""Those that are made of the gains."""
+
+NEVER = MOST_TRIALS + 1
+"""No trial has this number, but for those that operators add [1]."""
+
+GAINS = np.dtype(
+    [
+        ("weight", "<f8"),  # force with both styluses and the ball at 0 [N]
+        ("own", "<f8"),  # and what the height of the own stylus adds to it [N/m]
+        ("partner", "<f8"),  # of the partner's [N/m]
+        ("ball", "<f8"),  # and the place of the ball [N/m]
+    ]
+)
+"""Force of one hand on the board at rest, + = up."""
+
+FELT = np.dtype(
+    [
+        ("left_fixed", GAINS),  # left hand, while the ball is fixed
+        ("right_fixed", GAINS),
+        ("left_free", GAINS),  # while it rolls
+        ("right_free", GAINS),
+        ("scale", "<f8"),  # what is felt is multiplied by this [1]
+        ("catch", "u1", (NEVER,)),  # 1: in the trial of this number nothing is felt
+        ("scales", "<f8", (NEVER,)),  # what is felt in the trial of this number is multiplied by this [1]
+    ]
+)
+"""The numbers of what is felt: one record."""
+
+# Plain integers: what numba folds into the kernels below.
+_NONE, _FULL, _PARTNER_ONLY, _ENVIRONMENT_ONLY, _UNRELATED = map(FORCES.index, RENDERED)
+
+
+class Felt(NamedTuple):
+    """What there is to render, for the compiler.
+
+    Attributes
+    ----------
+    force : int
+        Number of the force condition, its place in `FORCES` [1].
+    scaled : bool
+        It is scaled.
+    left, right : bool
+        A hand moves at this side: a person's or a robot's.
+    catches : bool
+        In some trials nothing is felt.
+    varies : bool
+        The scale differs from trial to trial.
+    """
+
+    force: int
+    scaled: bool
+    left: bool
+    right: bool
+    catches: bool
+    varies: bool = False
+
+
+NOTHING = Felt(_NONE, scaled=False, left=False, right=False, catches=False)
+
+
+@inlined
+def force_on_hand(
+    coupling: float, own_z: float, partner_z: float, p: float, other: float, gains: Any, scale: float, felt: Felt
+) -> float:
+    """Return the force that a hand is to feel.
+
+    Parameters
+    ----------
+    coupling : float
+        Force of its coupling on the board, + = up [N].
+    own_z, partner_z : float
+        Heights of both styluses as used [m].
+    p : float
+        The ball along the board [m].
+    other : float
+        The force that a hand felt in another session, + = up [N].
+    gains : GAINS record
+        Its gains, for a ball that rolls or for one that is fixed.
+    scale : float
+        What is felt is multiplied by this [1].
+    felt : Felt
+        What there is to render; a constant at the call.
+
+    Returns
+    -------
+    float
+        Force on the hand, + = up [N].
+    """
+    # No number for what is not known: the safety chain refuses it, where a zero would pass for a condition.
+    force = np.nan
+    if felt.force == _NONE:
+        force = 0.0
+    elif felt.force == _FULL:
+        force = -coupling
+    elif felt.force == _PARTNER_ONLY:
+        force = -(gains["partner"] * partner_z)
+    elif felt.force == _ENVIRONMENT_ONLY:
+        force = -(gains["weight"] + gains["own"] * own_z + gains["ball"] * p)
+    elif felt.force == _UNRELATED:
+        force = other if np.isfinite(other) else 0.0
+    return scale * force if felt.scaled else force
+
+
+@inlined
+def is_catch(trial: int, numbers: Any, felt: Felt) -> bool:
+    """Tell whether nothing is felt in a trial.
+
+    Parameters
+    ----------
+    trial : int
+        Its number in the block [1].
+    numbers : FELT record
+        The numbers of what is felt.
+    felt : Felt
+        What there is to render; a constant at the call.
+    """
+    return felt.catches and 0 < trial < NEVER and numbers["catch"][trial] != 0
+
+
+@inlined
+def scale_in(trial: int, numbers: Any, felt: Felt) -> float:
+    """Return what the felt force is multiplied by in a trial [1].
+
+    Parameters
+    ----------
+    trial : int
+        Its number in the block [1].
+    numbers : FELT record
+        The numbers of what is felt.
+    felt : Felt
+        What there is to render; a constant at the call.
+    """
+    if felt.varies and 0 < trial < NEVER:
+        return float(numbers["scales"][trial])
+    return float(numbers["scale"])
+
+
+def felt_of(block: Block) -> Felt:
+    """Return what there is to render in a block.
+
+    Parameters
+    ----------
+    block : Block
+        The configuration's table.
+
+    Raises
+    ------
+    ConfigError
+        If its force condition, or who moves a hand, is not known.
+    """
+    left, right = block.left != "still", block.right != "still"
+    varies = bool(block.trial_scales)
+    force = number_of(block.force, FORCES, "[block] force")
+    for side, mover in (("left", block.left), ("right", block.right)):
+        number_of(mover, MOVERS, f"[block] {side}")
+    if block.force == "none" or (block.force_scale == 0.0 and not varies) or not (left or right):
+        return NOTHING
+    scaled = varies or block.force_scale != 1.0
+    return Felt(force, scaled, left, right, bool(block.catch), varies)
+
+
+def pack_felt(config: Config) -> NDArray[Any]:
+    """Return the numbers of what is felt in a block, for the kernels.
+
+    Parameters
+    ----------
+    config : Config
+        The whole configuration.
+
+    Returns
+    -------
+    ndarray of FELT, shape (1,)
+        The packed record, SI units.
+
+    Raises
+    ------
+    ConfigError
+        If a part of the force is wanted, and the springs hold the board at no height or tilt.
+    """
+    numbers = np.zeros(1, FELT)
+    numbers["scale"] = config.block.force_scale
+    numbers["catch"][0, list(config.block.catch)] = 1
+    if scales := config.block.trial_scales:
+        numbers["scales"][0, 1:] = np.resize(scales, NEVER - 1)
+    if config.block.force in PARTIAL:
+        scene = pack_scene(config.physics)[0]
+        for name, free in (("fixed", False), ("free", True)):
+            left, right = gains_of(parts_of(config.physics, free), scene)
+            numbers[f"left_{name}"], numbers[f"right_{name}"] = left, right
+    return numbers
+
+
+def gains_of(parts: Parts, scene: Any) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Return the gains of both hands, from the linear balance of the board between two styluses and one ball at rest.
+
+    It is solved here, in plain arithmetic, and by no library: a recording must verify on any machine to the bit.
+
+    Parameters
+    ----------
+    parts : Parts
+        What the scene has.
+    scene : SCENE record
+        The scene.
+
+    Returns
+    -------
+    left, right : tuple of float
+        As in `GAINS` [N, N/m].
+
+    Raises
+    ------
+    ConfigError
+        If the springs hold the board at no height or tilt, or the ball would tip it over.
+    """
+    k_left, k_right, arm = float(scene["k_left"]), float(scene["k_right"]), float(scene["l"])
+    load = _load(parts, scene)
+    weight = -float(scene["M"]) * float(scene["g"]) - load
+    left, right = [], []
+    # Height and tilt for each of four loads: weight, left stylus, right one, ball (its weight is there already).
+    for force, torque in ((weight, 0.0), (k_left, -k_left * arm), (k_right, k_right * arm), (0.0, -load)):
+        z, theta = _rest(force, torque, parts, scene)
+        left.append(k_left * (arm * theta - z))
+        right.append(k_right * (-arm * theta - z))
+    left[1] += k_left
+    right[2] += k_right
+    return (left[0], left[1], left[2], left[3]), (right[0], right[2], right[1], right[3])
+
+
+def _load(parts: Parts, scene: Any) -> float:
+    """Return the weight with which the ball loads the board [N]."""
+    if not parts.loaded:
+        return 0.0
+    return float(scene["m"]) * float(scene["g"]) * (1.0 if parts.free else float(scene["fixed_load"]))
+
+
+def _rest(force: float, torque: float, parts: Parts, scene: Any) -> tuple[float, float]:
+    """Return height and tilt at which the springs balance a force and a torque, linear [m, rad]."""
+    k_left, k_right, arm = float(scene["k_left"]), float(scene["k_right"]), float(scene["l"])
+    heave = k_left + k_right + float(scene["k_s"])
+    mixed = (k_right - k_left) * arm
+    tilt = (k_left + k_right) * arm * arm
+    holding = tilt
+    if parts.lagrangian and not parts.free:
+        tilt -= _load(parts, scene) * float(scene["ball_height"])
+    if not parts.tilts:
+        _check(heave > 0.0)
+        return force / heave, 0.0
+    if not parts.heaves:
+        _check(tilt > 0.0)
+        return 0.0, torque / tilt
+    determinant = heave * tilt - mixed * mixed
+    _check(determinant > 1e-12 * heave * holding)
+    return (force * tilt - mixed * torque) / determinant, (heave * torque - mixed * force) / determinant
+
+
+def _check(holds: bool) -> None:
+    """Refuse a scene in which the springs do not hold the board."""
+    if not holds:
+        raise ConfigError(
+            f'[block] force: found one of "{PARTIAL[0]}" and "{PARTIAL[1]}", which are parts of the force of a board '
+            "at rest; expected a scene in which springs hold the board's height and tilt: [physics] k_h, k_s, coupling"
+        )

@@ -1,0 +1,260 @@
+"""What is known of a scene in closed form: where it rests, and how fast it moves near there.
+
+For tests, documentation and studies, which hold the kernels against it; nothing here runs in a tick. Everything follows
+from the equations in docs/physics.md, without approximation unless a docstring says "linear". The balls are given by
+where they are: they are held there, or have just been let go (`Parts.free`).
+"""
+
+import cmath
+import math
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from scipy.optimize import brentq
+
+from netboard.physics.scene.parameters import Parts
+
+
+@dataclass(frozen=True, slots=True)
+class Equilibrium:
+    """The board at rest between two styluses at rest.
+
+    Attributes
+    ----------
+    z : float
+        Height of the board's centre [m].
+    theta : float
+        Tilt, + = right end up [rad].
+    left, right : float
+        Forces of the hands on the board, + = up [N].
+    """
+
+    z: float
+    theta: float
+    left: float
+    right: float
+
+
+class _Springs(NamedTuple):
+    """Sum and difference (right - left) of the couplings' stiffnesses and of what both pull with [N/m, N]."""
+
+    k: float
+    odd: float
+    pull: float
+    turn: float
+
+
+def _springs(left_z: float, right_z: float, scene: Any) -> _Springs:
+    left, right = float(scene["k_left"]), float(scene["k_right"])
+    return _Springs(left + right, right - left, left * left_z + right * right_z, right * right_z - left * left_z)
+
+
+def _load(parts: Parts, scene: Any) -> float:
+    """Return the mass with which a ball weighs on the board [kg]."""
+    if not parts.loaded:
+        return 0.0
+    return float(scene["m"]) * (1.0 if parts.free else float(scene["fixed_load"]))
+
+
+def _heights(springs: _Springs, balls: int, parts: Parts, scene: Any) -> tuple[float, float, float]:
+    """Return the height at which there is no force, as a polynomial of the sine of the tilt [m]."""
+    if not parts.heaves:
+        return 0.0, 0.0, 0.0
+    g, stiffness = float(scene["g"]), springs.k + float(scene["k_s"])
+    if stiffness <= 0:
+        raise ValueError("without a spring to the hands or to the origin the board rests at no height")
+    weight = balls * _load(parts, scene) * g
+    # Of a ball that is free, the board carries only what is not spent on rolling it.
+    spared = weight * (float(scene["ease"]) if parts.free else 0.0) if parts.lagrangian else weight
+    rise = springs.pull - float(scene["M"]) * g - weight
+    return rise / stiffness, -springs.odd * float(scene["l"]) / stiffness, spared / stiffness
+
+
+def _level_sine(a: float, b: float, q: float, e: float) -> float:
+    """Return the sine s at which ``a - b s + q s^2 + e s / c`` vanishes while it falls with the tilt: a stable one."""
+    if e > 0:
+        # It falls between the tilts at which the slope -b c + e / c^2 vanishes, and nowhere else.
+        edge = math.acos(math.cbrt(e / b)) if e < b else 0.0
+
+        def torque(theta: float) -> float:
+            return a - b * math.sin(theta) + e * math.tan(theta)
+
+        if torque(-edge) > 0 > torque(edge):
+            return math.sin(brentq(torque, -edge, edge, xtol=1e-16, rtol=1e-15))
+        raise ValueError("no tilt balances the torques: the balls tip the board over")
+    square = b * b - 4 * q * a
+    sine = 2 * a / (b + math.sqrt(square)) if square >= 0 else math.inf
+    if not abs(sine) < 1:
+        raise ValueError(f"no tilt balances the torques: sin(theta) would be {sine:.3g}")
+    return sine
+
+
+def _sine(
+    heights: tuple[float, float, float], springs: _Springs, p: tuple[float, ...], parts: Parts, scene: Any
+) -> float:
+    """Return the sine of the tilt at which there is no torque, whatever height that is at [1]."""
+    if not parts.tilts:
+        return 0.0
+    arm, weight = float(scene["l"]), _load(parts, scene) * float(scene["g"])
+    rise, slope, bend = heights
+    stiffness = springs.k * arm + springs.odd * slope
+    if stiffness <= 1e-12 * springs.k * arm:
+        raise ValueError("without springs to both hands, or to one and to the origin, the board rests at no tilt")
+    above = float(scene["ball_height"]) if parts.lagrangian and not parts.free else 0.0
+    return _level_sine(
+        springs.turn - springs.odd * rise - weight * sum(p) / arm,
+        stiffness,
+        -springs.odd * bend,
+        len(p) * weight * above / arm,
+    )
+
+
+def equilibrium(left_z: float, right_z: float, p: tuple[float, ...], parts: Parts, scene: Any) -> Equilibrium:
+    """Return where the board rests with both styluses and the balls at rest.
+
+    Zero force gives the height as a polynomial of the sine of the tilt, of degree 0 to 2; with that, zero torque is a
+    quadratic equation of the sine. Only fixed balls that stand above the board (by Lagrange) take a search, between
+    bounds that hold one root.
+
+    Parameters
+    ----------
+    left_z, right_z : float
+        Heights of the styluses [m].
+    p : tuple of float
+        The balls along the board [m].
+    parts : Parts
+        What the scene has.
+    scene : SCENE record
+        The scene.
+
+    Returns
+    -------
+    Equilibrium
+        Height, tilt and forces; a hinged board is at height 0, a level one at tilt 0.
+
+    Raises
+    ------
+    ValueError
+        If no height or no tilt balances forces and torques, or none to which the board would return.
+    """
+    springs = _springs(left_z, right_z, scene)
+    heights = _heights(springs, len(p), parts, scene)
+    sine = _sine(heights, springs, p, parts, scene)
+    z = heights[0] + sine * (heights[1] + sine * heights[2])
+    arm = float(scene["l"]) * sine
+    left, right = float(scene["k_left"]) * (left_z - z + arm), float(scene["k_right"]) * (right_z - z - arm)
+    return Equilibrium(z, math.asin(sine), left, right)
+
+
+def _poles(inertia: float, damping: float, stiffness: float) -> tuple[complex, complex]:
+    """Return both roots of ``inertia x^2 + damping x + stiffness``, the one of larger modulus first."""
+    middle = -damping / (2 * inertia)
+    root = cmath.sqrt(complex(middle * middle - stiffness / inertia))
+    fast = middle - root
+    # The product of the roots is exact where their sum cancels.
+    slow = stiffness / inertia / fast if fast else 0j
+    return fast, slow
+
+
+def _stirred(balls: int, parts: Parts, scene: Any) -> float:
+    """Return the mass of the balls that has to move with the board [kg]; refuse a scene whose modes are mixed."""
+    if not parts.even and parts.heaves and parts.tilts:
+        raise ValueError("uneven couplings mix heave and tilt: take the eigenvalues of netboard.physics.scene.linear")
+    return balls * _load(parts, scene) if parts.lagrangian else 0.0
+
+
+def heave_poles(balls: int, parts: Parts, scene: Any) -> tuple[complex, complex]:
+    """Poles of the level board moving up and down: ``M z'' + (c_l + c_r + b_z) z' + (k_l + k_r + k_s) z = 0``, linear.
+
+    Parameters
+    ----------
+    balls : int
+        How many there are; by Lagrange, they are at the board's centre and add their mass to M [1].
+    parts : Parts
+        What the scene has.
+    scene : SCENE record
+        The scene.
+
+    Returns
+    -------
+    tuple of complex
+        The two poles, the faster first [1/s].
+
+    Raises
+    ------
+    ValueError
+        If the couplings are uneven.
+    """
+    mass = float(scene["M"]) + _stirred(balls, parts, scene)
+    damping = float(scene["c_left"]) + float(scene["c_right"]) + float(scene["b_z"])
+    return _poles(mass, damping, float(scene["k_left"]) + float(scene["k_right"]) + float(scene["k_s"]))
+
+
+def rotation_poles(balls: int, parts: Parts, scene: Any) -> tuple[complex, complex]:
+    """Poles of the level board turning: ``I t'' + ((c_l + c_r) l^2 + b_theta) t' + (k_l + k_r) l^2 t = 0``, linear.
+
+    Parameters
+    ----------
+    balls : int
+        How many there are; by Lagrange, fixed ones are at the board's centre and above it, and add to I what they turn
+        and take from the stiffness what they tip [1].
+    parts : Parts
+        What the scene has.
+    scene : SCENE record
+        The scene.
+
+    Returns
+    -------
+    tuple of complex
+        The two poles, the faster first [1/s].
+
+    Raises
+    ------
+    ValueError
+        If the couplings are uneven.
+    """
+    square, above = float(scene["l"]) ** 2, float(scene["ball_height"])
+    stirred = _stirred(0 if parts.free else balls, parts, scene)
+    return _poles(
+        float(scene["I"]) + stirred * above**2 / float(scene["ease"]),
+        (float(scene["c_left"]) + float(scene["c_right"])) * square + float(scene["b_theta"]),
+        (float(scene["k_left"]) + float(scene["k_right"])) * square - stirred * float(scene["g"]) * above,
+    )
+
+
+def ball_poles(balls: int, parts: Parts, scene: Any) -> tuple[complex, complex]:
+    """Poles of the balls rolling together, with both hands still and the board following at once, linear.
+
+    The weight of a ball at p tilts the board by ``-m g p`` over its stiffness: downhill is away from the centre, and
+    the ball a saddle. (With the printed sign of its equation it is a slow oscillator.)
+
+    Parameters
+    ----------
+    balls : int
+        How many there are, at the same place [1].
+    parts : Parts
+        What the scene has.
+    scene : SCENE record
+        The scene.
+
+    Returns
+    -------
+    tuple of complex
+        The two poles [1/s].
+
+    Raises
+    ------
+    ValueError
+        If nothing holds the board's tilt.
+    """
+    if not parts.tilts:
+        return 0j, 0j
+    arm, springs = float(scene["l"]), _springs(0.0, 0.0, scene)
+    stiffness = arm * (springs.k * arm + springs.odd * _heights(springs, balls, parts, scene)[1])
+    if stiffness <= 0:
+        raise ValueError("without springs to both hands, or to one and to the origin, the board rests at no tilt")
+    tilt_per_metre = -balls * float(scene["m"]) * float(scene["g"]) / stiffness
+    if not parts.lagrangian:
+        return _poles(1.0, 0.0, -float(scene["ball_gravity"]) * tilt_per_metre)
+    inertia = 1.0 - float(scene["ball_height"]) * tilt_per_metre
+    return _poles(inertia, 0.0, float(scene["ease"]) * float(scene["g"]) * tilt_per_metre)

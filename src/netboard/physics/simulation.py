@@ -1,0 +1,355 @@
+"""A scene moved by recorded hands, offline: arrays in, arrays out. It knows no file, no clock and no trial.
+
+No step crosses a sample or a row of the result: between two of them each drive is one polynomial, and a method keeps
+its order. What is computed depends on nothing but the arguments: the same hands give the same bits, alone and in a
+batch.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.base.errors import ConfigError
+from netboard.base.tables.scene import Physics
+from netboard.physics.arithmetic.vectors import State
+from netboard.physics.hands.sampled import Hands, Held, drives_along, hold_hands, styluses_along
+from netboard.physics.methods.catalogue import METHODS, NUMBER
+from netboard.physics.methods.march import Grid, forces_along, make_grid, run
+from netboard.physics.scene.energy import Flows, Stored, stored_along, work_along
+from netboard.physics.scene.linear import board_matrix
+from netboard.physics.scene.parameters import Parts, pack_scene, parts_of, state_length
+from netboard.physics.stability.step_matrix import is_stable
+
+MOST_ROWS, MOST_STEPS, MOST_TABLES = 100_000_000, 2_000_000_000, 200
+"""Most rows of a result, steps of a run (many minutes of them), and lengths of step of a method with tables [1]."""
+
+TRUE_METHOD = "dop853"
+"""The automatic choice, in steps that leave it an error of less than 1e-9 of what moves, fast transients included."""
+
+LONGEST_STEP, SHORTEST_STEP = 0.005, 2e-6
+GENTLE, STIFF = 0.25, 2.0
+"""Its steps are at most LONGEST_STEP, and GENTLE over the fastest rate of the scene. Where that would be shorter than
+SHORTEST_STEP, STIFF is enough: there, what is fast is over before the next row [s, 1]."""
+
+_CHUNK = 20_000
+
+
+@dataclass(frozen=True)
+class Steps:
+    """How a run is stepped.
+
+    Attributes
+    ----------
+    method : str
+        Name of the method.
+    longest : float
+        No step is longer than this; infinite for whole intervals between samples and rows [s].
+    substeps : int
+        Equal steps that each interval is done in, at the least [1].
+    fastest : float
+        The fastest rate of the scene: the largest modulus of the board's eigenvalues [1/s].
+    """
+
+    method: str
+    longest: float
+    substeps: int
+    fastest: float
+
+
+@dataclass(frozen=True)
+class Motion:
+    """What the hands made of the scene.
+
+    Attributes
+    ----------
+    t : ndarray of float64, shape (n,)
+        Times of the rows [s].
+    states : ndarray of float64, shape (n, length)
+        z, vz, theta, omega and p, vp of each ball [SI].
+    forces : ndarray of float64, shape (n, 2)
+        Forces of the left and of the right hand on the board, + = up; the hands feel their opposites [N].
+    steps : Steps
+        How it was stepped.
+    count : int
+        How many steps there were [1].
+    longest : float
+        The longest of them [s].
+    """
+
+    t: NDArray[np.float64]
+    states: NDArray[np.float64]
+    forces: NDArray[np.float64]
+    steps: Steps
+    count: int
+    longest: float
+
+
+def choose_steps(physics: Physics, free: bool = True, method: str = "auto", substeps: int = 1) -> Steps:
+    """Choose how a scene is stepped.
+
+    Parameters
+    ----------
+    physics : Physics
+        The scene.
+    free : bool
+        The balls roll; otherwise they are fixed.
+    method : str
+        Name of a method, which takes each interval in as many steps as asked for; "auto" for one that is as good as
+        exact, in as many as it needs.
+    substeps : int
+        Equal steps that each interval is done in, at the least [1].
+
+    Returns
+    -------
+    Steps
+        The choice.
+
+    Raises
+    ------
+    ConfigError
+        If there is no such method, or not for this scene.
+    """
+    # Of the board alone: what balls add to its inertia only makes it slower.
+    parts = parts_of(physics, free)._replace(lagrangian=False)
+    fastest = float(np.abs(np.linalg.eigvals(board_matrix(parts, pack_scene(physics)[0]))).max())
+    if method == "auto":
+        longest = LONGEST_STEP
+        if fastest > 0.0:
+            longest = min(longest, max(GENTLE / fastest, min(STIFF / fastest, SHORTEST_STEP)))
+        return Steps(TRUE_METHOD, longest, substeps, fastest)
+    if method not in NUMBER:
+        raise ConfigError(f'method: found "{method}", expected auto or one of {", ".join(NUMBER)}')
+    if method == "exact" and parts.tilts:
+        raise ConfigError('method: found "exact", which is for boards that cannot tilt (physics.board = "level")')
+    return Steps(method, np.inf, substeps, fastest)
+
+
+def check_start(physics: Physics, start: State, free: bool) -> None:
+    """Check that a scene can be in a state.
+
+    Parameters
+    ----------
+    physics : Physics
+        The scene.
+    start : tuple of float
+        The state [SI].
+    free : bool
+        The balls roll; otherwise they are fixed.
+
+    Raises
+    ------
+    ConfigError
+        If it cannot.
+    """
+    if len(start) != state_length(physics):
+        raise ConfigError(f"p0, v0: found {len(start) // 2 - 2} balls, expected {physics.balls} (physics.balls)")
+    if not np.all(np.isfinite(start)):
+        raise ConfigError("the initial state is not finite")
+    if physics.board == "hinged" and start[1] != 0.0:
+        raise ConfigError(f"vz0: found {start[1]:g}, expected 0: a hinged board cannot heave")
+    if physics.board == "level" and start[2:4] != (0.0, 0.0):
+        raise ConfigError(f"theta0, omega0: found {start[2]:g} and {start[3]:g}, expected 0: a level board cannot tilt")
+    for p, vp in zip(start[4::2], start[5::2], strict=True):
+        if not free and vp != 0.0:
+            raise ConfigError(f"v0: found {vp:g}, expected 0: the ball is fixed")
+        if free and 0.0 < physics.ball_stop < abs(p):
+            raise ConfigError(f"p0: found {p:g}, expected within the stops, {physics.ball_stop:g} m from the centre")
+
+
+def simulate(
+    hands: Hands,
+    physics: Physics,
+    start: State,
+    *,
+    free: bool = True,
+    hold: str = "hermite",
+    dt: float = 1e-3,
+    steps: Steps | None = None,
+    progress: Callable[[float], object] = lambda share: None,
+) -> Motion:
+    """Move a scene by hands, from their first sample to their last.
+
+    Parameters
+    ----------
+    hands : Hands
+        The styluses.
+    physics : Physics
+        The scene.
+    start : tuple of float
+        The state at the first sample [SI].
+    free : bool
+        The balls roll; otherwise they are fixed.
+    hold : str
+        How a hand moves between its samples, one of `netboard.physics.hands.sampled.HOLDS`.
+    dt : float
+        Time from row to row of the result [s].
+    steps : Steps or None
+        How it is stepped; None for the automatic choice.
+    progress : callable
+        Gets the share that is done, now and then [1].
+
+    Returns
+    -------
+    Motion
+        The result.
+
+    Raises
+    ------
+    ConfigError
+        If the start does not fit the scene, there is too much to do, or the state does not stay finite.
+    """
+    check_start(physics, start, free)
+    steps = steps or choose_steps(physics, free)
+    parts, scene = parts_of(physics, free), pack_scene(physics)
+    held = hold_hands(hands, hold)
+    line = _make_timeline(held, dt)
+    grid = _make_grid(line, steps, parts, len(start), scene)
+    longest = float((grid.lengths / grid.counts).max(initial=0.0))
+    states, forces = np.empty((len(line.rows), len(start))), np.empty((len(line.rows), 2))
+    x, done = tuple(float(value) for value in start), 0
+    for first in range(0, len(line.knots), _CHUNK):
+        last = min(first + _CHUNK, len(line.knots) - 1)
+        drives = drives_along(held, line.knots[first : last + 1], scene)
+        found = run(steps.method, x, drives[:-1], _cut(grid, first, last), parts, scene)
+        x = tuple(found[-1].tolist())
+        end = int(np.searchsorted(line.rows, first + _CHUNK))
+        here = line.rows[done:end] - first
+        states[done:end] = found[here]
+        forces[done:end] = forces_along(states[done:end], np.ascontiguousarray(drives[here][:, (0, 4)]), parts, scene)
+        _check_finite(states[done:end], line.times[done:end], steps, longest)
+        done = end
+        progress(done / len(line.rows))
+    return Motion(line.times, states, forces, steps, int(grid.counts.sum()), longest)
+
+
+def is_held(motion: Motion, physics: Physics, free: bool = True) -> bool:
+    """Tell whether the method holds the scene, in theory and about the level board; if not, a result is worth nothing.
+
+    Parameters
+    ----------
+    motion : Motion
+        The result.
+    physics : Physics
+        The scene that it is of.
+    free : bool
+        The balls roll; otherwise they are fixed.
+    """
+    matrix = board_matrix(parts_of(physics, free), pack_scene(physics)[0])
+    return is_stable(motion.steps.method, matrix, motion.longest, matrix)
+
+
+def columns_of(motion: Motion) -> dict[str, NDArray[np.float64]]:
+    """Name the columns of a result.
+
+    Parameters
+    ----------
+    motion : Motion
+        The result.
+
+    Returns
+    -------
+    dict of str to ndarray of float64, shape (n,)
+        t, z, vz, theta, omega, then p, vp of the first ball, p2, vp2 of the second, and f_left, f_right [SI].
+    """
+    names = ["z", "vz", "theta", "omega"]
+    for ball in range(1, motion.states.shape[1] // 2 - 1):
+        names += ["p", "vp"] if ball == 1 else [f"p{ball}", f"vp{ball}"]
+    columns = {"t": motion.t, **dict(zip(names, motion.states.T, strict=True))}
+    return {**columns, "f_left": motion.forces[:, 0], "f_right": motion.forces[:, 1]}
+
+
+def energies_of(motion: Motion, hands: Hands, physics: Physics, free: bool = True) -> dict[str, NDArray[np.float64]]:
+    """Say where the energy of a result is, and what it went through since the first row.
+
+    Parameters
+    ----------
+    motion : Motion
+        The result, with "hermite".
+    hands : Hands
+        The styluses that it is of.
+    physics : Physics
+        The scene that it is of.
+    free : bool
+        The balls roll; otherwise they are fixed.
+
+    Returns
+    -------
+    dict of str to ndarray of float64, shape (n,)
+        E_ and the fields of `netboard.physics.scene.energy.Stored`, W_ and those of
+        `netboard.physics.scene.energy.Flows`: but for the error, and for what stops take, the sum of all E less that of
+        all W stays what it is [J].
+    """
+    parts, scene, held = parts_of(physics, free), pack_scene(physics), hold_hands(hands, "hermite")
+    styluses = styluses_along(held, np.rint(motion.t * held.scale).astype(np.int64))
+    stored = stored_along(motion.states, styluses, parts, scene)
+    works = work_along(motion.t, motion.states, styluses, parts, scene)
+    columns = {f"E_{name}": stored[:, i] for i, name in enumerate(Stored._fields)}
+    return {**columns, **{f"W_{name}": works[:, i] for i, name in enumerate(Flows._fields)}}
+
+
+# --- time --------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class _Timeline:
+    """Rows of the result and knots: times, in ticks, of rows and of samples."""
+
+    scale: float
+    knots: NDArray[np.int64]
+    rows: NDArray[np.int64]  # which knot each row is
+    times: NDArray[np.float64]  # of the rows [s]
+
+
+def _make_timeline(held: Held, dt: float) -> _Timeline:
+    """Lay out samples and rows."""
+    samples, scale = held.ticks, held.scale
+    span = samples[-1] - samples[0]
+    if not 100.0 <= dt * scale <= span + 0.5:
+        raise ConfigError(f"dt: found {dt:g}, expected from {100.0 / scale:g} s to the {span / scale:g} s of the hands")
+    count = np.floor(span / (dt * scale) + 1e-6) + 1
+    if count > MOST_ROWS:
+        raise ConfigError(f"dt: found {dt:g}, which makes {count:.3g} rows, expected at most {MOST_ROWS:.3g}")
+    rows = samples[0] + np.rint(np.arange(int(count)) * (dt * scale)).astype(np.int64)
+    rows = np.minimum(rows, samples[-1])
+    knots = np.concatenate((rows, samples[samples <= rows[-1]]))
+    knots.sort(kind="stable")  # two runs to merge
+    knots = knots[np.diff(knots, prepend=knots[0] - 1) > 0]
+    return _Timeline(scale, knots, np.searchsorted(knots, rows), rows / scale)
+
+
+def _make_grid(line: _Timeline, steps: Steps, parts: Parts, length: int, scene: NDArray[Any]) -> Grid:
+    """Lay out the steps."""
+    lengths = np.diff(line.knots) / line.scale
+    counts = np.maximum(np.ceil(lengths / steps.longest - 1e-6), steps.substeps)
+    if counts.sum() > MOST_STEPS:
+        raise ConfigError(
+            f"method: {steps.method} needs {counts.sum():.3g} steps for a scene this quick ({steps.fastest:.3g} /s), "
+            f"expected at most {MOST_STEPS:.3g}; choose another, such as etdrk4, or shorter hands"
+        )
+    tabled = METHODS[NUMBER[steps.method]].tables(scene[0], parts, length, 1e-3).size > 0
+    kinds = len(np.unique(lengths / counts)) if tabled else 1
+    if kinds > MOST_TABLES:
+        raise ConfigError(
+            f"method: {steps.method} needs a table for each length of step, and samples and rows make {kinds} of them, "
+            f"expected at most {MOST_TABLES}; choose another method, such as auto or rk4"
+        )
+    return make_grid(steps.method, lengths, counts.astype(np.int64), parts, length, scene)
+
+
+def _cut(grid: Grid, first: int, last: int) -> Grid:
+    """Return some of the steps."""
+    return Grid(grid.lengths[first:last], grid.counts[first:last], grid.kinds[first:last], grid.tables)
+
+
+def _check_finite(states: NDArray[np.float64], times: NDArray[np.float64], steps: Steps, longest: float) -> None:
+    """Refuse a state that is not finite."""
+    lost = np.flatnonzero(~np.isfinite(states).all(axis=1))
+    if len(lost):
+        raise ConfigError(
+            f"the state is not finite from t = {times[lost[0]]:g} s on, with {steps.method} in steps of {longest:.4g} "
+            f"s, {longest * steps.fastest:.3g} of the scene's shortest time constant; use --method auto, a smaller "
+            "--dt or more --substeps"
+        )

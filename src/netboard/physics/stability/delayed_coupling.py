@@ -1,0 +1,460 @@
+"""A hand that is coupled to the board over a delay: the exact matrix of the sampled loop, and what follows from it.
+
+One millisecond of the loop is one linear map: the stylus under a force that is held, the estimate of its velocity, the
+samples on their way to the server, the coupling, the board's end, and what is on its way back. Written as a step of a
+state, its matrix is that step of the unit vectors; the loop is stable if no eigenvalue of it is larger than 1. Where
+the coupling is computed is a property of the loop (docs/coupling.md): on the server, or in both, where the agent
+computes the hand's force itself from the board's end as it was a delay ago.
+
+Linear: no friction, no encoder steps, no limits of the force. Numpy and scipy, not for a tick.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import expm
+
+from netboard.base.tables.scene import Physics
+from netboard.base.tick import TICK_SECONDS
+
+Matrix = NDArray[np.float64]
+At = Literal["server", "both"]
+Hold = Literal["zoh", "cv", "ca"]
+
+ROUNDING = 1e-7
+"""A factor that exceeds 1 by no more counts as 1. A body that nothing holds has that factor twice, which rounding moves
+by the root of a number's last bit, 1.5e-8; and what grows by so little takes hours to be felt [1]."""
+
+QUICK, REACH = 0.005, 0.010
+"""The stage extrapolates a sample for at most this long [s]."""
+
+STIFFEST = 1e6
+"""No coupling is looked for beyond this [N/m]."""
+
+LONGEST = 60
+"""Nor a delay [ms]."""
+
+STRIDE = 5
+"""A delay is looked for in such steps first [ms]."""
+
+
+@dataclass(frozen=True)
+class Mechanism:
+    """What moves with the stylus: the device, and the hand that holds it, if one does.
+
+    Attributes
+    ----------
+    mass : float
+        Of device and hand [kg].
+    damping : float
+        Viscous damping of both [N s/m].
+    stiffness : float
+        Of the hand towards where it wants to be; 0 for a stylus that nobody holds [N/m].
+    substeps : int
+        It is stepped like the virtual device, so many times in a tick; 0: the exact motion of a real one [1].
+    """
+
+    mass: float = 0.045
+    damping: float = 0.1
+    stiffness: float = 0.0
+    substeps: int = 0
+
+
+@dataclass(frozen=True)
+class End:
+    """The board as one hand meets it: a mass on a spring-damper.
+
+    Attributes
+    ----------
+    mass : float
+        Its mass; infinite for an end that does not move, the worst case [kg].
+    damping : float
+        Its damping [N s/m].
+    stiffness : float
+        Of the spring that holds it [N/m].
+    """
+
+    mass: float = math.inf
+    damping: float = 0.0
+    stiffness: float = 0.0
+
+
+FIXED = End()
+
+
+@dataclass(frozen=True)
+class Loop:
+    """A hand, its coupling and the board's end.
+
+    Attributes
+    ----------
+    mechanism : Mechanism
+        The stylus and who holds it.
+    end : End
+        What it is coupled to.
+    k : float
+        Stiffness of the coupling [N/m].
+    c : float
+        Its damping [N s/m].
+    up : int
+        Delay from stylus to server [ms].
+    down : int
+        Delay back [ms].
+    at : str
+        ``server`` or ``both``: where the force on the hand is computed.
+    hold : str
+        How the server moves a sample on to its tick, as in ``physics.hold``.
+    window : int
+        The velocity is the difference of positions so far apart; 0: it is known exactly [ms].
+    reach : float
+        The agent moves the board's end on by its rate for at most so long [s].
+    gain : float
+        The hand is made to feel this share of the force on the board [1].
+    """
+
+    mechanism: Mechanism = Mechanism()
+    end: End = FIXED
+    k: float = 200.0
+    c: float = 2.0
+    up: int = 0
+    down: int = 0
+    at: At = "server"
+    hold: Hold = "zoh"
+    window: int = 0
+    reach: float = 0.0
+    gain: float = 1.0
+
+
+def loop_matrix(loop: Loop) -> Matrix:
+    """Return what a tick multiplies the state of a loop by.
+
+    Parameters
+    ----------
+    loop : Loop
+        The loop.
+
+    Returns
+    -------
+    ndarray of float64, shape (n, n)
+        The matrix [SI].
+    """
+    length, step = _make_step(loop)
+    return step(np.eye(length))
+
+
+def growth(loop: Loop) -> float:
+    """Return by what a disturbance grows with each tick in the end: the loop is stable if that is at most 1.
+
+    Parameters
+    ----------
+    loop : Loop
+        The loop.
+
+    Returns
+    -------
+    float
+        The spectral radius [1].
+    """
+    return float(np.abs(np.linalg.eigvals(loop_matrix(loop))).max())
+
+
+def turning(loop: Loop) -> float:
+    """Return how fast the disturbance turns that is the last to die away, or the first to grow.
+
+    Parameters
+    ----------
+    loop : Loop
+        The loop.
+
+    Returns
+    -------
+    float
+        Its frequency [rad/s].
+    """
+    values = np.linalg.eigvals(loop_matrix(loop))
+    turns = np.abs(np.angle(values)) > ROUNDING
+    return abs(float(np.angle(values[np.argmax(np.abs(values) * turns)]))) / TICK_SECONDS
+
+
+def is_stable(loop: Loop) -> bool:
+    """Tell whether a disturbance dies away.
+
+    Parameters
+    ----------
+    loop : Loop
+        The loop.
+    """
+    return growth(loop) <= 1.0 + ROUNDING
+
+
+def delayed(loop: Loop, up: int, down: int) -> Loop:
+    """Return the same loop with other delays.
+
+    Parameters
+    ----------
+    loop : Loop
+        The loop.
+    up, down : int
+        Delay to the server and back [ms].
+    """
+    return replace(loop, up=up, down=down)
+
+
+def largest_delay(loop: Loop, most: int = LONGEST) -> int:
+    """Return the largest delay, the same both ways, up to which a loop is stable.
+
+    Parameters
+    ----------
+    loop : Loop
+        The loop; its own delays do not matter.
+    most : int
+        Where to stop looking [ms].
+
+    Returns
+    -------
+    int
+        One way; -1 for a loop that is not even stable without one [ms].
+    """
+    return _furthest(lambda way: is_stable(delayed(loop, way, way)), most)
+
+
+def largest_round_trip(loop: Loop, most: int = LONGEST) -> int:
+    """Return the largest delay there and back together up to which a loop is stable.
+
+    Parameters
+    ----------
+    loop : Loop
+        The loop; its own delays do not matter.
+    most : int
+        Where to stop looking [ms].
+
+    Returns
+    -------
+    int
+        There and back, the way there the longer one by at most 1 ms; -1 for one that is never stable [ms].
+    """
+    return _furthest(lambda trip: is_stable(delayed(loop, trip - trip // 2, trip // 2)), most)
+
+
+def _furthest(stable: Callable[[int], bool], most: int) -> int:
+    """Return the last whole number before something is not so; strides first, for each look takes long."""
+    start = 0
+    while start <= most and stable(start):
+        start += STRIDE
+    first = max(start - STRIDE + 1, 0)
+    return min(next((number for number in range(first, start) if not stable(number)), start) - 1, most)
+
+
+def largest_stiffness(loop: Loop, start: float = 1.0, factor: float = 1.2, most: float = STIFFEST) -> float:
+    """Return the largest stiffness up to which a loop is stable throughout.
+
+    Parameters
+    ----------
+    loop : Loop
+        The loop; its own stiffness does not matter.
+    start : float
+        Where to begin looking [N/m].
+    factor : float
+        Stiffnesses are tried in such steps, from there up, before the limit is halved in on [1].
+    most : float
+        Where to stop looking [N/m].
+
+    Returns
+    -------
+    float
+        The stiffness, to a hundredth of a per cent; 0 if not even the first is stable, infinite if all are [N/m].
+    """
+    stable, k = 0.0, start
+    while is_stable(replace(loop, k=k)):
+        stable, k = k, k * factor
+        if stable >= most:
+            return math.inf
+    if stable == 0.0:
+        return 0.0
+    while k - stable > 1e-4 * stable:
+        middle = 0.5 * (stable + k)
+        stable, k = (middle, k) if is_stable(replace(loop, k=middle)) else (stable, middle)
+    return stable
+
+
+# --- rules of thumb ----------------------------------------------------------------------------------------------
+
+
+def passive_stiffness(mechanism: Mechanism, c: float) -> float:
+    """Return the stiffness up to which a sampled wall without delay is passive: b > K T / 2 + |B|.
+
+    J. E. Colgate, G. G. Schenkel, Passivity of a class of sampled-data systems, J. Robotic Systems 14 (1997).
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        The device.
+    c : float
+        Damping of the wall [N s/m].
+
+    Returns
+    -------
+    float
+        0 where none is [N/m].
+    """
+    return max(0.0, 2.0 * (mechanism.damping - abs(c)) / TICK_SECONDS)
+
+
+def ruled_stiffness(mechanism: Mechanism, c: float, delay: float) -> float:
+    """Return the stiffness up to which a wall with a short delay is stable: K < (b + B) / (T / 2 + t_d).
+
+    J. J. Gil, E. Sanchez, T. Hulin, C. Preusche, G. Hirzinger, Stability boundary for haptic rendering: influence of
+    damping and delay, J. Computing and Information Science in Engineering 9 (2009) 011005.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        The device.
+    c : float
+        Damping of the wall [N s/m].
+    delay : float
+        From sample to force [s].
+
+    Returns
+    -------
+    float
+        The stiffness [N/m].
+    """
+    return (mechanism.damping + c) / (0.5 * TICK_SECONDS + delay)
+
+
+# --- the board of a scene ----------------------------------------------------------------------------------------
+
+
+def ends_of(physics: Physics) -> dict[str, End]:
+    """Return the board of a scene as each hand of two meets it, about its level rest and without balls.
+
+    Both hands have half the board each, where they move alike and where they move against each other.
+
+    Parameters
+    ----------
+    physics : Physics
+        The configuration's table.
+
+    Returns
+    -------
+    dict of str to End
+        ``heave`` and ``tilt``: those of them that the board can do; for a board with one coupling what that one meets
+        of each alone.
+    """
+    hands = 2.0 if physics.coupling == "both" else 1.0
+    arm = physics.l * physics.l
+    ends = {}
+    if physics.board != "hinged":
+        ends["heave"] = End(physics.M / hands, physics.b_z / hands, physics.k_s / hands)
+    if physics.board != "level":
+        ends["tilt"] = End(physics.I / arm / hands, physics.b_theta / arm / hands, 0.0)
+    return ends
+
+
+# --- one tick ----------------------------------------------------------------------------------------------------
+
+
+def _make_step(loop: Loop) -> tuple[int, Callable[[Matrix], Matrix]]:
+    """Return the length of the loop's state and what a tick makes of states (as columns).
+
+    The state: place and rate of the stylus, its places at the last ticks, the samples on their way (place and rate),
+    what is on its way back (a force, or the end's place and rate), place and rate of the end.
+    """
+    moved, pushed = _mechanism(loop.mechanism)
+    carried, driven = _end(loop)
+    remembered = max(loop.window, 1)
+    waiting = loop.up + 1
+    width = 1 if loop.at == "server" else 2
+    cuts = np.cumsum([2, remembered, 2 * waiting, width * loop.down])
+    length = int(cuts[-1]) + 2
+    age, back = loop.up * TICK_SECONDS, min(loop.down * TICK_SECONDS, loop.reach)
+
+    def step(states: Matrix) -> Matrix:
+        stylus, places, samples, coming, end = np.split(states, cuts)
+        rate = (stylus[0] - places[loop.window - 1]) / (loop.window * TICK_SECONDS) if loop.window else stylus[1]
+        samples = np.vstack([stylus[:1], rate[None], samples])
+        used = _used(samples[2 * loop.up :], age, loop.hold)
+        if loop.at == "server":
+            force = loop.k * (end[0] - used[0]) + loop.c * (end[1] - used[1])
+            coming = np.vstack([force[None], coming])
+            felt = coming[loop.down]
+        else:
+            coming = np.vstack([end, coming])
+            z, vz = coming[2 * loop.down], coming[2 * loop.down + 1]
+            felt = loop.k * (z + back * vz - stylus[0]) + loop.c * (vz - rate)
+        return np.vstack(
+            [
+                moved @ stylus + np.outer(pushed, loop.gain * felt),
+                np.vstack([stylus[:1], places])[:remembered],
+                samples[: 2 * waiting],
+                coming[: width * loop.down],
+                carried @ end + driven @ used,
+            ]
+        )
+
+    return length, step
+
+
+def _used(samples: Matrix, age: float, hold: Hold) -> Matrix:
+    """Return place, rate and acceleration of a stylus at the tick, from its newest sample and the one before."""
+    z, vz = samples[0], samples[1]
+    if hold == "zoh":
+        return np.stack([z, vz, np.zeros_like(z)])
+    az = (vz - samples[3]) / TICK_SECONDS if hold == "ca" else np.zeros_like(z)
+    z = _reached(z, vz, az, age)
+    return np.stack([z, vz + az * min(age, QUICK), az])
+
+
+def _reached(z: Matrix, vz: Matrix, az: Matrix, age: float) -> Matrix:
+    """Return the heights that samples have reached by the tick.
+
+    Parameters
+    ----------
+    z : ndarray of float64
+        Heights as sampled [m].
+    vz : ndarray of float64
+        Their rates [m/s].
+    az : ndarray of float64
+        And the rates of these [m/s2].
+    age : float
+        Time since, at least 0 [s].
+    """
+    age, bent = min(age, REACH), min(age, QUICK)
+    return z + vz * age + az * (0.5 * bent * bent + bent * (age - bent))
+
+
+def _mechanism(mechanism: Mechanism) -> tuple[Matrix, Matrix]:
+    """Return what a tick multiplies place and rate of the stylus by, and what a force of 1 N adds."""
+    m, b, k = mechanism.mass, mechanism.damping, mechanism.stiffness
+    if mechanism.substeps == 0:
+        a = np.array([[0.0, 1.0, 0.0], [-k / m, -b / m, 1.0 / m], [0.0, 0.0, 0.0]])
+        whole = expm(a * TICK_SECONDS)
+        return whole[:2, :2], whole[:2, 2]
+    h = TICK_SECONDS / mechanism.substeps
+    slowed = 1.0 / (1.0 + h * b / m)
+    rate = np.array([-h * k / m, 1.0, h / m]) * slowed
+    once = np.array([[1.0, 0.0, 0.0] + h * rate, rate, [0.0, 0.0, 1.0]])
+    whole = np.linalg.matrix_power(once, mechanism.substeps)
+    return whole[:2, :2], whole[:2, 2]
+
+
+def _end(loop: Loop) -> tuple[Matrix, Matrix]:
+    """Return what a tick multiplies place and rate of the end by, and what a stylus from (z, vz, az) adds."""
+    end, k, c = loop.end, loop.k, loop.c
+    if math.isinf(end.mass):
+        return np.eye(2), np.zeros((2, 3))
+    # With the drive u = k z + c vz as a polynomial: place, rate, and u with its derivatives.
+    a = np.zeros((5, 5))
+    a[0, 1] = 1.0
+    a[1] = np.array([-(end.stiffness + k), -(end.damping + c), 1.0, 0.0, 0.0]) / end.mass
+    a[2, 3] = a[3, 4] = 1.0
+    whole = expm(a * TICK_SECONDS)
+    drive = np.array([[k, c, 0.0], [0.0, k, c], [0.0, 0.0, k]])
+    if loop.hold == "zoh":
+        drive[1:] = 0.0
+    return whole[:2, :2], whole[:2, 2:] @ drive

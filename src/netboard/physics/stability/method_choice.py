@@ -1,0 +1,226 @@
+"""How a scene is stepped, decided when it is loaded; what no step can hold is turned down before anybody sits in front.
+
+The theory of `netboard.physics.stability.step_matrix` is asked about the board level and at tilts up to 35 degrees,
+with its balls rolling and fixed, and by Lagrange's equations with them in several places: the worst of it counts. The
+exponential methods solve the level board exactly and are less sure of a tilted one. docs/decisions/ says why the rule
+is as it is.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+from netboard.base.errors import ConfigError
+from netboard.base.tables.scene import Physics
+from netboard.physics.scene.parameters import Parts, pack_scene, parts_of
+from netboard.physics.stability.step_matrix import (
+    ROUNDING,
+    Matrix,
+    solved_matrix,
+    spectral_radius,
+    stiffness,
+    tilted_matrix,
+)
+
+TILTS = tuple(math.radians(tilt) for tilt in (0, 35, 20))
+"""A tilt to the other side is the same with the balls on the other side [rad]."""
+
+PLACES = (0.0, 1.0, -1.0, 0.5, -0.5, 0.25, -0.25)
+"""Where the balls are, as shares of the way to their stops, or to twice the length of the board's arm [1]."""
+
+MOST_SUBSTEPS = 64
+"""At most this many steps in a tick are chosen."""
+
+RK4_REACHES = 8
+"""The largest stiffness of a tick that steps of RK4 are chosen for [1]."""
+
+CREEP = 1e-6
+"""What an exponential method may add to a mode in a step, at a tilt that is kept: e-fold takes a million steps [1]."""
+
+EXPONENTIAL = ("etd2rk", "etdrk4")
+"""Methods that solve the level board exactly and the difference of a tilted one like a Runge-Kutta method."""
+
+LARGEST = 700.0
+"""Logarithm of the largest factor that is told from an infinite one [1]."""
+
+ROUNDED = 1e-9
+"""A stiffness that exceeds a whole number by no more counts as that number [1]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """How a tick is done.
+
+    Attributes
+    ----------
+    method : str
+        Name of the method.
+    substeps : int
+        Steps in a tick [1].
+    radius : float
+        Spectral radius of what a tick does to the board's modes: the largest factor [1].
+    stiffness : float
+        The tick times the largest pole of the board [1].
+    reason : str
+        Why, in a sentence.
+    """
+
+    method: str
+    substeps: int
+    radius: float
+    stiffness: float
+    reason: str
+
+
+def choose(physics: Physics, h: float) -> Choice:
+    """Choose how the ticks of a scene are done.
+
+    Parameters
+    ----------
+    physics : Physics
+        The configuration's table.
+    h : float
+        Length of a tick [s].
+
+    Returns
+    -------
+    Choice
+        The method and why.
+
+    Raises
+    ------
+    ConfigError
+        If that method cannot hold the board between the hands, or no method can.
+    """
+    if physics.method == "exact" and physics.board != "level":
+        raise ConfigError(f'physics.method = "exact": for physics.board = "level" alone, found "{physics.board}"')
+    choice = _choice(physics, h)
+    if not choice.radius <= _limit(choice.method) ** choice.substeps:
+        raise ConfigError(_refusal(physics, h, choice))
+    return choice
+
+
+def _choice(physics: Physics, h: float) -> Choice:
+    """Return how a tick would be done, whether or not that holds the board."""
+    method, substeps, stiff, reason = _plan(physics, h)
+    worst = max(_radii(physics, method, h / substeps))
+    radius = worst**substeps if substeps * math.log(max(worst, 1.0)) < LARGEST else math.inf
+    return Choice(method, substeps, radius, stiff, reason)
+
+
+def _holds(physics: Physics, h: float) -> bool:
+    """Tell whether a scene would be accepted."""
+    method, substeps, *_ = _plan(physics, h)
+    return _is_stable(physics, method, h / substeps)
+
+
+def _plan(physics: Physics, h: float) -> tuple[str, int, float, str]:
+    """Return method and number of steps, the stiffness of a tick, and why."""
+    stiff = max(stiffness(a, h) for a, _ in _cases(physics))
+    method, substeps, reason = _automatic(physics, stiff) if physics.method == "auto" else _named(physics, h)
+    return method, substeps, stiff, reason
+
+
+def _automatic(physics: Physics, stiff: float) -> tuple[str, int, str]:
+    """Return method and number of steps by the stiffness of a tick, and why."""
+    if physics.board == "level":
+        return "exact", max(physics.substeps, 1), "The board cannot tilt: its motion is solved exactly."
+    lasts = f"A tick is {stiff:.3g} of the board's shortest time constants"
+    substeps = physics.substeps or max(math.ceil(stiff - ROUNDED), 1)
+    if stiff - ROUNDED > (substeps if physics.substeps > 0 else RK4_REACHES):
+        return "etdrk4", max(physics.substeps, 1), f"{lasts}, too many for rk4."
+    reason = f"{lasts}: rk4 in {_counted(substeps)} is stable and errs less than the sampling of the hands."
+    return "rk4", substeps, reason
+
+
+def _named(physics: Physics, h: float) -> tuple[str, int, str]:
+    """Return the method that the configuration names, and as many steps as it says or needs."""
+    substeps = physics.substeps or _enough(physics, h) or MOST_SUBSTEPS
+    return physics.method, substeps, f"Named in the configuration: {physics.method} in {_counted(substeps)} is stable."
+
+
+def _counted(substeps: int) -> str:
+    """Return a number of steps in words."""
+    return "1 step" if substeps == 1 else f"{substeps} steps"
+
+
+def _enough(physics: Physics, h: float) -> int:
+    """Return in how many steps a tick the named method holds the board; 0 if more would be needed than are chosen."""
+    return next((n for n in range(1, MOST_SUBSTEPS + 1) if _is_stable(physics, physics.method, h / n)), 0)
+
+
+def _is_stable(physics: Physics, method: str, h: float) -> bool:
+    """Tell whether steps of a length hold the board."""
+    return all(radius <= _limit(method) for radius in _radii(physics, method, h))
+
+
+def _limit(method: str) -> float:
+    """Return the largest factor of a step that counts as bounded."""
+    return 1.0 + (CREEP if method in EXPONENTIAL else ROUNDING)
+
+
+def _radii(physics: Physics, method: str, h: float) -> Iterator[float]:
+    """Yield the spectral radius of a step for every board that it must hold."""
+    scene = pack_scene(physics)[0]
+    for a, parts in _cases(physics):
+        yield spectral_radius(method, a, h, solved_matrix(parts, scene, physics.balls, h))
+
+
+def _cases(physics: Physics) -> Iterator[tuple[Matrix, Parts]]:
+    """Yield the boards that the steps must hold, each with its parts."""
+    scene, balls = pack_scene(physics)[0], physics.balls
+    reach = physics.ball_stop or 2.0 * physics.l
+    free, fixed = parts_of(physics), parts_of(physics, free=False)
+    heavy = physics.model == "lagrangian" and balls > 0
+    for parts in (free, fixed) if heavy else (free,):
+        for tilt in TILTS if parts.tilts else TILTS[:1]:
+            for place in PLACES if heavy else PLACES[:1]:
+                yield tilted_matrix(parts, scene, balls, tilt, place * reach), parts
+
+
+def _refusal(physics: Physics, h: float, choice: Choice) -> str:
+    """Return why a scene is turned down, and what would be accepted."""
+    more = choice.radius - 1.0
+    growth = f"1 + {more:.2g}" if more < 1e-2 else f"{choice.radius:.3g}"
+    return (
+        f"physics.k_h = {physics.k_h:g}, physics.c_h = {physics.c_h:g}: too stiff for a board of M = {physics.M:g} kg, "
+        f"I = {physics.I:g} kg m2 in ticks of {h * 1e3:g} ms, {_counted(choice.substeps)} of {choice.method} each: "
+        f"every tick would multiply its motion by {growth} (spectral radius; at most 1 is stable); "
+        f"accepted: {', or '.join(_offers(physics, h))}"
+    )
+
+
+def _offers(physics: Physics, h: float) -> Iterator[str]:
+    """Yield, in words, changes with which the scene would be accepted."""
+    if physics.substeps > 0 and physics.method != "auto":
+        enough = _enough(physics, h)
+        if enough > 0:
+            yield f"physics.substeps = {enough}"
+    for method in ("auto", "midpoint"):
+        if _holds(replace(physics, method=method, substeps=0), h):
+            yield f'physics.method = "{method}"' + (" and physics.substeps = 0" if physics.substeps > 0 else "")
+    singly = [_softened(physics, h, (key,)) for key in ("c_h", "k_h")]
+    yield from filter(None, singly if any(singly) else [_softened(physics, h, ("k_h", "c_h"))])
+
+
+def _softened(physics: Physics, h: float, keys: tuple[str, ...]) -> str:
+    """Return the largest values that would be accepted, scaling these keys alone; empty without any above a 1000th."""
+
+    def scaled(scale: float) -> dict[str, Any]:
+        # Cut to three digits before they are looked at, so that what is offered is accepted.
+        return {key: float(f"{scale * getattr(physics, key):.3g}") for key in keys}
+
+    def holds(scale: float) -> bool:
+        return _holds(replace(physics, **scaled(scale)), h)
+
+    bad = 1.0
+    while not holds(bad / 2):
+        bad /= 2
+        if bad < 1e-3:
+            return ""
+    good = bad / 2
+    while bad - good > 1e-2 * good:
+        middle = (good + bad) / 2
+        good, bad = (middle, bad) if holds(middle) else (good, middle)
+    return " and ".join(f"physics.{key} = {value:g}" for key, value in scaled(good).items())

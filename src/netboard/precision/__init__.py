@@ -1,1 +1,0 @@
-"""``netboard bench physics``: what the physics costs, and how good it is."""

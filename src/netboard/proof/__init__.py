@@ -1,1 +1,0 @@
-"""What a recording proves of itself: whole or not, each tick computed again, each record accounted for."""

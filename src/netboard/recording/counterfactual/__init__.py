@@ -1,0 +1,1 @@
+"""The recorded hands against another board, another model or another force condition."""

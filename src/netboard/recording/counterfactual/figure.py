@@ -1,0 +1,103 @@
+"""Draws a counterfactual: one attempt as recorded and as it would have been, and the differences of all attempts.
+
+Colours are those of Okabe and Ito, told apart by colour-blind eyes and, with the dashes, on paper without colour.
+Needs matplotlib, which is imported when a figure is drawn.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from netboard.recording.counterfactual.what_if import (
+    QUANTITIES,
+    Comparison,
+    Quantity,
+    WhatIf,
+    difference,
+    most_telling,
+    seconds_since_release,
+)
+from netboard.task.trials.state_machine import BALL_FREE
+
+_RECORDED, _COMPUTED, _OTHERS = "#0072B2", "#D55E00", "0.75"
+_SIDES = {-1: "left", 1: "right"}
+
+
+def draw(found: WhatIf, changes: Sequence[str], shown: Comparison | None = None) -> Any:
+    """Draw recorded against computed, and the difference, a row for each quantity.
+
+    Parameters
+    ----------
+    found : WhatIf
+        A recording with at least one attempt, and what becomes of it.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    shown = most_telling(found.comparisons) if shown is None else shown
+    figure = Figure(figsize=(12, 10), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots(len(QUANTITIES), 2, sharex="col", squeeze=False)
+    for quantity, (both, apart) in zip(QUANTITIES, axes, strict=True):
+        _draw_both(both, found, quantity, shown)
+        _draw_apart(apart, found, quantity, shown)
+    for column in range(2):
+        axes[-1, column].set_xlabel("time since the release (s)")
+    axes[0, 0].set_title(f"trial {shown.then.trial}, attempt {shown.then.attempt}: {_outcomes(shown)}")
+    axes[0, 1].set_title(f"difference, now minus then: all {len(found.comparisons)} attempts")
+    for column in range(2):
+        axes[0, column].legend(fontsize=8, loc="best")
+    figure.suptitle(f"The recorded hands with {', '.join(changes) or 'nothing changed'} (open loop: they do not react)")
+    return figure
+
+
+def _outcomes(shown: Comparison) -> str:
+    """Say in short what became of an attempt then and now."""
+    then, now = shown.then, shown.now
+    if then.outcome == now.outcome == "success":
+        return f"success after {then.completion:.2f} s, now {now.completion:.2f} s"
+    return f"{then.outcome}, now {now.outcome}"
+
+
+def _draw_both(axis: Any, found: WhatIf, quantity: Quantity, shown: Comparison) -> None:
+    """Draw one quantity of the shown attempt, then and now, each as long as the ball is free."""
+    start = int(np.searchsorted(found.recorded["tick"], shown.then.tick))
+    for rows, attempt, colour, style, label in (
+        (found.recorded, shown.then, _RECORDED, "-", "recorded"),
+        (found.computed, shown.now, _COMPUTED, "--", "computed anew"),
+    ):
+        part = rows[start : start + attempt.stop - attempt.tick]
+        part = part[np.isin(part["phase"], BALL_FREE)]
+        axis.plot(
+            seconds_since_release(len(part)),
+            quantity.scale * part[quantity.name],
+            color=colour,
+            linestyle=style,
+            linewidth=1.5,
+            label=label,
+        )
+        axis.plot(
+            [(len(part) - 1) * 1e-3], quantity.scale * part[quantity.name][-1:], marker="o", markersize=4, color=colour
+        )
+    axis.set_ylabel(f"{quantity.text} ({quantity.unit})")
+    axis.grid(True, alpha=0.3)
+
+
+def _draw_apart(axis: Any, found: WhatIf, quantity: Quantity, shown: Comparison) -> None:
+    """Draw by how much one quantity differs, in all attempts, the shown one on top."""
+    others = [one for one in found.comparisons if one is not shown]
+    for place, one in enumerate([*others, shown]):
+        start = int(np.searchsorted(found.recorded["tick"], one.then.tick))
+        apart = quantity.scale * difference(found.recorded, found.computed, quantity, slice(start, start + one.common))
+        on_top = one is shown
+        label = f"trial {one.then.trial}, attempt {one.then.attempt}" if on_top else "the others"
+        axis.plot(
+            seconds_since_release(len(apart)),
+            apart,
+            color="black" if on_top else _OTHERS,
+            linewidth=1.4 if on_top else 0.7,
+            label=label if on_top or place == 0 else None,
+        )
+    axis.set_ylabel(f"{quantity.text}, difference ({quantity.unit})")
+    axis.grid(True, alpha=0.3)

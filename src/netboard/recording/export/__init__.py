@@ -1,0 +1,1 @@
+"""Recordings in other formats: Parquet, CSV, MATLAB, Motion-BIDS, NWB, XDF."""

@@ -1,0 +1,328 @@
+"""Motion-BIDS: the recordings as a dataset of the Brain Imaging Data Structure, motion data with the task's events.
+
+BIDS has no rule for two people at once. Here each is a subject; both have the same session label, which nobody else
+has, and equal runs are the same recording on the same clock: equal ``acq_time``, equal ``LATENCY`` in equal rows. Who
+belongs together is in ``sessions.tsv`` and, for the whole dataset, in ``docs/dyads.tsv``.
+
+A number has the fewest digits that read back as the same float64; one that does not exist is ``n/a``.
+"""
+
+import json
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any, TextIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.recording.export import bids_texts as texts
+from netboard.recording.export.devices import devices_of
+from netboard.recording.export.factors import Exported, exported_factors
+from netboard.recording.export.formats import Progress
+from netboard.recording.export.runs import Person, Run, runs_of
+from netboard.recording.export.signals import FRAME, Signal, signals_of
+from netboard.recording.export.survey import Survey
+from netboard.recording.files.reader import Recording
+from netboard.recording.format.backfill import unknown_ticks
+from netboard.task.studies.factors import column_of, design_of, factors_of, role_of, trial_role
+
+TASK = "boardandball"
+"""Label of the task: its name without the spaces."""
+
+_SYSTEM = f"task-{TASK}_tracksys-stylus"
+
+Row = dict[str, Any]
+"""A line of a table: values by the names of the columns."""
+
+
+def write(recordings: Sequence[Path], folder: Path, progress: Progress) -> None:
+    """Write recordings as one Motion-BIDS dataset."""
+    runs = runs_of(recordings)
+    factors = exported_factors([run.config for run in runs])
+    scans: dict[tuple[str, str], list[Row]] = {}
+    for run in runs:
+        for label, row in _write_run(run, factors, folder, progress).items():
+            scans.setdefault((label, run.session), []).append(row)
+    for (label, session), rows in scans.items():
+        _write_table(folder / f"sub-{label}/ses-{session}/sub-{label}_ses-{session}_scans.tsv", rows)
+    began = {session: min(row["acq_time"] for row in rows) for (_, session), rows in scans.items()}
+    _write_people(runs, factors, folder, began)
+    _write_texts(runs, factors, folder)
+
+
+def _write_run(run: Run, factors: Sequence[Exported], folder: Path, progress: Progress) -> dict[str, Row]:
+    """Write what a recording says of its people; return the line of ``scans.tsv`` of each, by label."""
+    source = folder / "sourcedata" / run.path.stem
+    source.mkdir(parents=True)
+    scans: dict[str, Row] = {}
+    files: list[tuple[TextIO, tuple[Signal, ...]]] = []
+    with Recording(run.path) as recording, ExitStack() as stack:
+        (source / "netboard.toml").write_text(recording.config_text, encoding="utf-8")
+        survey = Survey(recording)
+        for person in run.people:
+            stem = f"sub-{person.label}_ses-{run.session}_{_SYSTEM}_run-{run.number:02d}"
+            place = folder / f"sub-{person.label}" / f"ses-{run.session}" / "motion"
+            place.mkdir(parents=True, exist_ok=True)
+            signals = signals_of(person.sides)
+            _write_table(place / f"{stem}_channels.tsv", map(_channel, [texts.LATENCY, *signals]))
+            _write_table(place / f"{stem}_events.tsv", _events(survey, run, factors))
+            _write_json(place / f"{stem}_motion.json", _motion(run, recording, survey, person, signals))
+            motion = (place / f"{stem}_motion.tsv").open("x", encoding="ascii", newline="")
+            files.append((stack.enter_context(motion), signals))
+            scans[person.label] = _scan(run, recording, survey, person, f"motion/{stem}_motion.tsv", factors)
+        for rows in survey.portions(recording, progress):
+            for file, signals in files:
+                file.writelines(_lines(rows, signals, survey.origin_ns))
+    return scans
+
+
+def _lines(rows: NDArray[Any], signals: Sequence[Signal], origin_ns: int) -> Iterator[str]:
+    """Write ticks as lines of a motion file."""
+    times = (divmod(time_ns, 1_000_000_000) for time_ns in (rows["time_ns"] - origin_ns).tolist())
+    latency = (f"{seconds}.{rest:09d}" for seconds, rest in times)
+    columns = (_words(rows[signal.field]) for signal in signals)
+    return ("\t".join(words) + "\n" for words in zip(latency, *columns, strict=True))
+
+
+def _words(values: NDArray[Any]) -> Iterable[str]:
+    """Write the numbers of a column."""
+    words = map(repr, values.tolist())
+    return (texts.MISSING if word == "nan" else word for word in words) if np.isnan(values).any() else words
+
+
+# --- the lines of tables ------------------------------------------------------------------------------------------
+
+
+def _channel(signal: Signal) -> Row:
+    """Describe a column of a motion file."""
+    stylus = signal.point.endswith("stylus")
+    return {
+        "name": signal.name,
+        "component": signal.axis or texts.MISSING,
+        "type": signal.kind,
+        "tracked_point": signal.point,
+        "units": texts.MISSING if signal.unit == "1" else signal.unit,
+        "placement": "held in the hand" if stylus else texts.MISSING,
+        "reference_frame": FRAME if signal.axis else texts.MISSING,
+        "description": signal.about,
+    }
+
+
+def _events(survey: Survey, run: Run, factors: Sequence[Exported]) -> list[Row]:
+    """Make the lines of ``events.tsv``: levellings and attempts, and what changed the phase of a trial."""
+    own = factors_of(run.config)
+    rows = [
+        _event(survey, happened.tick, 0, happened.name, happened.trial, happened.attempt, happened.target)
+        for happened in survey.happenings
+    ]
+    for one in survey.attempts:
+        who = one.trial, one.attempt, one.target
+        if one.began < one.tick:
+            rows.append(_event(survey, one.began, survey.span(one.began, one.tick), "levelling", *who))
+        rows.append(
+            _event(survey, one.tick, survey.span(one.tick, one.stop), "attempt", *who)
+            | {
+                "outcome": one.outcome,
+                "completion_time": one.completion,
+                "catch_trial": one.trial in run.config.block.catch,
+                "flags": " ".join(survey.flags.get(one.tick, ())),
+            }
+        )
+    for row in rows:
+        row["role"] = trial_role(run.config, row["trial"])
+        for factor in factors:
+            row.update(factor.at(own, row["trial"]))
+    return sorted(rows, key=lambda row: row["onset"])
+
+
+def _event(survey: Survey, tick: int, duration: float, kind: str, trial: int, attempt: int, target: int) -> Row:
+    return {
+        "onset": survey.seconds(tick),
+        "duration": duration,
+        "trial_type": kind,
+        "trial": trial,
+        "attempt": attempt,
+        "target": {-1: "left", 1: "right"}.get(target, texts.MISSING),
+        "outcome": texts.MISSING,
+        "completion_time": texts.MISSING,
+        "catch_trial": texts.MISSING,
+        "role": texts.MISSING,
+        "flags": texts.MISSING,
+    }
+
+
+def _scan(
+    run: Run, recording: Recording, survey: Survey, person: Person, filename: str, factors: Sequence[Exported]
+) -> Row:
+    """Make the line of ``scans.tsv``: when it was, and under which condition."""
+    block = run.config.block
+    return {
+        "filename": filename,
+        "acq_time": survey.began.strftime("%Y-%m-%dT%H:%M:%S.%fZ"),
+        "block": block.number,
+        "part": run.metadata["part"],
+        "label": block.label,
+        "kind": design_of(run.config).kind,
+        "role": role_of(run.config),
+        "configuration": block.configuration,
+        "stylus": "+".join(person.sides),
+        "force": block.force,
+        "force_scale": block.force_scale,
+        "force_delay_ms": block.force_delay_ms,
+        "catch_trials": " ".join(map(str, block.catch)),
+        "other_hand": _other_hand(run, person),
+        "device": "+".join(getattr(run.config.agents, side).device for side in person.sides),
+        "simulated": person.simulated,
+        "pilot": run.config.session.pilot,
+        "ended": recording.end.get("ended", "recovered"),
+        "recording": run.path.name,
+        **{name: value for one in factors for name, value in one.over(factors_of(run.config)).items()},
+    }
+
+
+def _other_hand(run: Run, person: Person) -> str:
+    """Who moves the other end of the board."""
+    partner = next((other for other in run.people if other is not person), None)
+    if partner is not None:
+        return f"sub-{partner.label}"
+    block = run.config.block
+    if block.configuration == "bimanual":
+        return "own"
+    return block.right if person.sides == ("left",) else block.left
+
+
+# --- the files of the dataset -------------------------------------------------------------------------------------
+
+
+def _write_people(runs: Sequence[Run], factors: Sequence[Exported], folder: Path, began: dict[str, str]) -> None:
+    """Write who took part, in which session, and with whom."""
+    people = {person.label: person for run in reversed(runs) for person in run.people}
+    real = {person.label for run in runs for person in run.people if not person.simulated}
+    rows = [
+        _participant(person, label in real) | _levels_of_person(label, runs, factors)
+        for label, person in people.items()
+    ]
+    _write_table(folder / "participants.tsv", rows)
+    sessions: dict[str, dict[str, str]] = {}
+    for run in runs:
+        sessions.setdefault(run.session, {}).update({person.letter: f"sub-{person.label}" for person in run.people})
+    names = {run.session: run.config.session for run in runs}
+    dyads: list[Row] = [
+        {
+            "dyad": names[session].dyad,
+            "session_id": f"ses-{session}",
+            "session_name": names[session].name,
+            "study": names[session].study,
+            "participant_a": members.get("A", ""),
+            "participant_b": members.get("B", ""),
+            "runs": sum(run.session == session for run in runs),
+        }
+        for session, members in sessions.items()
+    ]
+    (folder / "docs").mkdir()
+    _write_table(folder / "docs" / "dyads.tsv", dyads)
+    for label in people:
+        rows = [
+            _session(row, "B" if row["participant_a"] == f"sub-{label}" else "A", began[row["session_id"][4:]])
+            for row in dyads
+            if f"sub-{label}" in (row["participant_a"], row["participant_b"])
+        ]
+        _write_table(folder / f"sub-{label}" / f"sub-{label}_sessions.tsv", rows)
+
+
+def _participant(person: Person, real: bool) -> Row:
+    return {
+        "participant_id": f"sub-{person.label}",
+        "species": "homo sapiens" if real else texts.MISSING,
+        "age": texts.MISSING,
+        "sex": texts.MISSING,
+        "handedness": person.handedness,
+        "simulated": not real,
+    }
+
+
+def _levels_of_person(label: str, runs: Sequence[Run], factors: Sequence[Exported]) -> Row:
+    """Levels of the factors between dyads; of somebody in several dyads all of them."""
+    own = [run for run in runs if any(person.label == label for person in run.people)]
+    row: Row = {}
+    for one in (one for one in factors if one.scope == "dyad"):
+        found = [one.over(factors_of(run.config)) for run in own]
+        for name in found[0]:
+            values = list(dict.fromkeys(levels[name] for levels in found if levels[column_of(one.name)]))
+            row[name] = values[0] if len(values) == 1 else ", ".join(map(str, values))
+    return row
+
+
+def _session(dyad: Row, partner: str, began: str) -> Row:
+    return {
+        "session_id": dyad["session_id"],
+        "acq_time": began,
+        "dyad": dyad["dyad"],
+        "session_name": dyad["session_name"],
+        "partner": dyad[f"participant_{partner.lower()}"],
+    }
+
+
+def _write_texts(runs: Sequence[Run], factors: Sequence[Exported], folder: Path) -> None:
+    """Write what is the same for all runs, and what explains it."""
+    studies = sorted({run.config.session.study for run in runs})
+    _write_json(folder / "dataset_description.json", texts.description(studies))
+    (folder / "README.md").write_text(texts.README, encoding="utf-8")
+    for name, sidecar in texts.SIDECARS.items():
+        more = texts.of_factors(factors, name)
+        _write_json(folder / name.format(task=f"task-{TASK}", system=_SYSTEM), sidecar | more)
+
+
+def _motion(run: Run, recording: Recording, survey: Survey, person: Person, signals: Sequence[Signal]) -> Row:
+    """Make the sidecar of a motion file."""
+    devices = [device for device in devices_of(run.config, recording) if device.side in person.sides]
+    kinds = [signal.kind for signal in signals]
+    return {
+        "Manufacturer": _joined(device.maker for device in devices),
+        "ManufacturersModelName": _joined(device.model for device in devices),
+        "DeviceSerialNumber": _joined(device.serial for device in devices),
+        "SoftwareVersions": f"netboard {run.metadata['netboard']}",
+        "Instructions": run.config.block.instructions or texts.INSTRUCTIONS,
+        "RecordingDuration": survey.duration,
+        "SamplingFrequencyEffective": survey.rate,
+        "MotionChannelCount": 1 + len(kinds),
+        "LATENCYChannelCount": 1,
+        "POSChannelCount": kinds.count("POS"),
+        "VELChannelCount": kinds.count("VEL"),
+        "MISCChannelCount": kinds.count("MISC"),
+        "TrackedPointsCount": len(person.sides),
+        "RenderedForceUnknownRows": _unknown(recording, person),
+    }
+
+
+def _unknown(recording: Recording, person: Person) -> int:
+    """Count the rows in which nobody knows what a device rendered, since it was first known."""
+    columns = recording.columns(*(f"{side}_rendered" for side in person.sides))
+    return sum(unknown_ticks(rendered) for rendered in columns.values())
+
+
+def _joined(words: Iterable[str]) -> str:
+    """Write what is known of one device, or of two."""
+    return " + ".join(dict.fromkeys(word or texts.MISSING for word in words))
+
+
+def _write_json(path: Path, values: Row) -> None:
+    path.write_text(json.dumps(values, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+
+
+def _write_table(path: Path, rows: Iterable[Row]) -> None:
+    """Write a table with a line of names."""
+    lines = list(rows)
+    with path.open("x", encoding="utf-8", newline="") as file:
+        for words in [list(lines[0]), *(map(_cell, row.values()) for row in lines)] if lines else []:
+            file.write("\t".join(words) + "\n")
+
+
+def _cell(value: Any) -> str:
+    """Write a value of a table: BIDS has no quotes, so spaces stand for tabs and line feeds."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, float):
+        return texts.MISSING if np.isnan(value) else repr(value)
+    return " ".join(str(value).split()) or texts.MISSING

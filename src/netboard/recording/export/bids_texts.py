@@ -1,0 +1,207 @@
+"""What a Motion-BIDS dataset says about itself in words: README, description, and the sidecars all runs share."""
+
+from collections.abc import Sequence
+from importlib.metadata import version
+from typing import Any
+
+from netboard.recording.export.factors import Exported
+from netboard.recording.export.signals import FRAME, FRAME_TEXT, Signal
+from netboard.recording.export.task import ATTEMPT_TEXTS, HAPPENED_TEXTS, TASK_TEXT
+from netboard.task.studies.factors import level_text
+
+MISSING = "n/a"
+"""What stands for nothing."""
+
+BIDS_VERSION = "1.11.1"
+"""Version of the standard."""
+
+INSTRUCTIONS = "The standard text of netboard's display."
+
+LATENCY = Signal(
+    "latency", "time_ns", "LATENCY", "", MISSING, "nominal time of the tick since the first of the run", "s"
+)
+"""The first column of a motion file."""
+
+
+def description(studies: Sequence[str]) -> dict[str, Any]:
+    """Make ``dataset_description.json``."""
+    named = ", ".join(study for study in studies if study)
+    return {
+        "Name": f"Board and ball: {named}" if named else "Board and ball",
+        "BIDSVersion": BIDS_VERSION,
+        "DatasetType": "raw",
+        "Keywords": ["haptics", "dyad", "joint action", "motor control"],
+        "GeneratedBy": [
+            {"Name": "netboard", "Version": version("netboard"), "Description": "exported from its recordings"}
+        ],
+    }
+
+
+README = f"""\
+# Board and ball
+
+{TASK_TEXT}
+
+## Two people
+
+BIDS has no rule for two people at once. Here:
+
+- each is a subject of their own, `sub-<pseudonym>`, or `sub-<dyad><A or B>` where none was given;
+- both have the same session label, `ses-<dyad><session>`, which nobody else has;
+- a run is one recording, which is one block or a part of it, and runs are counted over both people: files of two
+  subjects with equal session and run are the same moments, row by row, on one clock (the server's), with equal
+  `acq_time` and equal `latency`;
+- each has the own stylus and its forces, as each saw the own stylus only, and the board and the ball, which both saw.
+  The partner's are in the partner's file;
+- who belongs together is in each `*_sessions.tsv`, and for the whole dataset in `docs/dyads.tsv`.
+
+A run of one person only is a block that this person did with both hands, or with a robot or a still hand at the other
+end; `*_scans.tsv` says which, and has the condition of each run.
+
+## The data
+
+1000 rows a second, one for each tick of the server. A position is that of the newest sample when the tick began, so
+it may be a millisecond or two older than its row, and repeated if none came (`*_sample` has its number, `*_fresh`
+whether it counted). Forces have no type of their own in BIDS; they are MISC channels in N, as are the virtual board
+and ball. `*_force_rendered` is n/a where nobody knows what the device rendered: before its program had joined, and
+where that could not be heard and did not tell later. `RenderedForceUnknownRows` in the sidecar counts the latter.
+Positions: {FRAME_TEXT}.
+
+Where ticks are missing, rows are missing: `latency` tells. Numbers have as many digits as float64 needs to read back
+the same. `sourcedata` has the configuration of each recording: every size, mass, stiffness and rule.
+
+## To be filled in
+
+What netboard does not know: `Authors` and `License` in `dataset_description.json`, ages and sexes in
+`participants.tsv`, the institution in the motion sidecar at the top.
+"""
+
+_MOTION = {
+    "TaskName": "board and ball",
+    "TaskDescription": TASK_TEXT,
+    "SamplingFrequency": 1000,
+    "TrackingSystemName": "stylus",
+    "InstitutionName": MISSING,
+    "InstitutionAddress": MISSING,
+    "InstitutionalDepartmentName": MISSING,
+    "MissingValues": MISSING,
+    "SubjectArtefactDescription": MISSING,
+    **{f"{kind}ChannelCount": 0 for kind in ("ACCEL", "ANGACCEL", "GYRO", "JNTANG", "MAGN", "ORNT")},
+}
+
+_CHANNELS = {
+    "reference_frame": {
+        "Description": "the frame in which a component is to be read",
+        "Levels": {
+            FRAME: {
+                "Description": FRAME_TEXT,
+                "SpatialAxes": "PRS",
+                "RotationRule": "right-hand",
+                "RotationOrder": "XYZ",
+            }
+        },
+    }
+}
+
+_UNITS = {"completion_time": "s", "force_delay_ms": "ms"}
+
+_EVENTS = {
+    "trial_type": {
+        "Description": (
+            "Two kinds last: levelling and attempt cover exactly the rows of their phases. The others are at the row "
+            "that decided them, the last of the phase before"
+        ),
+        "Levels": {
+            "levelling": "the ball is fixed opposite the target, until the board is level",
+            "attempt": "the ball is free",
+            **HAPPENED_TEXTS,
+        },
+    },
+    **{
+        name: {"Description": text} | ({"Units": _UNITS[name]} if name in _UNITS else {})
+        for name, text in ATTEMPT_TEXTS.items()
+    },
+    "StimulusPresentation": {"SoftwareName": "netboard", "SoftwareVersion": version("netboard")},
+}
+
+_SCAN_TEXTS = {
+    "block": "number of the block in the plan, from 1",
+    "part": "number of the file within its block, from 1: a logger that starts anew begins another",
+    "label": "what people called the block",
+    "kind": "kind of block, as in the study",
+    "role": "what its trials are for: practice, familiarisation, baseline or test",
+    "configuration": "dyadic: two people with one hand each; bimanual: one person with both hands",
+    "stylus": "whose stylus, left or right, or both, the subject moved",
+    "force": "what the hands feel: full, partner_only, environment_only, none or unrelated",
+    "force_scale": "what is felt is multiplied by this",
+    "force_delay_ms": "what is felt comes so much later",
+    "catch_trials": "numbers of the trials in which nothing is felt",
+    "other_hand": "who moves the other end of the board: a subject, own (the other hand), still, or robot",
+    "device": "netboard's name for the kind of device",
+    "simulated": "true: the movements are those of a simulated person",
+    "pilot": "true: a pilot run",
+    "ended": "how the recording ended: complete if as planned",
+    "recording": "file that it was exported from",
+}
+
+_PERSON_TEXTS = {
+    "age": {"Description": "age of the participant; not known to netboard", "Units": "year"},
+    "sex": {"Description": "sex of the participant; not known to netboard"},
+    "handedness": {"Description": "dominant hand, as told in the session's form"},
+    "simulated": {"Description": "true: no person; all movements are those of a simulated one"},
+}
+
+_DYAD_TEXTS = {
+    "dyad": "pseudonym of the dyad",
+    "session_id": "label of the session, which both participants have",
+    "session_name": "what the session was called",
+    "study": "name of the study",
+    "participant_a": "participant A; n/a if A was in no run",
+    "participant_b": "participant B; n/a if B was in no run",
+    "runs": "number of runs, of one or both",
+}
+
+_SESSION_TEXTS = {
+    "dyad": "pseudonym of the dyad",
+    "session_name": "what the session was called",
+    "partner": "the other participant, who has a session of the same label; n/a if in no run",
+}
+
+
+def _described(words: dict[str, str]) -> dict[str, Any]:
+    """Make a sidecar of the meanings of columns."""
+    return {
+        name: {"Description": text} | ({"Units": _UNITS[name]} if name in _UNITS else {})
+        for name, text in words.items()
+    }
+
+
+SIDECARS: dict[str, dict[str, Any]] = {
+    "{system}_motion.json": _MOTION,
+    "{system}_channels.json": _CHANNELS,
+    "{system}_events.json": _EVENTS,
+    "scans.json": _described(_SCAN_TEXTS),
+    "sessions.json": _described(_SESSION_TEXTS),
+    "participants.json": _PERSON_TEXTS,
+    "docs/dyads.json": _described(_DYAD_TEXTS),
+}
+"""Files that describe others, by their names with ``{task}`` and ``{system}`` to be filled in."""
+
+_WITH_FACTORS = {"{system}_events.json": False, "scans.json": False, "participants.json": True}
+"""Sidecars of tables that have columns for factors, and whether only for those between dyads."""
+
+
+def of_factors(factors: Sequence[Exported], sidecar: str) -> dict[str, Any]:
+    """Describe the columns of factors in a table."""
+    if sidecar not in _WITH_FACTORS:
+        return {}
+    kept = [one for one in factors if one.scope == "dyad" or not _WITH_FACTORS[sidecar]]
+    described: dict[str, Any] = {}
+    for one in kept:
+        level, *value = one.fields
+        levels = {name: level_text(one.of, name) for name in one.of.levels}
+        described[level.name] = {"Description": f"level of the factor {one.name}", "Levels": levels}
+        if sidecar == "scans.json" and one.scope == "trial":  # a run has several: none of them alone is a value
+            described[level.name] = {"Description": f"levels of the factor {one.name}: {', '.join(levels.values())}"}
+        described |= {field.name: {"Description": field.text, "Units": field.unit} for field in value}
+    return described

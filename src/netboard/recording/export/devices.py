@@ -1,0 +1,32 @@
+"""Which devices were in the hands, as far as a recording says: what the agents told of them when they came."""
+
+from dataclasses import dataclass
+
+from netboard.base.config import SIDES, Config, Side
+from netboard.recording.files.reader import Recording
+
+MAKERS = {"falcon": "Novint", "openhaptics": "3D Systems", "spacemouse": "3Dconnexion"}
+"""Who makes the devices of a backend."""
+
+
+@dataclass(frozen=True, slots=True)
+class HandDevice:
+    """A device."""
+
+    side: Side
+    backend: str
+    maker: str
+    model: str
+    serial: str
+
+
+def devices_of(config: Config, recording: Recording) -> tuple[HandDevice, ...]:
+    """Find the devices of a recording, left before right."""
+    told = {event.details.get("side"): event.details for event in recording.events() if event.name == "agent_joined"}
+    found = []
+    for side in SIDES:
+        backend, details = getattr(config.agents, side).device, told.get(side, {})
+        found.append(
+            HandDevice(side, backend, MAKERS.get(backend, ""), details.get("model", ""), details.get("serial", ""))
+        )
+    return tuple(found)

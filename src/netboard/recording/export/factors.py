@@ -1,0 +1,103 @@
+"""The factors of the recordings that are exported together: their columns, and the values of these in each trial."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from math import nan
+from pathlib import Path
+from typing import Any
+
+from netboard.base.config import Config, parse
+from netboard.recording.files.reader import Recording
+from netboard.recording.format.channels import Field
+from netboard.task.studies.factors import (
+    BlockFactor,
+    Declared,
+    Scope,
+    column_of,
+    design_of,
+    factors_of,
+    level_text,
+    merge,
+    role_of,
+)
+
+_WHERE = {"dyad": "one for all blocks of a dyad", "block": "one for a block", "trial": "one for each trial"}
+
+
+def fields_of(name: str, scope: Scope, of: Declared) -> tuple[Field, ...]:
+    """Describe the columns of a factor: its level, and of a numeric one the value."""
+    levels = ", ".join(level_text(of, level) for level in of.levels)
+    text = f"level of the factor {name}, {_WHERE[scope]}: {levels}; empty where there is none"
+    own = Field(column_of(name), "string", text, "")
+    if not of.values:
+        return (own,)
+    return own, Field(f"{column_of(name)}_value", "number", f"value of this level of {name}", of.unit or "1")
+
+
+@dataclass(frozen=True, slots=True)
+class Exported:
+    """A factor of recordings that are exported together."""
+
+    name: str
+    scope: Scope
+    of: Declared
+
+    @property
+    def fields(self) -> tuple[Field, ...]:
+        """Its columns."""
+        return fields_of(self.name, self.scope, self.of)
+
+    def at(self, factors: Sequence[BlockFactor], trial: int) -> dict[str, Any]:
+        """Values of its columns in a trial.
+
+        Returns
+        -------
+        dict
+            The level, empty for none; the value of a numeric factor, NaN for none [its unit].
+        """
+        own = next((one for one in factors if one.name == self.name), None)
+        columns: dict[str, Any] = {column_of(self.name): own.level(trial) if own else ""}
+        if self.of.values:
+            columns[f"{column_of(self.name)}_value"] = own.value(trial) if own else nan
+        return columns
+
+    def over(self, factors: Sequence[BlockFactor]) -> dict[str, Any]:
+        """Values of its columns in a block: of a factor that varies within it all levels, with commas between."""
+        own = next((one for one in factors if one.name == self.name), None)
+        levels = list(dict.fromkeys(own.sequence)) if own else []
+        if len(levels) < 2:
+            return self.at(factors, 1)
+        return self.at((), 1) | {column_of(self.name): ", ".join(levels)}
+
+
+def exported_factors(configs: Sequence[Config]) -> tuple[Exported, ...]:
+    """Find the factors of recordings.
+
+    Returns
+    -------
+    tuple of Exported
+        Each with all of its levels, in the order of the study.
+    """
+    found = [factors_of(config) for config in configs]
+    names = dict.fromkeys(one.name for own in found for one in own)
+    return tuple(Exported(name, *merge([one for own in found for one in own if one.name == name])) for name in names)
+
+
+def design_note(config: Config) -> dict[str, str]:
+    """Write role, kind and factors of a block for people.
+
+    Returns
+    -------
+    dict of str
+        ``role``, ``kind`` if there is one, and for each factor its column with the level; of one that varies within
+        the block all levels, with commas between.
+    """
+    said = {"role": role_of(config)} | ({"kind": kind} if (kind := design_of(config).kind) else {})
+    return said | {column_of(one.name): one.summary for one in factors_of(config)}
+
+
+def configs_of(recordings: Sequence[Path]) -> Iterator[Config]:
+    """Read the configurations of recordings."""
+    for path in recordings:
+        with Recording(path) as recording:
+            yield parse(recording.config_text, f"{path} (its configuration)")

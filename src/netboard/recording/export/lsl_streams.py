@@ -1,0 +1,156 @@
+"""A session as streams of the Lab Streaming Layer: what they are called, what is in them, how they describe themselves.
+
+Shared by the live outlet and by the export to XDF, so that a file has the same streams whichever made it. Every tick is
+a sample of 64-bit floats, bit for bit those of the recording; integers are exact in them. A time stamp is that of the
+record itself, server time, in seconds. Knows neither the library of the layer nor the file format.
+"""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.metadata import version
+from typing import Any
+from xml.etree.ElementTree import Element, SubElement
+
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.network.protocol.records import EventRecord
+from netboard.recording.format.channels import CHANNELS, Field
+
+NUMBERS, TEXT = "double64", "string"
+"""What a value may be, as the layer calls it."""
+
+RATE_HZ = 1000.0
+"""Samples of a regular stream, one for each tick [Hz]."""
+
+_SIDE = (
+    "x",
+    "y",
+    "sent_z",
+    "sent_vz",
+    "used_z",
+    "used_vz",
+    "coupling",
+    "force",
+    "rendered",
+    "live",
+    "safeguards",
+    "buttons",
+)
+
+COLUMNS = (
+    *("tick", "phase", "target", "trial", "attempt"),
+    *("z", "vz", "theta", "omega", "p", "vp"),
+    *(f"{side}_{name}" for side in ("left", "right") for name in _SIDE),
+)
+"""Fields of a tick that are sent, by their names in a recording."""
+
+_TYPES = {"m": "Position", "m/s": "Velocity", "rad": "Angle", "rad/s": "AngularVelocity", "N": "Force", "1": "Misc"}
+"""What a channel is, by its unit."""
+
+_TICK_FIELDS = {field.name: field for field in CHANNELS[0].columns}
+
+
+@dataclass(frozen=True, slots=True)
+class Stream:
+    """One stream.
+
+    Attributes
+    ----------
+    rate_hz : float
+        Nominal rate of the samples, 0 for one that is not regular [Hz].
+    """
+
+    name: str
+    type: str
+    rate_hz: float
+    format: str
+    text: str
+    channels: tuple[Field, ...]
+
+
+TICKS = Stream(
+    "ticks",
+    "Haptics",
+    RATE_HZ,
+    NUMBERS,
+    "board, hands and forces at every tick of 1 ms; stamp: nominal time of the tick",
+    tuple(_TICK_FIELDS[name] for name in COLUMNS),
+)
+
+MARKERS = Stream(
+    "markers",
+    "Markers",
+    0.0,
+    TEXT,
+    "names of the events; stamp: time of the event",
+    (Field("event", "string", "what happened, in snake case", ""),),
+)
+
+EVENTS = Stream(
+    "events",
+    "Events",
+    0.0,
+    TEXT,
+    "the same events in full, each a JSON object with seq, tick, name and details; stamp: time of the event",
+    (Field("event", "string", "JSON object: seq, tick, name, details", ""),),
+)
+
+STREAMS = (TICKS, MARKERS, EVENTS)
+"""All streams, in order."""
+
+
+def samples(ticks: NDArray[Any]) -> NDArray[np.float64]:
+    """Samples of the ticks."""
+    values = np.empty((len(ticks), len(COLUMNS)))
+    for place, name in enumerate(COLUMNS):
+        values[:, place] = ticks[name]
+    return values
+
+
+def event_text(event: EventRecord) -> str:
+    """Write an event as a sample of `EVENTS`."""
+    return remark_text(event.name, event.details, event.seq, event.tick)
+
+
+def remark_text(name: str, details: Mapping[str, str], seq: int = -1, tick: int = -1) -> str:
+    """Write what happened, at the server or to the stream itself, as a sample of `EVENTS`.
+
+    Parameters
+    ----------
+    seq, tick : int
+        Numbers of the event and of the tick at which it took effect; -1 for none [1].
+    """
+    told = {"seq": seq, "tick": tick, "name": name, "details": dict(details)}
+    return json.dumps(told, ensure_ascii=False, separators=(",", ":"))
+
+
+def seconds(times_ns: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Time stamps of the layer: rounded once."""
+    return np.asarray(times_ns, np.int64) / 1e9
+
+
+def description(stream: Stream, notes: Mapping[str, Mapping[str, str]]) -> Element:
+    """Describe a stream, as the element ``desc`` of its information."""
+    desc = Element("desc")
+    _add(desc, "manufacturer", "netboard")
+    _add(desc, "description", stream.text)
+    _add(desc, "netboard", version("netboard"))
+    channels = SubElement(desc, "channels")
+    for field in stream.channels:
+        channel = SubElement(channels, "channel")
+        _add(channel, "label", field.name)
+        if field.unit:
+            _add(channel, "unit", field.unit)
+        _add(channel, "type", _TYPES[field.unit] if field.unit else "Marker")
+        _add(channel, "description", field.text)
+    for name, values in notes.items():
+        note = SubElement(desc, name)
+        for key, value in values.items():
+            _add(note, key, value)
+    return desc
+
+
+def _add(to: Element, name: str, text: str) -> None:
+    SubElement(to, name).text = text

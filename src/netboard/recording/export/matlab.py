@@ -1,0 +1,61 @@
+"""MATLAB files, which GNU Octave reads too: one for each recording, with a struct for each table.
+
+Version 5 of the format: numbers are column vectors of double and of int64, exact to the bit; texts are cell arrays.
+MATLAB lets a variable of this version have 2 GB, which the ticks of 50 minutes are; Parquet has no such limit.
+"""
+
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.io.matlab import savemat
+
+from netboard.base.errors import RecordingError
+from netboard.recording.export.dictionary import write_dictionary
+from netboard.recording.export.formats import Progress
+from netboard.recording.export.layout import subjects, tick_portions
+from netboard.recording.export.tables import TICKS, Subject, Table, small_tables
+
+MOST_BYTES = 2**31 - 2**20
+"""Most bytes of a variable, with some room for its names [1]."""
+
+
+def write(recordings: Sequence[Path], folder: Path, progress: Progress) -> None:
+    """Write recordings as MATLAB files."""
+    tables = small_tables(recordings)
+    places = "RECORDING.mat: a struct for each table; that of ticks has no column recording"
+    write_dictionary(folder, (TICKS, *tables), places)
+    for subject in subjects(recordings, folder):
+        with tempfile.TemporaryFile(dir=folder) as spool:
+            structs = {"ticks": _ticks(subject, spool, progress)}
+            structs |= {table.name: _struct(table, subject) for table in tables}
+            with (folder / f"{subject.name}.mat").open("xb") as file:
+                savemat(file, structs, oned_as="column")
+
+
+def _ticks(subject: Subject, spool: Any, progress: Progress) -> dict[str, NDArray[Any]]:
+    """Put the ticks on disk, row by row, and return their columns as views of that: one is in memory at a time."""
+    kinds = {"integer": np.int64, "number": np.float64}
+    row = np.dtype([(field.name, kinds[field.kind]) for field in TICKS.fields if field.kind in kinds])
+    if (size := subject.ticks * row.itemsize) > MOST_BYTES:
+        raise RecordingError(
+            f"{subject.recording.path}: its ticks are {size / 1e9:.1f} GB, expected at most {MOST_BYTES / 1e9:.1f} GB "
+            "in a MATLAB file; use --to parquet, which MATLAB reads with parquetread"
+        )
+    for columns in tick_portions(subject, progress):
+        rows = np.empty(len(columns["tick"]), row)
+        for name in row.names or ():
+            rows[name] = columns[name]
+        rows.tofile(spool)
+    spool.flush()
+    table = np.memmap(spool, row, "r") if subject.ticks else np.empty(0, row)
+    return {name: table[name] for name in row.names or ()}
+
+
+def _struct(table: Table, subject: Subject) -> dict[str, NDArray[Any]]:
+    """Return all columns of a short table."""
+    portions = list(table.portions(subject))
+    return {field.name: np.concatenate([rows[field.name] for rows in portions]) for field in table.fields}

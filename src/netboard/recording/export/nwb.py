@@ -1,0 +1,231 @@
+"""NWB: a file for each person and run, in the layout of archives of neurophysiology.
+
+A file of NWB has one subject, so the two of a dyad have a file each, with equal session id and start, hence one clock:
+equal times are the same moments. A run is one recording, a block or a part of it. Files lie as the DANDI archive wants
+them, ``sub-LABEL/sub-LABEL_ses-SESSION_run-NN_behavior.nwb``.
+
+Data are laid out first and then filled in portion by portion, so a long recording needs no more memory than a short
+one. Evenly spaced rows have a rate; where ticks are missing every row has its time.
+"""
+
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.base.tick import TICK, TICK_SECONDS
+from netboard.recording.export.devices import HandDevice, devices_of
+from netboard.recording.export.factors import Exported, exported_factors
+from netboard.recording.export.formats import Progress, library
+from netboard.recording.export.nwb_texts import COLUMNS, EVENTS, KEYWORDS, UNITS, UNKNOWN_AGE, description
+from netboard.recording.export.runs import Person, Run, runs_of
+from netboard.recording.export.signals import FRAME_TEXT, Signal, signals_of
+from netboard.recording.export.survey import PORTION, Survey
+from netboard.recording.files.reader import Recording
+from netboard.task.studies.factors import factors_of, trial_role
+
+Filled = list[tuple[Any, tuple[str, ...]]]
+"""Data sets that are laid out, and the fields of a tick that fill each."""
+
+
+def write(recordings: Sequence[Path], folder: Path, progress: Progress) -> None:
+    """Write recordings as NWB files."""
+    pynwb = library("pynwb", "nwb")
+    runs = runs_of(recordings)
+    factors = exported_factors([run.config for run in runs])
+    for run in runs:
+        with Recording(run.path) as recording, ExitStack() as stack:
+            survey = Survey(recording)
+            filled: Filled = []
+            for person in run.people:
+                stem = f"sub-{person.label}_ses-{run.session}_run-{run.number:02d}_behavior"
+                path = folder / f"sub-{person.label}" / f"{stem}.nwb"
+                path.parent.mkdir(exist_ok=True)
+                layout = Layout(pynwb, run, recording, survey, person, factors)
+                stack.enter_context(pynwb.NWBHDF5IO(path, "w")).write(layout.file)
+                filled += layout.filled
+            _fill(recording, survey, filled, progress)
+
+
+def _fill(recording: Recording, survey: Survey, filled: Filled, progress: Progress) -> None:
+    """Fill in the data, portion by portion."""
+    done = 0
+    for rows in survey.portions(recording, progress):
+        for data, fields in filled:
+            data.dataset[done : done + rows.size] = _values(rows, fields, survey)
+        done += rows.size
+
+
+def _values(rows: NDArray[Any], fields: tuple[str, ...], survey: Survey) -> NDArray[Any]:
+    """Take what fills a data set from some ticks."""
+    if fields == ("time_ns",):
+        return (rows["time_ns"] - survey.origin_ns) / 1e9
+    return rows[fields[0]] if len(fields) == 1 else np.column_stack([rows[field] for field in fields])
+
+
+class Layout:
+    """A file of one person in one run, complete but for the numbers in its data sets.
+
+    Attributes
+    ----------
+    filled : list of (H5DataIO, tuple of str)
+        Its data sets, and the fields of a tick that fill each.
+    """
+
+    def __init__(
+        self,
+        pynwb: Any,
+        run: Run,
+        recording: Recording,
+        survey: Survey,
+        person: Person,
+        factors: Sequence[Exported] = (),
+    ) -> None:
+        self._pynwb, self._survey, self._factors = pynwb, survey, factors
+        self._timed: Any = None  # the series that has the times of all
+        self.filled: Filled = []
+        session, block = run.config.session, run.config.block
+        part = run.metadata["part"]
+        self.file = pynwb.NWBFile(
+            session_description=description(run, person),
+            identifier=f"{run.metadata['session']}_block{block.number:02d}_part{part}_{person.label}",
+            session_start_time=survey.began,
+            session_id=run.session,
+            experiment_description=f"Study {session.study}" if session.study else "No study: a single block",
+            keywords=list(KEYWORDS),
+            data_collection=f"Exported from {run.path.name}. Configuration (TOML):\n{recording.config_text}",
+            was_generated_by=[["netboard", run.metadata["netboard"]]],
+        )
+        self.file.subject = pynwb.file.Subject(
+            subject_id=person.label,
+            description=_described(run, person),
+            species="Homo sapiens",
+            sex="U",
+            age=UNKNOWN_AGE,
+        )
+        for device in devices_of(run.config, recording):
+            if device.side in person.sides:
+                self._add_device(device)
+        self._add_signals(signals_of(person.sides))
+        self._add_trials(run)
+        self._add_events()
+
+    def _add_device(self, device: HandDevice) -> None:
+        """Say what was in the hand."""
+        model = self.file.create_device_model(
+            name=f"{device.side} {device.model or device.backend}",
+            manufacturer=device.maker or "unknown",
+            description=f"Haptic device that netboard talks to with its backend {device.backend}",
+        )
+        self.file.create_device(
+            name=f"{device.side} stylus",
+            description=f"What the {device.side} end of the board is moved with",
+            serial_number=device.serial or "unknown",
+            model=model,
+        )
+
+    def _add_signals(self, signals: Sequence[Signal]) -> None:
+        """Lay out positions, and all the rest by what it is of."""
+        behavior = self.file.create_processing_module("behavior", "Styluses, forces, and the virtual board and ball")
+        places: dict[str, list[Signal]] = {}
+        others: dict[str, list[Signal]] = {}
+        for signal in signals:
+            (places if signal.kind == "POS" else others).setdefault(signal.point, []).append(signal)
+        series = [self._position(point, of_point) for point, of_point in places.items()]
+        behavior.add(self._pynwb.behavior.Position(spatial_series=series))
+        for point, of_point in others.items():
+            series = [self._signal(signal) for signal in of_point]
+            behavior.add(self._pynwb.behavior.BehavioralTimeSeries(name=point, time_series=series))
+
+    def _position(self, point: str, signals: Sequence[Signal]) -> Any:
+        return self._series(
+            self._pynwb.behavior.SpatialSeries,
+            point,
+            self._data(tuple(signal.field for signal in signals), np.dtype(np.float64)),
+            description=f"Position of the {point.replace('_', ' ')} as sent: columns x, y, z",
+            reference_frame=FRAME_TEXT,
+            unit=UNITS["m"],
+        )
+
+    def _signal(self, signal: Signal) -> Any:
+        data = self._data((signal.field,), TICK[signal.field])
+        return self._series(
+            self._pynwb.TimeSeries, signal.name, data, description=signal.about, unit=UNITS[signal.unit]
+        )
+
+    def _series(self, kind: Any, name: str, data: Any, **words: str) -> Any:
+        """Make a series, and say when its rows were: by their rate, or each by itself, for all series at once."""
+        if self._survey.regular:
+            return kind(name=name, data=data, starting_time=0.0, rate=1 / TICK_SECONDS, **words)
+        times = self._timed or self._data(("time_ns",), np.dtype(np.float64))
+        series = kind(name=name, data=data, timestamps=times, **words)
+        self._timed = self._timed or series
+        return series
+
+    def _data(self, fields: tuple[str, ...], dtype: np.dtype[Any]) -> Any:
+        """Lay out a data set."""
+        count = self._survey.ticks
+        width = (len(fields),) if len(fields) > 1 else ()
+        data = self._pynwb.H5DataIO(
+            shape=(count, *width),
+            dtype=dtype,
+            chunks=(min(count, PORTION), *width),
+            compression="gzip",
+            shuffle=True,
+            fletcher32=True,
+        )
+        self.filled.append((data, fields))
+        return data
+
+    def _add_trials(self, run: Run) -> None:
+        """Fill in the table of attempts."""
+        for name, text in COLUMNS.items():
+            self.file.add_trial_column(name, text)
+        for field in (field for one in self._factors for field in one.fields):
+            self.file.add_trial_column(field.name, f"{field.text} [{field.unit}]" if field.unit else field.text)
+        block, own = run.config.block, factors_of(run.config)
+        for one in self._survey.attempts:
+            self.file.add_trial(
+                start_time=self._survey.seconds(one.tick),
+                stop_time=self._survey.seconds(one.stop),
+                levelling_time=self._survey.seconds(one.began),
+                trial=one.trial,
+                attempt=one.attempt,
+                target="left" if one.target < 0 else "right",
+                outcome=one.outcome,
+                completion_time=one.completion,
+                flags=" ".join(self._survey.flags.get(one.tick, ())),
+                condition=f"{block.configuration}, force {block.force}",
+                catch_trial=one.trial in block.catch,
+                role=trial_role(run.config, one.trial),
+                force_scale=block.force_scale,
+                force_delay=block.force_delay_ms / 1000,
+                **{name: value for each in self._factors for name, value in each.at(own, one.trial).items()},
+            )
+
+    def _add_events(self) -> None:
+        """Fill in the table of what changed the phase of a trial."""
+        table = self._pynwb.event.EventsTable(name="trial_events", description=EVENTS)
+        table.add_column(name="event", description="what happened")
+        table.add_column(name="trial", description=COLUMNS["trial"])
+        table.add_column(name="attempt", description=COLUMNS["attempt"])
+        for one in self._survey.happenings:
+            table.add_row(
+                timestamp=self._survey.seconds(one.tick), event=one.name, trial=one.trial, attempt=one.attempt
+            )
+        self.file.add_events_table(table)
+
+
+def _described(run: Run, person: Person) -> str:
+    """Say who somebody is."""
+    return " ".join(_about(run, person))
+
+
+def _about(run: Run, person: Person) -> Iterator[str]:
+    yield f"Participant {person.letter} of dyad {run.config.session.dyad}, dominant hand: {person.handedness}."
+    yield from (f"Partner: {other.label}." for other in run.people if other is not person)
+    if person.simulated:
+        yield "Simulated: no person moved the device."

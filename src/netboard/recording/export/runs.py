@@ -1,0 +1,154 @@
+"""Who did what in which recording, and when: what the formats of the standards want to know before anything else.
+
+A recording is one *run* of a dyad's session. Its people are those who moved a hand in it: both in a dyadic block, the
+performer in a bimanual one; hands that are held still or moved by a robot have nobody. Labels have letters and digits
+only. The session's is that of dyad and session together, so both people, and nobody else, have it. The runs of a
+session are counted in the order of time, over both people, so equal runs are one recording.
+"""
+
+import re
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from netboard.base.config import SIDES, Config, Side, parse
+from netboard.base.errors import RecordingError
+from netboard.recording.files.reader import Recording
+
+Letter = Literal["A", "B"]
+"""Which participant of a dyad."""
+
+
+@dataclass(frozen=True, slots=True)
+class Person:
+    """Somebody who moved a stylus, or two, in a run.
+
+    Attributes
+    ----------
+    label : str
+        What the person is called: the pseudonym, or that of the dyad with the letter where there is none.
+    """
+
+    letter: Letter
+    label: str
+    handedness: str
+    sides: tuple[Side, ...]
+    simulated: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """A recording, and its place in a session.
+
+    Attributes
+    ----------
+    session : str
+        Label of the session: that of the dyad with that of the session.
+    """
+
+    path: Path
+    metadata: dict[str, str]
+    config: Config
+    session: str
+    number: int
+    people: tuple[Person, ...]
+
+
+def runs_of(recordings: Sequence[Path]) -> tuple[Run, ...]:
+    """Find out who did what in some recordings.
+
+    Raises
+    ------
+    RecordingError
+        If a recording cannot be read, has no ticks, is there twice, or if two names are the same label.
+    """
+    sessions: dict[tuple[str, str], list[tuple[int, Path, dict[str, str], Config]]] = {}
+    for path in recordings:
+        with Recording(path) as recording:
+            if not recording.counts["/ticks"]:
+                raise RecordingError(f"{path}: has no ticks, so there is nothing to export; leave it out")
+            config = parse(recording.config_text, f"{path} (its configuration)")
+            opened = int(recording.metadata["opened_log_ns"])
+            who = config.session.dyad, config.session.name
+            sessions.setdefault(who, []).append((opened, path, recording.metadata, config))
+    runs = tuple(run for who in sorted(sessions) for run in _numbered(who, sessions[who]))
+    _refuse_repeats(runs)
+    return runs
+
+
+def _numbered(who: tuple[str, str], found: list[tuple[int, Path, dict[str, str], Config]]) -> Iterator[Run]:
+    """Yield the runs of a session in the order of time."""
+    in_time = sorted(found, key=lambda one: one[:2])
+    for number, (_, path, metadata, config) in enumerate(in_time, start=1):
+        yield Run(path, metadata, config, _label("".join(who)), number, tuple(_people(config, metadata)))
+
+
+def _people(config: Config, metadata: dict[str, str]) -> Iterator[Person]:
+    """Yield who took part in a block, A before B."""
+    who, block = config.session, config.block
+    both: tuple[tuple[Letter, str, str], ...] = (
+        ("A", who.participant_a, who.hand_a),
+        ("B", who.participant_b, who.hand_b),
+    )
+    for letter, name, hand in both:
+        if block.configuration == "bimanual":
+            sides: tuple[Side, ...] = SIDES if block.performer == letter else ()
+        else:
+            sides = tuple(side for side in SIDES if _sits(config, letter) == side and getattr(block, side) == "person")
+        if sides:
+            given = name if name != letter else who.dyad + letter
+            yield Person(letter, _label(given), hand, sides, _is_simulated(config, metadata, sides))
+
+
+def _sits(config: Config, letter: str) -> Side:
+    """Seat of a participant in a dyadic block."""
+    seat = config.session.seat_a
+    return seat if letter == "A" else SIDES[1 - SIDES.index(seat)]
+
+
+def _is_simulated(config: Config, metadata: dict[str, str], sides: Sequence[Side]) -> bool:
+    """Whether the movements of some sides are those of a simulated person."""
+    if "imported" in metadata:
+        return metadata["imported"] == "simulated"
+    virtual = all(getattr(config.agents, side).device == "virtual" for side in sides)
+    return virtual or metadata.get("rehearsed") == "true"
+
+
+def _label(name: str) -> str:
+    """Make a label of a name: standards allow letters and digits."""
+    return re.sub("[^A-Za-z0-9]", "", name) or "0"
+
+
+def _refuse_repeats(runs: Sequence[Run]) -> None:
+    """Find recordings that are the same, and names whose labels are."""
+    _refuse(runs, lambda run: [("session", run.session, (run.config.session.dyad, run.config.session.name))])
+    _refuse(runs, lambda run: [("participant", person.label, _identity(run, person)) for person in run.people])
+    seen: dict[tuple[str, ...], Path] = {}
+    for run in runs:
+        key = tuple(run.metadata[name] for name in ("session", "block", "part"))
+        if key in seen:
+            raise RecordingError(f"{seen[key]} and {run.path}: are the same part of the same block; leave one out")
+        seen[key] = run.path
+        if len({person.label for person in run.people}) < len(run.people):
+            raise RecordingError(f"{run.path}: both participants are called {run.people[0].label}; expected two names")
+
+
+def _identity(run: Run, person: Person) -> tuple[str, ...]:
+    """Tell who a label stands for: the pseudonym, or dyad and letter where there is none."""
+    who = run.config.session
+    name = who.participant_a if person.letter == "A" else who.participant_b
+    return (name,) if name != person.letter else (who.dyad, name)
+
+
+def _refuse(runs: Sequence[Run], named: Callable[[Run], list[tuple[str, str, tuple[str, ...]]]]) -> None:
+    """Find two that would be called the same."""
+    meant: dict[str, tuple[Path, tuple[str, ...]]] = {}
+    for run in runs:
+        for kind, label, identity in named(run):
+            first, other = meant.setdefault(label, (run.path, identity))
+            if other != identity:
+                raise RecordingError(
+                    f"{first} and {run.path}: {kind}s {' '.join(other)} and {' '.join(identity)} would both be called "
+                    f"{label}, as only letters and digits count; export them apart"
+                )

@@ -1,0 +1,143 @@
+"""When a recording was, and what happened in it: one walk through its ticks, in flat memory.
+
+The nominal time of a tick is its number in milliseconds but where the server had to let its clock jump, and ticks that
+no logger got are missing. So the time of a tick is looked up, and a recording says whether its rows are evenly spaced.
+"""
+
+from bisect import bisect_right
+from collections.abc import Iterator
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.base.tick import TICK_NS
+from netboard.network.protocol.records import kind_of_peer
+from netboard.recording.export.formats import Progress
+from netboard.recording.export.task import HAPPENED
+from netboard.recording.files.reader import Recording
+from netboard.recording.format.summary import Attempt, attempts_along
+from netboard.recording.integrity.quality_check import judged
+
+PORTION = 16_384
+"""Ticks that are in memory at once, or a few more [1]."""
+
+_DRIFT_NS = 1_000_000_000
+"""Far more than two clocks drift apart in a block [ns]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Happening:
+    """Something that changed the phase of a trial.
+
+    Attributes
+    ----------
+    tick : int
+        Tick that decided it; the next is the first of the new phase [1].
+    trial, attempt : int
+        In which trial of the block and attempt at it [1].
+    """
+
+    tick: int
+    name: str
+    trial: int
+    attempt: int
+    target: int
+
+
+class Survey:
+    """What is known of a recording after a walk through it.
+
+    Attributes
+    ----------
+    origin_ns : int
+        Server time of the first [ns].
+    duration : float
+        From the first to the end of the last [s].
+    rate : float
+        Rows in that time [Hz].
+    flags : dict of tuple of str
+        Why an attempt that has ended is doubtful, by the tick of its release.
+    """
+
+    def __init__(self, recording: Recording) -> None:
+        self.ticks = 0
+        self._last = 0
+        self._jumps: list[tuple[int, int]] = []
+        found: list[Happening] = []
+        self.attempts: tuple[Attempt, ...] = attempts_along(self._watched(recording, found))
+        self.happenings = tuple(found)
+        self.flags = {verdict.release: verdict.flags for verdict in judged(recording)}
+        first, lead_ns = self._jumps[0]
+        self._first, self.origin_ns = first, first * TICK_NS + lead_ns
+        self.duration = self.span(first, self._last + 1)
+        self.rate = self.ticks * 10**9 / round(self.duration * 1e9)
+        self._utc_ns = self.origin_ns + _utc_minus_server(recording)
+
+    def _watched(self, recording: Recording, found: list[Happening]) -> Iterator[NDArray[Any]]:
+        """Yield the ticks, and note on the way when they were and what happened."""
+        for rows in recording.batches(PORTION):
+            leads = rows["time_ns"] - rows["tick"] * TICK_NS
+            before = leads[0] - 1 if not self._jumps else self._jumps[-1][1]
+            for place in np.flatnonzero(np.diff(leads, prepend=before)):
+                self._jumps.append((int(rows["tick"][place]), int(leads[place])))
+            found += [_happening(rows[place]) for place in np.flatnonzero(rows["event"])]
+            self.ticks += rows.size
+            self._last = int(rows["tick"][-1])
+            yield rows
+
+    @property
+    def regular(self) -> bool:
+        """Whether every row is a millisecond after the one before."""
+        return len(self._jumps) == 1 and self.ticks == self._last + 1 - self._first
+
+    @property
+    def began(self) -> datetime:
+        """When the first tick was, UTC."""
+        return datetime.fromtimestamp(0, UTC) + timedelta(microseconds=round(self._utc_ns / 1000))
+
+    def portions(self, recording: Recording, progress: Progress) -> Iterator[NDArray[Any]]:
+        """Yield the ticks once more, and tell how far it is."""
+        done = 0
+        progress(recording.path.stem, done, self.ticks)
+        for rows in recording.batches(PORTION):
+            yield rows
+            done += rows.size
+            progress(recording.path.stem, done, self.ticks)
+
+    def seconds(self, tick: int) -> float:
+        """When a tick was, after the first: the number nearest to the exact one [s]."""
+        return (self._time_ns(tick) - self.origin_ns) / 1e9
+
+    def span(self, first: int, stop: int) -> float:
+        """Time from one tick to another: the number nearest to the exact one [s]."""
+        return (self._time_ns(stop) - self._time_ns(first)) / 1e9
+
+    def _time_ns(self, tick: int) -> int:
+        place = max(bisect_right(self._jumps, tick, key=lambda jump: jump[0]) - 1, 0)
+        return tick * TICK_NS + self._jumps[place][1]
+
+
+def _happening(row: Any) -> Happening:
+    name = HAPPENED.get(int(row["event"]), "unknown")
+    return Happening(int(row["tick"]), name, int(row["trial"]), int(row["attempt"]), int(row["target"]))
+
+
+def _utc_minus_server(recording: Recording) -> int:
+    """Wall-clock time minus server time [ns].
+
+    By the best probe of the logger's clock; where there is none, as in a rehearsal, by the server time a moment before
+    the file was opened.
+    """
+    said = recording.metadata
+    opened_ns, clock_ns, server_ns = (
+        int(said[name]) for name in ("opened_log_ns", "opened_monotonic_ns", "welcome_server_ns")
+    )
+    probes = [probe for probe in recording.clocks() if kind_of_peer(probe.peer) == "logger"]
+    offsets = [(probe.bound_ns, probe.offset_ns) for probe in probes]
+    # Another logger may have been there, on a machine with another clock: ours is the one that fits what was noted.
+    fitting = min((abs(clock_ns - server_ns - offset) for _, offset in offsets), default=0) + _DRIFT_NS
+    ours = [found for found in offsets if abs(clock_ns - server_ns - found[1]) <= fitting]
+    return opened_ns - (clock_ns - min(ours)[1] if ours else server_ns)

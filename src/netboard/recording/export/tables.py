@@ -1,0 +1,342 @@
+"""The tidy tables of a recording: what is in them, and their rows, a portion at a time.
+
+A table has one kind of thing in its rows (a tick, an attempt, an event) and one value in a cell. The first column is
+always the name of the recording, so tables of several can be joined. Ticks never all have to be in memory. What a
+column means is taken from where it is defined: the channels of a recording and the keys of its configuration.
+"""
+
+import hashlib
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.base.config import Config, parse
+from netboard.base.settings import tables as settings_tables
+from netboard.base.tick import TICK
+from netboard.network.protocol.records import ClockRecord, EventRecord, FrameRecord
+from netboard.recording.export.factors import Exported, configs_of, exported_factors
+from netboard.recording.export.task import ROLE_TEXT
+from netboard.recording.files.reader import Recording
+from netboard.recording.format.channels import CHANNELS, Field
+from netboard.recording.format.summary import Attempt, attempts_along
+from netboard.recording.integrity.quality_check import judged
+from netboard.task.studies.factors import design_of, factors_of, trial_role
+
+Rows = Mapping[str, NDArray[Any]]
+"""Columns of equal length by name: int64, float64, or text (objects)."""
+
+_DTYPES = {"integer": np.dtype(np.int64), "number": np.dtype(np.float64), "string": np.dtype(object)}
+
+
+class Subject:
+    """A recording that is exported, with what several tables need to know of it.
+
+    Attributes
+    ----------
+    name : str
+        What its rows are called by: the name of the file without its ending.
+    origin_ns : int
+        Server time that is the zero of ``time``: that of its first tick [ns].
+    """
+
+    def __init__(self, recording: Recording) -> None:
+        self.recording = recording
+        self.name = recording.path.stem
+        self.config = parse(recording.config_text, f"{recording.path} (its configuration)")
+        self.ticks = self.origin_ns = 0
+        self.attempts: tuple[Attempt, ...] = attempts_along(self._counted())
+
+    def _counted(self) -> Iterator[NDArray[Any]]:
+        """Yield the ticks, and count them."""
+        for rows in self.recording.batches():
+            if rows.size and not self.ticks:
+                self.origin_ns = int(rows["time_ns"][0])
+            self.ticks += rows.size
+            yield rows
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """A kind of table.
+
+    Attributes
+    ----------
+    rows : callable
+        Makes the portions of its rows, in order, of a `Subject`.
+    """
+
+    name: str
+    about: str
+    fields: tuple[Field, ...]
+    rows: Callable[[Subject], Iterator[Rows]]
+
+    def portions(self, subject: Subject) -> Iterator[Rows]:
+        """Yield its rows.
+
+        Yields
+        ------
+        dict of ndarray, shape (n,)
+            A portion of the rows: every column, in order, with the dtype of its kind [SI].
+        """
+        for rows in self.rows(subject):
+            count = len(next(iter(rows.values())))
+            named = {"recording": np.full(count, subject.name, object), **rows}
+            yield {field.name: np.asarray(named[field.name], _DTYPES[field.kind]) for field in self.fields}
+
+
+_RECORDING = Field("recording", "string", "name of the recording", "")
+_TIME = Field("time", "number", "server time since the first tick of the recording", "s")
+_NUMBER = "number of the attempt in the recording, from 1, as in trials"
+
+MISSING = "a number that does not exist is NaN; a text that does not exist is empty"
+"""What stands for nothing in every table."""
+
+
+def _flat(fields: Sequence[Field]) -> tuple[Field, ...]:
+    """Describe the fields of a channel as columns: a map of texts becomes one text."""
+    return tuple(
+        Field(field.name, "string", f"{field.text}, as a JSON object", "") if field.kind == "texts" else field
+        for field in fields
+    )
+
+
+def _seconds(times_ns: NDArray[np.int64], subject: Subject) -> NDArray[np.float64]:
+    """Server time as float: the number nearest to the exact one, so milliseconds look like milliseconds."""
+    return (times_ns - subject.origin_ns) / 1e9
+
+
+# --- ticks -------------------------------------------------------------------------------------------------------
+
+
+def _ticks(subject: Subject) -> Iterator[Rows]:
+    """Yield the ticks, with the attempt that each belongs to."""
+    began = np.array([attempt.began for attempt in subject.attempts], np.int64)
+    released = np.array([attempt.tick for attempt in subject.attempts], np.int64)
+    stop = np.array([attempt.stop for attempt in subject.attempts], np.int64)
+    for rows in subject.recording.batches():
+        ticks = rows["tick"]
+        number, since = np.zeros(rows.size, np.int64), np.full(rows.size, np.nan)
+        if began.size:
+            newest = np.searchsorted(began, ticks, "right") - 1
+            within = (newest >= 0) & (ticks < stop[newest])
+            number[within] = newest[within] + 1
+            free = within & (ticks >= released[newest])
+            since[free] = (ticks[free] - released[newest[free]]) / 1000
+        columns = {name: np.ascontiguousarray(rows[name]) for name in TICK.names or ()}
+        yield {"time": _seconds(columns["time_ns"], subject), "number": number, "since_release": since, **columns}
+
+
+TICKS = Table(
+    "ticks",
+    "one tick of a millisecond",
+    (
+        _RECORDING,
+        _TIME,
+        Field("number", "integer", f"{_NUMBER}, levelling included; 0 between attempts", "1"),
+        Field("since_release", "number", "time since the ball was released; NaN unless it is free", "s"),
+        *CHANNELS[0].columns,
+    ),
+    _ticks,
+)
+
+
+# --- attempts ----------------------------------------------------------------------------------------------------
+
+
+def _setting_columns() -> Iterator[tuple[str, str, Field]]:
+    """Yield table and key of the settings that say who did what, and the columns they become."""
+    kept = {
+        "session": ("name", "dyad", "pilot", "study", "participant_a", "participant_b", "hand_a", "hand_b", "seat_a"),
+        "block": (
+            *("number", "label", "configuration", "performer", "station", "force", "force_scale", "force_delay_ms"),
+            *("left", "right"),
+        ),
+    }
+    for table in settings_tables(Config):
+        for key in table.keys:
+            if key.name in kept.get(table.name, ()):
+                kind = {bool: "integer", int: "integer", float: "number"}.get(type(key.default), "string")
+                text = key.text.replace("true:", "1:")
+                unit = key.unit or ("" if kind == "string" else "1")
+                yield table.name, key.name, Field(f"{table.name}_{key.name}", kind, text, unit)
+
+
+_SETTINGS = tuple(_setting_columns())
+
+
+def _trials(subject: Subject) -> Iterator[Rows]:
+    """Yield all attempts: what was asked for, what became of it, and whether it is doubtful."""
+    attempts, config = subject.attempts, subject.config
+    flags = {verdict.release: verdict.flags for verdict in judged(subject.recording)}
+    judgements = [flags.get(attempt.tick) for attempt in attempts]
+    conditions = {
+        field.name: np.full(len(attempts), getattr(getattr(config, table), key)) for table, key, field in _SETTINGS
+    }
+    of_attempts = {
+        name: np.array([getattr(attempt, name) for attempt in attempts])
+        for name in ("trial", "attempt", "target", "outcome", "completion", "began", "tick", "stop", "duration")
+    }
+    yield {
+        **conditions,
+        **of_attempts,
+        "number": np.arange(1, len(attempts) + 1),
+        "catch_trial": np.array([attempt.trial in config.block.catch for attempt in attempts]),
+        "role": np.array([trial_role(config, attempt.trial) for attempt in attempts], object),
+        "kind": np.full(len(attempts), design_of(config).kind, object),
+        "doubtful": np.array([-1 if words is None else bool(words) for words in judgements]),
+        "flags": np.array([" ".join(words or ()) for words in judgements]),
+    }
+
+
+TRIALS = Table(
+    "trials",
+    "one attempt at a trial",
+    (
+        _RECORDING,
+        Field("number", "integer", "number of the attempt in the recording, from 1", "1"),
+        *(field for _, _, field in _SETTINGS),
+        Field("trial", "integer", "number of the trial in the block, from 1", "1"),
+        Field("attempt", "integer", "number of the attempt at this trial, from 1", "1"),
+        Field("target", "integer", "side of the target: -1 left, +1 right", "1"),
+        Field("catch_trial", "integer", "1: a catch trial, in which nothing is felt", "1"),
+        Field("role", "string", ROLE_TEXT, ""),
+        Field("kind", "string", "kind of block, as in the study; empty: none", ""),
+        Field(
+            "outcome",
+            "string",
+            "success, fell, timed_out, or the command or fault that ended it: skip, abort, stop, pause, fault; "
+            "unfinished if the recording ends first",
+            "",
+        ),
+        Field("completion", "number", "completion time of a success, else NaN", "s"),
+        Field("began", "integer", "first tick of the levelling before it", "1"),
+        Field("tick", "integer", "tick at which the ball was released", "1"),
+        Field("stop", "integer", "tick after its last one", "1"),
+        Field("duration", "number", "from the release to the end, holding included", "s"),
+        Field("doubtful", "integer", "1: it has flags; 0: it has none; -1: not judged, as it has no end", "1"),
+        Field("flags", "string", "why it is doubtful, by the rules of [quality]: words with spaces between", ""),
+    ),
+    _trials,
+)
+
+
+def with_factors(factors: Sequence[Exported]) -> Table:
+    """Return the table of trials with columns for factors."""
+
+    def rows(subject: Subject) -> Iterator[Rows]:
+        own = factors_of(subject.config)
+        levels = [[one.at(own, attempt.trial) for one in factors] for attempt in subject.attempts]
+        for portion in _trials(subject):
+            yield {
+                **portion,
+                **{
+                    field.name: np.array([trial[place][field.name] for trial in levels], _DTYPES[field.kind])
+                    for place, one in enumerate(factors)
+                    for field in one.fields
+                },
+            }
+
+    fields = (*TRIALS.fields, *(field for one in factors for field in one.fields))
+    return Table(TRIALS.name, TRIALS.about, fields, rows)
+
+
+# --- the other channels ------------------------------------------------------------------------------------------
+
+
+def _record_columns(records: Sequence[Any], kind: type[Any]) -> dict[str, NDArray[Any]]:
+    """Turn records into columns."""
+    columns: dict[str, NDArray[Any]] = {}
+    for field in fields(kind):
+        values = [getattr(record, field.name) for record in records]
+        if field.name == "details":
+            values = [json.dumps(value, ensure_ascii=False) for value in values]
+        columns[field.name] = np.array(values, object)
+    return columns
+
+
+def _events(subject: Subject) -> Iterator[Rows]:
+    columns = _record_columns(subject.recording.events(), EventRecord)
+    yield {"time": _seconds(columns["time_ns"].astype(np.int64), subject), **columns}
+
+
+def _clocks(subject: Subject) -> Iterator[Rows]:
+    columns = _record_columns(subject.recording.clocks(), ClockRecord)
+    yield {"time": _seconds(columns["t3_ns"].astype(np.int64), subject), **columns}
+
+
+def _frames(subject: Subject) -> Iterator[Rows]:
+    yield _record_columns(subject.recording.frames(), FrameRecord)
+
+
+def _remarks(subject: Subject) -> Iterator[Rows]:
+    yield _record_columns(subject.recording.remarks(), EventRecord)
+
+
+_EVENT, _CLOCK, _FRAME, _REMARK = (_flat(channel.fields) for channel in CHANNELS[1:5])
+
+EVENTS = Table("events", CHANNELS[1].about, (_RECORDING, _TIME, *_EVENT), _events)
+CLOCKS = Table("clocks", CHANNELS[2].about, (_RECORDING, _TIME, *_CLOCK), _clocks)
+FRAMES = Table("frames", CHANNELS[3].about, (_RECORDING, *_FRAME), _frames)
+REMARKS = Table("remarks", CHANNELS[4].about, (_RECORDING, *_REMARK), _remarks)
+
+
+# --- recordings --------------------------------------------------------------------------------------------------
+
+_SAID = {
+    "session": "id of the run of the server",
+    "part": "number of the file within its block, from 1",
+    "opened_utc": "when the file was opened, UTC",
+    "netboard": "version of netboard that recorded it",
+    "platform": "machine that recorded it",
+    "config_sha256": "SHA-256 of its configuration",
+}
+
+
+def _recordings(subject: Subject) -> Iterator[Rows]:
+    """Yield the one row of a recording."""
+    recording = subject.recording
+    with recording.path.open("rb") as file:
+        digest = hashlib.file_digest(file, "sha256").hexdigest()
+    said = {name: recording.metadata.get(name, "") for name in _SAID}
+    values = {
+        "file": recording.path.name,
+        "sha256": digest,
+        **said,
+        "ended": recording.end.get("ended", ""),
+        "origin_ns": subject.origin_ns,
+        "metadata": json.dumps(recording.metadata, ensure_ascii=False),
+    }
+    yield {name: np.array([value], object) for name, value in values.items()}
+
+
+RECORDINGS = Table(
+    "recordings",
+    "one recording",
+    (
+        _RECORDING,
+        Field("file", "string", "name of its file", ""),
+        Field("sha256", "string", "SHA-256 of that file", ""),
+        *(Field(name, "string", text, "") for name, text in _SAID.items()),
+        Field("ended", "string", "how it ended, complete if as planned; empty if it was recovered", ""),
+        Field("origin_ns", "integer", "server time of its first tick, the zero of time", "ns"),
+        Field("metadata", "string", "all that it says about itself, as a JSON object", ""),
+    ),
+    _recordings,
+)
+
+SMALL = (RECORDINGS, TRIALS, EVENTS, CLOCKS, FRAMES, REMARKS)
+"""Tables that are short enough for one file over all recordings."""
+
+TABLES = (TICKS, *SMALL)
+"""Every table, without columns for factors."""
+
+
+def small_tables(recordings: Sequence[Path]) -> tuple[Table, ...]:
+    """Return the tables of `SMALL` for recordings, that of trials with columns for their factors."""
+    trials = with_factors(exported_factors(list(configs_of(recordings))))
+    return tuple(trials if table is TRIALS else table for table in SMALL)

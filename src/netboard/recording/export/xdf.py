@@ -1,0 +1,230 @@
+"""Recordings as XDF 1.0 files, as LabRecorder would have written them from the streams of `netboard lsl`.
+
+A file for each recording, with the same streams: same names, channels, values and stamps, each to the bit. The recorder
+that is imagined was on the server's machine, so the clock offsets, which say how far its clock was from that of the
+streams, are zero. Every sample has a stamp of its own, and a lost tick is a hole in them. Nothing more of a recording
+than a few seconds is held in memory. The format: https://github.com/sccn/xdf/wiki/Specifications
+"""
+
+import struct
+import uuid
+from bisect import bisect_right
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any, BinaryIO
+from xml.etree.ElementTree import Element, SubElement, indent, tostring
+
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.base.config import parse
+from netboard.network.protocol.records import EventRecord
+from netboard.recording.export.factors import design_note
+from netboard.recording.export.lsl_streams import (
+    COLUMNS,
+    EVENTS,
+    MARKERS,
+    STREAMS,
+    TICKS,
+    Stream,
+    description,
+    event_text,
+    samples,
+    seconds,
+)
+from netboard.recording.files.reader import Recording
+
+MAGIC = b"XDF:"
+
+FILE_HEADER, STREAM_HEADER, SAMPLES, CLOCK_OFFSET, BOUNDARY, STREAM_FOOTER = range(1, 7)
+"""Tags of the chunks."""
+
+BOUNDARY_MARK = bytes.fromhex("43a546dccbf5410fb30ed5467383cbe4")
+"""By this a reader finds its way in a file that is damaged."""
+
+PORTION = 5000
+"""About so many ticks are read in one go; then comes a clock offset, as LabRecorder writes one every 5 s [1]."""
+
+CHUNK = 500
+"""Samples in a chunk, as LabRecorder writes one every 0.5 s [1]."""
+
+BOUNDARY_PORTIONS = 2
+"""After so many portions there is a boundary, as LabRecorder writes one every 10 s [1]."""
+
+_SAMPLE = np.dtype([("stamped", "u1"), ("stamp", "<f8"), ("values", "<f8", (len(COLUMNS),))])
+"""A sample of the ticks, as it is in the file."""
+
+_STAMPED = 8
+"""Before a stamp: its length [bytes]."""
+
+_NAMES = uuid.UUID("5e4c0b9e-3f0b-4a51-8f0c-6f2d6b1f6a55")
+"""From this and the session's id follow the ids of the streams."""
+
+
+@dataclass
+class _Written:
+    """What a stream's footer tells."""
+
+    count: int = 0
+    first: float = 0.0
+    last: float = 0.0
+
+    def add(self, stamps: NDArray[np.float64]) -> None:
+        """Note samples that have been written."""
+        if not self.count:
+            self.first = float(stamps[0])
+        self.last = float(stamps[-1])
+        self.count += len(stamps)
+
+
+class _Writer:
+    """Writes the chunks of one file."""
+
+    def __init__(self, file: BinaryIO, recording: Recording) -> None:
+        self._file = file
+        self._written = {stream.name: _Written() for stream in STREAMS}
+        self._offsets: list[float] = []
+        file.write(MAGIC)
+        header = Element("info")
+        _put(header, version="1.0", datetime=recording.metadata.get("opened_utc", ""))
+        self._chunk(FILE_HEADER, _xml(header))
+        design = design_note(parse(recording.config_text, f"{recording.path} (its configuration)"))
+        for number, stream in enumerate(STREAMS, start=1):
+            self._chunk(STREAM_HEADER, _xml(_information(stream, recording.metadata, design)), number)
+
+    def ticks(self, ticks: NDArray[Any]) -> None:
+        """Write ticks."""
+        rows = np.empty(len(ticks), _SAMPLE)
+        rows["stamped"] = _STAMPED
+        rows["stamp"] = seconds(ticks["time_ns"])
+        rows["values"] = samples(ticks)
+        for start in range(0, len(rows), CHUNK):
+            part = rows[start : start + CHUNK]
+            self._chunk(SAMPLES, _length(len(part)) + part.tobytes(), _number(TICKS))
+        self._written[TICKS.name].add(rows["stamp"])
+
+    def events(self, events: Sequence[EventRecord]) -> None:
+        """Write events, a chunk for each and stream."""
+        for event in events:
+            stamp = seconds(np.array([event.time_ns]))
+            for stream, text in ((MARKERS, event.name), (EVENTS, event_text(event))):
+                data = text.encode()
+                sample = bytes([_STAMPED]) + stamp.astype("<f8").tobytes() + _length(len(data)) + data
+                self._chunk(SAMPLES, _length(1) + sample, _number(stream))
+                self._written[stream.name].add(stamp)
+
+    def clock_offset(self, at: float) -> None:
+        """Write for each stream that its clock is the recorder's."""
+        self._offsets.append(at)
+        for stream in STREAMS:
+            self._chunk(CLOCK_OFFSET, struct.pack("<dd", at, 0.0), _number(stream))
+
+    def boundary(self) -> None:
+        """Write a mark by which a reader finds its way."""
+        self._chunk(BOUNDARY, BOUNDARY_MARK)
+
+    def footers(self) -> None:
+        """Write the end of each stream."""
+        for stream in STREAMS:
+            written = self._written[stream.name]
+            footer = Element("info")
+            _put(footer, first_timestamp=repr(written.first), last_timestamp=repr(written.last))
+            _put(footer, sample_count=str(written.count))
+            offsets = SubElement(footer, "clock_offsets")
+            for at in self._offsets:
+                _put(SubElement(offsets, "offset"), time=repr(at), value="0")
+            self._chunk(STREAM_FOOTER, _xml(footer), _number(stream))
+
+    def _chunk(self, tag: int, content: bytes, stream: int | None = None) -> None:
+        head = struct.pack("<H", tag) if stream is None else struct.pack("<HI", tag, stream)
+        self._file.write(_length(len(head) + len(content)) + head + content)
+
+
+def write(recordings: Sequence[Path], folder: Path, progress: Callable[[str, int, int], None]) -> None:
+    """Write recordings as XDF files.
+
+    Parameters
+    ----------
+    folder : Path
+        An empty folder; each file has the name of its recording.
+    progress : callable
+        Is told what is being written, ticks written and ticks in all [1].
+    """
+    for path in recordings:
+        with Recording(path) as recording, (folder / f"{path.stem}.xdf").open("xb") as file:
+            _write_one(recording, file, partial(progress, path.name))
+
+
+def _write_one(recording: Recording, file: BinaryIO, progress: Callable[[int, int], None]) -> None:
+    """Write a recording: ticks and events as they came, between them what a recorder adds."""
+    writer = _Writer(file, recording)
+    events = recording.events()
+    total, done, told = recording.counts["/ticks"], 0, 0
+    for place, ticks in enumerate(recording.batches(PORTION)):
+        if place == 0:
+            writer.clock_offset(float(seconds(ticks["time_ns"][0])))
+        writer.ticks(ticks)
+        until_ns = int(ticks["time_ns"][-1])
+        following = bisect_right(events, until_ns, told, key=lambda event: event.time_ns)
+        writer.events(events[told:following])
+        told = following
+        writer.clock_offset(float(seconds(ticks["time_ns"][-1])))
+        if place % BOUNDARY_PORTIONS == BOUNDARY_PORTIONS - 1:
+            writer.boundary()
+        done += len(ticks)
+        progress(done, total)
+    writer.events(events[told:])
+    writer.boundary()
+    writer.footers()
+
+
+def _information(stream: Stream, metadata: dict[str, str], design: dict[str, str]) -> Element:
+    """What the layer tells of a stream, as far as a recording knows it."""
+    session = metadata.get("session", "")
+    info = Element("info")
+    _put(
+        info,
+        name=f"netboard.{stream.name}",
+        type=stream.type,
+        channel_count=str(len(stream.channels)),
+        channel_format=stream.format,
+        source_id=f"netboard.{stream.name}@{session}",
+        nominal_srate=f"{stream.rate_hz:.12f}",
+        version="1.100000000000000",
+        uid=str(uuid.uuid5(_NAMES, f"{session}.{stream.name}")),
+        session_id="default",
+    )
+    told = ("session", "name", "dyad", "study", "block", "blocks", "part", "config_sha256", "opened_utc")
+    notes = {
+        "clock": {"source": "the server's monotonic clock"},
+        "recording": {key: metadata[key] for key in told if key in metadata},
+        "design": design,
+    }
+    info.append(description(stream, notes))
+    return info
+
+
+def _number(stream: Stream) -> int:
+    """Number of a stream in the file."""
+    return STREAMS.index(stream) + 1
+
+
+def _put(to: Element, **values: str) -> None:
+    for name, value in values.items():
+        SubElement(to, name).text = value
+
+
+def _xml(element: Element) -> bytes:
+    indent(element)
+    return b'<?xml version="1.0"?>\n' + tostring(element, encoding="unicode").encode()
+
+
+def _length(count: int) -> bytes:
+    """An integer of variable length, as the format counts with."""
+    if count < 2**8:
+        return struct.pack("<BB", 1, count)
+    if count < 2**32:
+        return struct.pack("<BI", 4, count)
+    return struct.pack("<BQ", 8, count)

@@ -1,0 +1,183 @@
+"""A finished recording as an MCAP file: its index, checksums, chunks, metadata and attachments.
+
+Opening reads the index alone, and of that only what is asked for: an hour of ticks has 18 000 chunks, and who wants one
+trial needs few of them. This module knows MCAP, and nothing of ticks or sessions. What is wrong with a file is a
+`RecordingError` that says so and what to do.
+"""
+
+import struct
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cached_property
+from io import SEEK_END, BytesIO
+from pathlib import Path
+from threading import Lock
+
+from mcap.data_stream import ReadDataStream
+from mcap.opcode import Opcode
+from mcap.records import AttachmentIndex, Channel, ChunkIndex, Header, Metadata, MetadataIndex, Schema, Statistics
+
+from netboard.base.errors import RecordingError
+from netboard.recording.format.chunks import MAGIC, RECORD_HEAD, UNSOUND, unpack_chunk
+
+_FOOTER = struct.Struct("<BQQQI")
+_DATA_END = struct.Struct("<BQI")
+
+
+class Container:
+    """A finished MCAP file, open for reading by any number of threads."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._lock = Lock()
+        try:
+            self._file = path.open("rb")
+        except OSError as error:
+            raise RecordingError(f"{path}: cannot be read: {error.strerror}") from error
+        try:
+            self._open()
+        except BaseException:
+            self._file.close()
+            raise
+
+    def _open(self) -> None:
+        self._check_ends()
+        with self.sound():
+            # First of all: once its checksum is right, every place and length the index gives can be trusted.
+            start, stop = self._check_index()
+            self._index: dict[int, list[bytes]] = {}
+            for opcode, body in _walk(self._read(start, stop - start)):
+                self._index.setdefault(opcode, []).append(body)
+            self.profile = Header.read(_stream(self._record(len(MAGIC)))).profile
+            found = [MetadataIndex.read(_stream(body)) for body in self._index.get(Opcode.METADATA_INDEX, ())]
+            named = [Metadata.read(_stream(self._record(at.offset))) for at in found]
+        self.metadata = {record.name: dict(record.metadata) for record in named}
+
+    def _check_ends(self) -> None:
+        """Tell apart what is not a recording at all from what is an unfinished one."""
+        size = self._file.seek(0, SEEK_END)
+        if self._read(0, len(MAGIC)) != MAGIC:
+            raise RecordingError(f"{self.path}: not an MCAP file")
+        end = self._read(max(size - len(MAGIC), len(MAGIC)), len(MAGIC))
+        if self.path.suffix == ".part" or end != MAGIC:
+            raise RecordingError(f"{self.path}: was not finished, or is cut short; run: netboard recover {self.path}")
+
+    @contextmanager
+    def sound(self) -> Iterator[None]:
+        """Turn what a damaged file makes go wrong into a `RecordingError` that names it."""
+        try:
+            yield
+        except (*UNSOUND, ValueError, RecordingError, OSError) as error:
+            reason = str(error) or type(error).__name__
+            raise RecordingError(f"{self.path}: is damaged ({reason}); run: netboard recover {self.path}") from error
+
+    def _read(self, offset: int, length: int) -> bytes:
+        with self._lock:
+            self._file.seek(offset)
+            return self._file.read(length)
+
+    def _record(self, offset: int) -> bytes:
+        """Content of the record at a place."""
+        _, length = RECORD_HEAD.unpack(self._read(offset, RECORD_HEAD.size))
+        return self._read(offset + RECORD_HEAD.size, length)
+
+    @cached_property
+    def channels(self) -> dict[str, int]:
+        """Id of each channel, by topic: other MCAP tools may number them anew [1]."""
+        return {channel.topic: channel.id for channel in self._channel_records}
+
+    @cached_property
+    def schemas(self) -> dict[str, bytes]:
+        """Schema of each channel, by topic."""
+        found = [Schema.read(_stream(body)) for body in self._index.get(Opcode.SCHEMA, ())]
+        data = {schema.id: schema.data for schema in found}
+        return {channel.topic: data.get(channel.schema_id, b"") for channel in self._channel_records}
+
+    @cached_property
+    def _channel_records(self) -> list[Channel]:
+        return [Channel.read(_stream(body)) for body in self._index.get(Opcode.CHANNEL, ())]
+
+    @cached_property
+    def counts(self) -> dict[str, int]:
+        """Messages of each channel, by topic [1]."""
+        told: dict[int, int] = {}
+        for body in self._index.get(Opcode.STATISTICS, ()):
+            told = Statistics.read(_stream(body)).channel_message_counts
+        return {topic: told.get(number, 0) for topic, number in self.channels.items()}
+
+    def attachment(self, name: str) -> bytes | None:
+        """Read the attachment of a name, or None if there is none."""
+        with self.sound():
+            for index in self._index.get(Opcode.ATTACHMENT_INDEX, ()):
+                at = AttachmentIndex.read(_stream(index))
+                if at.name == name:
+                    body = self._record(at.offset)
+                    (crc,) = struct.unpack("<I", body[-4:])
+                    if crc and zlib.crc32(body[:-4]) != crc:
+                        raise RecordingError(f"the checksum of its {name} is wrong")
+                    return body[-4 - at.data_size : -4]
+        return None
+
+    def chunk(self, offset: int) -> bytes:
+        """Read and check the chunk at a place: the records in it."""
+        with self.sound():
+            return unpack_chunk(self._record(offset))
+
+    def chunks_with(self, topic: str) -> list[int]:
+        """Places of the chunks that have messages of a channel, in the order of the file."""
+        number = self.channels.get(topic)
+        return [
+            index.chunk_start_offset
+            for index in self._chunk_indexes
+            if not index.message_index_offsets or number in index.message_index_offsets
+        ]
+
+    @cached_property
+    def _chunk_indexes(self) -> list[ChunkIndex]:
+        with self.sound():
+            found = [ChunkIndex.read(_stream(body)) for body in self._index.get(Opcode.CHUNK_INDEX, ())]
+        return sorted(found, key=lambda chunk: chunk.chunk_start_offset)
+
+    def check(self) -> None:
+        """Verify the checksum of the whole file, metadata included (as far as its writer made one)."""
+        with self.sound():
+            data_end = self._check_index()[0] - _DATA_END.size
+            opcode, length, crc = _DATA_END.unpack(self._read(data_end, _DATA_END.size))
+            if (opcode, length) != (Opcode.DATA_END, 4) or (crc and self._crc(0, data_end) != crc):
+                raise RecordingError("the checksum of the file is wrong")
+
+    def _check_index(self) -> tuple[int, int]:
+        """Verify the checksum of the index, as far as its writer made one; where it begins and ends."""
+        end = self._file.seek(0, SEEK_END) - len(MAGIC)
+        footer = max(0, end - _FOOTER.size)
+        opcode, length, start, _, crc = _FOOTER.unpack(self._read(footer, _FOOTER.size))
+        if (opcode, length) != (Opcode.FOOTER, 20) or (crc and self._crc(start, end - 4) != crc):
+            raise RecordingError("the checksum of its index is wrong")
+        if not start:
+            raise RecordingError("it has no index")
+        return int(start), footer
+
+    def _crc(self, start: int, stop: int) -> int:
+        crc = 0
+        while start < stop and (block := self._read(start, min(stop - start, 2**20))):
+            crc = zlib.crc32(block, crc)
+            start += len(block)
+        return crc
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+
+def _stream(body: bytes) -> ReadDataStream:
+    return ReadDataStream(BytesIO(body))
+
+
+def _walk(data: bytes) -> Iterator[tuple[int, bytes]]:
+    """Opcode and content of each record."""
+    position = 0
+    while position < len(data):
+        opcode, length = RECORD_HEAD.unpack_from(data, position)
+        position += RECORD_HEAD.size + length
+        yield opcode, data[position - length : position]

@@ -1,0 +1,121 @@
+"""Keeps a block that was not live as a recording: the same channels, events and metadata as those of a live one.
+
+What a live session writes because of its network is missing: clock probes, frames of displays, peers that come. The
+event ``session_started`` says what it is, ``rehearsed``, and so does the metadata record, so that nobody takes it for
+people.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.base.config import Config, resolve
+from netboard.base.tick import START_NS, TICK_SECONDS
+from netboard.network.protocol.joining import Welcome
+from netboard.network.protocol.messages import PROTOCOL_VERSION
+from netboard.network.protocol.records import EventRecord, TickRecord
+from netboard.recording.files.provenance import provenance
+from netboard.recording.files.writer import RecordingWriter
+from netboard.stage.curtain import PHASE_NAMES
+from netboard.task.studies.factors import TrialDetails
+from netboard.task.trials.state_machine import HAS_EDGE, TABLE, Cause, Phase
+
+REHEARSED = {"rehearsed": "true"}
+"""What a recording of simulated people says of itself."""
+
+_SIDES = {-1: "left", 0: "unknown", 1: "right"}
+
+
+class Keeper:
+    """The recording of one block.
+
+    Parameters
+    ----------
+    utc_ns : int
+        Wall-clock time that the first tick is given [ns].
+    start_ns : int
+        Server time of the first tick [ns].
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        config: Config,
+        session: str,
+        utc_ns: int,
+        said: Mapping[str, str] = REHEARSED,
+        start_ns: int = START_NS,
+    ) -> None:
+        text = resolve(config)
+        self.path = folder / name_of(config, session)
+        welcome = Welcome(session, PROTOCOL_VERSION, start_ns, text)
+        metadata = provenance(welcome, config, 1, utc_ns, start_ns) | dict(said)
+        self._details = TrialDetails(config)
+        self._log_time_minus_server = utc_ns - start_ns
+        self._writer = RecordingWriter(self.path, metadata, text, config.recording, utc_ns)
+        self._events = self._records = 0
+        self._time_ns = start_ns
+        self._note(0, start_ns, "session_started", {"session": session, **said})
+
+    def take(self, rows: NDArray[Any]) -> None:
+        """Write the next ticks, and what happened in them."""
+        happened = set(np.flatnonzero(is_edge(rows)).tolist())
+        for place, row in enumerate(rows):
+            self._time_ns = int(row["time_ns"])
+            self._write(TickRecord(row.tobytes()))
+            if place in happened:
+                self._note(int(row["tick"]), self._time_ns, *self._event_of(row))
+
+    def _event_of(self, row: Any) -> tuple[str, dict[str, str]]:
+        name, details = event_of(row)
+        return name, details | self._details.of(int(row["trial"]))
+
+    def finish(self) -> None:
+        """Give the recording its name."""
+        self._note(-1, self._time_ns, "session_ended", {"late_ticks": "0"})
+        self._writer.finish(self._time_ns + self._log_time_minus_server)
+
+    def abandon(self) -> None:
+        """Leave what was written as it is."""
+        self._writer.abandon()
+
+    def _note(self, tick: int, time_ns: int, name: str, details: dict[str, str]) -> None:
+        self._write(EventRecord(self._events, tick, time_ns, name, details))
+        self._events += 1
+
+    def _write(self, record: TickRecord | EventRecord) -> None:
+        self._writer.write(record, self._records, self._time_ns + self._log_time_minus_server)
+        self._records += 1
+
+
+def name_of(config: Config, session: str) -> str:
+    """Name of a block's recording."""
+    who = config.session
+    return f"{who.name}_{who.dyad}_block{config.block.number:02d}_{session[:8]}.mcap"
+
+
+def is_edge(rows: NDArray[Any]) -> NDArray[np.bool_]:
+    """Tell which ticks have an event that the machine knows in their phase."""
+    phases, causes = HAS_EDGE.shape
+    phase, cause = rows["phase"], rows["event"]
+    known = (phase >= 0) & (phase < phases) & (cause > 0) & (cause < causes)
+    known[known] = HAS_EDGE[phase[known], cause[known]]
+    return np.asarray(known)
+
+
+def event_of(row: Any) -> tuple[str, dict[str, str]]:
+    """Say what the stage has decided in a tick, as a live session does."""
+    phase, cause = Phase(int(row["phase"])), Cause(int(row["event"]))
+    details = {
+        "from": PHASE_NAMES[phase],
+        "to": PHASE_NAMES[TABLE[phase][cause][0]],
+        "trial": str(row["trial"]),
+        "attempt": str(row["attempt"]),
+        "target": _SIDES[int(np.sign(row["target"]))],
+    }
+    if cause == Cause.HELD:
+        details["completion"] = repr(float(row["mark_ticks"]) * TICK_SECONDS)
+    return cause.name.lower(), details

@@ -1,0 +1,116 @@
+"""Where a recording comes from: its name, and what its metadata say about session, software and machine.
+
+Everything is text, as MCAP's metadata are. The participants appear under the dyad's pseudonym only, and the machine
+under its platform, not its name.
+"""
+
+import hashlib
+import json
+import os
+import platform
+import re
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+
+import mcap
+
+from netboard.base.config import Config
+from netboard.network.protocol.joining import Welcome
+from netboard.network.protocol.messages import PROTOCOL_VERSION
+from netboard.recording.format.channels import FORMAT_VERSION
+
+CONFIG_NAME = "netboard.toml"
+"""Name of the attachment that holds the resolved configuration."""
+
+METADATA = "netboard"
+"""Metadata record written when the file is opened."""
+
+METADATA_FIRST = "netboard.first"
+"""Metadata record written before the first record from the server."""
+
+METADATA_END = "netboard.end"
+"""Metadata record written when the file is finished."""
+
+METADATA_RECOVERY = "netboard.recovery"
+"""Metadata record of a recovered file."""
+
+LIBRARY = f"netboard {version('netboard')} (mcap {mcap.__version__})"
+"""What writes recordings, for their header."""
+
+_PACKAGES = ("numpy", "numba", "llvmlite", "pyzmq", "msgpack", "mcap", "zstandard")
+
+
+def config_sha256(text: bytes) -> str:
+    """SHA-256 of a resolved configuration, in hexadecimal."""
+    return hashlib.sha256(text).hexdigest()
+
+
+def provenance(welcome: Welcome, config: Config, part: int, utc_ns: int, monotonic_ns: int) -> dict[str, str]:
+    """Metadata of a new recording.
+
+    Parameters
+    ----------
+    utc_ns : int
+        Wall-clock time of opening the file, which is the log time then [ns].
+    """
+    return {
+        "format": FORMAT_VERSION,
+        "session": welcome.session,
+        "part": str(part),
+        "name": config.session.name,
+        "dyad": config.session.dyad,
+        "pilot": str(config.session.pilot).lower(),
+        "study": config.session.study,
+        "block": str(config.block.number),
+        "blocks": str(config.block.blocks),
+        "config_sha256": config_sha256(welcome.config.encode()),
+        "opened_utc": datetime.fromtimestamp(utc_ns // 1_000_000_000, UTC).isoformat(),
+        "opened_log_ns": str(utc_ns),
+        "opened_monotonic_ns": str(monotonic_ns),
+        "welcome_server_ns": str(welcome.server_ns),
+        "protocol": str(PROTOCOL_VERSION),
+        "netboard": version("netboard"),
+        "python": f"{platform.python_implementation()} {platform.python_version()}",
+        "platform": platform.platform(),
+        **{package: version(package) for package in _PACKAGES},
+        **_doctor_said(utc_ns),
+    }
+
+
+def doctor_report_path() -> Path:
+    """Where `netboard doctor` leaves its newest report, for the recordings made on this machine by this user."""
+    state = os.environ.get("XDG_STATE_HOME")
+    return (Path(state) if state else Path.home() / ".local" / "state") / "netboard" / "doctor.json"
+
+
+def _doctor_said(utc_ns: int) -> dict[str, str]:
+    """What the doctor last found on this machine: in a line, and whole."""
+    try:
+        text = doctor_report_path().read_text(encoding="utf-8")
+        report = json.loads(text)
+        age = datetime.fromtimestamp(utc_ns // 1_000_000_000, UTC) - datetime.fromisoformat(report["utc"])
+        return {"doctor": f"{report['summary']}; {age.total_seconds() / 3600:.1f} h before", "doctor_report": text}
+    except FileNotFoundError:
+        return {"doctor": "not asked", "doctor_report": ""}
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        return {"doctor": f"its report cannot be read: {type(error).__name__}", "doctor_report": ""}
+
+
+def _short(session: str) -> str:
+    """First eight letters and digits of a session id: safe in a file name whatever a server sends."""
+    return re.sub(r"[^A-Za-z0-9]", "", session)[:8] or "unnamed"
+
+
+def next_recording(directory: Path, config: Config, session: str, utc_ns: int) -> tuple[Path, int]:
+    """Name the next file of a session."""
+    stem, short = f"{config.session.name}_{config.session.dyad}", _short(session)
+    block = f"_block{config.block.number:02d}" if config.block.blocks > 1 else ""
+    pattern = re.compile(
+        rf"{re.escape(stem)}_\d{{8}}T\d{{6}}Z_{short}{block}(?:_part(\d+))?(?:\.recovered)?\.mcap(?:\.part)?"
+    )
+    found = (pattern.fullmatch(file.name) for file in directory.iterdir())
+    part = 1 + max((int(match[1] or 1) for match in found if match), default=0)
+    stamp = datetime.fromtimestamp(utc_ns // 1_000_000_000, UTC).strftime("%Y%m%dT%H%M%SZ")
+    suffix = f"_part{part}" if part > 1 else ""
+    return directory / f"{stem}_{stamp}_{short}{block}{suffix}.mcap", part

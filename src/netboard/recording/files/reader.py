@@ -1,0 +1,429 @@
+"""Reads a finished recording: its metadata, its configuration, and its streams as arrays and records.
+
+What an agent told later of ticks without a sample (`netboard.recording.format.backfill`) is filled in, unless the ticks
+are wanted as they were sent.
+
+A file that is not a finished, sound recording of a format this version knows is refused with a `RecordingError` that
+says what is wrong with it and what to do. Every chunk's checksum is verified when the chunk is read.
+"""
+
+import json
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import cached_property
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.base.config import SIDES
+from netboard.base.errors import RecordingError
+from netboard.base.tick import TICK
+from netboard.network.protocol.records import BackfillRecord, ClockRecord, EventRecord, FrameRecord
+from netboard.recording.files.container import Container
+from netboard.recording.files.provenance import (
+    CONFIG_NAME,
+    METADATA,
+    METADATA_END,
+    METADATA_FIRST,
+    METADATA_RECOVERY,
+    config_sha256,
+)
+from netboard.recording.format import older
+from netboard.recording.format.backfill import Backfilled
+from netboard.recording.format.batches import ATTEMPTS_NAME, PLACES, PLACES_NAME, Layout, heard, words_of
+from netboard.recording.format.channels import CHANNELS, FORMAT_VERSION, IDS, unpack
+from netboard.recording.format.chunks import payloads
+from netboard.recording.format.partfile import PROFILE
+from netboard.recording.format.summary import Attempt, Gap, find_attempts, find_gaps
+
+READABLE = ("1", "2", FORMAT_VERSION)
+"""Versions of the format that can be read."""
+
+_TICKS = CHANNELS[0].topic
+_THREADS = 2
+_LEAST_SHARE = 8
+_PORTION = 60_000
+_ROW_BYTES = np.dtype((np.void, TICK.itemsize))
+
+T = TypeVar("T", EventRecord, ClockRecord, FrameRecord, BackfillRecord)
+
+_FILLED = tuple(f"{side}_{name}" for side in SIDES for name in ("rendered", "safeguards"))
+_FILLING = (*_FILLED, "time_ns")
+
+
+class Recording:
+    """A finished recording, open for reading. Use it in a ``with`` block.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+
+    Attributes
+    ----------
+    path : Path
+        The file.
+    metadata : dict of str
+        What the file says about session, software and machine.
+    end : dict of str
+        How it ended; empty for a file that was recovered because it never ended.
+    recovery : dict of str
+        What was recovered and what was not; empty for a file as it was written.
+    first_record : int or None
+        Number of its first record on the log channel; None if there was none [1].
+
+    Raises
+    ------
+    RecordingError
+        If it is not a finished, sound recording of a known format.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._file = Container(path)
+        try:
+            self._open()
+        except BaseException:
+            self._file.close()
+            raise
+
+    def _open(self) -> None:
+        records = self._file.metadata
+        if self._file.profile != PROFILE or METADATA not in records:
+            raise RecordingError(f"{self.path}: an MCAP file, but not a recording of netboard")
+        self.metadata = records[METADATA]
+        self.end = records.get(METADATA_END, {})
+        self.recovery = records.get(METADATA_RECOVERY, {})
+        first = records.get(METADATA_FIRST, {}).get("record")
+        self.first_record = None if first is None else int(first)
+        self._version = self.metadata.get("format", "")
+        if self._version not in READABLE:
+            raise RecordingError(
+                f"{self.path}: has format version {self._version}, this netboard reads versions "
+                f"{', '.join(READABLE)}; read it with netboard {self.metadata.get('netboard', 'of its own version')}"
+            )
+        self._in_batches = self._version not in READABLE[:2]
+        self._config = self._file.attachment(CONFIG_NAME)
+        if self._config is not None and config_sha256(self._config) != self.metadata.get("config_sha256"):
+            raise RecordingError(f"{self.path}: its configuration is damaged; run: netboard recover {self.path}")
+
+    def check(self) -> None:
+        """Verify the checksum of the whole file, metadata included (as far as its writer made one).
+
+        Raises
+        ------
+        RecordingError
+            If one bit of it has changed since it was written.
+        """
+        self._file.check()
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    @property
+    def config_text(self) -> str:
+        """The resolved configuration, as TOML, in the words of this version.
+
+        Raises
+        ------
+        RecordingError
+            If this file was recovered from one whose configuration was destroyed.
+        """
+        if self._config is None:
+            raise RecordingError(f"{self.path}: its configuration was lost when it was damaged, see its metadata")
+        return older.config_of(self._config.decode(), self._version)
+
+    @cached_property
+    def counts(self) -> dict[str, int]:
+        """Number of ticks, and of messages of the other streams, by topic [1]."""
+        told = self._file.counts
+        others = {topic: told.get(topic, 0) for topic in IDS if topic != _TICKS}
+        return {_TICKS: int(self._places["count"].sum()), **others}
+
+    def ticks(self, first: int | None = None, stop: int | None = None, *, as_sent: bool = False) -> NDArray[Any]:
+        """Ticks, all of them or those of some numbers.
+
+        Parameters
+        ----------
+        first : int, optional
+            Number of the first tick wanted; else from the beginning [1].
+        stop : int, optional
+            Number after the last one wanted; else to the end [1].
+        as_sent : bool
+            Fill in nothing that agents have told later.
+
+        Returns
+        -------
+        ndarray of TICK, shape (n,)
+            The rows, bit for bit as the server sent them but for what is filled in.
+        """
+        rows = self._rows(self._between(first, stop), as_sent=as_sent)
+        wanted = _wanted(rows["tick"], first, stop)
+        return rows if wanted.all() else rows.view(_ROW_BYTES)[wanted].view(TICK)
+
+    def columns(self, *names: str, first: int | None = None, stop: int | None = None) -> dict[str, NDArray[Any]]:
+        """Some columns of the ticks.
+
+        Parameters
+        ----------
+        *names : str
+            Names of fields of `netboard.base.tick.TICK`; none means all, which are views of one table then.
+        first, stop : int, optional
+            As for `ticks` [1].
+
+        Returns
+        -------
+        dict of ndarray, shape (n,)
+            Each column, by its name [SI].
+
+        Raises
+        ------
+        ValueError
+            If there is no such field.
+        """
+        if not names:
+            rows = self.ticks(first, stop)
+            return {name: rows[name] for name in TICK.names or ()}
+        _refuse_unknown(names)
+        fills = bool(self._backfilled and set(names) & set(_FILLED))
+        asked = dict.fromkeys((*names, "tick", *(_FILLING if fills else ())))
+        found = self._some(tuple(asked), self._between(first, stop))
+        if fills and self._backfilled:
+            self._backfilled.fill(found)
+        wanted = _wanted(found["tick"], first, stop)
+        return {name: found[name] if wanted.all() else found[name][wanted] for name in names}
+
+    def batches(
+        self, most: int = _PORTION, names: Sequence[str] = (), *, as_sent: bool = False
+    ) -> Iterator[NDArray[Any]]:
+        """Yield all ticks in order, a portion at a time: for recordings that do not fit into memory.
+
+        Parameters
+        ----------
+        most : int
+            A portion has this many ticks or a few more [1].
+        names : sequence of str
+            Fields of `netboard.base.tick.TICK` that are wanted, which takes less time; none means all.
+        as_sent : bool
+            Fill in nothing that agents have told later.
+
+        Yields
+        ------
+        ndarray of TICK, shape (n,)
+            The next rows, with the fields that are wanted.
+
+        Raises
+        ------
+        ValueError
+            If there is no such field.
+        """
+        _refuse_unknown(names)
+        portions = np.cumsum(self._places["count"]) // most
+        for portion in np.unique(portions):
+            yield self._rows(self._places[portions == portion], names, as_sent=as_sent)
+
+    def attempts(self) -> tuple[Attempt, ...]:
+        """Every attempt at a trial, in order."""
+        listed = self._file.attachment(ATTEMPTS_NAME)
+        if listed is None:
+            return find_attempts(self.ticks())
+        with self._file.sound():
+            return tuple(heard(values) for values in json.loads(listed))
+
+    @cached_property
+    def _places(self) -> NDArray[Any]:
+        """Where the ticks are, one row for each batch (in older formats, for each chunk)."""
+        listed = self._file.attachment(PLACES_NAME)
+        if listed is not None:
+            with self._file.sound():
+                return np.frombuffer(listed, PLACES)
+        found = []
+        for offset in self._file.chunks_with(_TICKS if self._in_batches else older.TOPIC):
+            numbers = self._rows_of(offset)["tick"]
+            if len(numbers):
+                found.append((offset, numbers[0], numbers[-1], len(numbers)))
+        return np.array(found, PLACES)
+
+    def _between(self, first: int | None, stop: int | None) -> NDArray[Any]:
+        """Places of the batches that have ticks of some numbers."""
+        wanted = np.ones(len(self._places), bool)
+        if first is not None:
+            wanted &= self._places["last"] >= first
+        if stop is not None:
+            wanted &= self._places["first"] < stop
+        return self._places[wanted]
+
+    @cached_property
+    def _backfilled(self) -> Backfilled | None:
+        """What agents have told of ticks without a sample, if they have told anything."""
+        records = self.backfills()
+        with self._file.sound():
+            return Backfilled(records) if records else None
+
+    def _rows(self, places: NDArray[Any], names: Sequence[str] = (), *, as_sent: bool = False) -> NDArray[Any]:
+        """Ticks of some places, or the named fields of them."""
+        backfilled = None if as_sent or (names and not set(names) & set(_FILLED)) else self._backfilled
+        if backfilled is None:
+            return self._read_rows(places, names)
+        rows = self._read_rows(places, tuple(dict.fromkeys((*names, *_FILLING))) if names else ())
+        backfilled.fill(rows)
+        return rows if not names else rows[list(names)].astype([(name, TICK[name]) for name in names])
+
+    def _read_rows(self, places: NDArray[Any], names: Sequence[str] = ()) -> NDArray[Any]:
+        """Ticks of some places as they are in the file."""
+        kind = np.dtype([(name, TICK[name]) for name in names]) if names else TICK
+        rows = np.zeros(int(places["count"].sum()), kind)
+        columns = self._layout.places(kind.names or ()) if self._in_batches else np.empty(0, np.int64)
+
+        def take(at: slice, offset: int) -> None:
+            if self._in_batches:
+                self._decode(offset, columns, words_of(rows[at]))
+                return
+            older_rows = self._old_rows(offset)
+            for name in kind.names or ():
+                rows[name][at] = older_rows[name]
+
+        self._each(places, take)
+        return rows
+
+    def _some(self, names: Sequence[str], places: NDArray[Any]) -> dict[str, NDArray[Any]]:
+        """Some columns of the ticks of some places."""
+        words = np.zeros((len(names), int(places["count"].sum())), np.int64)
+        found = {name: column.view(TICK[name]) for name, column in zip(names, words, strict=True)}
+        wanted = self._layout.places(names) if self._in_batches else None
+
+        def take(at: slice, offset: int) -> None:
+            if wanted is not None:
+                self._decode(offset, wanted, words[:, at].T)
+                return
+            rows = self._old_rows(offset)
+            for name, column in found.items():
+                column[at] = rows[name]
+
+        self._each(places, take)
+        return found
+
+    def _rows_of(self, offset: int) -> NDArray[Any]:
+        """Ticks of a chunk of which nobody has said how many it has."""
+        if not self._in_batches:
+            return self._old_rows(offset)
+        rows = np.zeros(sum(planes.shape[2] for planes in self._planes(offset)), TICK)
+        self._decode(offset, self._all, words_of(rows))
+        return rows
+
+    def _each(self, places: NDArray[Any], take: Callable[[slice, int], None]) -> None:
+        """Do something with each batch: where its ticks go, and where its chunk is; decompressing runs in parallel."""
+        stops = np.cumsum(places["count"])
+        slices = [slice(int(stop - count), int(stop)) for stop, count in zip(stops, places["count"], strict=True)]
+        offsets = places["chunk"].tolist()
+        share = max(_LEAST_SHARE, -(-len(offsets) // _THREADS))
+
+        def work(k: int) -> None:
+            with self._file.sound():
+                for at, offset in zip(slices[k : k + share], offsets[k : k + share], strict=True):
+                    take(at, offset)
+
+        with ThreadPoolExecutor(_THREADS) as pool:
+            for _ in pool.map(work, range(0, len(offsets), share)):
+                pass
+
+    @cached_property
+    def _layout(self) -> Layout:
+        with self._file.sound():
+            return Layout(self._file.schemas.get(_TICKS, b""))
+
+    @cached_property
+    def _all(self) -> NDArray[np.int64]:
+        """Where the file has each column of a tick."""
+        return self._layout.places(TICK.names or ())
+
+    def _planes(self, offset: int) -> list[NDArray[np.uint8]]:
+        """Read the batches in a chunk."""
+        with self._file.sound():
+            return [self._layout.planes(message) for message in self._payloads(offset, _TICKS)]
+
+    def _decode(self, offset: int, columns: NDArray[np.int64], out: NDArray[np.int64]) -> None:
+        """Put some columns of the batches in a chunk where they belong."""
+        at = 0
+        for planes in self._planes(offset):
+            stop = at + planes.shape[2]
+            if stop > len(out):
+                break
+            self._layout.read(planes, columns, out[at:stop])
+            at = stop
+        else:
+            if at == len(out):
+                return
+        raise RecordingError(f"{self.path}: its list of places contradicts the chunk at {offset}")
+
+    def _old_rows(self, offset: int) -> NDArray[Any]:
+        with self._file.sound():
+            return older.ticks_of(self._payloads(offset, older.TOPIC), self._version)
+
+    def _payloads(self, offset: int, topic: str) -> list[bytes]:
+        return payloads(self._file.chunk(offset), self._file.channels[topic])
+
+    def events(self) -> tuple[EventRecord, ...]:
+        """All events."""
+        return self._records("/event", EventRecord)
+
+    def clocks(self) -> tuple[ClockRecord, ...]:
+        """All raw clock probes."""
+        return self._records("/clock", ClockRecord)
+
+    def frames(self) -> tuple[FrameRecord, ...]:
+        """All frames the displays have shown."""
+        return self._records("/frame", FrameRecord)
+
+    def backfills(self) -> tuple[BackfillRecord, ...]:
+        """What agents have told of ticks without a sample of theirs."""
+        return self._records("/backfill", BackfillRecord) if "/backfill" in self._file.channels else ()
+
+    def remarks(self) -> tuple[EventRecord, ...]:
+        """All remarks of the logger itself: above all ``log_lost``, records it never got."""
+        return self._records("/logger", EventRecord)
+
+    def _records(self, topic: str, kind: type[T]) -> tuple[T, ...]:
+        records: list[T] = []
+        for offset in self._file.chunks_with(topic):
+            with self._file.sound():
+                records.extend(kind(**unpack(message)) for message in self._payloads(offset, topic))
+        return tuple(records)
+
+    def gaps(self) -> dict[str, tuple[Gap, ...]]:
+        """Missing numbers of every stream, by topic (and station); a stream without gaps is not listed."""
+        numbers = {"/event": [event.seq for event in self.events()], "/clock": [clock.seq for clock in self.clocks()]}
+        numbers["/backfill"] = [backfill.seq for backfill in self.backfills()]
+        for frame in self.frames():
+            numbers.setdefault(f"/frame {frame.station}", []).append(frame.seq)
+        found = {_TICKS: find_gaps(self.columns("tick")["tick"])}
+        found |= {stream: find_gaps(np.array(seqs, np.int64)) for stream, seqs in numbers.items()}
+        return {stream: gaps for stream, gaps in found.items() if gaps}
+
+
+def _refuse_unknown(names: Sequence[str]) -> None:
+    """Find names that are no field of a tick."""
+    if unknown := set(names) - set(TICK.names or ()):
+        raise ValueError(f"ticks have no field {', '.join(sorted(unknown))}")
+
+
+def _wanted(numbers: NDArray[np.int64], first: int | None, stop: int | None) -> NDArray[np.bool_]:
+    """Which ticks have the numbers that are wanted."""
+    wanted = np.ones(len(numbers), bool)
+    if first is not None:
+        wanted &= numbers >= first
+    if stop is not None:
+        wanted &= numbers < stop
+    return wanted

@@ -1,0 +1,175 @@
+"""Writes a recording: records in, numbered; chunks out; and a number before which everything is safely on disk.
+
+Time is an argument, so that the rule when to sync is a plain function of it. A record is *written* when it is in the
+chunk in memory, and *durable* after the next `flush`; only what is durable may be acknowledged to the server.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from netboard.base.errors import RecordingError
+from netboard.base.tables.rig import Recording
+from netboard.network.protocol.records import TickRecord
+from netboard.recording.files.provenance import (
+    CONFIG_NAME,
+    LIBRARY,
+    METADATA,
+    METADATA_END,
+    METADATA_FIRST,
+    METADATA_RECOVERY,
+)
+from netboard.recording.format.batches import TickStream
+from netboard.recording.format.channels import IDS, Record, remark, stamped
+from netboard.recording.format.disk import Consumption, Space
+from netboard.recording.format.partfile import PartFile
+
+
+class RecordingWriter:
+    """One recording while it is made.
+
+    Parameters
+    ----------
+    path : Path
+        Final name, ending in ``.mcap``; until `finish` the file is ``NAME.mcap.part``.
+    opened_ns : int
+        Log time of opening [ns].
+    recovery : mapping of str, optional
+        The ``netboard.recovery`` metadata record, for what is written anew from something else.
+
+    Attributes
+    ----------
+    durable : int or None
+        All records before this one are on disk; None before the first [1].
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        metadata: Mapping[str, str],
+        config_text: str,
+        settings: Recording,
+        opened_ns: int,
+        recovery: Mapping[str, str] | None = None,
+    ) -> None:
+        self.path = path
+        self.next_record: int | None = None
+        self.durable: int | None = None
+        self.lost = 0
+        self._written = 0
+        self._remarks = 0
+        self._flush_ns = round(settings.flush_ms * 1e6)
+        self._flushed_ns = opened_ns
+        self._consumption = Consumption()
+        self._file = PartFile(path, LIBRARY, settings.chunk_bytes)
+        self._ticks = TickStream(self._file, settings.chunk_bytes)
+        try:
+            self._file.add_metadata(METADATA, metadata)
+            if recovery is not None:
+                self._file.add_metadata(METADATA_RECOVERY, recovery)
+            self._file.add_attachment(CONFIG_NAME, "application/toml", config_text.encode(), opened_ns)
+            self._file.sync()
+        except RecordingError:
+            self._file.discard()
+            raise
+
+    @property
+    def is_open(self) -> bool:
+        """Whether more can be written."""
+        return self._file.is_open
+
+    @property
+    def part(self) -> Path:
+        """Name until `finish`."""
+        return self._file.part
+
+    @property
+    def size(self) -> int:
+        """Bytes in the file so far [1]."""
+        return self._file.size
+
+    def space(self, now_ns: int) -> Space:
+        """Tell how much space there is where the recording is written."""
+        return self._consumption.judge(now_ns, self._file.size, self._file.free_bytes())
+
+    def write(self, record: Record, number: int, log_time_ns: int) -> None:
+        """Write the next record from the server.
+
+        Parameters
+        ----------
+        number : int
+            Its number on the log channel; records come in order and without a hole (`note_lost` fills holes) [1].
+        """
+        self._begin(number)
+        if isinstance(record, TickRecord):
+            self._ticks.add(record.row, log_time_ns)
+        else:
+            message = stamped(record)
+            self._file.add(IDS[message.topic], message, log_time_ns)
+        self.next_record = number + 1
+        self._written += 1
+
+    def note_lost(self, first: int, count: int, log_time_ns: int) -> None:
+        """Note that records are missing for good."""
+        self._begin(first)
+        details = {"first": str(first), "count": str(count), "after_tick": str(self._ticks.last)}
+        self.remark("log_lost", details, log_time_ns)
+        self.next_record = first + count
+        self.lost += count
+
+    def note_unreadable(self, frame: bytes, number: int, reason: str, log_time_ns: int) -> None:
+        """Note a record that cannot be read, as it came; it counts as lost."""
+        self._begin(number)
+        self.remark("log_unreadable", {"number": str(number), "reason": reason, "hex": frame.hex()}, log_time_ns)
+        self.note_lost(number, 1, log_time_ns)
+
+    def _begin(self, number: int) -> None:
+        """Check the number of what comes next; note the first one."""
+        if self.next_record is None:
+            self._file.add_metadata(METADATA_FIRST, {"record": str(number)})
+            self.durable = number
+        elif number != self.next_record:
+            raise ValueError(f"record {number} where {self.next_record} is next")
+
+    def remark(self, name: str, details: dict[str, str], log_time_ns: int) -> None:
+        """Write a remark of the logger's own."""
+        self._file.add(IDS["/logger"], remark(self._remarks, name, details, log_time_ns), log_time_ns)
+        self._remarks += 1
+
+    def is_due(self, now_ns: int) -> bool:
+        """Tell whether something written has waited long enough for a `flush`."""
+        return self.durable != self.next_record and now_ns - self._flushed_ns >= self._flush_ns
+
+    def flush(self, now_ns: int) -> int | None:
+        """Put everything written on disk and return `durable`.
+
+        Raises
+        ------
+        RecordingError
+            If the disk is gone, and the file is closed then and can be recovered; or if the disk is full, or the file
+            was deleted or moved: then it is still open, and `finish` saves what was written.
+        """
+        self._ticks.close_batch()
+        self._file.sync()
+        self._flushed_ns = now_ns
+        self.durable = self.next_record
+        return self.durable
+
+    def finish(self, now_ns: int, ended: str = "complete") -> None:
+        """Write the index and give the file its final name.
+
+        Parameters
+        ----------
+        ended : str
+            ``complete`` when the server said that the session is over; otherwise why the file ends here.
+        """
+        self._ticks.finish(now_ns)
+        end = {"ended": ended, "log_ns": str(now_ns), "records": str(self._written), "lost": str(self.lost)}
+        if self.next_record is not None:
+            end["next_record"] = str(self.next_record)
+        self._file.add_metadata(METADATA_END, end)
+        self._file.finish()
+        self.durable = self.next_record
+
+    def abandon(self) -> None:
+        """Close the part as it is."""
+        self._file.abandon()

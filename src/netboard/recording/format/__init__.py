@@ -1,0 +1,1 @@
+"""The MCAP container of a recording: channels, batches of ticks, chunks, older formats."""

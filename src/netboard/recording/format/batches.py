@@ -1,0 +1,211 @@
+"""Ticks on their way into a recording and out of it: batches of columns.
+
+A batch holds the columns of its ticks one after the other, and of each column first the lowest byte of all values, then
+the next one, up to the highest: bytes that are alike lie side by side, which halves what is left after compression, and
+whole columns turn into arrays by moving bytes. Before that, what is smooth is replaced by its differences, several
+times over, of the bits read as integers. Every bit survives, a not-a-number's payload too.
+
+On its way in one tick in `PLOTTED_EVERY` goes into the channel for viewers as well, and what is needed to list the
+attempts is kept, so that nobody has to read an hour to find a trial.
+"""
+
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
+from math import isnan, nan
+from typing import Any
+
+import msgpack
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.base.errors import RecordingError
+from netboard.base.tick import TICK
+from netboard.recording.format.channels import IDS, PLOTTED, PLOTTED_EVERY, TICK_FIELDS, Stamped, unpack
+from netboard.recording.format.partfile import PartFile
+from netboard.recording.format.summary import Attempt, find_attempts
+
+ATTEMPTS_NAME = "netboard.attempts.json"
+"""The attachment that lists the attempts."""
+
+PLACES_NAME = "netboard.places"
+"""The attachment that tells where ticks are."""
+
+PLACES = np.dtype([("chunk", "<i8"), ("first", "<i8"), ("last", "<i8"), ("count", "<i8")])
+"""One chunk with ticks: its offset in the file, number of its first and last tick, and how many there are."""
+
+_SHARE_OF_CHUNK = 0.75
+_ROW_BYTES = np.dtype((np.void, TICK.itemsize))
+_WORD = 8
+_BITS = np.dtype("<i8")
+_KEYS = ("phase", "trial", "attempt")
+
+
+def pack(rows: NDArray[Any]) -> bytes:
+    """Turn ticks into the columns of a batch."""
+    words = words_of(rows).T.copy()
+    for smooth in _rounds(_ORDERS):
+        words[smooth, 1:] = np.diff(words[smooth], axis=1)
+    return words.view(np.uint8).reshape(*words.shape, _WORD).transpose(0, 2, 1).tobytes()
+
+
+def words_of(rows: NDArray[Any]) -> NDArray[np.int64]:
+    """Look at ticks, or some fields of them, as words: shape (n, columns)."""
+    return rows.view(_BITS).reshape(len(rows), rows.dtype.itemsize // _WORD)
+
+
+def _joined(planes: NDArray[np.uint8]) -> NDArray[np.int64]:
+    """Put the planes of columns together to words: two bytes, then four, then eight, which is quicker than bytewise."""
+    words: NDArray[Any] = planes
+    for kind, bits in ((np.uint16, 8), (np.uint32, 16), (np.uint64, 32)):
+        words = words[:, 0::2].astype(kind) | np.left_shift(words[:, 1::2], bits, dtype=kind)
+    return words[:, 0].view(np.int64)
+
+
+def _rounds(orders: NDArray[np.int64]) -> Iterator[NDArray[np.intp]]:
+    """Which columns are differenced once, which twice, and so on."""
+    for times in range(1, 1 + max(orders, default=0)):
+        yield np.flatnonzero(orders >= times)
+
+
+_ORDERS = np.array([field.differences for field in TICK_FIELDS])
+
+
+class Layout:
+    """How the batches of a file become ticks."""
+
+    def __init__(self, schema: bytes) -> None:
+        try:
+            columns = json.loads(schema)["columns"]
+            self._names = [str(column["name"]) for column in columns]
+            self._orders = np.array([int(column["differences"]) for column in columns], np.int64)
+            kinds = [str(column["type"]) for column in columns]
+        except (ValueError, KeyError, TypeError) as error:
+            raise RecordingError(f"the schema of its ticks says nothing of their columns ({error})") from None
+        for name, kind in zip(self._names, kinds, strict=True):
+            if name in (TICK.names or ()) and np.dtype(kind) != TICK[name]:
+                raise RecordingError(f"its column {name} has the type {kind}, expected {TICK[name].str}")
+
+    def planes(self, message: bytes) -> NDArray[np.uint8]:
+        """Read a message: the planes of its columns, shape (columns, 8, n)."""
+        values = unpack(message)
+        data, count = values.get("columns"), values.get("count")
+        if not isinstance(data, bytes) or not isinstance(count, int) or len(data) != len(self._names) * _WORD * count:
+            raise RecordingError("a batch of ticks whose length contradicts what it says of itself")
+        return np.frombuffer(data, np.uint8).reshape(len(self._names), _WORD, count)
+
+    def places(self, names: Sequence[str]) -> NDArray[np.int64]:
+        """Tell which columns of the file have these names, -1 for one it does not have [1]."""
+        return np.array([self._names.index(name) if name in self._names else -1 for name in names], np.int64)
+
+    def read(self, planes: NDArray[np.uint8], places: NDArray[np.int64], out: NDArray[np.int64]) -> None:
+        """Turn planes into values; a column that the file does not have is left as it is."""
+        if np.array_equal(places, np.arange(len(planes))):
+            # All columns, which are many, need not be picked out first.
+            out[:] = self._summed(planes, self._orders).T
+            return
+        there = np.flatnonzero(places >= 0)
+        out[:, there] = self._summed(planes[places[there]], self._orders[places[there]]).T
+
+    @staticmethod
+    def _summed(planes: NDArray[np.uint8], orders: NDArray[np.int64]) -> NDArray[np.int64]:
+        words = _joined(planes)
+        for smooth in _rounds(orders):
+            words[smooth] = np.cumsum(words[smooth], axis=1)
+        return words
+
+
+def told(attempt: Attempt) -> dict[str, Any]:
+    """Say an attempt in JSON, which has no not-a-number."""
+    values = asdict(attempt)
+    return values | {"completion": None if isnan(attempt.completion) else attempt.completion}
+
+
+def heard(values: dict[str, Any]) -> Attempt:
+    """Read an attempt that was said like that."""
+    return Attempt(**values | {"completion": nan if values["completion"] is None else values["completion"]})
+
+
+class TickStream:
+    """Ticks on their way into a file."""
+
+    def __init__(self, file: PartFile, chunk_bytes: int) -> None:
+        self.last = -1
+        self._file = file
+        self._most = max(1, int(chunk_bytes * _SHARE_OF_CHUNK) // TICK.itemsize)
+        self._held: list[bytes] = []
+        self._held_log_ns = 0
+        self._places: list[tuple[int, int, int, int]] = []
+        self._edges: list[NDArray[Any]] = []
+        self._newest = np.empty(0, TICK)
+
+    def add(self, row: bytes, log_time_ns: int) -> None:
+        """Take a tick.
+
+        Raises
+        ------
+        RecordingError
+            If the row is not as long as it must be: server and logger are of different versions.
+        """
+        if len(row) != TICK.itemsize:
+            raise RecordingError(
+                f"a tick record of {len(row)} bytes where {TICK.itemsize} are expected: "
+                "server and logger are of different versions; install the same netboard on both"
+            )
+        if not self._held:
+            self._held_log_ns = log_time_ns
+        self._held.append(row)
+        self.last = int.from_bytes(row[:_WORD], "little", signed=True)
+        if len(self._held) >= self._most:
+            self.close_batch()
+
+    def close_batch(self) -> None:
+        """Put the ticks in memory, if any, into the file's chunk."""
+        if not self._held:
+            return
+        rows = np.frombuffer(b"".join(self._held), TICK)
+        self._held.clear()
+        first, time_ns, log_ns = int(rows["tick"][0]), int(rows["time_ns"][0]), self._held_log_ns
+        values = {"first": first, "time_ns": time_ns, "count": len(rows), "columns": pack(rows)}
+        chunk = self._file.add(IDS["/ticks"], Stamped("/ticks", first, time_ns, msgpack.packb(values)), log_ns)
+        self._note_place(chunk, first, int(rows["tick"][-1]), len(rows))
+        for row in rows[rows["tick"] % PLOTTED_EVERY == 0]:
+            self._plot(row, log_ns + int(row["time_ns"]) - time_ns)
+        self._keep_edges(rows)
+
+    def _note_place(self, chunk: int, first: int, last: int, count: int) -> None:
+        """Note where ticks are: one row for each chunk."""
+        if self._places and self._places[-1][0] == chunk:
+            _, first, _, before = self._places.pop()
+            count += before
+        self._places.append((chunk, first, last, count))
+
+    def _plot(self, row: Any, log_time_ns: int) -> None:
+        message = msgpack.packb({field.name: row[field.name].item() for field in PLOTTED})
+        stamp = Stamped("/plot", int(row["tick"]), int(row["time_ns"]), message)
+        self._file.add(IDS["/plot"], stamp, min(max(log_time_ns, 0), 2**64 - 1))
+
+    def _keep_edges(self, rows: NDArray[Any]) -> None:
+        """Keep the first and the last tick of each phase: attempts are made of nothing else."""
+        joined = np.concatenate([self._newest.view(_ROW_BYTES), rows.view(_ROW_BYTES)]).view(TICK)
+        changed = np.zeros(len(joined) - 1, bool)
+        for name in _KEYS:
+            changed |= joined[name][1:] != joined[name][:-1]
+        at = np.flatnonzero(changed)
+        kept = np.unique(np.concatenate([at, at + 1] if len(self._newest) else [[0], at, at + 1]))
+        self._edges.append(joined[kept])
+        self._newest = joined[-1:]
+
+    def attempts(self) -> tuple[Attempt, ...]:
+        """Every attempt at a trial so far."""
+        edges = np.concatenate([rows.view(_ROW_BYTES) for rows in (*self._edges, self._newest)]).view(TICK)
+        return find_attempts(edges)
+
+    def finish(self, log_time_ns: int) -> None:
+        """Attach what helps to find a tick and a trial."""
+        self.close_batch()
+        self._file.close_chunk()
+        listed = json.dumps([told(attempt) for attempt in self.attempts()]).encode()
+        self._file.add_attachment(ATTEMPTS_NAME, "application/json", listed, log_time_ns)
+        places = np.array(self._places, PLACES).tobytes()
+        self._file.add_attachment(PLACES_NAME, "application/octet-stream", places, log_time_ns)

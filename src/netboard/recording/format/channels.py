@@ -1,0 +1,392 @@
+"""What a recording holds: its channels, the fields of their messages, and how a record becomes bytes and back.
+
+This table is the format; FORMAT.md and the JSON schemas inside every recording are made from it, and a test holds it
+against `netboard.base.tick.TICK` and the record messages of the log channel. Channel ids are fixed: 1, 2, ... in the
+order of `CHANNELS`. Every message is a flat msgpack map with the names of the fields as keys.
+
+Ticks are the many, so they come in batches of columns (`netboard.recording.format.batches`); one in `PLOTTED_EVERY` is
+there as a map too, for viewers.
+"""
+
+import json
+from dataclasses import dataclass, fields
+from typing import Any
+
+import msgpack
+import numpy as np
+
+from netboard.base.errors import RecordingError, WireError
+from netboard.base.tick import RENDERED, TICK
+from netboard.network.protocol.codec import decode
+from netboard.network.protocol.motion import Safeguard
+from netboard.network.protocol.records import (
+    BLOCK_BEGAN,
+    BackfillRecord,
+    ClockRecord,
+    EventRecord,
+    FrameRecord,
+    TickRecord,
+)
+from netboard.task.trials.state_machine import Cause, Phase
+
+FORMAT_VERSION = "3"
+"""Grows when a reader of the version before would misread a file."""
+
+Record = TickRecord | EventRecord | ClockRecord | FrameRecord | BackfillRecord
+"""What the log channel carries."""
+
+
+@dataclass(frozen=True, slots=True)
+class Field:
+    """One value of a message.
+
+    Attributes
+    ----------
+    kind : str
+        ``integer``, ``number``, ``string``, ``texts`` (a map from string to string) or ``bytes``.
+    differences : int
+        In a batch, so many times over each value is replaced by its difference to the one before [1].
+    """
+
+    name: str
+    kind: str
+    text: str
+    unit: str
+    differences: int = 0
+
+    def schema(self) -> dict[str, Any]:
+        """JSON schema of the value; the description ends with the unit."""
+        described = {"description": f"{self.text} [{self.unit}]" if self.unit else self.text}
+        if self.kind == "texts":
+            return {"type": "object", "additionalProperties": {"type": "string"}, **described}
+        if self.kind == "bytes":
+            return described  # JSON has no such type
+        return {"type": self.kind, **described}
+
+
+_NUMPY = {"integer": "<i8", "number": "<f8"}
+
+
+@dataclass(frozen=True, slots=True)
+class Channel:
+    """One stream of a recording.
+
+    Attributes
+    ----------
+    columns : tuple of Field
+        The columns of a message that is a batch of rows, in order.
+    """
+
+    topic: str
+    schema_name: str
+    about: str
+    sequence: str
+    publish_time: str
+    fields: tuple[Field, ...]
+    columns: tuple[Field, ...] = ()
+
+    def schema(self) -> bytes:
+        """JSON schema of the channel's messages; of a batch it says under ``columns`` what is in it."""
+        columns = [
+            {
+                "name": field.name,
+                "type": _NUMPY[field.kind],
+                "differences": field.differences,
+                "unit": field.unit,
+                "description": field.text,
+            }
+            for field in self.columns
+        ]
+        return json.dumps(
+            {
+                "$schema": "https://json-schema.org/draft/2020-12/schema",
+                "title": self.schema_name,
+                "description": self.about,
+                "type": "object",
+                "properties": {field.name: field.schema() for field in self.fields},
+                "required": [field.name for field in self.fields],
+                "additionalProperties": False,
+                **({"columns": columns} if columns else {}),
+            }
+        ).encode()
+
+
+def _numbered(members: Any) -> str:
+    return ", ".join(f"{member.value} {member.name.lower()}" for member in members)
+
+
+_SAFEGUARDS = f"sum of {_numbered(Safeguard)}"
+
+_TICK_TEXTS: dict[str, tuple[str, str]] = {
+    "tick": ("number of the tick, from 0", "1"),
+    "time_ns": ("nominal server time of the tick", "ns"),
+    "command": ("an operator's command or a fault, coded as event is", "1"),
+    "z": ("height of the board's centre at the start of the tick", "m"),
+    "vz": ("rate of z", "m/s"),
+    "theta": ("tilt of the board, + = right end up", "rad"),
+    "omega": ("rate of theta", "rad/s"),
+    "p": ("ball along the board, + = right", "m"),
+    "vp": ("rate of p", "m/s"),
+    "completion": ("completion time of the last successful trial, 0 before the first", "s"),
+    "phase": (f"phase of the trial: {_numbered(Phase)}", "1"),
+    "target": ("side of the target: -1 left, +1 right", "1"),
+    "trial": ("number of the trial in the block, from 1", "1"),
+    "attempt": ("number of the attempt at this trial, from 1; 0 if it was skipped to in a pause", "1"),
+    "successes": ("successful trials in the block", "1"),
+    "failures": ("failed attempts in the block", "1"),
+    "counted": ("ticks level (levelling) or inside the target (holding)", "1"),
+    "run_ticks": ("ticks since the release", "1"),
+    "mark_ticks": ("run_ticks when the ball came into the target", "1"),
+    "extra": ("trials that operators have added to the block", "1"),
+    "block_ticks": ("ticks that the block has taken, without pauses", "1"),
+    "event": (f"what changed the phase at this tick: {_numbered(Cause)}", "1"),
+    "late_ns": ("how late the tick began; negative: before its deadline, all samples being there", "ns"),
+}
+
+_SIDE_TEXTS: dict[str, tuple[str, str]] = {
+    "live": ("1: the {} sample is fresh; 0: none, or too old, or not finite", "1"),
+    "seq": ("number of the {} stylus sample, -1 for none", "1"),
+    "stamp_ns": ("when that sample was read, server time", "ns"),
+    "sent_z": ("height of the {} stylus as sent", "m"),
+    "sent_vz": ("rate of sent_z", "m/s"),
+    "other": ("force on a {} hand in another session, which is felt where unrelated forces are; else 0", "N"),
+    "z": ("height of the {} stylus as last used, part of the state", "m"),
+    "seen_ns": ("when the newest {} sample was read, 0 before the first, part of the state", "ns"),
+    "seen_vz": ("rate of the {} stylus in it, part of the state", "m/s"),
+    "az": ("its change since the sample before, over the time between; 0 if they are far apart", "m/s2"),
+    "used_z": ("height of the {} stylus used: extrapolated to the tick and clipped", "m"),
+    "used_vz": ("rate used with it", "m/s"),
+    "used_az": ("acceleration used with it, kept through the tick", "m/s2"),
+    "coupling": ("force of the {} coupling on the board, + = up", "N"),
+    "force": ("force to be felt by the {} hand, + = up; told [block] force_delay_ms later; 0 where nothing is", "N"),
+    "x": ("{} stylus, out of the screen, as sent", "m"),
+    "y": ("{} stylus, to the right, as sent", "m"),
+    "rendered": ("vertical force the {} agent last handed to its device, + = up; NaN where that is not known", "N"),
+    "safeguards": (f"what the {{}} agent's safety chain did: {_SAFEGUARDS}", "1"),
+    "buttons": ("bit mask of the pressed buttons of the {} stylus", "1"),
+    "loop_ns": ("{} stylus read to rendering of the answer to it, 0 for none yet", "ns"),
+    "lead_ns": ("how long before the deadline of a tick the {} sample arrived", "ns"),
+}
+
+
+_DIFFERENCES = {
+    **dict.fromkeys(("z", "theta", "p", "vp", "coupling", "force", "rendered"), 4),
+    **dict.fromkeys(("vz", "omega"), 2),
+    **dict.fromkeys(("sent_z", "side_z", "used_z", "stamp_ns", "seen_ns"), 1),
+}
+"""What is smooth is small as a difference of this order: measured, as all that makes files smaller."""
+
+_NOISE = frozenset({"late_ns", "loop_ns", "lead_ns", "command", "event"})
+"""Integers whose differences are no smaller than they are."""
+
+
+def _differences(name: str, kind: str) -> int:
+    """How often a column is differenced."""
+    side, _, rest = name.partition("_")
+    quantity = name if side not in ("left", "right") else "side_z" if rest == "z" else rest
+    return _DIFFERENCES.get(quantity, int(kind == "integer" and quantity not in _NOISE))
+
+
+def _tick_field(name: str) -> Field:
+    """Describe one column of `netboard.base.tick.TICK`."""
+    side, _, rest = name.partition("_")
+    if side in ("left", "right"):
+        text, unit = _SIDE_TEXTS[rest]
+        text = text.format(side)
+    else:
+        text, unit = _TICK_TEXTS[name]
+    kind = "integer" if TICK[name].kind == "i" else "number"
+    return Field(name, kind, text, unit, _differences(name, kind))
+
+
+_EVENT_FIELDS = (
+    Field("seq", "integer", "number of the event, from 0", "1"),
+    Field("tick", "integer", "tick at which it took effect, -1 for none", "1"),
+    Field("time_ns", "integer", "server time (on /logger: log time)", "ns"),
+    Field("name", "string", "what happened, in snake case", ""),
+    Field("details", "texts", "anything worth knowing", ""),
+)
+
+TICK_FIELDS = tuple(_tick_field(name) for name in TICK.names or ())
+"""The columns of a tick, in the order of `netboard.base.tick.TICK`."""
+
+PLOTTED_EVERY = 20
+"""One tick in so many is there for viewers too [1]."""
+
+_PLOTTED = ["tick", "z", "theta", "p", "phase", "target", "trial", "attempt", "late_ns"]
+_PLOTTED_OF_A_SIDE = ("used_z", "force", "rendered")
+
+PLOTTED = tuple(
+    field for field in TICK_FIELDS if field.name in _PLOTTED or field.name.partition("_")[2] in _PLOTTED_OF_A_SIDE
+)
+"""What of it viewers are shown."""
+
+CHANNELS = (
+    Channel(
+        "/ticks",
+        "netboard.Ticks",
+        "ticks, each with all that went into it, the state it found, what came out and what the server noted beside it",
+        "number of the first tick in it",
+        "nominal server time of that tick",
+        (
+            Field("first", "integer", "number of the first tick in it", "1"),
+            Field("time_ns", "integer", "nominal server time of that tick", "ns"),
+            Field("count", "integer", "ticks in it", "1"),
+            Field(
+                "columns",
+                "bytes",
+                "their columns, one after the other, differenced, each as eight planes of bytes",
+                "",
+            ),
+        ),
+        TICK_FIELDS,
+    ),
+    Channel(
+        "/event",
+        "netboard.Event",
+        "something happened",
+        "number of the event",
+        "server time of the event",
+        _EVENT_FIELDS,
+    ),
+    Channel(
+        "/clock",
+        "netboard.Clock",
+        "one raw clock probe of a peer, and the estimate made with it",
+        "number of the probe",
+        "t3_ns",
+        (
+            Field("seq", "integer", "number of the probe, from 0", "1"),
+            Field("peer", "string", "agent.left and so on; of the second connection of such a peer agent.left#2", ""),
+            Field("t0_ns", "integer", "sent by the server, server time", "ns"),
+            Field("t1_ns", "integer", "received by the peer, its own time", "ns"),
+            Field("t2_ns", "integer", "sent by the peer, its own time", "ns"),
+            Field("t3_ns", "integer", "received by the server, server time", "ns"),
+            Field("offset_ns", "integer", "estimated peer clock minus server clock", "ns"),
+            Field("bound_ns", "integer", "bound of the estimate's error", "ns"),
+            Field("drift_ppm", "number", "rate of the peer's clock minus the server's, NaN while unknown", "1e-6"),
+        ),
+    ),
+    Channel(
+        "/frame",
+        "netboard.Frame",
+        "one frame that a display has shown",
+        "number of the frame at its station",
+        "painted_ns",
+        (
+            Field("seq", "integer", "number of the frame at its station, from 0", "1"),
+            Field("station", "string", "left or right", ""),
+            Field("tick", "integer", "tick of the view", "1"),
+            Field("received_ns", "integer", "when the view was received, the display's clock", "ns"),
+            Field("painted_ns", "integer", "when it was painted, the display's clock", "ns"),
+            Field("dropped", "integer", "dropped views so far", "1"),
+        ),
+    ),
+    Channel(
+        "/logger",
+        "netboard.Remark",
+        "what the logger itself has to say, above all about records it never got",
+        "number of the remark, from 0",
+        "log time",
+        _EVENT_FIELDS,
+    ),
+    Channel(
+        "/plot",
+        "netboard.Plot",
+        f"one tick in {PLOTTED_EVERY}, for viewers: nothing that is not in /ticks too",
+        "number of the tick",
+        "nominal server time of the tick",
+        PLOTTED,
+    ),
+    Channel(
+        "/backfill",
+        "netboard.Backfill",
+        "what an agent rendered while its samples did not arrive, as it told after the interruption",
+        "number of the record",
+        "stamp of its first row, server time",
+        (
+            Field("seq", "integer", "number of the record, from 0", "1"),
+            Field("side", "string", "left or right", ""),
+            Field("offset_ns", "integer", "estimated agent clock minus server clock", "ns"),
+            Field(
+                "rows",
+                "bytes",
+                "rows of four little-endian words: seq of the sample, stamp_ns on the agent's clock, rendered "
+                "(float64, N), safeguards",
+                "",
+            ),
+        ),
+    ),
+)
+"""The channels of a recording, in the order of their ids."""
+
+IDS = {channel.topic: number for number, channel in enumerate(CHANNELS, start=1)}
+"""MCAP channel (and schema) id of each topic."""
+
+
+def unpack(message: bytes) -> dict[str, Any]:
+    """Decode any message of a recording into its map."""
+    try:
+        values = msgpack.unpackb(message)
+    except (ValueError, msgpack.exceptions.UnpackException) as error:
+        raise RecordingError(f"a message is not msgpack: {error}") from error
+    if not isinstance(values, dict):
+        raise RecordingError(f"a message is a msgpack {type(values).__name__}, not a map")
+    return values
+
+
+@dataclass(frozen=True, slots=True)
+class Stamped:
+    """A record as it goes into a file: its channel, its stamps and its bytes.
+
+    Attributes
+    ----------
+    publish_time_ns : int
+        The source's stamp [ns].
+    """
+
+    topic: str
+    sequence: int
+    publish_time_ns: int
+    data: bytes
+
+
+Other = EventRecord | ClockRecord | FrameRecord | BackfillRecord
+"""Records that are no ticks."""
+
+
+def _map(record: Other) -> bytes:
+    return bytes(msgpack.packb({field.name: getattr(record, field.name) for field in fields(record)}))
+
+
+def stamped(record: Other) -> Stamped:
+    """Turn a record of the log channel that is no tick into what is written."""
+    match record:
+        case EventRecord():
+            return Stamped("/event", record.seq, record.time_ns, _map(record))
+        case ClockRecord():
+            return Stamped("/clock", record.seq, record.t3_ns, _map(record))
+        case FrameRecord():
+            return Stamped("/frame", record.seq, record.painted_ns, _map(record))
+        case BackfillRecord():
+            stamps = np.frombuffer(record.rows, RENDERED)["stamp_ns"]
+            first_ns = int(stamps[0]) - record.offset_ns if stamps.size else 0
+            return Stamped("/backfill", record.seq, first_ns, _map(record))
+
+
+def record_of(frame: bytes) -> Record:
+    """Read a record as it came over the log channel."""
+    record = decode(frame)
+    if not isinstance(record, Record):
+        raise WireError(f"a {type(record).__name__} is not a record")
+    return record
+
+
+def begun(record: Record) -> str:
+    """Tell the configuration of the block that begins with a record; empty if none does."""
+    return record.details.get("config", "") if isinstance(record, EventRecord) and record.name == BLOCK_BEGAN else ""
+
+
+def remark(seq: int, name: str, details: dict[str, str], log_time_ns: int) -> Stamped:
+    """Make a message of the ``/logger`` channel: the logger's own remark."""
+    return Stamped("/logger", seq, log_time_ns, _map(EventRecord(seq, -1, log_time_ns, name, details)))

@@ -1,0 +1,73 @@
+"""Recordings of older formats: what was different in them, and nothing else.
+
+In formats 1 and 2 every tick is a msgpack map of its own on the channel ``/tick``, all equally long. A tick of format 1
+lacks the columns that came with format 2, and its configuration has `haptics` where `[block] force` is now.
+"""
+
+import re
+from collections.abc import Sequence
+from typing import Any
+
+import msgpack
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.base.errors import RecordingError
+from netboard.base.tick import TICK
+from netboard.recording.format.channels import unpack
+
+TOPIC = "/tick"
+"""Channel of the ticks."""
+
+_SINCE_2 = frozenset({"left_other", "right_other", "extra", "block_ticks"})
+_HAPTICS = re.compile(r"^haptics = (true|false)$", re.MULTILINE)
+_FORCE = {"true": 'force = "full"', "false": 'force = "none"'}
+
+
+def config_of(text: str, version: str) -> str:
+    """Say in today's words what a configuration of an older format says."""
+    return _HAPTICS.sub(lambda found: _FORCE[found[1]], text) if version == "1" else text
+
+
+def ticks_of(messages: Sequence[bytes], version: str) -> NDArray[Any]:
+    """Turn messages of the ``/tick`` channel into rows.
+
+    Returns
+    -------
+    ndarray of TICK, shape (n,)
+        The rows, bit for bit as they were written; a column that the format does not have is 0.
+    """
+    missing = _SINCE_2 if version == "1" else frozenset[str]()
+    template, places, columns = _layout(missing)
+    fixed = np.setdiff1d(np.arange(template.size), places)
+    if all(len(message) == template.size for message in messages):
+        table = np.frombuffer(b"".join(messages), np.uint8).reshape(len(messages), template.size)
+        if np.array_equal(table[:, fixed], np.broadcast_to(template[fixed], (len(messages), fixed.size))):
+            rows = np.zeros((len(messages), TICK.itemsize), np.uint8)
+            rows[:, columns] = table[:, places]
+            return rows.view(TICK).reshape(len(messages))
+    # Not our writer's layout: another tool wrote the map anew, with its own order of keys or shorter integers.
+    return np.array([_row_by_name(message, missing) for message in messages], TICK)
+
+
+def _layout(missing: frozenset[str]) -> tuple[NDArray[np.uint8], NDArray[np.intp], NDArray[np.intp]]:
+    """Lay out a message: its bytes with zeros for values, where values are in it, and in a row of `TICK`."""
+    fields = {name: at for name, at in (TICK.fields or {}).items() if name not in missing}
+    message = bytearray(msgpack.Packer().pack_map_header(len(fields)))
+    places: list[int] = []
+    columns: list[int] = []
+    for name, (dtype, offset, *_) in fields.items():
+        message += msgpack.packb(name) + (b"\xd3" if dtype.kind == "i" else b"\xcb")
+        # A row is little-endian, msgpack is big-endian.
+        places += range(len(message) + 7, len(message) - 1, -1)
+        columns += range(offset, offset + 8)
+        message += bytes(8)
+    return np.frombuffer(bytes(message), np.uint8), np.array(places), np.array(columns)
+
+
+def _row_by_name(message: bytes, missing: frozenset[str]) -> tuple[Any, ...]:
+    values = unpack(message) | dict.fromkeys(missing, 0)
+    try:
+        return tuple(values[name] for name in TICK.names or ())
+    except KeyError as unknown:
+        raise RecordingError(f"a tick without the field {unknown}: written by another version of netboard?") from None

@@ -1,0 +1,1 @@
+"""Imported tables: data from elsewhere become recordings."""

@@ -1,0 +1,153 @@
+"""The columns that a table from elsewhere can have: names, units, meanings; and what theirs are called.
+
+All are in SI units, up and to the right are positive. A table with other names or units says so in words:
+``left_z=Height1`` (`mapped`) and ``left_z=mm`` or, if their axis points the other way, ``left_z=-mm`` (`scales`).
+"""
+
+import difflib
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from netboard.base.errors import ConfigError
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """A column."""
+
+    name: str
+    kind: Literal["number", "integer", "word"]
+    unit: str
+    text: str
+    needed: bool = False
+
+
+COLUMNS: dict[str, Column] = {
+    column.name: column
+    for column in (
+        Column("time", "number", "s", "when the row was measured, increasing; from anywhere", True),
+        Column("left_z", "number", "m", "height of the left stylus above where a level board wants it", True),
+        Column("right_z", "number", "m", "height of the right stylus, likewise", True),
+        Column("left_vz", "number", "m/s", "rate of left_z; computed if it is not there"),
+        Column("right_vz", "number", "m/s", "rate of right_z; computed if it is not there"),
+        Column("left_x", "number", "m", "left stylus, out of the screen"),
+        Column("left_y", "number", "m", "left stylus, to the right"),
+        Column("right_x", "number", "m", "right stylus, out of the screen"),
+        Column("right_y", "number", "m", "right stylus, to the right"),
+        Column("z", "number", "m", "height of the board's centre"),
+        Column("vz", "number", "m/s", "rate of z; computed if it is not there"),
+        Column("theta", "number", "rad", "tilt of the board, + = right end up"),
+        Column("omega", "number", "rad/s", "rate of theta; computed if it is not there"),
+        Column("p", "number", "m", "ball along the board, + = right"),
+        Column("vp", "number", "m/s", "rate of p; computed if it is not there"),
+        Column("left_force", "number", "N", "force felt by the left hand, + = up"),
+        Column("right_force", "number", "N", "force felt by the right hand, + = up"),
+        Column("left_coupling", "number", "N", "force of the left hand on the board, + = up"),
+        Column("right_coupling", "number", "N", "force of the right hand on the board, + = up"),
+        Column("trial", "integer", "1", "number of the trial, from 1; 0 or nothing between trials"),
+        Column("attempt", "integer", "1", "number of the attempt at it, from 1; 1 if it is not there"),
+        Column("target", "integer", "1", "side of the target: -1 left, +1 right; 0 if it is not there"),
+        Column(
+            "phase", "word", "", "idle, levelling, running (ball free), holding (in the target), or netboard's numbers"
+        ),
+        Column("outcome", "word", "", "success, fell, timed_out, abort, skip or pause, in any row of an attempt"),
+        Column("completion", "number", "s", "completion time of a success, in any row of an attempt"),
+    )
+}
+"""Every column by its name."""
+
+RATES = {"left_z": "left_vz", "right_z": "right_vz", "z": "vz", "theta": "omega", "p": "vp"}
+"""The rate of each position that has one."""
+
+TASK = ("z", "theta", "p", "trial", "phase")
+"""A table with none of these knows nothing of a task."""
+
+UNITS: dict[str, dict[str, tuple[float, float]]] = {
+    "s": {"s": (1, 1), "ms": (1, 1e3), "us": (1, 1e6), "ns": (1, 1e9), "min": (60, 1)},
+    "m": {"m": (1, 1), "cm": (1, 100), "mm": (1, 1e3), "um": (1, 1e6)},
+    "m/s": {"m/s": (1, 1), "cm/s": (1, 100), "mm/s": (1, 1e3)},
+    "rad": {"rad": (1, 1), "mrad": (1, 1e3), "deg": (math.pi, 180)},
+    "rad/s": {"rad/s": (1, 1), "mrad/s": (1, 1e3), "deg/s": (math.pi, 180)},
+    "N": {"N": (1, 1), "mN": (1, 1e3)},
+    "1": {"1": (1, 1)},
+}
+"""Units that are understood in the place of each SI unit: their values times the first, over the second."""
+
+
+def _pairs(option: str, words: Sequence[str], example: str) -> dict[str, str]:
+    """Take words such as ``left_z=mm`` apart."""
+    pairs: dict[str, str] = {}
+    for word in words:
+        name, equals, value = word.partition("=")
+        if not (equals and name and value):
+            raise ConfigError(f"{option} {word}: expected COLUMN=..., as in {option} {example}")
+        if name not in COLUMNS:
+            near = difflib.get_close_matches(name, COLUMNS, 1)
+            meant = f"; is {near[0]} meant?" if near else f", expected one of {', '.join(COLUMNS)}"
+            raise ConfigError(f"{option} {word}: netboard has no column {name}{meant}")
+        if name in pairs:
+            raise ConfigError(f"{option}: {name} is given twice")
+        pairs[name] = value
+    return pairs
+
+
+def mapped(source: str, names: Sequence[str], words: Sequence[str], known: Sequence[str] = ()) -> dict[str, str]:
+    """Find the columns of a table.
+
+    Parameters
+    ----------
+    words : sequence of str
+        What some are called there, as ``column=theirs``; the others have netboard's names.
+
+    Returns
+    -------
+    dict of str
+        The name there of each column that is there, by netboard's name.
+
+    Raises
+    ------
+    ConfigError
+        If a column that is named is not there, one that is needed is missing, or two have one name.
+    """
+    said = _pairs("--map", words, "left_z=Height1")
+    for name, theirs in said.items():
+        if theirs not in names:
+            raise ConfigError(f"--map {name}={theirs}: {source} has no column {theirs}; it has {', '.join(names)}")
+    taken = set(said.values())
+    found = {name: said.get(name, name) for name in COLUMNS if name in said or (name in names and name not in taken)}
+    twice = sorted({name for name in found.values() if names.count(name) > 1})
+    if twice:
+        raise ConfigError(f"{source}: {', '.join(twice)} is there twice")
+    missing = [column for column in COLUMNS.values() if column.needed and column.name not in (*found, *known)]
+    if missing:
+        those = ", ".join(f"{column.name} [{column.unit}]" for column in missing)
+        raise ConfigError(
+            f"{source}: missing: {those}; it has {', '.join(names)}. Say which is which: --map {missing[0].name}=THEIRS"
+        )
+    return found
+
+
+def scales(words: Sequence[str]) -> dict[str, tuple[float, float]]:
+    """Understand units.
+
+    Parameters
+    ----------
+    words : sequence of str
+        Units of some columns, as ``column=unit`` or ``column=-unit``; the others are in SI units.
+
+    Returns
+    -------
+    dict of (float, float)
+        What values of each column are to be multiplied with, and then divided by [1].
+    """
+    found: dict[str, tuple[float, float]] = dict.fromkeys(COLUMNS, (1.0, 1.0))
+    for name, unit in _pairs("--unit", words, "left_z=mm").items():
+        known: Mapping[str, tuple[float, float]] = UNITS.get(COLUMNS[name].unit, {})
+        if unit.removeprefix("-") not in known:
+            expected = ", ".join(known) or "none: it is words"
+            raise ConfigError(f"--unit {name}={unit}: expected one of {expected}, with - if its axis is turned round")
+        times, over = known[unit.removeprefix("-")]
+        found[name] = (-times if unit.startswith("-") else times, over)
+    return found

@@ -1,0 +1,224 @@
+"""The manifest of a study that is imported: a TOML file that lists its tables and says what each of them is.
+
+What stands at its head holds for every table; a ``[[recording]]`` adds to that or says otherwise. Beside the keys of
+`KEYS` both take every table of the configuration (``session``, ``block``, ``physics``, ...). All problems are found
+before anything is written, each with file, line and key.
+"""
+
+import re
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields
+from itertools import chain
+from math import inf
+from pathlib import Path
+from typing import Any
+
+from netboard.base.config import Config, parse
+from netboard.base.errors import ConfigError
+from netboard.base.settings import to_toml
+from netboard.recording.importing.columns import COLUMNS, scales
+from netboard.recording.importing.table_import import Wishes
+
+KEYS = {
+    "columns": 'a table such as columns.left_z = { name = "Height1", unit = "mm" }',
+    "rate": "samples a second, at least 0.1 [Hz]",
+    "gap": "the longest time between two samples that belong together, at least 0.002 [s]",
+    "interpolation": '"cubic" or "linear"',
+    "simulate": "true or false",
+}
+"""Keys of the head and of a recording, and what is expected, in words."""
+
+LEAST = {"rate": 0.1, "gap": 0.002}
+"""Least values of those that are numbers [Hz, s]."""
+
+HEAD = ("config", "recording")
+TABLES = tuple(field.name for field in fields(Config))
+HEADER = re.compile(r"^\s*\[\[\s*recording\s*\]\]")
+
+
+@dataclass(frozen=True, slots=True)
+class Listed:
+    """A table of a manifest: where it is listed, the file, the experiment it is of, and how it is imported."""
+
+    where: str
+    path: Path
+    config: Config
+    wishes: Wishes
+
+
+class Manifest:
+    """A manifest that has been read.
+
+    Parameters
+    ----------
+    path : Path
+        The file; the names of tables in it start from its folder.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        try:
+            text = path.read_text(encoding="utf-8")
+            said = tomllib.loads(text)
+        except (OSError, UnicodeDecodeError) as error:
+            raise ConfigError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from error
+        except tomllib.TOMLDecodeError as error:
+            raise ConfigError(f"{path}: not valid TOML: {error}") from None
+        self._lines = text.splitlines()
+        self._starts = [number for number, line in enumerate(self._lines) if HEADER.match(line)]
+        self.listed: list[Listed] = []
+        self.problems: list[str] = []
+        head = {key: value for key, value in said.items() if key not in HEAD}
+        recordings = said.get("recording", [])
+        if not isinstance(recordings, list) or not recordings or not all(isinstance(one, dict) for one in recordings):
+            raise ConfigError(f'{path}: found no recording, expected [[recording]] with file = "..." for each table')
+        self.problems += self._wrong(head, None)
+        base = self._base(said.get("config"))
+        whole = not self.problems
+        wrong = [list(self._wrong(one, place)) for place, one in enumerate(recordings)]
+        self.problems += chain.from_iterable(wrong)
+        if whole:
+            places = [place for place, problems in enumerate(wrong) if not problems]
+            merged = [_merged(_merged(base, head), recordings[place]) for place in places]
+            for place, one in zip(places, _counted(merged), strict=True):
+                self._list(one, place)
+
+    def _base(self, name: Any) -> dict[str, Any]:
+        """Read the configuration on which all recordings are built."""
+        if name is None:
+            return {}
+        if not isinstance(name, str):
+            self.problems.append(f"{self._at(None, 'config')}: found {name!r}, expected the name of a TOML file")
+            return {}
+        place = self.path.parent / name
+        try:
+            text = place.read_text(encoding="utf-8")
+            parse(text, str(place))
+        except (OSError, UnicodeDecodeError) as error:
+            reason = getattr(error, "strerror", None) or error
+            self.problems.append(f"{self._at(None, 'config')}: {place}: cannot be read: {reason}")
+            return {}
+        except ConfigError as error:
+            self.problems += str(error).splitlines()
+            return {}
+        return tomllib.loads(text)
+
+    def _wrong(self, said: Mapping[str, Any], place: int | None) -> Iterator[str]:
+        """Find keys that are not known, or of the wrong type."""
+        if place is not None and not isinstance(said.get("file"), str):
+            yield f"{self._at(place, 'file')}: found {said.get('file')!r}, expected the name of a .csv or .parquet file"
+        elif place is not None and not (self.path.parent / said["file"]).is_file():
+            yield f"{self._at(place, 'file')}: {self.path.parent / said['file']}: no such file"
+        known = (*KEYS, *TABLES, *(HEAD if place is None else ("file",)))
+        for key, value in said.items():
+            if key not in known:
+                yield f"{self._at(place, key)}: unknown key, expected one of {', '.join(known)}"
+            elif key in TABLES and not isinstance(value, dict):
+                yield f"{self._at(place, key)}: found {value!r}, expected a table of the configuration"
+            elif key in KEYS and not _fits(key, value):
+                yield f"{self._at(place, key)}: found {value!r}, expected {KEYS[key]}"
+            elif key == "columns":
+                for name, problem in _wrong_columns(value):
+                    yield f"{self._at(place, f'{key}.{name}')}: {problem}"
+
+    def _list(self, said: dict[str, Any], place: int) -> None:
+        """Add a recording, with its configuration."""
+        path = self.path.parent / said["file"]
+        where = f"{self._at(place)} ({said['file']})"
+        try:
+            config = parse(_toml_of(said), where)
+        except ConfigError as error:
+            self.problems += str(error).splitlines()
+            return
+        self.listed.append(Listed(where, path, config, _wishes(said)))
+
+    def _at(self, place: int | None, key: str = "") -> str:
+        """Say where in the file something stands: a recording or the head, and the line of a key if that is found."""
+        first = 0 if place is None else self._starts[place] if place < len(self._starts) else None
+        if first is None:  # written as an array
+            return f"{self.path}: recording {(place or 0) + 1}" + (f", key {key}" if key else "")
+        stop = next((start for start in self._starts if start > first), len(self._lines))
+        if place is None:
+            stop = self._starts[0] if self._starts else len(self._lines)
+        pattern = re.compile(rf'^\s*\[?\s*(recording\.)?"?{re.escape(key)}"?\s*[.=\]]')
+        found = next((n for n in range(first, stop) if key and pattern.match(self._lines[n])), None)
+        line = "" if found is None and place is None else f", line {(first if found is None else found) + 1}"
+        return f"{self.path}{line}" + (f", key {key}" if key else "")
+
+
+def _fits(key: str, value: Any) -> bool:
+    """Tell whether a value may stand under a key."""
+    match key:
+        case "columns":
+            return isinstance(value, dict)
+        case "simulate":
+            return isinstance(value, bool)
+        case "interpolation":
+            return value in ("cubic", "linear")
+        case _:  # a number
+            return type(value) in (int, float) and LEAST[key] <= value < inf
+
+
+def _wrong_columns(columns: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Find columns and units that are not known."""
+    for name, theirs in columns.items():
+        parts = {"name": theirs} if isinstance(theirs, str) else theirs
+        if name not in COLUMNS:
+            yield name, f"unknown column, expected one of {', '.join(COLUMNS)}"
+        elif not isinstance(parts, dict) or not all(isinstance(one, str) for one in parts.values()):
+            yield name, f'found {theirs!r}, expected a name, or {{ name = "...", unit = "..." }}'
+        elif not set(parts) <= {"name", "unit"}:
+            yield name, f"found {', '.join(parts)}, expected name and unit"
+        elif "unit" in parts:
+            try:
+                scales([f"{name}={parts['unit']}"])
+            except ConfigError as error:
+                yield name, f"unit: {str(error).partition(': ')[2]}, found {parts['unit']}"
+
+
+def _wishes(said: Mapping[str, Any]) -> Wishes:
+    """How a table is imported."""
+    columns = {name: {"name": one} if isinstance(one, str) else one for name, one in said.get("columns", {}).items()}
+    return Wishes(
+        names=tuple(f"{name}={one['name']}" for name, one in columns.items() if "name" in one),
+        units=tuple(f"{name}={one['unit']}" for name, one in columns.items() if "unit" in one),
+        simulate=said.get("simulate", False),
+        interpolation=said.get("interpolation", "cubic"),
+        gap=float(said.get("gap", 0.1)),
+        rate=float(said["rate"]) if "rate" in said else None,
+    )
+
+
+def _merged(under: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
+    """Lay one table over another, tables within them too."""
+    merged = dict(under)
+    for key, value in over.items():
+        below = merged.get(key)
+        merged[key] = _merged(below, value) if isinstance(below, dict) and isinstance(value, dict) else value
+    return merged
+
+
+def _counted(recordings: Sequence[dict[str, Any]]) -> Iterator[dict[str, Any]]:
+    """Say of each block how many its session has, by the highest number, where that is left out."""
+    most: dict[tuple[str, str], int] = {}
+    for one in recordings:
+        session, number = one.get("session", {}), one.get("block", {}).get("number", 1)
+        key = str(session.get("dyad")), str(session.get("name"))
+        most[key] = max(most.get(key, 1), number if isinstance(number, int) else 1)
+    for one in recordings:
+        session = one.get("session", {})
+        blocks = most[str(session.get("dyad")), str(session.get("name"))]
+        yield _merged({"block": {"blocks": blocks}}, one)
+
+
+def _toml_of(said: Mapping[str, Any]) -> str:
+    """Write the tables of the configuration as TOML."""
+    return "\n".join(f"{table} = {_inline(said[table])}" for table in TABLES if table in said)
+
+
+def _inline(value: Any) -> str:
+    """Write a value, or a table in a line."""
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{to_toml(key)} = {_inline(one)}" for key, one in value.items()) + "}"
+    return f"[{', '.join(map(_inline, value))}]" if isinstance(value, list) else to_toml(value)

@@ -1,0 +1,117 @@
+"""Samples of any rate become ticks of a millisecond. Arrays in, arrays out.
+
+Samples further apart than a gap have nothing between them, and no tick. Samples that are ticks already stay as they
+are, to the bit. Others are interpolated: positions by a cubic (or on straight lines, if that is asked for), everything
+else on straight lines; what is whole is that of the newest sample. Nothing is filtered: what is quicker than half a
+millisecond is an alias.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import Akima1DInterpolator, CubicHermiteSpline, CubicSpline
+
+from netboard.base.errors import ConfigError
+from netboard.base.tick import TICK_SECONDS
+from netboard.recording.importing.columns import RATES
+
+Interpolation = Literal["cubic", "linear"]
+
+NEAR = 1e-3
+"""A sample so many ticks from one is at it: a microsecond, the rounding of times [1]."""
+
+HANDS = ("left_z", "right_z")
+"""Positions that never jump. Board and ball are put in their places between trials."""
+
+Columns = Mapping[str, NDArray[Any]]
+
+
+@dataclass(frozen=True, slots=True)
+class Stretch:
+    """Samples without a gap.
+
+    Attributes
+    ----------
+    ticks : ndarray of int64, shape (n,)
+        Numbers of the ticks from there to there, the first sample of all being at tick 0 [1].
+    """
+
+    first: int
+    stop: int
+    ticks: NDArray[np.int64]
+    exact: bool
+
+
+def stretches(time: NDArray[np.float64], gap: float) -> list[Stretch]:
+    """Cut samples at their gaps."""
+    at = (time - time[0]) / TICK_SECONDS
+    cuts = np.flatnonzero(np.diff(time) > gap) + 1
+    found = []
+    for first, stop in zip([0, *cuts.tolist()], [*cuts.tolist(), time.size], strict=True):
+        if stop - first < 2:  # nothing is known of its rates
+            continue
+        low, high = np.ceil(at[first] - NEAR), np.floor(at[stop - 1] + NEAR)
+        ticks = np.arange(int(low), int(high) + 1)
+        if not ticks.size:
+            continue
+        exact = ticks.size == stop - first and bool(np.all(np.abs(at[first:stop] - ticks) <= NEAR))
+        found.append(Stretch(first, stop, ticks, exact))
+    if not found:
+        raise ConfigError(f"no two rows are within {gap:g} s of each other: is time in another unit? (--unit time=ms)")
+    return found
+
+
+def resampled(time: NDArray[np.float64], columns: Columns, stretch: Stretch, kind: Interpolation) -> Columns:
+    """Give the columns of a stretch at its ticks, and the rates of positions.
+
+    Parameters
+    ----------
+    columns : mapping of ndarray, shape (n,)
+        The samples: int64 and words keep the newest value, float64 is interpolated [SI].
+
+    Returns
+    -------
+    mapping of ndarray, shape (m,)
+        The columns at the ticks, with `RATES` of all positions [SI].
+    """
+    here = slice(stretch.first, stretch.stop)
+    t = time[here]
+    x = np.clip(time[0] + stretch.ticks * TICK_SECONDS, t[0], t[-1])
+    newest = np.searchsorted(t, x + NEAR * TICK_SECONDS, "right") - 1
+    found: dict[str, NDArray[Any]] = {}
+    for name, values in ((name, column[here]) for name, column in columns.items()):
+        if stretch.exact or values.dtype.kind != "f":
+            found[name] = values[newest]
+        elif name not in RATES:
+            found[name] = np.interp(x, t, values)
+    for name, rate in RATES.items():
+        if name not in columns:
+            continue
+        rates = columns[rate][here] if rate in columns else None
+        place, speed = _along(name, t, columns[name][here], rates, kind, x)
+        found.setdefault(name, place)
+        found.setdefault(rate, speed)
+    return found
+
+
+def _along(
+    name: str,
+    t: NDArray[np.float64],
+    values: NDArray[np.float64],
+    rates: NDArray[np.float64] | None,
+    kind: Interpolation,
+    x: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return a position at some times, and its rate there."""
+    if kind == "linear" or not np.isfinite(values).all():
+        return np.interp(x, t, values), np.interp(x, t, np.gradient(values, t))
+    if rates is not None and np.isfinite(rates).all():
+        curve = CubicHermiteSpline(t, values, rates)
+    elif name in HANDS:
+        curve = CubicSpline(t, values)
+    else:  # what jumps may not swing
+        curve = Akima1DInterpolator(t, values, method="makima")
+    return curve(x), curve.derivative()(x)

@@ -1,0 +1,160 @@
+"""Imports one table: which kind it is, what becomes of it, and what the recording says of where it comes from."""
+
+import json
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.base.config import Config, parse
+from netboard.base.errors import ConfigError
+from netboard.recording.files.offline_writer import Keeper, name_of
+from netboard.recording.importing.columns import COLUMNS, TASK
+from netboard.recording.importing.resampling import Interpolation, resampled, stretches
+from netboard.recording.importing.rows import measured, simulated
+from netboard.recording.importing.tables import Samples, is_own, read_samples, read_ticks, sha256_of
+
+PIECE = 10_000
+"""Ticks that are written before anybody hears of it [1]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Wishes:
+    """How tables are imported.
+
+    Attributes
+    ----------
+    names, units : tuple of str
+        What columns are called there, as ``column=theirs``, and their units, as ``column=unit``.
+    gap : float
+        Samples further apart have a gap between them [s].
+    rate : float or None
+        Samples a second, by which times are checked; and made, for a table without them [Hz].
+    """
+
+    names: tuple[str, ...] = ()
+    units: tuple[str, ...] = ()
+    simulate: bool = False
+    interpolation: Interpolation = "cubic"
+    gap: float = 0.1
+    rate: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Imported:
+    """What came of a table."""
+
+    path: Path
+    what: str
+    ticks: int
+    notes: tuple[str, ...]
+
+
+def configuration_beside(path: Path) -> Path | None:
+    """Find the configuration that an export has written beside its table of ticks."""
+    found = path.resolve().parent.parent / "configurations" / f"{path.stem}.toml"
+    return found if found.is_file() else None
+
+
+def import_table(
+    path: Path,
+    folder: Path,
+    config: Config,
+    wishes: Wishes,
+    utc_ns: int,
+    progress: Callable[[str, int, int], None],
+) -> Imported:
+    """Make a recording of a table.
+
+    Parameters
+    ----------
+    config : Config
+        The experiment that it is of; that beside our own table of ticks goes before it.
+    """
+    said = {"imported_from": path.name, "imported_sha256": sha256_of(path)}
+    if is_own(path) and not wishes.names:
+        beside = configuration_beside(path)
+        if beside is not None:
+            config = parse(beside.read_text(encoding="utf-8"), str(beside))
+        warned = () if beside else (f"no configurations/{path.stem}.toml beside its folder: it is given --config's",)
+        return _keep(read_ticks(path), folder, config, {"imported": "ticks", **said}, utc_ns, progress, warned)
+    samples = read_samples(path, wishes.names, wishes.units, wishes.rate)
+    if not wishes.simulate and not set(TASK) & samples.columns.keys():
+        raise ConfigError(
+            f"{path}: has hands only, and nothing of a task ({', '.join(TASK)}): --simulate computes the board, the "
+            "ball and the trials from them"
+        )
+    try:
+        ticks, columns, notes = _at_ticks(samples, wishes)
+        rows = simulated(ticks, columns, config) if wishes.simulate else measured(ticks, columns)
+    except ConfigError as error:
+        raise ConfigError(f"{path}: {error}") from None
+    said |= {
+        "imported": "simulated" if wishes.simulate else "measured",
+        "imported_columns": json.dumps(sorted(("time", *samples.columns))),
+        "imported_names": json.dumps(wishes.names),
+        "imported_units": json.dumps(wishes.units),
+        "imported_samples": str(samples.time.size),
+        "imported_interpolation": wishes.interpolation,
+        "imported_gap_s": repr(wishes.gap),
+        "imported_rate": repr(wishes.rate),
+    }
+    pieces = (rows[first : first + PIECE] for first in range(0, rows.size, PIECE))
+    return _keep(pieces, folder, config, said, utc_ns, progress, tuple(notes), rows.size)
+
+
+def _at_ticks(samples: Samples, wishes: Wishes) -> tuple[NDArray[np.int64], dict[str, NDArray[Any]], list[str]]:
+    """Bring samples to ticks, and note what is odd."""
+    found = stretches(samples.time, wishes.gap)
+    parts = [resampled(samples.time, samples.columns, stretch, wishes.interpolation) for stretch in found]
+    ticks = np.concatenate([stretch.ticks for stretch in found])
+    columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    usual = float(np.median(np.diff(samples.time)))
+    exact = all(stretch.exact for stretch in found)
+    notes = [f"{samples.time.size} samples, {1 / usual:.6g} a second" + (", which are ticks" if exact else "")]
+    if len(found) > 1:
+        notes.append(f"{len(found) - 1} gaps of more than {wishes.gap:g} s, in which there is no sample")
+    if alone := samples.time.size - sum(stretch.stop - stretch.first for stretch in found):
+        notes.append(f"{alone} samples between gaps, too few to say how the hands moved, are left out")
+    if samples.left_out:
+        notes.append(f"columns left out: {', '.join(samples.left_out)}")
+    absent = [name for name, column in COLUMNS.items() if column.kind == "number" and name not in columns]
+    absent = [name for name in absent if name not in ("time", "completion")]
+    if absent and not wishes.simulate:
+        notes.append(f"not there, and NaN in the recording: {', '.join(absent)}")
+    return ticks, columns, notes
+
+
+def _keep(
+    pieces: Iterator[NDArray[Any]],
+    folder: Path,
+    config: Config,
+    said: dict[str, str],
+    utc_ns: int,
+    progress: Callable[[str, int, int], None],
+    notes: tuple[str, ...],
+    total: int = 0,
+) -> Imported:
+    """Write rows as a recording; nothing is left of one that fails."""
+    first = next(pieces, None)
+    if first is None:
+        raise ConfigError(f"{said['imported_from']}: there is no row in it")
+    path = folder / name_of(config, said["imported_sha256"])
+    folder.mkdir(parents=True, exist_ok=True)
+    keeper = Keeper(folder, config, said["imported_sha256"], utc_ns, said, int(first["time_ns"][0]))
+    done = 0
+    try:
+        for rows in chain([first], pieces):
+            keeper.take(rows)
+            done += rows.size
+            progress(said["imported_from"], done, max(total, done))
+        keeper.finish()
+    except BaseException:
+        keeper.abandon()
+        path.with_name(f"{path.name}.part").unlink(missing_ok=True)
+        raise
+    return Imported(path, said["imported"], done, notes)

@@ -1,0 +1,282 @@
+"""The account of a session: every tick is in one of its parts, or listed as lost with its cause.
+
+Each block of a session has one part or several. A part numbers the records it holds without a hole, and notes the ones
+that it could not get; the parts together must leave out no number. What they do leave out, and any tick that is missing
+without a note, is unexplained: there must be none. A pause of the trial must have its cause, too.
+"""
+
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.base.errors import RecordingError
+from netboard.network.protocol.records import BLOCK_BEGAN, EventRecord
+from netboard.recording.files.reader import Recording
+from netboard.recording.format.summary import find_gaps
+from netboard.task.trials.state_machine import STAGE_FAULT, Cause
+
+OF_THE_SERVER = ("/ticks", "/event", "/clock", "/frame", "/backfill")
+"""Topics whose messages are records of the log channel."""
+
+_PAUSES = (Cause.PAUSE, Cause.FAULT)
+_NAME = re.compile(r"(.+?)(?:_\d{8}T\d{6}Z)?_([A-Za-z0-9]{1,8})(?:_block\d+)?(?:_part\d+)?(?:\.recovered)?")
+
+
+class Stretch(NamedTuple):
+    """Numbers in a row.
+
+    Attributes
+    ----------
+    cause : str
+        Why they are missing; empty for what is there, or if nobody knows.
+    """
+
+    first: int
+    last: int
+    cause: str = ""
+
+
+class Pause(NamedTuple):
+    """A trial was paused."""
+
+    tick: int
+    cause: str
+
+
+class Part(NamedTuple):
+    """One file of a session.
+
+    Attributes
+    ----------
+    first_record, next_record : int
+        Number of its first record on the log channel, and the one after its last [1].
+    ended : str
+        ``complete``, or why it ends before its block; empty for a file that was recovered because it never ended.
+    """
+
+    path: Path
+    first_record: int
+    next_record: int
+    ended: str
+    damage: str
+
+
+@dataclass(frozen=True, slots=True)
+class Account:
+    """What became of all ticks of a session.
+
+    Attributes
+    ----------
+    lost_records : tuple of Stretch
+        Records of any kind that no part holds, and why, by their numbers on the log channel.
+    """
+
+    session: str
+    parts: tuple[Part, ...]
+    present: tuple[Stretch, ...]
+    lost: tuple[Stretch, ...]
+    unexplained: tuple[Stretch, ...]
+    lost_records: tuple[Stretch, ...]
+    unexplained_records: tuple[Stretch, ...]
+    pauses: tuple[Pause, ...]
+    events: tuple[EventRecord, ...]
+
+    @property
+    def complete(self) -> bool:
+        """Whether the recording goes on to the end of the session."""
+        last = max(part.next_record for part in self.parts)
+        return any(part.next_record == last and part.ended == "complete" for part in self.parts)
+
+    @property
+    def sound(self) -> bool:
+        """Whether every tick, record and pause is accounted for."""
+        return not (self.unexplained or self.unexplained_records) and all(pause.cause for pause in self.pauses)
+
+
+def parts_of(path: Path) -> list[Path]:
+    """Find all files of the session of a recording, in its folder, by their names."""
+    own = _NAME.fullmatch(path.stem)
+    if own is None:
+        return [path]
+    others = ((file, _NAME.fullmatch(file.stem)) for file in path.parent.glob("*.mcap"))
+    return sorted(file for file, other in others if other and other.groups() == own.groups())
+
+
+class _Loss(NamedTuple):
+    """What the logger noted as lost: record numbers, the ticks these can have been at most, and why."""
+
+    records: Stretch
+    ticks: Stretch
+
+
+class _Read(NamedTuple):
+    """What counts of a part."""
+
+    session: str
+    part: Part
+    ticks: NDArray[Any]
+    events: tuple[EventRecord, ...]
+    remarks: tuple[EventRecord, ...]
+
+
+def account_of(paths: Sequence[Path]) -> Account:
+    """Account for every tick of a session.
+
+    Raises
+    ------
+    RecordingError
+        If a part is damaged or was not finished (recover it first), or they are not of one session.
+    """
+    read = sorted((_read(path) for path in paths), key=lambda found: found.part.first_record)
+    sessions = {found.session for found in read}
+    if len(sessions) != 1:
+        raise RecordingError(f"expected the parts of one session, found {' and '.join(sorted(sessions)) or 'none'}")
+    events = {event.seq: event for found in read for event in found.events}
+    causes = [event for event in events.values() if event.name == "log_lost"]
+    losses = [[*_losses(found, causes)] for found in read]
+    ticks = np.concatenate([found.ticks for found in read])
+    ticks = ticks[np.unique(ticks["tick"], return_index=True)[1]]
+    present, missing = _present(ticks["tick"], _opened(events))
+    lost, unexplained = _sort_out(missing, [loss.ticks for part in losses for loss in part] + _damaged_ticks(read))
+    missing_records = _missing_records([found.part for found in read], losses)
+    damaged = _damaged_records([found.part for found in read])
+    lost_records, unexplained_records = _sort_out(
+        missing_records, [loss.records for part in losses for loss in part] + damaged
+    )
+    return Account(
+        session=sessions.pop(),
+        parts=tuple(found.part for found in read),
+        present=present,
+        lost=lost,
+        unexplained=unexplained,
+        lost_records=lost_records,
+        unexplained_records=unexplained_records,
+        pauses=tuple(_pauses(ticks, events.values())),
+        events=tuple(events[seq] for seq in sorted(events)),
+    )
+
+
+def _read(path: Path) -> _Read:
+    with Recording(path) as recording:
+        remarks = recording.remarks()
+        first = recording.first_record or 0
+        written = sum(recording.counts[topic] for topic in OF_THE_SERVER)
+        lost = sum(int(remark.details["count"]) for remark in remarks if remark.name == "log_lost")
+        part = Part(
+            path=path,
+            first_record=first,
+            next_record=int(recording.end.get("next_record", first + written + lost)),
+            ended=recording.end.get("ended", ""),
+            damage=recording.recovery.get("damage", ""),
+        )
+        ticks = np.sort(recording.ticks()[["tick", "event", "command"]], order="tick")
+        return _Read(recording.metadata["session"], part, ticks, recording.events(), remarks)
+
+
+def _opened(events: dict[int, EventRecord]) -> int:
+    """Tick with which the session was opened: of those before, nothing is recorded."""
+    first = events.get(0)
+    return first.tick if first is not None and first.name == BLOCK_BEGAN else 0
+
+
+def _present(ticks: NDArray[np.int64], opened: int) -> tuple[tuple[Stretch, ...], list[Stretch]]:
+    """Stretches of ticks that are there, and those missing between them and before the first."""
+    if not ticks.size:
+        return (), []
+    gaps = find_gaps(np.concatenate([[opened - 1], ticks]))
+    missing = [Stretch(gap.first, gap.first + gap.count - 1) for gap in gaps]
+    there = _sort_out([Stretch(opened, int(ticks[-1]))], missing)[1]
+    return there, missing
+
+
+def _losses(found: _Read, causes: Sequence[EventRecord]) -> Iterator[_Loss]:
+    """Read what a part's logger could not get."""
+    unreadable = {int(r.details["number"]): r.details["reason"] for r in found.remarks if r.name == "log_unreadable"}
+    for remark in found.remarks:
+        if remark.name != "log_lost":
+            continue
+        first, count = int(remark.details["first"]), int(remark.details["count"])
+        records = Stretch(first, first + count - 1)
+        cause = cause_of_loss(records, causes) or found.part.damage or "the server no longer had them"
+        if first in unreadable:
+            cause = f"could not be read: {unreadable[first]}"
+        # Ticks are numbered without a gap: those lost come directly before the next one that is there.
+        after = int(remark.details.get("after_tick", -1))
+        place = int(np.searchsorted(found.ticks["tick"], after, "right"))
+        last = int(found.ticks["tick"][place]) - 1 if place < found.ticks.size else after + count
+        yield _Loss(records._replace(cause=cause), Stretch(last - count + 1, last, cause))
+
+
+def cause_of_loss(records: Stretch, causes: Sequence[EventRecord]) -> str:
+    """Find what the server said about losing some records, if anything."""
+    for event in causes:
+        first, count = int(event.details["first"]), int(event.details["count"])
+        if first <= records.last and records.first < first + count and event.details["cause"]:
+            return event.details["cause"]
+    return ""
+
+
+def _damaged_ticks(read: Sequence[_Read]) -> list[Stretch]:
+    """Ticks that may have been in what could not be recovered of a part."""
+    claims = []
+    for place, found in enumerate(read):
+        if found.part.damage and found.ticks.size:
+            following = next((later.ticks for later in read[place + 1 :] if later.ticks.size), found.ticks[-1:])
+            claims.append(Stretch(int(found.ticks["tick"][0]), int(following["tick"][0]), found.part.damage))
+    return claims
+
+
+def _damaged_records(parts: Sequence[Part]) -> list[Stretch]:
+    """Records that may have been in what could not be recovered of a part."""
+    return [
+        Stretch(part.first_record, later.first_record - 1, part.damage)
+        for part, later in pairwise(parts)
+        if part.damage
+    ]
+
+
+def _missing_records(parts: Sequence[Part], losses: Sequence[Sequence[_Loss]]) -> tuple[Stretch, ...]:
+    """Records that no part holds."""
+    held: list[Stretch] = []
+    for part, lost in zip(parts, losses, strict=True):
+        held.extend(_sort_out([Stretch(part.first_record, part.next_record - 1)], [loss.records for loss in lost])[1])
+    last = max((part.next_record - 1 for part in parts), default=-1)
+    return _sort_out([Stretch(0, last)], held)[1]
+
+
+def _sort_out(holes: Iterable[Stretch], claims: Iterable[Stretch]) -> tuple[tuple[Stretch, ...], tuple[Stretch, ...]]:
+    """Cut holes into what is claimed, by the first one that claims it, and what is not."""
+    claimed: list[Stretch] = []
+    rest = [hole for hole in holes if hole.first <= hole.last]
+    for claim in claims:
+        uncut, rest = rest, []
+        for hole in uncut:
+            first, last = max(hole.first, claim.first), min(hole.last, claim.last)
+            if first > last:
+                rest.append(hole)
+                continue
+            claimed.append(Stretch(first, last, claim.cause))
+            sides = (Stretch(hole.first, first - 1), Stretch(last + 1, hole.last))
+            rest.extend(side for side in sides if side.first <= side.last)
+    return tuple(sorted(claimed)), tuple(sorted(rest))
+
+
+def _pauses(ticks: NDArray[Any], events: Iterable[EventRecord]) -> Iterator[Pause]:
+    """Find every pause, and in the server's events why it was."""
+    told = {(event.name, event.tick): event for event in events if event.name in ("pause", "fault")}
+    for row in ticks[np.isin(ticks["event"], _PAUSES)]:
+        tick, name = int(row["tick"]), Cause(int(row["event"])).name.lower()
+        # The event is noted when the tick has been done: the server may count it to the next one.
+        event = told.get((name, tick)) or told.get((name, tick + 1))
+        if event is None:
+            yield Pause(tick, "")
+        elif row["command"] != row["event"]:
+            yield Pause(tick, STAGE_FAULT)
+        else:
+            yield Pause(tick, event.details.get("notice", "").removeprefix("paused: ") or "the operator")

@@ -1,0 +1,48 @@
+"""The quality of the attempts in a recording, judged as the server has judged them: by the rules of its configuration.
+
+The ticks are shown to the referee in portions and each portion's frames after it, as they come to a server.
+"""
+
+from collections.abc import Iterable
+from operator import attrgetter
+from typing import Any
+
+from numpy.typing import NDArray
+
+from netboard.base.config import Config, parse
+from netboard.network.protocol.motion import Safeguard
+from netboard.recording.files.reader import Recording
+from netboard.task.trials.quality import SEEN, Referee, Verdict
+
+_PORTION = 100
+"""Ticks shown at once: fewer than those after which every frame is known to a server [1]."""
+
+
+def judged(recording: Recording) -> tuple[Verdict, ...]:
+    """Judge every attempt that has ended in a recording."""
+    config = parse(recording.config_text, f"{recording.path} (its configuration)")
+    return judged_along(recording, config, recording.batches(names=SEEN, as_sent=True))
+
+
+def judged_along(recording: Recording, config: Config, portions: Iterable[NDArray[Any]]) -> tuple[Verdict, ...]:
+    """Judge every attempt that has ended, while the ticks are read for something else too.
+
+    Parameters
+    ----------
+    portions : iterable of ndarray of TICK, shape (n,)
+        All its ticks in order, with the fields of `netboard.task.trials.quality.SEEN` at least.
+    """
+    referee = Referee(config, Safeguard.CLAMPED)
+    frames = sorted(recording.frames(), key=attrgetter("tick"))
+    verdicts: list[Verdict] = []
+    told = 0
+    for rows in portions:
+        for first in range(0, rows.size, _PORTION):
+            count = min(_PORTION, rows.size - first)
+            verdicts += referee.watch(rows, first, count)
+            newest = rows["tick"][first + count - 1]
+            while told < len(frames) and frames[told].tick <= newest:
+                frame = frames[told]
+                referee.paint(frame.station, frame.tick, frame.painted_ns)
+                told += 1
+    return tuple(verdicts)

@@ -1,0 +1,133 @@
+"""Checks the trials of a recording against its configuration, and against the plan of its study.
+
+Pure: attempts and configurations in, findings out. A block that was stopped is a loss: something that
+was planned is not there. Trials in an order that the trial machine never makes, or another condition than the plan's,
+are damage.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import fields
+from itertools import pairwise
+
+import numpy as np
+
+from netboard.base.config import Config
+from netboard.base.tables.experiment import Block
+from netboard.recording.format.summary import Attempt
+from netboard.recording.integrity.severity import Finding, Grade
+from netboard.recording.integrity.walk import Walk
+from netboard.task.trials.state_machine import Cause, Phase, first_target, ticks
+
+_ENDS = (Cause.LAST, Cause.STOP)
+
+
+def check_trials(config: Config, seen: Walk, listed: Sequence[Attempt], goes_on: bool) -> Iterator[Finding]:
+    """Check the trials by the rules of the configuration."""
+    if not seen.count:
+        yield Finding("trials", Grade.LOSS, "no tick, so no trial")
+        return
+    attempts = seen.attempts()
+    problems = [
+        *_wrong_list(attempts, listed),
+        *_wrong_targets(config, attempts),
+        *_wrong_order(attempts),
+        *_wrong_forces(config.block, seen),
+        *_wrong_counts(seen, attempts),
+    ]
+    yield from (Finding("trials", Grade.DAMAGE, problem) for problem in problems)
+    done = _done(config, seen, goes_on)
+    if not problems or done.grade != Grade.SOUND:
+        yield done
+
+
+def check_measured(seen: Walk, listed: Sequence[Attempt]) -> Iterator[Finding]:
+    """Check the trials of an imported table, which followed other rules and may lack columns."""
+    attempts = seen.attempts() if seen.count else ()
+    problems = list(_wrong_list(attempts, listed))
+    yield from (Finding("trials", Grade.DAMAGE, problem) for problem in problems)
+    if not problems:
+        done = sum(attempt.outcome == "success" for attempt in attempts)
+        text = f"{len(attempts)} attempts, {done} successes, as imported; not compared with netboard's rules or a plan"
+        yield Finding("trials", Grade.SOUND, text)
+
+
+def _wrong_list(attempts: Sequence[Attempt], listed: Sequence[Attempt]) -> Iterator[str]:
+    """What the file lists is what its ticks say."""
+    if repr(attempts) != repr(listed):  # as text: a completion time that is not a number equals itself there
+        yield f"{len(listed)} attempts are listed, which are not the {len(attempts)} in the ticks"
+
+
+def _wrong_targets(config: Config, attempts: Sequence[Attempt]) -> Iterator[str]:
+    """Targets change side from trial to trial, from the first one on."""
+    first = first_target(config)
+    wrong = [attempt for attempt in attempts if attempt.target != (first if attempt.trial % 2 else -first)]
+    if wrong:
+        where = ", ".join(f"trial {attempt.trial}, attempt {attempt.attempt}" for attempt in wrong[:3])
+        yield f"{len(wrong)} of {len(attempts)} attempts have their target at the wrong side: {where}"
+
+
+def _wrong_order(attempts: Sequence[Attempt]) -> Iterator[str]:
+    """After a success another trial follows, else the same one again unless it is skipped; numbers never go back."""
+    for before, now in pairwise(attempts):
+        again = now.trial == before.trial and now.attempt > before.attempt and before.outcome != "success"
+        if now.trial <= before.trial and not again:
+            yield (
+                f"trial {now.trial}, attempt {now.attempt} at tick {now.tick} follows trial {before.trial}, attempt "
+                f"{before.attempt} ({before.outcome}), which cannot be"
+            )
+
+
+def _wrong_forces(block: Block, seen: Walk) -> Iterator[str]:
+    """The condition is what was done: no force where there is none."""
+    if seen.force_where_none:
+        catch = f" and catch trials {', '.join(map(str, block.catch))}" if block.catch else ""
+        yield (
+            f'{seen.force_where_none} ticks have a force where there is none (condition "{block.force}"{catch}, '
+            "and between trials)"
+        )
+
+
+def _wrong_counts(seen: Walk, attempts: Sequence[Attempt]) -> Iterator[str]:
+    """The trial machine has counted as many successes as there are, where no tick is missing."""
+    last = seen.last[0]
+    counted = int(last["successes"]) + (int(last["event"]) == Cause.HELD) - int(seen.first[0]["successes"])
+    found = sum(attempt.outcome == "success" for attempt in attempts)
+    if not seen.missing and counted != found:
+        yield f"the trial machine has counted {counted} successes, and there are {found}"
+
+
+def _done(config: Config, seen: Walk, goes_on: bool) -> Finding:
+    """Say how many trials were done, of how many."""
+    block, ends = config.block, [row for rows in seen.turns for row in rows[np.isin(rows["event"], _ENDS)]]
+    row = ends[-1] if ends else seen.last[0]
+    over = int(row["event"]) == Cause.LAST
+    finished = over and int(row["phase"]) != Phase.FAILED
+    done = int(row["trial"]) - (not (finished or int(row["event"]) == Cause.HELD))
+    # A veto in the last tick of a trial may be what makes it the last one.
+    vetoed = int(row["command"]) == Cause.VETO and int(row["extra"]) > 0
+    wanted = block.trials + int(row["extra"]) - vetoed
+    timed = 0 < ticks(block.duration) <= int(row["block_ticks"]) + 1
+    condition = block.label or f"{block.configuration}, force {block.force}"
+    words = f"{done} of {wanted} trials done, {int(row['failures'])} failed attempts, condition: {condition}"
+    if done > wanted or (over and done < wanted and not timed):
+        return Finding("trials", Grade.DAMAGE, f"{words}: the trial machine does not end a block so")
+    if over:
+        return Finding("trials", Grade.SOUND, f"{words}; numbers, targets and forces are as they must be")
+    why = "an operator stopped the block" if ends else "the end of the block is not in this file"
+    return Finding("trials", Grade.LOSS, f"{words}: {'it goes on in another file' if goes_on and not ends else why}")
+
+
+def check_plan(config: Config, planned: Config) -> Iterator[Finding]:
+    """Check the block's condition against what the plan makes of the same rig."""
+    wrong = [
+        f"[{table.name}] {key.name}: found {getattr(has, key.name)!r}, planned {getattr(wants, key.name)!r}"
+        for table in fields(config)
+        for has, wants in [(getattr(config, table.name), getattr(planned, table.name))]
+        for key in fields(has)
+        if getattr(has, key.name) != getattr(wants, key.name)
+    ]
+    study, number = config.session.study, f"{config.block.number} of {config.block.blocks}"
+    if wrong:
+        yield Finding("plan", Grade.DAMAGE, f"block {number} of study {study} is not as planned: {'; '.join(wrong)}")
+    else:
+        yield Finding("plan", Grade.SOUND, f"block {number} is that of the plan of study {study}: {config.block.label}")

@@ -1,0 +1,148 @@
+"""One walk through all ticks of a recording, a portion at a time, for everything that must look at each of them.
+
+What is kept is small, however long the recording is: gaps and jumps, the rows at which an attempt begins or ends, the
+largest forces, and the outcome of computing every tick again.
+"""
+
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.base.tables.experiment import Block
+from netboard.base.tick import TICK, TICK_NS
+from netboard.recording.format.summary import Attempt, Gap, find_attempts
+from netboard.recording.integrity.verification import Verdict, Verifier
+from netboard.stage.stage import Stage
+from netboard.task.trials.state_machine import Phase, is_active
+
+MOST_KEPT = 1000
+"""Of gaps, jumps and wrong numbers so many are kept; the others are counted [1]."""
+
+ACTIVE = np.array([bool(is_active(int(phase))) for phase in Phase])
+"""Of each phase, whether a trial is on."""
+
+
+@dataclass
+class Walk:
+    """What was seen on the way.
+
+    Attributes
+    ----------
+    disordered : list of int
+        Ticks with a number that is not above the one before [1].
+    jumps : list of (int, int)
+        Ticks at which time does not go on by one tick from the one before, and by how much more it does [1, ns].
+    active_ns : (int, int) or None
+        Server time of the first and the last tick of a trial [ns].
+    force_where_none : int
+        Ticks in which a hand was to feel a force although the condition gives none [1].
+    felt : float
+        Largest force that a hand was to feel [N].
+    turns : list of ndarray of TICK
+        The rows at which anything of a trial changes, and those before.
+    computing : float
+        Time that this took [s].
+    """
+
+    count: int = 0
+    first: NDArray[Any] = field(default_factory=lambda: np.empty(0, TICK))
+    last: NDArray[Any] = field(default_factory=lambda: np.empty(0, TICK))
+    gaps: list[Gap] = field(default_factory=list)
+    missing: int = 0
+    disordered: list[int] = field(default_factory=list)
+    jumps: list[tuple[int, int]] = field(default_factory=list)
+    active_ns: tuple[int, int] | None = None
+    force_where_none: int = 0
+    felt: float = 0.0
+    turns: list[NDArray[Any]] = field(default_factory=list)
+    verdict: Verdict | None = None
+    computing: float = 0.0
+
+    def attempts(self) -> tuple[Attempt, ...]:
+        """Every attempt at a trial, in order."""
+        return find_attempts(np.concatenate(self.turns) if self.turns else np.empty(0, TICK))
+
+
+def walk(portions: Iterable[NDArray[Any]], block: Block | None, stage: Stage | None = None) -> Walk:
+    """Walk through ticks.
+
+    Parameters
+    ----------
+    block : Block, optional
+        The block's configuration, which says where no force may be; None if it is lost.
+    stage : Stage, optional
+        Made from the recording's configuration: every tick is computed again and compared to the bit.
+    """
+    seen = Walk()
+    verifier = None if stage is None else Verifier(stage)
+    for rows in portions:
+        if not len(rows):
+            continue
+        _follow(seen, rows)
+        _feel(seen, rows, block)
+        if verifier is not None:
+            began = time.perf_counter()
+            verifier.take(rows)
+            seen.computing += time.perf_counter() - began
+        seen.count += len(rows)
+        seen.first = seen.first if len(seen.first) else rows[:1].copy()
+        seen.last = rows[-1:].copy()
+    if seen.count:
+        seen.turns.append(seen.last)
+    seen.verdict = None if verifier is None else verifier.verdict
+    return seen
+
+
+def _follow(seen: Walk, rows: NDArray[Any]) -> None:
+    """Follow numbers and times, and keep the rows at which something of a trial changes."""
+    joined = np.concatenate([_slim(seen.last), _slim(rows)])
+    numbers, steps = joined["tick"], np.diff(joined["tick"])
+    room = MOST_KEPT - len(seen.gaps)
+    holes = np.flatnonzero(steps > 1)
+    seen.missing += int(np.sum(steps[holes] - 1))
+    seen.gaps += [Gap(int(numbers[k]) + 1, int(steps[k]) - 1) for k in holes[:room]]
+    back = np.flatnonzero(steps <= 0) + 1
+    seen.disordered += numbers[back[: MOST_KEPT - len(seen.disordered)]].tolist()
+    more_ns = np.diff(joined["time_ns"]) - steps * TICK_NS
+    jumped = np.flatnonzero(more_ns)[: MOST_KEPT - len(seen.jumps)]
+    seen.jumps += [(int(numbers[k + 1]), int(more_ns[k])) for k in jumped]
+    changes = (steps != 1) | (joined["event"][:-1] != 0)
+    for name in ("phase", "trial", "attempt"):
+        changes |= np.diff(joined[name]) != 0
+    at = np.flatnonzero(changes)
+    kept = np.union1d(at, at + 1) - len(seen.last)
+    if len(seen.last) and len(kept) and kept[0] < 0:
+        seen.turns.append(seen.last)
+    seen.turns.append(rows[kept[kept >= 0]])
+    if not len(seen.last):
+        seen.turns.insert(0, rows[:1].copy())
+
+
+_SLIM = ["tick", "time_ns", "event", "phase", "trial", "attempt"]
+
+
+def _slim(rows: NDArray[Any]) -> NDArray[Any]:
+    """Copy the few columns that are followed."""
+    slim = np.empty(len(rows), [(name, "<i8") for name in _SLIM])
+    for name in _SLIM:
+        slim[name] = rows[name]
+    return slim
+
+
+def _feel(seen: Walk, rows: NDArray[Any], block: Block | None) -> None:
+    """Look at the forces, and at when a trial goes on."""
+    active = ACTIVE[np.clip(rows["phase"], 0, len(Phase) - 1)]
+    where = np.flatnonzero(active)
+    if len(where):
+        begin = int(rows["time_ns"][where[0]]) if seen.active_ns is None else seen.active_ns[0]
+        seen.active_ns = begin, int(rows["time_ns"][where[-1]])
+    with np.errstate(invalid="ignore"):
+        forces = np.fmax(np.abs(rows["left_force"]), np.abs(rows["right_force"]))
+    seen.felt = max(seen.felt, float(np.nanmax(forces, initial=0.0)))
+    if block is not None:
+        none = np.isin(rows["trial"], block.catch) if block.force != "none" else np.ones(len(rows), bool)
+        seen.force_where_none += int(np.count_nonzero(forces[none | ~active]))

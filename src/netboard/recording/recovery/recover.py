@@ -1,0 +1,297 @@
+"""Makes a whole recording of an unfinished or damaged one, without touching it.
+
+A chunk is found by its signature and believed by its checksum, so one destroyed length or record costs no more than its
+own chunk. Whatever lies between two sound chunks and is not made of whole records is reported as damage.
+"""
+
+import mmap
+import struct
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from mcap.data_stream import ReadDataStream
+from mcap.opcode import Opcode
+from mcap.records import Attachment, Metadata
+from numpy.typing import NDArray
+
+from netboard.base.errors import RecordingError
+from netboard.base.tick import TICK
+from netboard.recording.files.provenance import (
+    CONFIG_NAME,
+    LIBRARY,
+    METADATA,
+    METADATA_END,
+    METADATA_FIRST,
+    METADATA_RECOVERY,
+    config_sha256,
+)
+from netboard.recording.format import older
+from netboard.recording.format.batches import Layout, TickStream, words_of
+from netboard.recording.format.channels import CHANNELS, FORMAT_VERSION, IDS, Stamped
+from netboard.recording.format.chunks import MAGIC, RECORD_HEAD, UNSOUND, messages, unpack_chunk
+from netboard.recording.format.partfile import PartFile
+from netboard.recording.format.summary import Gap, find_gaps
+
+_SIGNATURE = struct.pack("<I", 4) + b"zstd"
+_TO_SIGNATURE = RECORD_HEAD.size + 8 + 8 + 8 + 4
+_COPIED_METADATA = (METADATA, METADATA_FIRST, METADATA_END)
+_RECOVERABLE = ("2", FORMAT_VERSION)
+_CHUNK_BYTES = 2**18
+
+
+_TOPICS = {number: topic for topic, number in IDS.items()}
+_TICKS = CHANNELS[0].topic
+_COPIED = frozenset(IDS) - {_TICKS, "/plot"}
+_LAYOUT = Layout(CHANNELS[0].schema())
+
+
+class Span(NamedTuple):
+    """Some bytes of a file."""
+
+    start: int
+    stop: int
+
+
+@dataclass(frozen=True, slots=True)
+class Damage:
+    """A part of a file that could not be used."""
+
+    offset: int
+    length: int
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """What was recovered, and what was not."""
+
+    source: Path
+    output: Path
+    source_bytes: int
+    chunks: int
+    messages: dict[str, int]
+    first_tick: int | None
+    last_tick: int | None
+    missing: tuple[Gap, ...]
+    damage: tuple[Damage, ...]
+    finished: bool
+    has_config: bool
+
+    @property
+    def lost_bytes(self) -> int:
+        """Bytes that could not be used [1]."""
+        return sum(damage.length for damage in self.damage)
+
+
+def recovered_path(path: Path) -> Path:
+    """Name of the recovered file: ``X.mcap.part``, ``X.mcap`` or ``X.spill`` becomes ``X.recovered.mcap``."""
+    whole = path.with_suffix("") if path.suffix == ".part" else path
+    return whole.with_suffix(".recovered.mcap")
+
+
+def recover(path: Path, output: Path | None = None) -> Report:
+    """Write a whole recording with everything that is sound in an unfinished or damaged one.
+
+    Raises
+    ------
+    RecordingError
+        If the source is not MCAP or of another format version, or the output exists or cannot be written.
+    """
+    target = output or recovered_path(path)
+    with mapped(path) as data:
+        if data[: len(MAGIC)] != MAGIC:
+            raise RecordingError(f"{path}: not an MCAP file; there is nothing to recover")
+        chunks = list(_find_chunks(data))
+        metadata, config, damage, finished = _survey(data, chunks)
+        found = metadata.setdefault(METADATA, {"session": "unknown"})
+        version = found.get("format", "")
+        if version.isdecimal() and version not in _RECOVERABLE:
+            raise RecordingError(
+                f"{path}: has format version {version}, this netboard recovers versions {', '.join(_RECOVERABLE)}"
+            )
+        # What is no version at all is damage like any other.
+        found["format"] = FORMAT_VERSION
+        if config is not None:
+            digest = config_sha256(config.data)
+            config = config if found.setdefault("config_sha256", digest) == digest else None
+        account = account_for(path, len(data), damage, config is not None)
+        counts, ticks = _copy(data, chunks, target, metadata, config, account, version)
+    return Report(
+        source=path,
+        output=target,
+        source_bytes=path.stat().st_size,
+        chunks=len(chunks),
+        messages={topic: counts[topic] for topic in IDS if topic != "/plot"},
+        first_tick=min(ticks, default=None),
+        last_tick=max(ticks, default=None),
+        missing=find_gaps(np.array(ticks, np.int64)),
+        damage=tuple(damage),
+        finished=finished,
+        has_config=config is not None,
+    )
+
+
+@contextmanager
+def mapped(path: Path) -> "Iterator[mmap.mmap | bytes]":
+    """Map a file into memory, for reading only."""
+    try:
+        with path.open("rb") as file:
+            if path.stat().st_size == 0:
+                yield b""
+                return
+            with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+                yield data
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be read: {error.strerror}") from error
+
+
+def _find_chunks(data: mmap.mmap | bytes) -> Iterator[Span]:
+    """Every sound chunk, in order."""
+    position = len(MAGIC)
+    while (found := data.find(_SIGNATURE, position + _TO_SIGNATURE)) >= 0:
+        start = found - _TO_SIGNATURE
+        opcode, length = RECORD_HEAD.unpack_from(data, start)
+        stop = start + RECORD_HEAD.size + length
+        if opcode == Opcode.CHUNK and stop <= len(data) and _why_unsound(data, Span(start, stop)) is None:
+            yield Span(start, stop)
+            position = stop
+        else:
+            position = start + 1
+
+
+def _why_unsound(data: mmap.mmap | bytes, chunk: Span) -> str | None:
+    """Say what is wrong with a chunk, or None."""
+    try:
+        unpack_chunk(data[chunk.start + RECORD_HEAD.size : chunk.stop])
+    except RecordingError as error:
+        return str(error)
+    return None
+
+
+def _survey(
+    data: mmap.mmap | bytes, chunks: Sequence[Span]
+) -> tuple[dict[str, dict[str, str]], Attachment | None, list[Damage], bool]:
+    """Look at what is not a chunk: metadata, configuration, damage, and whether the file was finished."""
+    metadata: dict[str, dict[str, str]] = {}
+    config: Attachment | None = None
+    damage: list[Damage] = []
+    edges = [len(MAGIC), *(edge for chunk in chunks for edge in chunk), len(data)]
+    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+        position = start
+        while position < stop:
+            record = _whole_record(data, Span(position, stop))
+            if isinstance(record, str):
+                damage.append(Damage(position, stop - position, record))
+                break
+            opcode, body = record
+            if opcode == Opcode.METADATA:
+                named = Metadata.read(ReadDataStream(BytesIO(body)))
+                metadata[named.name] = dict(named.metadata)
+            elif opcode == Opcode.ATTACHMENT:
+                attachment = Attachment.read(ReadDataStream(BytesIO(body)))
+                config = attachment if attachment.name == CONFIG_NAME else config
+            elif opcode == Opcode.DATA_END:
+                # What follows is index, which is made anew.
+                return metadata, config, damage, True
+            position += RECORD_HEAD.size + len(body)
+    return metadata, config, damage, False
+
+
+_EXPECTED = frozenset(
+    (Opcode.HEADER, Opcode.CHUNK, Opcode.MESSAGE_INDEX, Opcode.METADATA, Opcode.ATTACHMENT, Opcode.DATA_END)
+)
+
+
+def _whole_record(data: mmap.mmap | bytes, span: Span) -> tuple[int, bytes] | str:
+    """Opcode and body of the record at the start of a span, or why there is none."""
+    if span.stop - span.start < RECORD_HEAD.size:
+        return "a record cut short"
+    opcode, length = RECORD_HEAD.unpack_from(data, span.start)
+    stop = span.start + RECORD_HEAD.size + length
+    if opcode not in _EXPECTED:
+        return "not a record"
+    if stop > span.stop:
+        return "a chunk cut short" if opcode == Opcode.CHUNK else "a record cut short"
+    if opcode == Opcode.CHUNK:
+        return _why_unsound(data, Span(span.start, stop)) or "a damaged chunk"
+    body = data[span.start + RECORD_HEAD.size : stop]
+    try:
+        if opcode == Opcode.METADATA:
+            Metadata.read(ReadDataStream(BytesIO(body)))
+        elif opcode == Opcode.ATTACHMENT:
+            Attachment.read(ReadDataStream(BytesIO(body)))
+    except UNSOUND as error:
+        return f"a damaged record: {error}"
+    return opcode, body
+
+
+def account_for(path: Path, size: int, damage: Sequence[Damage], has_config: bool) -> dict[str, str]:
+    """Say what the recovered file tells of its own making."""
+    return {
+        "source": path.name,
+        "source_bytes": str(size),
+        "damage": "; ".join(f"{part.length} bytes at {part.offset}: {part.reason}" for part in damage),
+        "config": "recovered" if has_config else "lost",
+        "by": LIBRARY,
+    }
+
+
+def _copy(
+    data: mmap.mmap | bytes,
+    chunks: Sequence[Span],
+    target: Path,
+    metadata: dict[str, dict[str, str]],
+    config: Attachment | None,
+    account: dict[str, str],
+    version: str,
+) -> tuple[Counter[str], list[int]]:
+    """Write the new file, chunk by chunk; return the number of ticks and messages by topic, and the ticks."""
+    counts: Counter[str] = Counter()
+    numbers: list[int] = []
+    out = PartFile(target, LIBRARY, _CHUNK_BYTES)
+    stream = TickStream(out, _CHUNK_BYTES)
+    log_ns = 0
+    try:
+        for name in _COPIED_METADATA:
+            if name in metadata:
+                out.add_metadata(name, metadata[name])
+        out.add_metadata(METADATA_RECOVERY, account)
+        if config is not None:
+            out.add_attachment(CONFIG_NAME, config.media_type, config.data, config.log_time)
+        for chunk in chunks:
+            for entry in messages(unpack_chunk(data[chunk.start + RECORD_HEAD.size : chunk.stop])):
+                log_ns = max(log_ns, entry.log_time_ns)
+                topic = _TOPICS.get(entry.channel_id, "")
+                if topic == _TICKS:
+                    rows = _rows_of(entry.data, version)
+                    for row in rows:
+                        stream.add(row.tobytes(), entry.log_time_ns)
+                    counts[topic] += len(rows)
+                    numbers += rows["tick"].tolist()
+                elif topic in _COPIED:
+                    message = Stamped(topic, entry.sequence, entry.publish_time_ns, entry.data)
+                    out.add(entry.channel_id, message, entry.log_time_ns)
+                    counts[topic] += 1
+        stream.finish(log_ns)
+        out.finish()
+    except BaseException:
+        out.abandon()
+        out.part.unlink(missing_ok=True)
+        raise
+    return counts, numbers
+
+
+def _rows_of(message: bytes, version: str) -> NDArray[Any]:
+    """Read the ticks of a message."""
+    if version == "2":
+        return older.ticks_of([message], version)
+    planes = _LAYOUT.planes(message)
+    rows = np.zeros(planes.shape[2], TICK)
+    _LAYOUT.read(planes, np.arange(len(planes)), words_of(rows))
+    return rows

@@ -1,0 +1,341 @@
+"""What the log's ring had to let go before a logger took it: a file of the server's own.
+
+Rules that hold here: whoever puts or asks never waits for a disk, which has a thread of its own; there is no file and
+no thread until something is put; what is not taken now (the file has its full size, the disk does not follow) stays
+with the ring. The file is deleted when all of it is in recordings. What is left at the end explains itself and can be
+made a recording (`netboard.recording.recovery.recover`).
+"""
+
+import logging
+import os
+import struct
+import time
+import zlib
+from bisect import bisect_right
+from collections import deque
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
+from io import FileIO
+from mmap import mmap
+from pathlib import Path
+from queue import Empty, SimpleQueue
+from threading import Thread
+
+from netboard.base.config import Config
+from netboard.base.errors import WireError
+from netboard.network.protocol.codec import decode, encode
+from netboard.network.protocol.joining import Welcome
+from netboard.network.protocol.messages import Message
+from netboard.network.protocol.records import EventRecord, LogBatch
+
+MAGIC = b"netboard spill 1\n"
+"""First bytes of a spill. Blocks follow: length and CRC-32 of a frame, and the frame."""
+
+OPENED = "spill_opened"
+"""Name of the event at the beginning, which ties server time (``time_ns``) to UTC (detail ``utc_ns``)."""
+
+MOST_WAITING = 64
+"""Blocks kept in memory for a disk that does not follow [1]."""
+
+READ_AHEAD = 8
+MOST_LOADED = 32
+"""Blocks read again that are kept for a while [1]."""
+
+RETRY_SECONDS = 1.0
+"""A disk that refused is tried again after so long [s]."""
+
+_HEAD = struct.Struct("<II")
+
+log = logging.getLogger(__name__)
+
+
+def spill_path(config: Config, session: str) -> Path:
+    """Name of a session's spill: in the folder in which the server was started."""
+    return Path(f"{config.session.name}_{config.session.dyad}_{session[:8]}.spill").absolute()
+
+
+class _Block:
+    """Some records, in the file or on their way."""
+
+    __slots__ = ("asked", "first", "frame", "offset", "size", "stop", "unreadable")
+
+    def __init__(self, batch: LogBatch, offset: int) -> None:
+        self.first, self.stop, self.offset = batch.first, batch.first + len(batch.records), offset
+        self.frame: bytes | None = encode(LogBatch(batch.first, 0, batch.records))  # until it is in the file
+        self.size = len(self.frame)
+        self.asked = self.unreadable = False
+
+
+class Spill:
+    """Records in a file, in order, for loggers that come later.
+
+    Parameters
+    ----------
+    path : Path
+        The file; made when it is needed, and never over another.
+    welcome : Welcome
+        What the session's loggers are told first, just made; it goes into the file.
+    most_bytes : int
+        Largest size of the file, in bytes; 0: no file [1].
+    """
+
+    def __init__(self, path: Path, welcome: Welcome, most_bytes: int) -> None:
+        self.path = path
+        self.trouble = ""
+        self._opened = EventRecord(0, -1, welcome.server_ns, OPENED, {"utc_ns": str(time.time_ns())})
+        self._most_bytes = most_bytes
+        self._blocks: list[_Block] = []
+        self.introduce(welcome)
+        self._file: FileIO | None = None
+        # Between the threads: blocks to write, with None where the file is to be deleted; blocks to read; blocks read.
+        self._unwritten: deque[_Block | None] = deque()
+        self._deletions = self._deleted = 0
+        self._wanted: SimpleQueue[list[_Block] | None] = SimpleQueue()
+        self._loaded: deque[_Block] = deque()
+        self._rest: Iterable[LogBatch] = ()
+        self._thread: Thread | None = None
+
+    def introduce(self, welcome: Welcome) -> None:
+        """Let the file begin with this, unless something is in it already."""
+        if not self._blocks:
+            self._introduction = MAGIC + _block_of(encode(welcome)) + _block_of(encode(self._opened))
+            self._end = len(self._introduction)
+
+    @property
+    def next(self) -> int:
+        """Number after the last record held, 0 without any [1]."""
+        return self._blocks[-1].stop if self._blocks else 0
+
+    @property
+    def held(self) -> int:
+        """How many records are held [1]."""
+        return sum(block.stop - block.first for block in self._blocks)
+
+    @property
+    def refusal(self) -> str:
+        """Why nothing more is taken now, or nothing."""
+        if not self._most_bytes:
+            return "network.log_spill_mb is 0"
+        if self._end >= self._most_bytes:
+            return f"{self.path} has grown to network.log_spill_mb"
+        if len(self._unwritten) >= MOST_WAITING:
+            return self.trouble or f"{self.path}: the disk does not follow"
+        return ""
+
+    def put(self, batch: LogBatch) -> None:
+        """Take records that come after those taken before, perhaps behind a hole; only without a `refusal`."""
+        self._add(batch)
+        self._wake([])
+
+    def batch(self, cursor: int) -> LogBatch | None:
+        """Make the next batch for a logger.
+
+        Parameters
+        ----------
+        cursor : int
+            Number of the first record it has not been sent; less than `next` [1].
+        """
+        while len(self._loaded) > MOST_LOADED:
+            used = self._loaded.popleft()
+            used.frame, used.asked = None, False
+        at = bisect_right(self._blocks, cursor, key=_stop)
+        while at < len(self._blocks) and self._blocks[at].unreadable:
+            del self._blocks[at]  # a hole from now on: what comes behind it says how much is lost
+        ahead = self._blocks[at : at + READ_AHEAD]
+        if not ahead:
+            return None
+        frame = ahead[0].frame
+        if frame is None:
+            self._ask(ahead)
+            return None
+        whole = decode(frame)
+        assert isinstance(whole, LogBatch)
+        first = max(cursor, whole.first)
+        return LogBatch(first, first - cursor, whole.records[first - whole.first :])
+
+    def forget(self, before: int) -> None:
+        """Let go of records before one; the file goes when nothing else is in it."""
+        had = bool(self._blocks)
+        del self._blocks[: bisect_right(self._blocks, before, key=_stop)]
+        if had and not self._blocks:
+            self._end = len(self._introduction)
+            self._unwritten.append(None)
+            self._deletions += 1
+            self._wake([])
+
+    def close(self, rest: Iterable[LogBatch] | None = None) -> None:
+        """Let the file be whole; nothing is put or asked for after that. `closed` tells when it is done.
+
+        Parameters
+        ----------
+        rest : iterable of LogBatch, optional
+            The last to be put, taken by the thread at its own pace.
+        """
+        if rest is not None and self._most_bytes:
+            self._rest = rest
+        elif self._thread is None:
+            return
+        self._wake(None)
+
+    @property
+    def closed(self) -> bool:
+        """Whether the thread has ended, or never begun: what is held is in the file."""
+        return self._thread is None or not self._thread.is_alive()
+
+    def _add(self, batch: LogBatch) -> None:
+        block = _Block(batch, self._end + _HEAD.size)
+        self._end = block.offset + block.size
+        self._blocks.append(block)
+        self._unwritten.append(block)
+
+    def _ask(self, blocks: list[_Block]) -> None:
+        """Have blocks read, as far as that is not under way."""
+        missing = [block for block in blocks if block.frame is None and not block.asked]
+        for block in missing:
+            block.asked = True
+        if missing:
+            self._wake(missing)
+
+    def _wake(self, wanted: list[_Block] | None) -> None:
+        if self._thread is None:
+            self._thread = Thread(target=self._work, name="spill", daemon=True)
+            self._thread.start()
+        self._wanted.put(wanted)
+
+    # --- what the thread does ------------------------------------------------------------------------------------
+
+    def _work(self) -> None:
+        while True:
+            try:
+                wanted = self._wanted.get(timeout=RETRY_SECONDS if self._unwritten else None)
+            except Empty:
+                wanted = []
+            if wanted is None:
+                self._finish()
+                return
+            for block in wanted:
+                self._read(block)
+            self._write()
+
+    def _write(self) -> None:
+        """Write what waits, as far as the disk takes it."""
+        while self._deleted < self._deletions:
+            while self._unwritten.popleft() is not None:
+                pass
+            self._delete()
+            self._deleted += 1
+        while self._unwritten and (block := self._unwritten[0]) is not None:
+            try:
+                self._write_block(block)
+            except OSError as error:
+                self._complain(error.strerror or str(error))
+                return
+            self.trouble = ""
+            block.frame = None
+            self._unwritten.popleft()
+
+    def _write_block(self, block: _Block) -> None:
+        assert block.frame is not None
+        if self._file is None:
+            self._file = FileIO(self.path, "x+", opener=_for_its_owner)
+        place, data = block.offset - _HEAD.size, _block_of(block.frame)
+        if place == len(self._introduction):
+            place, data = 0, self._introduction + data
+        self._file.seek(place)
+        _write_all(self._file, data)
+
+    def _read(self, block: _Block) -> None:
+        if self._file is None:
+            return  # deleted: nobody needs it any more
+        try:
+            self._file.seek(block.offset - _HEAD.size)
+            data = self._file.read(_HEAD.size + block.size)
+        except OSError as error:
+            self._complain(error.strerror or str(error))
+            data = b""
+        frame = data[_HEAD.size :]
+        if data != _block_of(frame):
+            self._complain(f"records {block.first} to {block.stop - 1} cannot be read again")
+            block.unreadable = True
+            return
+        block.frame = frame
+        self._loaded.append(block)
+
+    def _finish(self) -> None:
+        self._write()
+        for batch in self._rest:
+            if self._unwritten:
+                break
+            self._add(batch)
+            self._write()
+        for block in filter(None, self._unwritten):
+            self._blocks.remove(block)
+        if not self._blocks or self._file is None:
+            self._delete()
+            return
+        try:
+            os.fsync(self._file.fileno())
+        except OSError as error:
+            self._complain(error.strerror or str(error))
+        if os.fstat(self._file.fileno()).st_nlink == 0:
+            self._complain("was deleted")
+            self._blocks.clear()
+        self._file.close()
+
+    def _delete(self) -> None:
+        if self._file is None:
+            return
+        self._file.close()
+        self._file = None
+        try:
+            self.path.unlink(missing_ok=True)
+        except OSError as error:
+            self._complain(error.strerror or str(error))
+
+    def _complain(self, trouble: str) -> None:
+        if self.trouble != trouble:
+            log.error("%s: %s", self.path, trouble)
+        self.trouble = trouble
+
+
+def read_spill(data: "mmap | bytes") -> Iterator[tuple[int, int, Message | None]]:
+    """Walk the blocks of a spill.
+
+    Yields
+    ------
+    (int, int, Message or None)
+        Where the block begins and ends, and what it holds: a `Welcome`, the event `OPENED`, and `LogBatch` after
+        `LogBatch`; None for a damaged block.
+    """
+    position = len(MAGIC)
+    while position < len(data):
+        end = len(data)
+        message: Message | None = None
+        if position + _HEAD.size <= end:
+            length, crc = _HEAD.unpack_from(data, position)
+            end = min(end, position + _HEAD.size + length)
+            frame = data[position + _HEAD.size : end]
+            if len(frame) == length and zlib.crc32(frame) == crc:
+                with suppress(WireError):  # not a message: damaged like any other
+                    message = decode(frame)
+        yield position, end, message
+        position = end
+
+
+def _block_of(frame: bytes) -> bytes:
+    return _HEAD.pack(len(frame), zlib.crc32(frame)) + frame
+
+
+def _write_all(file: FileIO, data: bytes) -> None:
+    view = memoryview(data)
+    while view:
+        view = view[file.write(view) :]
+
+
+def _for_its_owner(path: str, flags: int) -> int:
+    """Open a file that nobody else may read."""
+    return os.open(path, flags, 0o600)
+
+
+def _stop(block: _Block) -> int:
+    return block.stop

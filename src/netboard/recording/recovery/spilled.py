@@ -1,0 +1,188 @@
+"""Makes recordings of what a server wrote down because no logger took it: one of each block, as loggers would have.
+
+A record of the log says where a block begins, and with which configuration; nothing else is needed to tell the blocks
+apart. The spill itself is not touched.
+"""
+
+import mmap
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from netboard.base.config import parse
+from netboard.base.errors import RecordingError, WireError
+from netboard.base.tick import TICK
+from netboard.network.protocol.joining import Welcome
+from netboard.network.protocol.records import (
+    BackfillRecord,
+    ClockRecord,
+    EventRecord,
+    FrameRecord,
+    LogBatch,
+    TickRecord,
+)
+from netboard.recording.files.provenance import provenance
+from netboard.recording.files.reader import Recording
+from netboard.recording.files.writer import RecordingWriter
+from netboard.recording.format.channels import begun, record_of, stamped
+from netboard.recording.format.summary import find_gaps
+from netboard.recording.recovery.recover import Damage, Report, account_for, mapped, recover, recovered_path
+from netboard.recording.recovery.spill import MAGIC, OPENED, read_spill
+
+
+def recover_any(path: Path, output: Path | None = None) -> tuple[Report, ...]:
+    """Make whole recordings of an unfinished or damaged one (`recover`), or of a spill: one of each block in it.
+
+    Parameters
+    ----------
+    output : Path, optional
+        The file to write; by default `recovered_path`. Of a spill it is the first block's.
+
+    Raises
+    ------
+    RecordingError
+        If nothing can be made of the source, or an output exists or cannot be written; nothing is left of it then.
+    """
+    with mapped(path) as data:
+        if data[: len(MAGIC)] != MAGIC:
+            return (recover(path, output),)
+        welcome, opened, damage = _introduction(path, data)
+        return _Blocks(path, data, output, welcome, opened, damage).write()
+
+
+class _Blocks:
+    """The recordings of a spill, while they are made."""
+
+    def __init__(
+        self,
+        path: Path,
+        data: "mmap.mmap | bytes",
+        output: Path | None,
+        welcome: Welcome,
+        opened: EventRecord,
+        damage: list[Damage],
+    ) -> None:
+        self._path, self._data, self._output = path, data, output
+        self._welcome, self._opened, self._damage = welcome, opened, damage
+        self._now = self._utc_ns = int(opened.details["utc_ns"])
+        self._made: list[RecordingWriter] = []
+        self._batches: list[int] = []
+
+    def write(self) -> tuple[Report, ...]:
+        """Write all of them."""
+        with self._nothing_by_halves():
+            self._open(self._welcome.config)
+            for _, _, message in read_spill(self._data):
+                if isinstance(message, LogBatch):
+                    self._batches[-1] += 1
+                    self._write_batch(message)
+            self._finish()
+        return tuple(self._report(writer, batches) for writer, batches in zip(self._made, self._batches, strict=True))
+
+    @contextmanager
+    def _nothing_by_halves(self) -> Iterator[None]:
+        try:
+            yield
+        except BaseException:
+            for writer in self._made:
+                writer.abandon()
+                writer.part.unlink(missing_ok=True)
+                if writer.durable is not None and not writer.is_open:
+                    writer.path.unlink(missing_ok=True)
+            raise
+
+    def _open(self, config_text: str) -> None:
+        """Begin the recording of a block."""
+        config = parse(config_text, f"{self._path} (its configuration)")
+        welcome = replace(self._welcome, config=config_text)
+        target = self._named(config.block.number if config.block.blocks > 1 else None)
+        writer = RecordingWriter(
+            target,
+            provenance(welcome, config, 0, self._now, self._opened.time_ns + self._now - self._utc_ns)
+            | {"part": "spill"},
+            config_text,
+            config.recording,
+            self._now,
+            account_for(self._path, len(self._data), self._damage, True),
+        )
+        self._made.append(writer)
+        self._batches.append(0)
+
+    def _named(self, block: int | None) -> Path:
+        """Name of a block's recording, or of the only one's."""
+        whole = self._output or recovered_path(self._path)
+        if block is None or (self._output is not None and not self._made):
+            return whole
+        stem = whole.name.removesuffix(".mcap").removesuffix(".recovered")
+        return whole.with_name(f"{stem}_block{block:02d}{whole.name[len(stem) :]}")
+
+    def _finish(self) -> None:
+        self._made[-1].finish(self._now, "no logger took it from the server")
+
+    def _write_batch(self, batch: LogBatch) -> None:
+        """Write the records of a batch, as a logger would have at the time."""
+        writer = self._made[-1]
+        expected = writer.next_record
+        if expected is not None and batch.first > expected:
+            writer.note_lost(expected, batch.first - expected, self._now)
+        for number, frame in enumerate(batch.records, start=batch.first):
+            self._write(frame, number)
+
+    def _write(self, frame: bytes, number: int) -> None:
+        writer = self._made[-1]
+        try:
+            record = record_of(frame)
+        except WireError as error:
+            writer.note_unreadable(frame, number, str(error), self._now)
+            return
+        if not isinstance(record, FrameRecord | BackfillRecord):  # whose stamps are not of the present
+            self._now = max(self._now, _server_ns(record) + self._utc_ns - self._opened.time_ns)
+        if writer.next_record is not None and (config := begun(record)):
+            self._finish()
+            self._open(config)
+        self._made[-1].write(record, number, self._now)
+
+    def _report(self, writer: RecordingWriter, batches: int) -> Report:
+        with Recording(writer.path) as recording:
+            ticks = recording.columns("tick")["tick"]
+            return Report(
+                source=self._path,
+                output=writer.path,
+                source_bytes=len(self._data),
+                chunks=batches,
+                messages={topic: count for topic, count in recording.counts.items() if topic != "/plot"},
+                first_tick=int(ticks.min()) if ticks.size else None,
+                last_tick=int(ticks.max()) if ticks.size else None,
+                missing=find_gaps(ticks),
+                damage=tuple(self._damage),
+                finished=True,
+                has_config=True,
+            )
+
+
+def _introduction(path: Path, data: "mmap.mmap | bytes") -> tuple[Welcome, EventRecord, list[Damage]]:
+    """Read how a spill begins, and find what is damaged in it."""
+    welcome: Welcome | None = None
+    opened: EventRecord | None = None
+    damage = []
+    for start, stop, message in read_spill(data):
+        match message:
+            case None:
+                damage.append(Damage(start, stop - start, "a damaged block"))
+            case Welcome():
+                welcome = message
+            case EventRecord(name=name) if name == OPENED:
+                opened = message
+    if welcome is None or opened is None:
+        raise RecordingError(f"{path}: the beginning of this spill is damaged; nothing can be made of the rest")
+    return welcome, opened, damage
+
+
+def _server_ns(record: TickRecord | EventRecord | ClockRecord) -> int:
+    """Server time of a record."""
+    if isinstance(record, TickRecord):
+        return int(np.frombuffer(record.row, TICK)["time_ns"][0]) if len(record.row) == TICK.itemsize else 0
+    return stamped(record).publish_time_ns

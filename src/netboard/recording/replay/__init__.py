@@ -1,0 +1,1 @@
+"""A recording played back: position, marks, commands, several side by side."""

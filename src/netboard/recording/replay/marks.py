@@ -1,0 +1,130 @@
+"""What is worth a mark on the time line of a recording: its trials, how they ended, and what else happened. Pure."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import isnan
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.network.protocol.records import BLOCK_BEGAN, EventRecord
+from netboard.recording.format.summary import Attempt, Gap
+from netboard.task.trials.state_machine import Cause
+
+KINDS = ("trial", "release", "success", "failure", "stop", "note", "event", "gap")
+"""Kinds of marks: the board is to be levelled for an attempt; the ball is released; it was held in the target; it fell,
+or the time was up; the block was stopped, paused, or given up; an operator's note; anything else; ticks are missing."""
+
+_KINDS: dict[int, str] = {
+    Cause.LEVEL: "release",
+    Cause.HELD: "success",
+    Cause.FELL: "failure",
+    Cause.TIMED_OUT: "failure",
+    Cause.ABORT: "stop",
+    Cause.PAUSE: "stop",
+    Cause.STOP: "stop",
+    Cause.SKIP: "stop",
+    Cause.FAULT: "stop",
+}
+
+_TOLD = {cause.name.lower() for cause in Cause} | {"attempt_ended", BLOCK_BEGAN}
+"""Events that the ticks tell better."""
+
+
+@dataclass(frozen=True, slots=True)
+class Mark:
+    """Something worth seeing on the time line.
+
+    Attributes
+    ----------
+    time : float
+        When, from the start of the recording [s].
+    """
+
+    time: float
+    tick: int
+    kind: str
+    label: str
+    trial: int
+
+
+def seconds(ticks: NDArray[Any]) -> NDArray[np.float64]:
+    """Time of each tick from the start of the recording."""
+    return np.asarray((ticks["time_ns"] - ticks["time_ns"][0]) * 1e-9, dtype=np.float64)
+
+
+def marks(
+    ticks: NDArray[Any],
+    attempts: Sequence[Attempt] = (),
+    gaps: Sequence[Gap] = (),
+    events: Sequence[EventRecord] = (),
+) -> tuple[Mark, ...]:
+    """What is worth a mark."""
+    times = seconds(ticks)
+
+    def mark(tick: int, kind: str, label: str) -> Mark:
+        row = min(max(int(np.searchsorted(ticks["tick"], tick, side="right")) - 1, 0), len(ticks) - 1)
+        return Mark(float(times[row]), tick, kind, label, int(ticks["trial"][row]))
+
+    found = [mark(attempt.began, "trial", _attempt_in_words(attempt)) for attempt in attempts]
+    for row in np.flatnonzero(ticks["event"]):
+        cause = int(ticks["event"][row])
+        if cause in _KINDS:
+            label = f"{Cause(cause).name.lower()} {int(ticks['trial'][row])}"
+            found.append(mark(int(ticks["tick"][row]), _KINDS[cause], label))
+    found += [mark(gap.first - 1, "gap", gap_in_words(gap)) for gap in gaps]
+    found += [mark(*_event_in_words(event)) for event in events if event.name not in _TOLD]
+    return tuple(sorted(found, key=lambda one: one.time))
+
+
+def _attempt_in_words(attempt: Attempt) -> str:
+    """An attempt in one line."""
+    took = "" if isnan(attempt.completion) else f" in {attempt.completion:.3f} s"
+    again = f", attempt {attempt.attempt}" if attempt.attempt > 1 else ""
+    return f"trial {attempt.trial}{again}: {attempt.outcome.replace('_', ' ')}{took}"
+
+
+def gap_in_words(gap: Gap) -> str:
+    """Name ticks that are missing."""
+    last = gap.first + gap.count - 1
+    return f"tick {gap.first} is missing" if gap.count == 1 else f"ticks {gap.first} to {last} are missing"
+
+
+def _event_in_words(event: EventRecord) -> tuple[int, str, str]:
+    """Tick, kind and label of an event."""
+    details = event.details
+    if event.name == "command" and details.get("name") == "note":
+        return _note(event.tick, details.get("argument", ""))
+    told = " ".join(details[key] for key in ("name", "side", "reason", "milliseconds") if details.get(key))
+    return event.tick, "event", f"{event.name.replace('_', ' ')} {told}".strip()
+
+
+def _note(tick: int, words: str) -> tuple[int, str, str]:
+    """A note, at the tick at which its writing began if that is known."""
+    if words.startswith("{"):
+        note = json.loads(words)
+        return note.get("tick", tick), "note", note["text"]
+    return tick, "note", words
+
+
+HERE, JUST_NOW = 5e-4, 0.5
+"""A mark so near, ahead and behind, is where the replay is: whoever goes back while it plays goes on back [s]."""
+
+ANY = "mark"
+"""Stands for any of the `KINDS`."""
+
+
+def near(found: Sequence[Mark], position: float, kind: str, *, back: bool) -> Mark | None:
+    """Find the next mark, or the one before.
+
+    Returns
+    -------
+    Mark or None
+        The nearest one that is not here already; None if there is none.
+    """
+    alike = [mark for mark in found if kind in (ANY, mark.kind)]
+    if back:
+        return next((mark for mark in reversed(alike) if mark.time < position - JUST_NOW), None)
+    return next((mark for mark in alike if mark.time > position + HERE), None)

@@ -1,0 +1,183 @@
+"""What can be asked of a replay, by a command on the wire or by a key: the one place that knows. Pure.
+
+A replay moves nobody's hand. So whoever is connected may command, and what belongs to a live session is refused.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import isfinite
+
+from netboard.base.errors import NetboardError
+from netboard.network.protocol.control import REPLAY_COMMANDS
+from netboard.recording.replay.loaded import Reel
+from netboard.recording.replay.marks import ANY, KINDS, near
+from netboard.recording.replay.position import SPEEDS, Playback, clock
+
+SHARED = ("pause", "resume", "next", "end")
+"""Commands of a live session that mean something for a replay too."""
+
+KNOWN = (*REPLAY_COMMANDS, *SHARED)
+"""Every command that a replay knows."""
+
+MOST = 2**53
+"""No number of a tick or a trial is larger [1]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Order:
+    """A command that has been given."""
+
+    name: str
+    argument: str
+
+
+KEYS: dict[str, Order] = {
+    " ": Order("toggle", ""),
+    "left": Order("seek", "-1"),
+    "right": Order("seek", "+1"),
+    "up": Order("faster", "1"),
+    "down": Order("faster", "-1"),
+    "+": Order("faster", "1"),
+    "-": Order("faster", "-1"),
+    ".": Order("step", "1"),
+    ",": Order("step", "-1"),
+    "n": Order("next", ""),
+    "p": Order("previous", ""),
+    "l": Order("loop", ""),
+    "q": Order("end", ""),
+}
+"""What the keys of a terminal do."""
+
+
+def obey(playback: Playback, reel: Reel, now: float, order: Order) -> Playback:
+    """Carry out a command."""
+    deed = _DEEDS.get(order.name)
+    if deed is None:
+        known = ", ".join(sorted(KNOWN))
+        raise NetboardError(f"cannot {order.name}: this is a replay of {reel.name}; it knows {known}")
+    return deed(playback, reel, now, order.argument.strip().lower())
+
+
+def in_words(playback: Playback, reel: Reel, now: float) -> str:
+    """Say where a replay is and how it goes on."""
+    here = playback.now(now)
+    told = [f"{'playing' if here.playing else 'paused'} at {clock(here.position)} of {clock(here.length)}"]
+    told.append(f"{here.speed:g} times real time")
+    if here.loop is not None:
+        told.append(f"loop {clock(here.loop[0])} to {clock(here.loop[1])}")
+    return ", ".join((*told, reel.where(here.position)))
+
+
+def _seek(playback: Playback, reel: Reel, now: float, argument: str) -> Playback:
+    what, _, which = argument.partition(" ")
+    if what == "trial":
+        return playback.seek(now, _trial(reel, which)[0])
+    if what == "tick":
+        return playback.seek(now, reel.time_of(_whole("seek tick", which)))
+    position = _number("seek", argument, "seconds (12.5), seconds from here (+2, -2), trial N or tick N")
+    return playback.move(now, position) if argument[0] in "+-" else playback.seek(now, position)
+
+
+def _speed(playback: Playback, _reel: Reel, now: float, argument: str) -> Playback:
+    least, most = SPEEDS[0], SPEEDS[-1]
+    speed = _number("speed", argument, f"{least:g} to {most:g} times real time")
+    if not least <= speed <= most:
+        raise NetboardError(f'speed: found "{argument}", expected {least:g} to {most:g} times real time')
+    return playback.pace(now, speed)
+
+
+def _faster(playback: Playback, _reel: Reel, now: float, argument: str) -> Playback:
+    return playback.faster(now, int(argument))
+
+
+def _step(playback: Playback, reel: Reel, now: float, argument: str) -> Playback:
+    back, _, count = argument.partition(" ")
+    ticks = -_whole("step back", count or "1") if back == "back" else _whole("step", argument or "1")
+    here = playback.pause(now)
+    return here.seek(now, reel.stepped(here.position, ticks))
+
+
+def _loop(playback: Playback, reel: Reel, now: float, argument: str) -> Playback:
+    words = argument.split()
+    match words:
+        case [] if playback.loop is not None:
+            return playback.repeat(now, None)
+        case ["off"]:
+            return playback.repeat(now, None)
+        case [] | ["on"]:
+            part = (0.0, reel.length)
+        case ["trial", which]:
+            part = _trial(reel, which)
+        case [begin, end]:
+            part = _number("loop", begin, _LOOP), _number("loop", end, _LOOP)
+        case _:
+            raise NetboardError(f'loop: found "{argument}", expected {_LOOP}')
+    try:
+        looped = playback.repeat(now, part)
+    except ValueError:
+        raise NetboardError(f'loop: found "{argument}", expected two times within {reel.length:g} s') from None
+    inside = looped.loop is not None and looped.loop[0] <= looped.position < looped.loop[1]
+    return looped if inside else looped.seek(now, part[0])
+
+
+_LOOP = "on, off, trial N, or two times in seconds"
+
+
+def _go(back: bool) -> Callable[[Playback, Reel, float, str], Playback]:
+    """To the next mark, or the one before."""
+
+    def go(playback: Playback, reel: Reel, now: float, argument: str) -> Playback:
+        kind = argument or "trial"
+        where = "before" if back else "after"
+        if kind not in (*KINDS, ANY):
+            raise NetboardError(f'found "{argument}", expected {ANY} or one of its kinds: {", ".join(KINDS)}')
+        mark = near(reel.marks, playback.at(now), kind, back=back)
+        if mark is None:
+            raise NetboardError(f"no {kind} comes {where} {clock(playback.at(now))}")
+        return playback.seek(now, mark.time)
+
+    return go
+
+
+def _trial(reel: Reel, which: str) -> tuple[float, float]:
+    found = reel.trial(_whole("trial", which))
+    if found is None:
+        known = f"trials {reel.trials[0]} to {reel.trials[-1]}" if reel.trials else "no trial"
+        raise NetboardError(f"there is no trial {which}: {reel.name} has {known}")
+    return found
+
+
+def _whole(name: str, text: str) -> int:
+    try:
+        number = int(text)
+    except ValueError:
+        number = MOST + 1
+    if abs(number) > MOST:
+        raise NetboardError(f'{name}: found "{text}", expected a whole number')
+    return number
+
+
+def _number(name: str, text: str, expected: str) -> float:
+    try:
+        number = float(text)
+    except ValueError:
+        number = float("nan")
+    if not isfinite(number):
+        raise NetboardError(f'{name}: found "{text}", expected {expected}')
+    return number
+
+
+_DEEDS: dict[str, Callable[[Playback, Reel, float, str], Playback]] = {
+    "play": lambda playback, _reel, now, _argument: playback.play(now),
+    "resume": lambda playback, _reel, now, _argument: playback.play(now),
+    "pause": lambda playback, _reel, now, _argument: playback.pause(now),
+    "toggle": lambda playback, _reel, now, _argument: playback.toggle(now),
+    "end": lambda playback, _reel, now, _argument: playback.pause(now),
+    "seek": _seek,
+    "speed": _speed,
+    "faster": _faster,
+    "step": _step,
+    "loop": _loop,
+    "next": _go(back=False),
+    "previous": _go(back=True),
+}

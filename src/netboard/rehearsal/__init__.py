@@ -1,1 +1,0 @@
-"""Blocks and sessions with simulated people, through the live stage and as fast as the machine allows."""

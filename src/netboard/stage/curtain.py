@@ -1,0 +1,155 @@
+"""The curtain: what a participant may see of a tick. The only place that makes a `View`.
+
+The server shows each station the result of `view_of` and nothing else; the replay shows the same. In a dyadic block a
+participant sees the board, the ball, the target and the own stylus; in a bimanual block the one participant sees both
+styluses, and whoever has nothing to do in a block sees neither board nor ball nor how well the others do. The partner's
+hand is never in a view. (The board itself follows both hands within some ten milliseconds, so whoever sees the board
+can infer where the partner's end is: that is the task.)
+"""
+
+from dataclasses import dataclass
+from operator import itemgetter
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.base.config import SIDES, Config, Side
+from netboard.base.tables.experiment import Block
+from netboard.base.tick import TICK
+from netboard.stage.view import View
+from netboard.task.trials.state_machine import Phase, ticks
+
+AGAIN = "again"
+"""The notice before another attempt at the same trial; a display has a line for it in its language."""
+
+AWAY = "away"
+"""The phase of a view for somebody who has nothing to do in the block."""
+
+PHASE_NAMES = {int(phase): phase.name.lower() for phase in Phase}
+
+
+@dataclass(frozen=True, slots=True)
+class Curtain:
+    """What there is to see in a block, and who may see which hand.
+
+    Attributes
+    ----------
+    dyadic : bool
+        Two participants, each seeing only the own stylus.
+    ball : bool
+        Whether there is a ball.
+    target_distance : float
+        Target centre to board centre [m].
+    trials : int
+        Successful trials the block asks for [1].
+    block, blocks : int
+        Number of the block in its plan, from 1, and how many there are [1].
+    away : tuple of str
+        Stations whose participant has nothing to do.
+    lasting : dict of int
+        For each phase that must last: how many ticks [1].
+    """
+
+    dyadic: bool
+    ball: bool
+    target_distance: float
+    trials: int
+    block: int
+    blocks: int
+    away: tuple[Side, ...]
+    lasting: dict[int, int]
+
+
+def make_curtain(config: Config) -> Curtain:
+    """Take from the configuration what the curtain needs.
+
+    Parameters
+    ----------
+    config : Config
+        The whole configuration.
+    """
+    block = config.block
+    return Curtain(
+        dyadic=block.configuration == "dyadic",
+        ball=config.physics.balls > 0,
+        target_distance=config.geometry.target_distance,
+        trials=block.trials,
+        block=block.number,
+        blocks=block.blocks,
+        away=tuple(side for side in SIDES if _is_away(block, side)),
+        lasting={int(Phase.LEVELLING): ticks(config.task.level_time), int(Phase.HOLDING): ticks(config.task.hold_time)},
+    )
+
+
+def _is_away(block: Block, station: Side) -> bool:
+    """Whether nobody at a station takes part in a block."""
+    if block.configuration == "bimanual":
+        return station != block.station
+    return (block.left if station == "left" else block.right) != "person"
+
+
+_SHOWN = (
+    *("phase", "attempt", "target", "tick", "z", "theta", "p", "left_used_z", "right_used_z"),
+    *("trial", "failures", "completion", "counted", "extra"),
+)
+_shown = itemgetter(*((TICK.names or ()).index(name) for name in _SHOWN))
+"""Takes what views are made of from the values of a row."""
+
+
+def view_of(
+    curtain: Curtain,
+    row: NDArray[Any] | np.void,
+    station: Side,
+    best: float | None,
+    sent_ns: int,
+    seq: int = 0,
+    rest: float | None = None,
+) -> View:
+    """What one station may see of one tick.
+
+    Parameters
+    ----------
+    curtain : Curtain
+        Who may see what.
+    row : netboard.base.tick.TICK record
+        The tick.
+    station : str
+        ``left`` or ``right``.
+    best : float or None
+        Best completion time of the block so far [s].
+    sent_ns : int
+        Server time of sending [ns].
+    seq : int
+        Number of the view at its station: one more than that of the view sent before [1].
+    rest : float or None
+        What is left of the rest before the block; None without one [s].
+    """
+    phase, attempt, target, tick, z, theta, p, left, right, trial, failures, completion, counted, extra = _shown(
+        row.item()
+    )
+    away = station in curtain.away
+    lasting = curtain.lasting.get(phase, 0)
+    return View(
+        station=station,
+        tick=tick,
+        sent_ns=sent_ns,
+        phase=AWAY if away else PHASE_NAMES[phase],
+        z=0.0 if away else z,
+        theta=0.0 if away else theta,
+        p=p if curtain.ball and not away else None,
+        target=0.0 if away else target * curtain.target_distance,
+        left=None if away or (curtain.dyadic and station != "left") else left,
+        right=None if away or (curtain.dyadic and station != "right") else right,
+        trial=trial,
+        trials=curtain.trials + extra,
+        failures=0 if away else failures,
+        completion=completion if completion > 0 and not away else None,
+        best=None if away else best,
+        notice=AGAIN if phase == Phase.LEVELLING and attempt > 1 and not away else "",
+        seq=seq,
+        share=min(max(counted / lasting, 0.0), 1.0) if lasting and not away else 0.0,
+        block=curtain.block,
+        blocks=curtain.blocks,
+        rest=rest,
+    )

@@ -1,0 +1,496 @@
+"""The stage: physics and trial machine composed into one tick. The only place that composes them.
+
+`advance` is a pure function: from the state at a tick, the stylus samples used and the operator's command it makes the
+forces, the event and the state at the next tick. It reads no clock, opens no socket, draws nothing and logs nothing.
+The server runs it live, ``netboard replay --verify`` runs it over a recording and must get the same bits, and
+simulations run it as fast as the machine allows.
+
+A tick is one row of `TICK`: what went in, the state it found, and what came out. The state in row k+1 is what
+`advance` made of row k, so any row can start a verification.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.base.compiled import borrowed, inlined, kernel, specialised
+from netboard.base.config import Config
+from netboard.base.errors import ConfigError
+from netboard.base.tables.declared import EXTRAPOLATIONS, number_of, require
+from netboard.base.tick import STATE, TICK, TICK_SECONDS
+from netboard.physics.arithmetic.vectors import State, calm
+from netboard.physics.hands.extrapolation import later, moving, reached, resting
+from netboard.physics.methods.catalogue import METHODS, NUMBER, advance
+from netboard.physics.scene.models import coupling, stopped
+from netboard.physics.scene.parameters import SCENE, Parts, pack_scene, parts_of
+from netboard.physics.scene.rendering import FELT, Felt, felt_of, force_on_hand, is_catch, pack_felt, scale_in
+from netboard.physics.stability.method_choice import Choice, choose
+from netboard.task.trials.state_machine import (
+    ACTION,
+    HAS_EDGE,
+    RULES,
+    SUCCESSOR,
+    Action,
+    Cause,
+    Phase,
+    first_target,
+    is_active,
+    is_level,
+    pack_rules,
+    sense,
+    wished,
+)
+
+VELOCITY_REACH = 0.010
+"""A stylus sample is extrapolated by its velocity over at most this time [s]."""
+
+ACCELERATION_REACH = 0.005
+"""Its acceleration counts for at most this time, and is known only from samples at most so far apart [s]."""
+
+SHORTEST_GAP = 0.25e-3
+"""Two samples closer than this tell no acceleration: what their velocities differ by is noise [s]."""
+
+FASTEST = 10.0
+"""No hand that holds a stylus is faster: a sample that says so is wrong, and counts as none [m/s]."""
+
+UPRIGHT = 1.5
+"""A board that stands upright is a fault: hands within their range cannot bring it there [rad]."""
+
+LARGEST_ACCELERATION = 50.0
+"""No hand that holds a stylus is quicker: what is measured beyond it counts as this [m/s2]."""
+
+HOLDS = ("zoh", "cv", "ca")
+"""How a stylus moves after its last sample; a hold's number is its place."""
+
+require("the extrapolation in netboard/stage/stage.py", HOLDS, EXTRAPOLATIONS)
+
+# Plain integers: what numba folds into the kernel below.
+_NONE, _FAULT, _REPEAT, _VETO = int(Cause.NONE), int(Cause.FAULT), int(Cause.REPEAT), int(Cause.VETO)
+_LEVELLING, _RUNNING, _HOLDING = int(Phase.LEVELLING), int(Phase.RUNNING), int(Phase.HOLDING)
+_PREPARE, _RELEASE, _MARK, _SUCCEED = int(Action.PREPARE), int(Action.RELEASE), int(Action.MARK), int(Action.SUCCEED)
+_FAIL, _ADVANCE, _RETRY, _HALT = int(Action.FAIL), int(Action.ADVANCE), int(Action.RETRY), int(Action.HALT)
+_EXTEND, _SHORTEN, _PASS = int(Action.EXTEND), int(Action.SHORTEN), int(Action.PASS)
+
+
+@inlined
+def _slope(vz: float, stamp_ns: int, seen_vz: float, seen_ns: int) -> float:
+    """Return the acceleration of a stylus from its two newest samples; 0 if they are too close, or too far apart."""
+    gap = (stamp_ns - seen_ns) * 1e-9
+    if SHORTEST_GAP <= gap <= ACCELERATION_REACH:
+        return min(max((vz - seen_vz) / gap, -LARGEST_ACCELERATION), LARGEST_ACCELERATION)
+    return 0.0
+
+
+@inlined
+def _used(
+    live: int, z: float, vz: float, az: float, age: float, last: float, limit: float, hold: int
+) -> tuple[float, float, float]:
+    """Return a stylus at the tick: height, rate, acceleration; the last height, at rest, without a sample."""
+    if live == 0:
+        return last, 0.0, 0.0
+    if hold == 1:
+        az = 0.0
+    if hold != 0:
+        z, vz = reached(z, vz, az, age, ACCELERATION_REACH, VELOCITY_REACH)
+    if abs(z) > limit:
+        return limit if z > 0.0 else -limit, 0.0, 0.0
+    return z, vz, az
+
+
+@kernel
+def _sense_left(s: Any, row: Any, limit: float, hold: int) -> None:
+    """Take the left stylus into the state and the row: a compiled record knows its fields by constant names only."""
+    z, vz, stamp_ns = row["left_sent_z"], row["left_sent_vz"], row["left_stamp_ns"]
+    live = row["left_live"] != 0 and np.isfinite(z) and abs(vz) <= FASTEST
+    if live and stamp_ns != s["left_seen_ns"]:
+        s["left_az"] = _slope(vz, stamp_ns, s["left_seen_vz"], s["left_seen_ns"])
+        s["left_seen_ns"], s["left_seen_vz"] = stamp_ns, vz
+    age = (row["time_ns"] - stamp_ns) * 1e-9
+    used = _used(live, z, vz, s["left_az"], age, s["left_z"], limit, hold)
+    row["left_used_z"], row["left_used_vz"], row["left_used_az"] = used
+    s["left_z"] = used[0]
+
+
+@kernel
+def _sense_right(s: Any, row: Any, limit: float, hold: int) -> None:
+    """Take the right stylus into the state and the row."""
+    z, vz, stamp_ns = row["right_sent_z"], row["right_sent_vz"], row["right_stamp_ns"]
+    live = row["right_live"] != 0 and np.isfinite(z) and abs(vz) <= FASTEST
+    if live and stamp_ns != s["right_seen_ns"]:
+        s["right_az"] = _slope(vz, stamp_ns, s["right_seen_vz"], s["right_seen_ns"])
+        s["right_seen_ns"], s["right_seen_vz"] = stamp_ns, vz
+    age = (row["time_ns"] - stamp_ns) * 1e-9
+    used = _used(live, z, vz, s["right_az"], age, s["right_z"], limit, hold)
+    row["right_used_z"], row["right_used_vz"], row["right_used_az"] = used
+    s["right_z"] = used[0]
+
+
+@inlined
+def _drives(row: Any, hold: int, scene: Any) -> State:
+    """Return the drives of both hands through the tick, as polynomials of the time."""
+    left_z, left_vz, right_z, right_vz = (
+        row["left_used_z"],
+        row["left_used_vz"],
+        row["right_used_z"],
+        row["right_used_vz"],
+    )
+    k_left, c_left, k_right, c_right = scene["k_left"], scene["c_left"], scene["k_right"], scene["c_right"]
+    if hold == 0:
+        return (*resting(left_z, left_vz, k_left, c_left), *resting(right_z, right_vz, k_right, c_right))
+    left = moving(left_z, left_vz, row["left_used_az"], k_left, c_left)
+    right = moving(right_z, right_vz, row["right_used_az"], k_right, c_right)
+    return (*left, *right)
+
+
+@inlined
+def _force(s: Any, row: Any, hands: State, parts: Parts, felt: Felt, numbers: Any, scene: Any) -> None:
+    """Write the forces of the couplings, and those that the hands are to feel."""
+    x = (s["z"], s["vz"], s["theta"], s["omega"])
+    on_left, on_right = coupling(x, hands[0], hands[4], parts, scene)
+    row["left_coupling"], row["right_coupling"] = on_left, on_right
+    row["left_force"], row["right_force"] = 0.0, 0.0
+    if not (felt.left or felt.right) or not is_active(s["phase"]) or is_catch(s["trial"], numbers, felt):
+        return
+    rolls = s["phase"] == _RUNNING or s["phase"] == _HOLDING
+    left_z, right_z, p, scale = row["left_used_z"], row["right_used_z"], s["p"], scale_in(s["trial"], numbers, felt)
+    if felt.left and row["left_live"] != 0:
+        gains = numbers["left_free"] if rolls else numbers["left_fixed"]
+        row["left_force"] = force_on_hand(on_left, left_z, right_z, p, row["left_other"], gains, scale, felt)
+    if felt.right and row["right_live"] != 0:
+        gains = numbers["right_free"] if rolls else numbers["right_fixed"]
+        row["right_force"] = force_on_hand(on_right, right_z, left_z, p, row["right_other"], gains, scale, felt)
+
+
+@kernel
+def _place_ball(s: Any, rules: Any) -> None:
+    """Put the ball at rest opposite the target."""
+    s["p"] = -s["target"] * rules["target_distance"]
+    s["vp"] = 0.0
+
+
+@kernel
+def _act(s: Any, action: int, rules: Any) -> None:
+    """Carry out the machine's action on the state."""
+    if action == _RELEASE:
+        s["run_ticks"] = 0
+    elif action == _MARK:
+        s["mark_ticks"] = s["run_ticks"]
+    elif action == _SUCCEED:
+        s["successes"] += 1
+        s["completion"] = s["mark_ticks"] * TICK_SECONDS
+    elif action == _FAIL:
+        s["failures"] += 1
+    elif action == _PREPARE:
+        _place_ball(s, rules)
+    elif action in (_ADVANCE, _PASS):
+        s["target"] = -s["target"]
+        s["trial"] += 1
+        s["attempt"] = 1 if action == _ADVANCE else 0
+        _place_ball(s, rules)
+    elif action == _RETRY:
+        s["attempt"] += 1
+        _place_ball(s, rules)
+    elif action == _HALT:
+        s["vp"] = 0.0
+    elif action in (_EXTEND, _SHORTEN):
+        s["extra"] = s["extra"] + 1 if action == _EXTEND else max(s["extra"] - 1, 0)
+        return
+    s["counted"] = 0
+
+
+@kernel
+def _count(s: Any, rules: Any) -> None:
+    """Count this tick: for the block, since the release, level, inside the target."""
+    phase = s["phase"]
+    if is_active(phase):
+        s["block_ticks"] += 1
+    if phase == _LEVELLING:
+        s["counted"] = s["counted"] + 1 if is_level(s["z"], s["theta"], s["omega"], rules) else 0
+    elif phase == _RUNNING:
+        s["run_ticks"] += 1
+    elif phase == _HOLDING:
+        s["run_ticks"] += 1
+        s["counted"] += 1
+
+
+@kernel
+def _move(s: Any, cause: int, rules: Any) -> int:
+    """Take the machine's edge for a cause and return the cause; without an edge do nothing and return 0."""
+    phase = s["phase"]
+    if not HAS_EDGE[phase, cause]:
+        return _NONE
+    s["phase"] = SUCCESSOR[phase, cause]
+    _act(s, ACTION[phase, cause], rules)
+    return cause
+
+
+@kernel
+def _decide(s: Any, command: int, rules: Any) -> int:
+    """Run the trial machine on the state; return the cause of the edge taken, 0 for none."""
+    _count(s, rules)
+    phase = s["phase"]
+    cause = _move(s, wished(command, s["trial"], s["extra"], s["block_ticks"], rules), rules)
+    if cause not in (_NONE, _REPEAT, _VETO):
+        return cause
+    centre = s["target"] * rules["target_distance"]
+    trial, extra, block_ticks = s["trial"], s["extra"], s["block_ticks"]
+    sensed = sense(phase, s["p"], centre, s["counted"], s["run_ticks"], trial, extra, block_ticks, rules)
+    return _move(s, sensed, rules) or cause
+
+
+@inlined
+def _settle(s: Any, x: State) -> bool:
+    """Take over the state of board and ball; put them at rest and return False if no board could be like that."""
+    sound = bool(np.isfinite(x[0] + x[1] + x[2] + x[3] + x[4] + x[5])) and abs(x[2]) <= UPRIGHT
+    if sound:
+        s["z"], s["vz"], s["theta"], s["omega"], s["p"], s["vp"] = x
+    else:
+        s["z"], s["vz"], s["theta"], s["omega"], s["vp"] = 0.0, 0.0, 0.0, 0.0, 0.0
+    return sound
+
+
+_STATE_NAMES = tuple(STATE.names or ())
+
+
+def _keep(row: Any, s: Any) -> None:
+    """Copy the state found to its place in the row."""
+    for name in _STATE_NAMES:
+        row[name] = s[name]
+
+
+@specialised(_keep)
+def _keep_compiled(row: Any, s: Any) -> Any:
+    """Write the same out, field by field."""
+    made: dict[str, Any] = {}
+    exec("def keep(row, s):\n" + "".join(f"    row[{name!r}] = s[{name!r}]\n" for name in _STATE_NAMES), made)
+    return made["keep"]
+
+
+@cache
+def _make_ticks(METHOD: int, SUBSTEPS: int, HOLD: int, FREE: Parts, FIXED: Parts, HANDS: Felt) -> Callable[..., None]:
+    """Compile the ticks for a kind of block: its method, its parts while the ball rolls and while not, its forces."""
+    STEP = TICK_SECONDS / SUBSTEPS
+
+    @kernel
+    def ticks(state: Any, rows: Any, first: int, count: int, book: Any, tables: Any) -> None:
+        s, scene, rules, numbers = state[0], book[0]["scene"], book[0]["rules"], book[0]["felt"]
+        limit = book[0]["settings"]["stylus_range"]
+        tables = borrowed(tables)
+        place = first % len(rows)
+        for _ in range(count):
+            row = rows[place]
+            place = place + 1 if place + 1 < len(rows) else 0
+            _keep(row, s)
+            _sense_left(s, row, limit, HOLD)
+            _sense_right(s, row, limit, HOLD)
+            hands = _drives(row, HOLD, scene)
+            _force(s, row, hands, FIXED, HANDS, numbers, scene)
+            cause = _decide(s, row["command"], rules)
+            rolls = s["phase"] == _RUNNING or s["phase"] == _HOLDING
+            x: State = (s["z"], s["vz"], s["theta"], s["omega"], s["p"], s["vp"] if rolls else 0.0)
+            for step in range(SUBSTEPS):
+                if step > 0:
+                    hands = later(hands, STEP)
+                if rolls:
+                    x = stopped(advance(METHOD, x, STEP, hands, (tables, 0), FREE, scene), FREE, scene)
+                else:
+                    x = advance(METHOD, x, STEP, hands, (tables, 1), FIXED, scene)
+            if not _settle(s, calm(x)):
+                cause = _move(s, _FAULT, rules) or cause
+            row["event"] = cause
+
+    return ticks
+
+
+SETTINGS = np.dtype(
+    [
+        ("stylus_range", "<f8"),  # stylus heights are clipped to +- this [m]
+        ("balls", "<i8"),  # 1: there is a ball
+    ]
+)
+"""What the stage itself needs to know of the block: one record."""
+
+BOOK = np.dtype([("scene", SCENE), ("rules", RULES), ("felt", FELT), ("settings", SETTINGS)])
+"""Everything the ticks of a block go by: one record."""
+
+
+@dataclass(frozen=True)
+class Stage:
+    """The rules of one block, packed for the kernels. Holds no state: that is passed in and handed back.
+
+    Attributes
+    ----------
+    book : ndarray of BOOK, shape (1,)
+        The scene, the rules of the trial, what is felt, and the rest.
+    choice : Choice
+        How the scene is stepped, and why.
+    tables : ndarray of float64, shape (2, k, 6, 6)
+        What its method needs for a ball that rolls, and for one that is fixed [SI].
+    ticks : callable
+        The compiled ticks.
+    first_target : int
+        Side of the first target, that of trial 1: -1 left, +1 right [1].
+    delay : int
+        A hand is told a force so many ticks later [1].
+    """
+
+    book: NDArray[Any]
+    choice: Choice
+    tables: NDArray[np.float64]
+    ticks: Callable[..., None]
+    first_target: int
+    delay: int
+
+    def initial(
+        self,
+        *,
+        trial: int = 1,
+        attempt: int = 1,
+        successes: int = 0,
+        failures: int = 0,
+        extra: int = 0,
+        block_ticks: int = 0,
+    ) -> NDArray[Any]:
+        """State before the first tick: the board at its static rest would be reached in 50 ms, so it starts flat.
+
+        A block that is resumed begins in its middle: with a trial and an attempt that have not begun.
+
+        Parameters
+        ----------
+        trial, attempt : int
+            Numbers of the trial and of the attempt at it that come first [1].
+        successes, failures : int
+            Successful trials and failed attempts so far [1].
+        extra : int
+            Trials that operators have added so far [1].
+        block_ticks : int
+            Ticks that the block has taken so far [1].
+
+        Returns
+        -------
+        ndarray of STATE, shape (1,)
+            The state, to be moved on by `advance`.
+        """
+        state = np.zeros(1, STATE)
+        state["phase"] = Phase.IDLE
+        state["target"] = self.first_target if trial % 2 else -self.first_target
+        state["trial"], state["attempt"] = trial, attempt
+        state["successes"], state["failures"] = successes, failures
+        state["extra"], state["block_ticks"] = extra, block_ticks
+        if self.book["settings"]["balls"][0]:
+            state["p"] = -state["target"] * self.book["rules"]["target_distance"]
+        return state
+
+    def advance(self, state: NDArray[Any], rows: NDArray[Any], first: int = 0, count: int = 1) -> None:
+        """Do `count` ticks.
+
+        Parameters
+        ----------
+        state : ndarray of STATE, shape (1,)
+            The state at the first of the ticks; moved on in place.
+        rows : ndarray of TICK, shape (n,)
+            A ring of rows. The inputs of the rows are read; the state found and the outputs are written to them.
+        first : int
+            Number of the first tick; its row is ``first % n`` [1].
+        count : int
+            How many ticks [1].
+        """
+        self.ticks(state, rows, first, count, self.book, self.tables)
+
+    def told(self, rows: NDArray[Any], number: int) -> Any:
+        """Find the row whose forces the hands are told at a tick: that of `delay` ticks before.
+
+        Parameters
+        ----------
+        rows : ndarray of TICK, shape (n,)
+            A ring of rows, or of their words, more of them than `delay`; those of ticks that there were not are zeros.
+        number : int
+            Number of the tick [1].
+
+        Returns
+        -------
+        TICK record, or ndarray of its words
+            The row.
+        """
+        return rows[(number - self.delay) % len(rows)]
+
+    def warm(self) -> None:
+        """Compile (or load from the cache) everything `advance` needs, so that no first tick is late."""
+        self.advance(self.initial(), np.zeros(1, TICK))
+
+
+def make_stage(config: Config) -> Stage:
+    """Pack a configuration.
+
+    Parameters
+    ----------
+    config : Config
+        The whole configuration.
+
+    Returns
+    -------
+    Stage
+        The rules of its block.
+
+    Raises
+    ------
+    ConfigError
+        If the live tick cannot hold the scene.
+    """
+    physics = config.physics
+    if physics.balls > 1:
+        raise ConfigError(
+            f"[physics] balls: found {physics.balls}, expected 0 or 1: a trial is about one ball "
+            "(scenes of several are for `netboard simulate`)"
+        )
+    book = np.zeros(1, BOOK)
+    book["scene"] = pack_scene(physics)
+    book["rules"] = pack_rules(config.task, config.geometry, config.block)
+    book["felt"] = pack_felt(config)
+    book["settings"] = (config.task.stylus_range, physics.balls)
+    choice = choose(physics, TICK_SECONDS)
+    method, kinds = NUMBER[choice.method], (parts_of(physics), parts_of(physics, free=False))
+    step = TICK_SECONDS / choice.substeps
+    return Stage(
+        book=book,
+        choice=choice,
+        tables=np.stack([METHODS[method].tables(book["scene"][0], parts, 6, step) for parts in kinds]),
+        ticks=_make_ticks(
+            method, choice.substeps, number_of(physics.hold, HOLDS, "[physics] hold"), *kinds, felt_of(config.block)
+        ),
+        first_target=first_target(config),
+        delay=config.block.force_delay_ms,
+    )
+
+
+def told_forces(ticks: NDArray[Any], delay: int) -> NDArray[np.float64]:
+    """Return the forces that the hands were told in a recording, before the server's gains.
+
+    Parameters
+    ----------
+    ticks : ndarray of TICK, shape (n,)
+        The recorded ticks, in order; some may be missing.
+    delay : int
+        A hand is told a force so many ticks later [1].
+
+    Returns
+    -------
+    ndarray of float64, shape (n, 2)
+        Of the left and the right hand, + = up: 0 where the tick that it is of does not exist, or no trial is on [N].
+    """
+    told = np.zeros((len(ticks), 2))
+    if len(ticks):
+        then = np.searchsorted(ticks["tick"], ticks["tick"] - delay)
+        known = (ticks["tick"][then] == ticks["tick"] - delay) & _active(ticks["phase"])
+        for place, side in enumerate(("left", "right")):
+            told[known, place] = ticks[f"{side}_force"][then[known]]
+    return told
+
+
+def _active(phases: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Tell of many phases whether a trial is going on."""
+    return np.array([is_active(int(phase)) for phase in Phase])[phases]

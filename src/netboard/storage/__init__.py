@@ -1,1 +1,0 @@
-"""What recordings withstand, and what writing and reading them costs: studies of the real files and processes."""

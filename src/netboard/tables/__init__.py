@@ -1,1 +1,0 @@
-"""The tables of the configuration, one frozen dataclass each, and what contradicts what in them (pure)."""

@@ -1,0 +1,326 @@
+"""Where a session stands, told from its journal alone.
+
+Rules that hold here: a resumed session goes on with the trial after the last that was a success or was skipped; an
+attempt that has begun and not ended is incomplete, and is kept and marked; numbers are never given twice, so the next
+attempt at a trial counts on; and any beginning of a journal tells where the session stood then.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Protocol, TypeAlias
+
+from netboard.base.errors import RecordingError
+from netboard.task.journal.entries import (
+    AttemptBegan,
+    AttemptEnded,
+    BlockBegan,
+    BlockEnded,
+    Ended,
+    Entry,
+    Header,
+    Opened,
+    Repeat,
+    Resumed,
+    Veto,
+)
+from netboard.task.trials.repeats import Repeats
+
+Row: TypeAlias = tuple[int, int, int, str, float, str, int]
+"""One attempt as in `netboard.network.protocol.control.Outcomes`."""
+
+Place: TypeAlias = tuple[int, int, int]
+"""Numbers of block, trial and attempt."""
+
+INCOMPLETE = "incomplete"
+"""Outcome of an attempt that began and never ended."""
+
+
+class PlannedBlock(Protocol):
+    """What is asked of a block of a plan."""
+
+    @property
+    def number(self) -> int:
+        """Its number, from 1 [1]."""
+
+    @property
+    def trials(self) -> int:
+        """How many trials it has [1]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """Where a session stands.
+
+    Attributes
+    ----------
+    blocks : int
+        How many blocks the plan has [1].
+    done : tuple of int
+        Numbers of the blocks that are over [1].
+    block : int
+        Number of the block that comes next or goes on; 0 if all are over [1].
+    begun : bool
+        Whether that block has begun.
+    trial, attempt : int
+        With which trial and attempt it goes on [1].
+    successes, failures, skipped : int
+        Successful trials, failed attempts and skipped trials of that block so far [1].
+    repeats : Repeats
+        What is to be done once more in it.
+    completions : tuple of float
+        Completion times of its successful trials [s].
+    block_ticks : int
+        Ticks that it has taken so far [1].
+    outcomes : tuple of Row
+        Every attempt of the session, in order.
+    incomplete : tuple of Place
+        Attempts that began and never ended.
+    under_way : Place or None
+        The last of them, if it was under way at the end of the journal.
+    runs : tuple of str
+        Ids of the runs of the server so far.
+    """
+
+    blocks: int
+    done: tuple[int, ...]
+    block: int
+    begun: bool
+    trial: int
+    attempt: int
+    successes: int
+    failures: int
+    skipped: int
+    repeats: Repeats
+    completions: tuple[float, ...]
+    block_ticks: int
+    outcomes: tuple[Row, ...]
+    incomplete: tuple[Place, ...]
+    under_way: Place | None
+    runs: tuple[str, ...]
+
+    @property
+    def complete(self) -> bool:
+        """Whether nothing is left to be done."""
+        return self.block == 0
+
+    @property
+    def extra(self) -> int:
+        """Trials that were added to the block [1]."""
+        return self.repeats.extra
+
+    @property
+    def best(self) -> float | None:
+        """Best completion time of the block; None without a success [s]."""
+        return min(self.completions, default=None)
+
+
+@dataclass
+class _BlockSoFar:
+    """What a journal has said of a block."""
+
+    repeats: Repeats
+    begun: bool = False
+    over: bool = False
+    stopped: bool = False
+    last_done: int = 0
+    attempt: int = 0  # newest at the trial after that
+    failures: int = 0
+    skipped: int = 0
+    completions: list[float] = field(default_factory=list)
+    ticks: int = 0
+
+    @property
+    def finished(self) -> bool:
+        return self.over or self.last_done >= self.repeats.trials + self.repeats.extra
+
+
+class _Reader:
+    """Takes entry after entry; what contradicts those before is a `ValueError`."""
+
+    def __init__(self, plan_blocks: Sequence[PlannedBlock]) -> None:
+        self.blocks = {block.number: _BlockSoFar(Repeats(block.trials)) for block in plan_blocks}
+        self.outcomes: list[Row] = []
+        self.incomplete: list[Place] = []
+        self.under_way: Place | None = None
+        self.runs: list[str] = []
+
+    def take(self, entry: Entry) -> None:
+        """Take the next entry."""
+        match entry:
+            case Opened(run=run) | Resumed(run=run):
+                self.interrupt()
+                self.runs.append(run)
+            case BlockBegan(block=number):
+                self.interrupt()
+                self._begin(number)
+            case AttemptBegan():
+                self.interrupt()
+                self._number(entry)
+                self.under_way = (entry.block, entry.trial, entry.attempt)
+            case AttemptEnded():
+                self._end(entry)
+            case Repeat(block=number, trial=trial):
+                so_far = self._present(number)
+                so_far.repeats = so_far.repeats.ask(trial)
+            case Veto(block=number, trial=trial):
+                so_far = self._present(number)
+                if trial not in so_far.repeats.asked:
+                    raise ValueError(f"a veto of the repeat of trial {trial}, which nobody has asked for")
+                so_far.repeats = so_far.repeats.veto(trial)
+            case BlockEnded(block=number, how=how):
+                self.interrupt()
+                so_far = self._present(number)
+                so_far.over, so_far.stopped = how != "stopped", how == "stopped"
+            case Ended():
+                self.interrupt()
+
+    def interrupt(self) -> None:
+        """Whatever is under way will not end any more."""
+        if self.under_way is not None:
+            self.incomplete.append(self.under_way)
+            self.outcomes.append((*self.under_way, INCOMPLETE, float("nan"), "", 0))
+            self.under_way = None
+
+    def _begin(self, number: int) -> None:
+        """Begin a block, or go on with it; a block before it that was stopped is given up."""
+        if number not in self.blocks:
+            raise ValueError(f"block {number}, and the plan has blocks {min(self.blocks)} to {max(self.blocks)}")
+        if self.blocks[number].over:
+            raise ValueError(f"block {number} begins, and it is over already")
+        for other, so_far in self.blocks.items():
+            if other < number and not so_far.finished:
+                if not so_far.stopped:
+                    raise ValueError(f"block {number} begins, and block {other} is not over")
+                so_far.over = True
+        self.blocks[number].begun, self.blocks[number].stopped = True, False
+
+    def _present(self, number: int) -> _BlockSoFar:
+        so_far = self.blocks.get(number)
+        if so_far is None or not so_far.begun or so_far.over:
+            raise ValueError(f"something of block {number}, which is not the one that goes on")
+        return so_far
+
+    def _number(self, entry: AttemptBegan | AttemptEnded) -> _BlockSoFar:
+        """Take note of the numbers of a new attempt, which never go back."""
+        so_far = self._present(entry.block)
+        expected = so_far.last_done + 1
+        skipped = isinstance(entry, AttemptEnded) and entry.outcome == "skipped"
+        if entry.trial != expected or entry.attempt < so_far.attempt + (not skipped):
+            raise ValueError(
+                f"trial {entry.trial}, attempt {entry.attempt} of block {entry.block}, where trial {expected}, "
+                f"attempt {so_far.attempt + 1} comes next"
+            )
+        so_far.attempt = entry.attempt
+        return so_far
+
+    def _end(self, entry: AttemptEnded) -> None:
+        """Take the outcome of an attempt."""
+        place = (entry.block, entry.trial, entry.attempt)
+        if place == self.under_way:
+            so_far, self.under_way = self._present(entry.block), None
+        else:
+            self.interrupt()
+            so_far = self._number(entry)
+        completion = float("nan") if entry.completion is None else entry.completion
+        self.outcomes.append((*place, entry.outcome, completion, ",".join(entry.flags), entry.repeats))
+        so_far.ticks = entry.block_ticks
+        so_far.failures += entry.outcome in ("fell", "timed_out")
+        so_far.skipped += entry.outcome == "skipped"
+        if entry.outcome == "success":
+            so_far.completions.append(completion)
+        if entry.outcome in ("success", "skipped"):
+            so_far.last_done, so_far.attempt = entry.trial, 0
+        if entry.again:
+            so_far.repeats = so_far.repeats.ask(entry.trial)
+
+
+def progress_of(
+    header: Header, entries: Sequence[Entry], plan_blocks: Sequence[PlannedBlock], source: str = "the journal"
+) -> Progress:
+    """Tell where a session stands.
+
+    Parameters
+    ----------
+    header : Header
+        The journal's.
+    entries : sequence of Entry
+        Its entries.
+    plan_blocks : sequence of PlannedBlock
+        The blocks of the plan's session, in order.
+    source : str
+        The journal's name, for error messages.
+
+    Raises
+    ------
+    RecordingError
+        If an entry contradicts the plan or those before it; the message names the line.
+    """
+    reader = _Reader(plan_blocks)
+    for line, entry in enumerate(entries, start=2):
+        try:
+            reader.take(entry)
+        except ValueError as error:
+            raise RecordingError(
+                f"{source}, line {line}: does not fit session {header.name} of dyad {header.dyad}: {error}"
+            ) from None
+    under_way = reader.under_way
+    reader.interrupt()
+    done = tuple(number for number, so_far in reader.blocks.items() if so_far.finished)
+    number = next((number for number in reader.blocks if number not in done), 0)
+    now = reader.blocks.get(number, _BlockSoFar(Repeats(0)))
+    return Progress(
+        blocks=len(reader.blocks),
+        done=done,
+        block=number,
+        begun=now.begun,
+        trial=now.last_done + 1,
+        attempt=now.attempt + 1,
+        successes=len(now.completions),
+        failures=now.failures,
+        skipped=now.skipped,
+        repeats=now.repeats,
+        completions=tuple(now.completions),
+        block_ticks=now.ticks,
+        outcomes=tuple(reader.outcomes),
+        incomplete=tuple(reader.incomplete),
+        under_way=under_way,
+        runs=tuple(reader.runs),
+    )
+
+
+def resume_words(progress: Progress) -> str:
+    """Say to the operator how a session will go on.
+
+    Parameters
+    ----------
+    progress : Progress
+        Where it stands.
+
+    Returns
+    -------
+    str
+        One line.
+    """
+    if progress.complete:
+        return f"nothing is left to be done: all {progress.blocks} blocks are over"
+    where = f"block {progress.block} of {progress.blocks}"
+    if not progress.begun:
+        return f"{'begins' if progress.block == 1 else 'goes on'} at the start of {where}"
+    counts = [f"{progress.successes} done"]
+    if progress.skipped:
+        counts.append(f"{progress.skipped} skipped")
+    if progress.failures:
+        counts.append(_counted(progress.failures, "failed attempt"))
+    if progress.extra:
+        counts.append(f"{_counted(progress.extra, 'trial')} added")
+    trials = progress.repeats.trials + progress.extra
+    words = f"goes on at {where}, trial {progress.trial} of {trials} ({', '.join(counts)})"
+    if progress.attempt > 1:
+        words += f", attempt {progress.attempt}"
+    if progress.under_way is not None:
+        words += "; the attempt that was under way is kept as incomplete"
+    return words
+
+
+def _counted(count: int, word: str) -> str:
+    return f"{count} {word}{'s' if count != 1 else ''}"

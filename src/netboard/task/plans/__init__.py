@@ -1,0 +1,1 @@
+"""The plan of one dyad: conditions, counterbalancing, blocks."""

@@ -1,0 +1,233 @@
+"""Counting a study's plans anew: trials of each participant, and what could bias.
+
+What must hold for every dyad is a problem where it does not, and the study is refused: each participant has as many
+trials in every condition of a kind of block, and as many as the study promises. What can only be even over several
+dyads is counted and marked.
+
+This module knows nothing of how plans are made: it counts what is in them.
+"""
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import product
+
+from netboard.base.errors import ConfigError
+from netboard.task.plans.conditions import sequences_of
+from netboard.task.plans.plan import Plan, PlanBlock
+from netboard.task.studies.study import Study
+
+PEOPLE = ("A", "B")
+Cell = tuple[str, tuple[str, ...]]
+"""A kind of block, and the level of each of its factors."""
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """A table for people."""
+
+    title: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Balance:
+    """What was counted.
+
+    Attributes
+    ----------
+    problems : tuple of str
+        Why the study must be refused, in sentences; none if all counts meet.
+    uneven : tuple of str
+        What is not even over these dyads; that is no reason to refuse.
+    """
+
+    tables: tuple[Table, ...]
+    problems: tuple[str, ...]
+    uneven: tuple[str, ...]
+
+
+def balance_of(study: Study, plans: Sequence[Plan]) -> Balance:
+    """Count the plans of a study."""
+    counts = tuple(_counts(study, plans)) if len(plans) > 1 else ()
+    uneven = tuple(f"{what}: {_listed(count)}" for what, count in counts if not _even(count))
+    over = [(what, _listed(count), "even" if _even(count) else "uneven") for what, count in counts]
+    tables = (
+        _trials_table(study, plans),
+        _starts_table(study, plans),
+        *([Table(f"Over {len(plans)} dyads", ("what", "how often", ""), tuple(over))] if over else []),
+        _practice_table(study, plans),
+    )
+    return Balance(tables, tuple(_problems(study, plans)), uneven)
+
+
+def require_balance(study: Study, plan: Plan) -> Plan:
+    """Refuse a plan whose counts do not meet."""
+    problems = list(_problems(study, [plan]))
+    if problems:
+        raise ConfigError("\n".join(f"study {study.name}: {problem}" for problem in problems))
+    return plan
+
+
+# --- counting ----------------------------------------------------------------------------------------------------
+
+
+def _cells(study: Study, kind: str, plan: Plan) -> tuple[Cell, ...]:
+    """All conditions of a kind that a dyad should have: of a factor between dyads, its own level alone."""
+    own = {factor: level for block in plan.blocks for factor, level in block.conditions}
+    levels = [
+        [own[name]] if factor.order == "between" and name in own else list(factor.levels)
+        for name, factor in study.factors_of(kind).items()
+    ]
+    return tuple((kind, cell) for cell in product(*levels))
+
+
+def _cell(block: PlanBlock) -> Cell:
+    """Name the kind and the levels of a block."""
+    return block.kind, tuple(level for _, level in block.conditions)
+
+
+def _blocks_of(plan: Plan, participant: str) -> list[PlanBlock]:
+    """List the blocks in which a participant takes part."""
+    return [block for block in plan.blocks if block.performer in ("dyad", participant)]
+
+
+def _problems(study: Study, plans: Sequence[Plan]) -> Iterator[str]:
+    """Find where counts do not meet."""
+    for plan, participant in product(plans, PEOPLE):
+        blocks = _blocks_of(plan, participant)
+        for kind in study.kinds:
+            mine = [block for block in blocks if block.kind == kind]
+            if mine and study.factors_of(kind):
+                where = f"dyad {plan.dyad}, participant {participant}, {kind}"
+                yield from (f"{where}: {problem}" for problem in _kind_problems(study, plan, kind, mine))
+
+
+def _kind_problems(study: Study, plan: Plan, kind: str, blocks: list[PlanBlock]) -> Iterator[str]:
+    """Find where the counts of one participant's blocks of a kind do not meet."""
+    cells = _cells(study, kind, plan)
+    trials = {cell: sum(block.count for block in blocks if _cell(block) == cell) for cell in cells}
+    times = {cell: sum(block.duration for block in blocks if _cell(block) == cell) for cell in cells}
+    number = Counter(_cell(block) for block in blocks)
+    found = ", ".join(f"{_words(cell)} {trials[cell]} in {number[cell]} blocks" for cell in cells)
+    promised = study.trials_per_condition
+    if len(set(trials.values())) > 1 or len({number[cell] for cell in cells}) > 1 or len(set(times.values())) > 1:
+        yield f"trials are not even: {found}; expected as many in every condition (blocks in multiples of {len(cells)})"
+    elif promised and set(trials.values()) != {promised}:
+        yield f"trials are {found}; expected {promised} in every condition (trials_per_condition)"
+
+
+def _counts(study: Study, plans: Sequence[Plan]) -> Iterator[tuple[str, Counter[str]]]:
+    """Count what should be even over dyads; what cannot vary is left out."""
+    if len(study.taken()) > 1:
+        yield "order", _counted(study.taken(), [plan.order for plan in plans])
+    yield "seat of A", _counted(("left", "right"), [plan.seat_a for plan in plans])
+    for name, factor in study.factors.items():
+        if factor.order == "between":
+            found = [dict(block.conditions)[name] for plan in plans for block in _varying(plan, name)[:1]]
+            yield name, _counted(tuple(factor.levels), found)
+            continue
+        for kind, performer in sequences_of(study, name):
+            firsts = [_firsts(plan, kind, performer)[:1] for plan in plans]
+            found = [dict(block.conditions)[name] for first in firsts for block in first]
+            if found:
+                yield f"{_sequence(kind, performer)} begins with {name}", _counted(tuple(factor.levels), found)
+    sides: dict[str, list[str]] = {}
+    for block in (block for plan in plans for block in plan.blocks):
+        what = f"first target of {_sequence(block.kind, block.performer)} {_words(_cell(block))}".rstrip()
+        sides.setdefault(what, []).append(block.first_target)
+    for what in sorted(sides):
+        yield what, _counted(("left", "right"), sides[what])
+
+
+def _counted(values: Sequence[str], found: Sequence[str]) -> Counter[str]:
+    """Count how often each value was found, also those that were not."""
+    return Counter({value: sum(one == value for one in found) for value in values})
+
+
+def _varying(plan: Plan, factor: str) -> list[PlanBlock]:
+    """List the blocks that have a level of a factor."""
+    return [block for block in plan.blocks if factor in dict(block.conditions)]
+
+
+def _firsts(plan: Plan, kind: str, performer: str) -> list[PlanBlock]:
+    """List the blocks of a sequence."""
+    return [block for block in plan.blocks if (block.kind, block.performer) == (kind, performer)]
+
+
+# --- tables ------------------------------------------------------------------------------------------------------
+
+
+def _trials_table(study: Study, plans: Sequence[Plan]) -> Table:
+    """Trials of each participant in each kind and condition."""
+    cells = [cell for kind in study.kinds for cell in _all_cells(study, kind)]
+    rows = []
+    for plan, participant in product(plans, PEOPLE):
+        blocks = _blocks_of(plan, participant)
+        rows.append(
+            (f"{plan.dyad} {participant}", *(_amount([b for b in blocks if _cell(b) == cell]) for cell in cells))
+        )
+    return Table(
+        "Trials of each participant", ("dyad", *(f"{cell[0]} {_words(cell)}".strip() for cell in cells)), tuple(rows)
+    )
+
+
+def _amount(blocks: list[PlanBlock]) -> str:
+    """Trials, or time where that ends the blocks."""
+    time = sum(block.duration for block in blocks)
+    return f"{time:g} s" if time else str(sum(block.count for block in blocks))
+
+
+def _starts_table(study: Study, plans: Sequence[Plan]) -> Table:
+    """What each dyad begins with."""
+    sequences = [one for one in sequences_of(study) if study.factors_of(one[0])]
+    rows = []
+    for plan in plans:
+        firsts = [_firsts(plan, *one)[:1] for one in sequences]
+        cells = (_words(_cell(first[0])) if first else "" for first in firsts)
+        rows.append((str(plan.dyad), plan.order, plan.seat_a, *cells))
+    columns = ("dyad", "order", "seat of A", *(_sequence(*one) for one in sequences))
+    return Table("What each dyad begins with", columns, tuple(rows))
+
+
+def _practice_table(study: Study, plans: Sequence[Plan]) -> Table:
+    """How much a participant has done before a block of each kind and condition, on average."""
+    before: dict[Cell, list[int]] = {}
+    for plan, participant in product(plans, PEOPLE):
+        for done, block in enumerate(_blocks_of(plan, participant)):
+            before.setdefault(_cell(block), []).append(done)
+    rows = [
+        (f"{cell[0]} {_words(cell)}".strip(), f"{sum(before[cell]) / len(before[cell]):.2f}")
+        for kind in study.kinds
+        for cell in _all_cells(study, kind)
+        if cell in before
+    ]
+    return Table(
+        "Practice: blocks a participant has done before, on average", ("kind, condition", "blocks"), tuple(rows)
+    )
+
+
+def _all_cells(study: Study, kind: str) -> tuple[Cell, ...]:
+    """All conditions of a kind."""
+    return tuple((kind, cell) for cell in product(*(factor.levels for factor in study.factors_of(kind).values())))
+
+
+def _words(cell: Cell) -> str:
+    """Levels in a few words."""
+    return " ".join(cell[1])
+
+
+def _sequence(kind: str, performer: str) -> str:
+    """Name a sequence."""
+    return kind if performer == "dyad" else f"{kind} {performer}"
+
+
+def _even(count: Counter[str]) -> bool:
+    """Tell whether everything was found equally often."""
+    return len(set(count.values())) == 1
+
+
+def _listed(count: Counter[str]) -> str:
+    """Write counts in a few words."""
+    return ", ".join(f"{value} {number}" for value, number in count.items())

@@ -1,0 +1,133 @@
+"""What a dyad's number and the seed decide: conditions along each sequence, first targets, catch trials, seats.
+
+A *sequence* is the blocks of one kind by one performer (participant A, participant B, or the dyad) in the order in
+which they come. Factors vary along sequences (reading C1), and a sequence goes on where it stopped when another kind
+comes between (C4). This module knows which conditions come when, and `netboard.task.plans.plan` makes blocks of them.
+"""
+
+import math
+from itertools import product
+from typing import Literal
+
+from netboard.base.config import SIDES, Side
+from netboard.base.errors import ConfigError
+from netboard.task.plans.counterbalance import (
+    Draw,
+    bits,
+    catch_trials,
+    first_sides,
+    rows,
+    shuffled,
+    trial_levels,
+    turn_of,
+)
+from netboard.task.studies.parts import Factor
+from netboard.task.studies.study import Study
+
+Performer = Literal["A", "B", "dyad"]
+Sequence = tuple[str, Performer]
+"""A kind of block, and who performs it."""
+
+MOST_CATCH = 1000
+"""Catch trials of a block at most [1]."""
+
+
+def sequences_of(study: Study, factor: str = "") -> tuple[Sequence, ...]:
+    """List the sequences along which factors vary: whatever the order, A before B."""
+    return tuple(
+        (name, performer)
+        for name, kind in study.kinds.items()
+        for performer in sorted(kind.people())
+        if not factor or factor in study.factors_of(name)
+    )
+
+
+class Conditions:
+    """What falls to one dyad."""
+
+    def __init__(self, study: Study, seed: int, dyad: int) -> None:
+        self._study, self._seed, self._dyad = study, seed, dyad
+        self._sequences = sequences_of(study)
+        self._between = [name for name, factor in study.factors.items() if factor.order == "between"]
+        self._rows = {name: rows(len(factor.levels), factor.order) for name, factor in study.factors.items()}
+        self._by_rows = [name for name in study.factors if self._rows[name]]
+        self._turn = turn_of(
+            dyad,
+            len(study.taken()),
+            [len(study.factors[name].levels) for name in self._between],
+            [
+                (len(self._rows[name]), [int(performer == "B") for _, performer in sequences_of(study, name)])
+                for name in self._by_rows
+            ],
+        )
+
+    @property
+    def order(self) -> str:
+        """Name of the order of blocks."""
+        return self._study.taken()[self._turn.order]
+
+    @property
+    def seat(self) -> Side:
+        """Where participant A sits if their hands do not decide (reading C5)."""
+        return SIDES[self._turn.seat]
+
+    def at(self, sequence: Sequence, place: int) -> tuple[tuple[str, str], ...]:
+        """Find the conditions of a block; the last factor changes at every block, the first most seldom."""
+        found: list[tuple[str, str]] = []
+        for name, factor in reversed(self._study.factors_of(sequence[0]).items()):
+            if factor.order == "between":
+                level = self._turn.between[self._between.index(name)]
+            else:
+                place, within = divmod(place, len(factor.levels))
+                level = self._row(name, factor, sequence, place)[within]
+            found.append((name, list(factor.levels)[level]))
+        return tuple(reversed(found))
+
+    def _row(self, name: str, factor: Factor, sequence: Sequence, cycle: int) -> tuple[int, ...]:
+        """Order of a factor's levels in one cycle of a sequence."""
+        if factor.order == "random":
+            which = list(self._study.factors).index(name), self._sequences.index(sequence)
+            return shuffled(len(factor.levels), self._seed, self._dyad, Draw.LEVELS, *which, cycle)
+        own = self._rows[name]
+        start = self._turn.starts[self._by_rows.index(name)][sequences_of(self._study, name).index(sequence)]
+        return own[(start + (cycle if factor.order == "latin" else 0)) % len(own)]
+
+    def first_targets(
+        self, sequence: Sequence, conditions: tuple[tuple[str, str], ...], number: int
+    ) -> tuple[Side, ...]:
+        """Draw the first targets of the blocks of a sequence under the same conditions (reading C7).
+
+        If their number is odd, the spare side changes from condition to condition, from sequence to sequence and from
+        dyad to dyad, beginning with a drawn one in every second dyad.
+        """
+        cells = list(product(*(factor.levels for factor in self._study.factors_of(sequence[0]).values())))
+        cell, which = cells.index(tuple(level for _, level in conditions)), self._sequences.index(sequence)
+        pair, second = divmod(self._turn.group, 2)
+        (drawn,) = bits(1, self._seed, Draw.SPARE_SIDES, pair)
+        spare = (cell + which + second + (drawn >> 63)) % 2
+        sides = first_sides(number, spare, self._seed, self._dyad, Draw.SIDES, which, cell)
+        return tuple(SIDES[side] for side in sides)
+
+    def catch(self, kind: str, trials: int, place: int) -> tuple[int, ...]:
+        """Draw the catch trials of a block."""
+        share, after = self._study.kinds[kind].catch, self._study.kinds[kind].catch_after
+        number = math.floor(share * trials + 0.5) if share < 1 else round(share)
+        most = min(max(trials - after, 0), MOST_CATCH)
+        if number > most:
+            raise ConfigError(
+                f"[kinds.{kind}] catch: {number} catch trials do not fit into {trials} trials of which the first "
+                f"{after} are none; expected at most {most}"
+            )
+        return catch_trials(number, trials, after, self._seed, self._dyad, Draw.CATCH, place)
+
+    def within(self, kind: str, trials: int, place: int) -> dict[str, tuple[str, ...]]:
+        """Draw the levels of the factors that vary within a block: all combinations, each as often as the others."""
+        factors = self._study.trial_factors_of(kind)
+        cells = list(product(*(factor.levels for factor in factors.values())))
+        drawn = trial_levels(len(cells), trials, self._seed, self._dyad, Draw.TRIALS, place) if factors else ()
+        return {name: tuple(cells[cell][which] for cell in drawn) for which, name in enumerate(factors)}
+
+    def seed_at(self, place: int) -> int:
+        """Draw the seed of a block, below 2^31 [1]."""
+        (drawn,) = bits(1, self._seed, self._dyad, Draw.BLOCKS, place)
+        return drawn >> 33

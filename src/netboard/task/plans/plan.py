@@ -1,0 +1,342 @@
+"""The plan of one dyad: sessions, blocks and trials, as a pure function of study, seed and number of the dyad.
+
+Equal arguments make an equal plan, with an equal `digest`, wherever and whenever it is made; so a session that was
+interrupted goes on with the same plan. Everything else of the program sees of a plan only the `Config` of one block,
+which `config_of` makes of the rig's.
+"""
+
+import hashlib
+import json
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, replace
+from typing import Any, Literal
+
+from netboard.base.config import Config, Side, contradictions
+from netboard.base.errors import ConfigError
+from netboard.base.tables.experiment import Block, Design, Role
+from netboard.task.plans.conditions import Conditions, Performer, Sequence
+from netboard.task.studies.factors import declared, role_by_name
+from netboard.task.studies.order import steps_of
+from netboard.task.studies.parts import SESSION
+from netboard.task.studies.study import Study
+
+Hand = Literal["right", "left"]
+
+OTHER_SIDE: dict[Side, Side] = {"left": "right", "right": "left"}
+
+
+@dataclass(frozen=True, slots=True)
+class PlanTrial:
+    """One trial."""
+
+    number: int
+    target: Side
+    catch: bool
+
+
+@dataclass(frozen=True, slots=True)
+class PlanBlock:
+    """One block.
+
+    Attributes
+    ----------
+    duration : float
+        No trial begins after so long; 0: only the trials count [s].
+    rest : float
+        Rest before the block [s].
+    instructions : tuple of dict
+        What is read before the block, part by part, by language.
+    design : Design
+        Its role, and its factors with the level of each; as the block's configuration has it.
+    """
+
+    number: int
+    kind: str
+    performer: Performer
+    other_hand: Literal["own", "still", "robot"]
+    conditions: tuple[tuple[str, str], ...]
+    count: int
+    duration: float
+    first_target: Side
+    catch: tuple[int, ...]
+    rest: float
+    questionnaires: tuple[tuple[str, str], ...]
+    instructions: tuple[dict[str, str], ...]
+    changes: dict[str, dict[str, Any]]
+    seed: int
+    design: Design
+
+    @property
+    def role(self) -> Role:
+        """What its trials are for, catch trials aside."""
+        return role_by_name(self.kind) if self.design.role == "auto" else self.design.role
+
+    @property
+    def configuration(self) -> Literal["dyadic", "bimanual"]:
+        """Whether two people have one hand each, or one has both."""
+        return "bimanual" if self.performer != "dyad" and self.other_hand == "own" else "dyadic"
+
+    @property
+    def label(self) -> str:
+        """What operators and the data call the block."""
+        who = self.kind if self.performer == "dyad" else f"{self.kind} {self.performer}"
+        return ", ".join((who, *(f"{factor} {level}" for factor, level in self.conditions)))
+
+    @property
+    def trials(self) -> tuple[PlanTrial, ...]:
+        """Its trials; targets change side after each."""
+        sides = (self.first_target, OTHER_SIDE[self.first_target])
+        caught = set(self.catch)
+        return tuple(PlanTrial(n, sides[(n - 1) % 2], n in caught) for n in range(1, self.count + 1))
+
+
+@dataclass(frozen=True, slots=True)
+class PlanSession:
+    """One session: what is done in one go."""
+
+    number: int
+    blocks: tuple[PlanBlock, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """The plan of one dyad.
+
+    Attributes
+    ----------
+    seat_a : {"left", "right"}
+        Where participant A should sit; B sits at the other side.
+    """
+
+    study: str
+    seed: int
+    dyad: int
+    order: str
+    hands: tuple[Hand, Hand]
+    seat_a: Side
+    sessions: tuple[PlanSession, ...]
+
+    @property
+    def blocks(self) -> tuple[PlanBlock, ...]:
+        """The blocks of all sessions."""
+        return tuple(block for session in self.sessions for block in session.blocks)
+
+
+# --- making ------------------------------------------------------------------------------------------------------
+
+
+def plan_of(study: Study, seed: int, dyad: int, hands: tuple[Hand, Hand] = ("right", "right")) -> Plan:
+    """Make the plan of a dyad.
+
+    Parameters
+    ----------
+    hands : tuple of {"right", "left"}
+        Dominant hands of participants A and B; where they differ they decide who sits where (reading C5).
+    """
+    if seed < 0 or dyad < 1:
+        raise ValueError(f"seed {seed}, dyad {dyad}: expected a seed from 0 and a dyad from 1")
+    spread, done = Conditions(study, seed, dyad), Counter[Sequence]()
+    sessions = tuple(
+        PlanSession(number, tuple(_blocks(study, spread, steps, done)))
+        for number, steps in enumerate(_performed(study, spread.order), start=1)
+    )
+    seat_a: Side = spread.seat if hands[0] == hands[1] else hands[0]
+    return Plan(study.name, seed, dyad, spread.order, hands, seat_a, tuple(_with_targets(spread, sessions)))
+
+
+def to_json(plan: Plan) -> str:
+    """Write a plan as JSON, always the same text for equal plans.
+
+    Returns
+    -------
+    str
+        One line, keys in alphabetical order. Of the block's design it has what does not follow from the study: a role
+        other than the name's, and what was drawn for trials.
+    """
+    whole = asdict(plan)
+    for block in (block for session in whole["sessions"] for block in session["blocks"]):
+        design = block.pop("design")
+        block |= {name: design[name] for name in ("role", "trials") if design[name] not in ("auto", {})}
+    return json.dumps(whole, sort_keys=True, separators=(",", ":"))
+
+
+def digest(plan: Plan) -> str:
+    """Fingerprint of a plan: equal plans have equal fingerprints."""
+    return hashlib.sha256(to_json(plan).encode()).hexdigest()
+
+
+@dataclass(frozen=True, slots=True)
+class _Step:
+    """Who performs what next, and whether a long rest comes before."""
+
+    sequence: Sequence
+    rested: bool
+    last: bool
+
+
+def _performed(study: Study, order: str) -> Iterator[list[_Step]]:
+    """Give each session of an order, with who performs which block."""
+    for session in steps_of(study.orders[order]):
+        steps = [
+            _Step((step.kind, performer), step.rested and first == 0, last=False)
+            for step in session
+            for first, performer in enumerate(study.kinds[step.kind].people())
+        ]
+        yield [*steps[:-1], replace(steps[-1], last=True)]
+
+
+def _blocks(study: Study, spread: Conditions, steps: list[_Step], done: Counter[Sequence]) -> Iterator[PlanBlock]:
+    """Make the blocks of a session; their first targets come later."""
+    for number, step in enumerate(steps, start=1):
+        conditions = spread.at(step.sequence, done[step.sequence])
+        yield _block(study, spread, step, number, conditions, done.total())
+        done[step.sequence] += 1
+
+
+def _block(
+    study: Study, spread: Conditions, step: _Step, number: int, conditions: tuple[tuple[str, str], ...], place: int
+) -> PlanBlock:
+    """Make one block."""
+    name, performer = step.sequence
+    kind = study.kinds[name]
+    levels = [study.factors[factor].levels[level] for factor, level in conditions]
+    changes = _merged([part.changed() for part in (study, kind, *levels)])
+    block = replace(Block(), **changes.get("block", {}))
+    within = spread.within(name, block.trials, place) if block.haptics else {}
+    if scales := _scales(study, within, block.force_scale):
+        changes = {**changes, "block": {**changes.get("block", {}), "trial_scales": scales}}
+    base = {**study.instructions, **kind.instructions}
+    asked = {name, SESSION} if step.last else {name}
+    return PlanBlock(
+        number=number,
+        kind=name,
+        performer=performer,
+        other_hand=kind.other_hand,
+        conditions=conditions,
+        count=block.trials,
+        duration=block.duration,
+        first_target="left",
+        catch=spread.catch(name, block.trials, place) if block.haptics else (),
+        rest=0.0 if number == 1 else study.long_rest if step.rested else block.rest,
+        questionnaires=tuple((q, it.text) for q, it in study.questionnaires.items() if asked & {*it.after}),
+        instructions=tuple(part for part in (base, *(level.instructions for level in levels)) if part),
+        changes=changes,
+        seed=spread.seed_at(place),
+        design=_design(study, name, conditions, within),
+    )
+
+
+def _design(
+    study: Study, kind: str, conditions: tuple[tuple[str, str], ...], trials: dict[str, tuple[str, ...]]
+) -> Design:
+    """Declare the factors of a block, with its levels."""
+    own = {name: declared(study.factors[name]) for name in (*dict(conditions), *trials)}
+    return Design(
+        kind=kind,
+        role=study.kinds[kind].role,
+        between=tuple(name for name in own if study.factors[name].order == "between"),
+        factors=dict(conditions),
+        trials=trials,
+        levels={name: one.levels for name, one in own.items()},
+        types={name: one.type for name, one in own.items()},
+        values={name: one.values for name, one in own.items() if one.values},
+        units={name: one.unit for name, one in own.items() if one.unit},
+    )
+
+
+def _scales(study: Study, within: dict[str, tuple[str, ...]], otherwise: float) -> tuple[float, ...]:
+    """What is felt is multiplied by this in each trial; empty where no trial differs."""
+    of_levels = {
+        name: {level: changes.block.get("force_scale") for level, changes in study.factors[name].levels.items()}
+        for name in within
+    }
+    each = zip(*([of_levels[name][level] for level in levels] for name, levels in within.items()), strict=True)
+    scales = tuple(next((float(one) for one in trial if one is not None), otherwise) for trial in each)
+    return scales if any(one != otherwise for one in scales) else ()
+
+
+def _merged(parts: list[dict[str, dict[str, Any]]]) -> dict[str, dict[str, Any]]:
+    """Put changes over each other, the last on top."""
+    whole: dict[str, dict[str, Any]] = {}
+    for part in parts:
+        for table, keys in part.items():
+            whole[table] = {**whole.get(table, {}), **keys}
+    return whole
+
+
+def _with_targets(spread: Conditions, sessions: tuple[PlanSession, ...]) -> Iterator[PlanSession]:
+    """Give each block its first target: as many left as right over those of a sequence and condition (C7)."""
+    blocks = [block for session in sessions for block in session.blocks]
+    alike = Counter(((block.kind, block.performer), block.conditions) for block in blocks)
+    drawn = {cell: iter(spread.first_targets(*cell, number)) for cell, number in alike.items()}
+    for session in sessions:
+        given = []
+        for block in session.blocks:
+            side = next(drawn[(block.kind, block.performer), block.conditions])
+            wanted = block.changes.get("block", {}).get("first_target", "random")
+            given.append(replace(block, first_target=side if wanted == "random" else wanted))
+        yield replace(session, blocks=tuple(given))
+
+
+# --- one block's configuration -----------------------------------------------------------------------------------
+
+
+def seated(config: Config, plan: Plan) -> Config:
+    """Enter a plan in the rig's configuration: name of the study, and the seats that the plan proposes.
+
+    Returns
+    -------
+    Config
+        The configuration with both in ``[session]``; whoever decides otherwise about seats changes ``seat_a`` after it.
+    """
+    return replace(config, session=replace(config.session, study=plan.study, seat_a=plan.seat_a))
+
+
+def config_of(config: Config, session: PlanSession, number: int) -> Config:
+    """Make the configuration of one block.
+
+    Parameters
+    ----------
+    config : Config
+        The rig's, which says who sits where (``session.seat_a``) and what the study leaves open; its ``[block]`` does
+        not count.
+    """
+    plan = session.blocks[number - 1]
+    tables = {
+        table: replace(getattr(config, table), **keys) for table, keys in plan.changes.items() if table != "block"
+    }
+    config = replace(config, **tables)
+    config = replace(config, block=_block_of(config, session, plan), design=plan.design)
+    problems = "\n".join(f"block {number} ({plan.label}): {problem}" for problem in contradictions(config))
+    if problems:
+        raise ConfigError(problems)
+    return config
+
+
+def _block_of(config: Config, session: PlanSession, plan: PlanBlock) -> Block:
+    """Make the table ``[block]``."""
+    block = replace(Block(), **plan.changes.get("block", {}))
+    if plan.performer != "dyad":
+        seat = config.session.seat_a if plan.performer == "A" else OTHER_SIDE[config.session.seat_a]
+        block = replace(block, performer=plan.performer, station=seat)
+        if plan.other_hand != "own":
+            block = replace(block, right=plan.other_hand) if seat == "left" else replace(block, left=plan.other_hand)
+    return replace(
+        block,
+        number=plan.number,
+        blocks=len(session.blocks),
+        label=plan.label,
+        configuration=plan.configuration,
+        catch=plan.catch,
+        first_target=plan.first_target,
+        rest=plan.rest,
+        questionnaires="; ".join(f"{name}: {text}" for name, text in plan.questionnaires),
+        instructions="\n\n".join(_in_language(part, config.display.language) for part in plan.instructions),
+        seed=plan.seed,
+    )
+
+
+def _in_language(texts: dict[str, str], language: str) -> str:
+    """Take a text in the display's language, or in English, or in the first there is."""
+    return texts.get(language) or texts.get("en") or next(iter(texts.values()))

@@ -1,0 +1,244 @@
+"""The factors of a design: what they are by a study, and which level a block or a trial of a recording has.
+
+A factor is numeric if each of its levels sets one and the same number (or says its own ``value``), boolean if it is a
+switch, and else categorical. A recording carries the declaration of all factors of its block (table ``[design]``).
+One from before there was such a table has the kind of block and the levels in its label; anything else has none.
+"""
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cache
+from math import isnan, nan
+from typing import Any, Literal
+
+from netboard.base.config import Config
+from netboard.base.errors import ConfigError
+from netboard.base.settings import tables
+from netboard.base.tables.experiment import Design, FactorType, Role
+from netboard.task.studies.parts import CHANGED, Factor
+
+Scope = Literal["dyad", "block", "trial"]
+"""Where a factor has one level: in all blocks of a dyad, in a block, or in a trial."""
+
+TrialRole = Literal["practice", "familiarisation", "baseline", "test", "catch"]
+"""What a trial is for."""
+
+_ROLES: tuple[tuple[str, Role], ...] = (
+    ("practice", "practice"),
+    ("training", "practice"),
+    ("familiari", "familiarisation"),
+    ("baseline", "baseline"),
+)
+"""How the names of blocks begin that are no test."""
+
+
+@dataclass(frozen=True, slots=True)
+class Declared:
+    """What the levels of a factor are.
+
+    Attributes
+    ----------
+    values : tuple of float
+        Value of each level of a numeric factor; empty for others [unit].
+    """
+
+    type: FactorType
+    levels: tuple[str, ...]
+    values: tuple[float, ...] = ()
+    unit: str = ""
+
+
+def declared(factor: Factor) -> Declared:
+    """Find out what the levels of a study's factor are."""
+    key, found = _only_key(factor)
+    given = [level.value for level in factor.levels.values()]
+    values = [one if isinstance(one, float) else _number(own) for one, own in zip(given, found, strict=True)]
+    levels = tuple(factor.levels)
+    kind = factor.type
+    if kind == "auto":
+        kind = "categorical"
+        if found and all(isinstance(one, bool) for one in found):
+            kind = "boolean"
+        elif values and not any(map(isnan, values)):
+            kind = "numeric"
+    if kind != "numeric":
+        return Declared(kind, levels)
+    lacking = [level for level, value in zip(levels, values, strict=True) if isnan(value)]
+    if lacking:
+        raise ConfigError(f"levels.{lacking[0]} value: there is none, expected one for each level of a numeric factor")
+    own = factor.unit or (_units().get(key, "") if all(one == "auto" for one in given) else "")
+    return Declared("numeric", levels, tuple(values), own or "1")
+
+
+def _only_key(factor: Factor) -> tuple[str, list[Any]]:
+    """The one key that every level sets, and its value at each; none of them if there is no such key."""
+    set_by = [
+        {f"{table}.{key}": value for table, keys in level.changed().items() for key, value in keys.items()}
+        for level in factor.levels.values()
+    ]
+    keys = {key for one in set_by for key in one}
+    if len(keys) != 1 or not all(set_by):
+        return "", [None] * len(set_by)
+    (key,) = keys
+    return key, [one[key] for one in set_by]
+
+
+def _number(value: Any) -> float:
+    """A number as float; NaN for anything else."""
+    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else nan
+
+
+@cache
+def _units() -> dict[str, str]:
+    """Unit of each key that a study may change, by ``table.key``."""
+    return {f"{name}.{key.name}": key.unit for name, of in CHANGED.items() for one in tables(of) for key in one.keys}
+
+
+# --- of a block that was done ------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class BlockFactor:
+    """A factor in one block.
+
+    Attributes
+    ----------
+    sequence : tuple of str
+        The level of the block; or, within a block, that of each trial, repeated from the first.
+    """
+
+    name: str
+    scope: Scope
+    of: Declared
+    sequence: tuple[str, ...]
+
+    def level(self, trial: int = 1) -> str:
+        """Level in a trial."""
+        return self.sequence[(max(trial, 1) - 1) % len(self.sequence)]
+
+    def value(self, trial: int = 1) -> float:
+        """Value of the level in a trial; NaN if the factor is not numeric [its unit]."""
+        return self.of.values[self.of.levels.index(self.level(trial))] if self.of.values else nan
+
+    @property
+    def summary(self) -> str:
+        """Its level in the block, or all that it has in the trials, with value and unit."""
+        return ", ".join(level_text(self.of, level) for level in dict.fromkeys(self.sequence))
+
+    def text(self, trial: int = 1) -> str:
+        """Name and level, with value and unit where there are some, such as ``mass heavy (0.05 kg)``."""
+        return f"{self.name} {level_text(self.of, self.level(trial))}"
+
+
+def level_text(of: Declared, level: str) -> str:
+    """Write a level, with value and unit if it has them."""
+    if not of.values or level not in of.levels:
+        return level
+    unit = "" if of.unit in ("", "1") else f" {of.unit}"
+    return f"{level} ({of.values[of.levels.index(level)]:g}{unit})"
+
+
+def factors_of(config: Config) -> tuple[BlockFactor, ...]:
+    """List the factors of a block, with its levels.
+
+    Parameters
+    ----------
+    config : Config
+        Configuration of the block, also one recorded by an older version.
+
+    Returns
+    -------
+    tuple of BlockFactor
+        In the study's order, those within the block last; none if the block is in no study.
+    """
+    return tuple(_factors(design_of(config)))
+
+
+def design_of(config: Config) -> Design:
+    """What a block is in its study; of an older recording, as its label says."""
+    design, block = config.design, config.block
+    if design != Design(role=design.role) or not config.session.study or not block.label:
+        return design
+    kind, *levels = block.label.split(", ")
+    pairs = [pair for one in levels if len(pair := one.split(" ")) == 2]
+    return Design(kind=kind.removesuffix(f" {block.performer}"), role=design.role, factors=dict(pairs))
+
+
+def _factors(design: Design) -> Iterator[BlockFactor]:
+    for name, level in design.factors.items():
+        scope: Scope = "dyad" if name in design.between else "block"
+        yield BlockFactor(name, scope, _declared(design, name, (level,)), (level,))
+    for name, levels in design.trials.items():
+        yield BlockFactor(name, "trial", _declared(design, name, levels), levels)
+
+
+def _declared(design: Design, name: str, found: Sequence[str]) -> Declared:
+    return Declared(
+        design.types.get(name, "categorical"),
+        design.levels.get(name, tuple(dict.fromkeys(found))),
+        design.values.get(name, ()),
+        design.units.get(name, ""),
+    )
+
+
+def role_of(config: Config) -> Role:
+    """What the trials of a block are for, catch trials aside."""
+    design = design_of(config)
+    return role_by_name(design.kind or config.block.label) if design.role == "auto" else design.role
+
+
+def role_by_name(name: str) -> Role:
+    """What the trials of a block are for whose role nobody declared."""
+    plain = name.casefold()
+    return next((role for beginning, role in _ROLES if plain.startswith(beginning)), "test")
+
+
+def trial_role(config: Config, trial: int) -> TrialRole:
+    """What a trial is for."""
+    return "catch" if trial in config.block.catch else role_of(config)
+
+
+def merge(found: Sequence[BlockFactor]) -> tuple[Scope, Declared]:
+    """Put together what several blocks say of a factor; where they contradict each other, levels are mere names.
+
+    Parameters
+    ----------
+    found : sequence of BlockFactor
+        The same factor in each of the blocks that have it.
+    """
+    levels = tuple(dict.fromkeys(level for one in found for level in one.of.levels))
+    first, kinds = found[0].of, {(one.of.type, one.of.unit) for one in found}
+    pairs = {pair for one in found for pair in zip(one.of.levels, one.of.values, strict=False)}
+    scope: Scope = "trial" if any(one.scope == "trial" for one in found) else found[0].scope
+    if len(kinds) > 1 or (pairs and len(pairs) != len(levels)):
+        return scope, Declared("categorical", levels)
+    values = dict(pairs)
+    return scope, Declared(first.type, levels, tuple(values[level] for level in levels) if values else (), first.unit)
+
+
+def column_of(name: str) -> str:
+    """Name of the column of a factor in tables and exports; that of its values ends with ``_value``."""
+    return f"factor_{re.sub('[^A-Za-z0-9_]', '_', name)}"
+
+
+class TrialDetails:
+    """What events of a trial say of its role and its factors."""
+
+    def __init__(self, config: Config) -> None:
+        self._factors = factors_of(config)
+        self._role, self._catch = role_of(config), frozenset(config.block.catch)
+        self._says_role = bool(self._factors or self._catch or self._role != "test" or config.design.kind)
+
+    def of(self, trial: int) -> dict[str, str]:
+        """Details of a trial; none in a block without a design.
+
+        Returns
+        -------
+        dict of str
+            ``role``, and for each factor its column with the level in words.
+        """
+        if not self._says_role:
+            return {}
+        role = "catch" if trial in self._catch else self._role
+        return {"role": role} | {column_of(one.name): level_text(one.of, one.level(trial)) for one in self._factors}

@@ -1,0 +1,149 @@
+"""What a study is made of: kinds of blocks, factors and their levels, questionnaires.
+
+What differs from the rig's configuration is kept in the configuration's own tables and keys, and only these: a key that
+is not set is the rig's. `netboard.task.studies.study` reads and checks them.
+"""
+
+from dataclasses import dataclass, field
+from typing import Annotated, Any, Literal
+
+from netboard.base.settings import NO_EXTRAS, about
+from netboard.base.tables.experiment import Block, FactorType, Quality, Role, Task
+from netboard.base.tables.rig import Display
+from netboard.base.tables.scene import Geometry, Physics
+from netboard.base.tables.simulated import Participant
+
+CHANGED: dict[str, type[Any]] = {
+    "block": Block,
+    "task": Task,
+    "physics": Physics,
+    "geometry": Geometry,
+    "quality": Quality,
+    "display": Display,
+    "participant": Participant,
+}
+"""Tables of the configuration that may differ from block to block."""
+
+PLANNED = (
+    "number",
+    "blocks",
+    "label",
+    "configuration",
+    "performer",
+    "station",
+    "catch",
+    "trial_scales",
+    "instructions",
+    "seed",
+)
+"""Keys of ``[block]`` that follow from the plan."""
+
+SESSION = "session"
+"""Where a questionnaire comes at the end of a session."""
+
+WITHIN = "trial"
+"""Order of a factor that varies over the trials of a block."""
+
+ALL = "all"
+"""Every factor."""
+
+
+@dataclass(frozen=True, slots=True)
+class Changes:
+    """What differs from the rig's configuration, by table and key."""
+
+    __pydantic_config__ = NO_EXTRAS
+    block: Annotated[dict[str, Any], about("keys of [block] that differ")] = field(default_factory=dict)
+    task: Annotated[dict[str, Any], about("keys of [task] that differ")] = field(default_factory=dict)
+    physics: Annotated[dict[str, Any], about("keys of [physics] that differ")] = field(default_factory=dict)
+    geometry: Annotated[dict[str, Any], about("keys of [geometry] that differ")] = field(default_factory=dict)
+    quality: Annotated[dict[str, Any], about("keys of [quality] that differ")] = field(default_factory=dict)
+    display: Annotated[dict[str, Any], about("keys of [display] that differ")] = field(default_factory=dict)
+    participant: Annotated[dict[str, Any], about("keys of [participant] that differ, of simulated people")] = field(
+        default_factory=dict
+    )
+    instructions: Annotated[
+        dict[str, str], about("what participants read before a block, by language: instructions.en")
+    ] = field(default_factory=dict)
+
+    def changed(self) -> dict[str, dict[str, Any]]:
+        """Tables that differ, with the keys that do."""
+        return {table: dict(getattr(self, table)) for table in CHANGED if getattr(self, table)}
+
+
+@dataclass(frozen=True, slots=True)
+class Level(Changes):
+    """One level of a factor: what differs with it. Its instructions are read after those of the kind."""
+
+    __pydantic_config__ = NO_EXTRAS
+    value: Annotated[float, about("value of this level of a numeric factor", allow_inf_nan=False)] | Literal["auto"] = (
+        "auto"
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Factor:
+    """What varies over blocks, or over the trials of a block."""
+
+    __pydantic_config__ = NO_EXTRAS
+    order: Annotated[
+        Literal["alternate", "latin", "random", "between", "trial"],
+        about(
+            "how its levels follow each other: in turn, in rows of a balanced latin square, each once in a random "
+            "order and so on, one level for a whole dyad, or drawn trial by trial within each block"
+        ),
+    ] = "alternate"
+    type: Annotated[FactorType, about("what its levels are; auto: as what they set is")] | Literal["auto"] = "auto"
+    unit: Annotated[str, about("unit of a numeric factor; empty: that of what its levels set")] = ""
+    levels: Annotated[dict[str, Level], about("its levels by name, each with what differs")] = field(
+        default_factory=dict
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Kind(Changes):
+    """One kind of block."""
+
+    __pydantic_config__ = NO_EXTRAS
+    performers: Annotated[
+        Literal["dyad", "A", "B", "AB", "BA"],
+        about("who performs it: the dyad, one participant alone, or both alone, one after the other"),
+    ] = "dyad"
+    role: (
+        Annotated[Role, about("what its trials are for: an analysis takes test trials; auto: by its name, else test")]
+        | Literal["auto"]
+    ) = "auto"
+    other_hand: Annotated[
+        Literal["own", "still", "robot"],
+        about("who moves the other hand of one alone: he himself (bimanual), nobody, or a simulated partner"),
+    ] = "own"
+    factors: Annotated[tuple[str, ...], about('factors that vary over its blocks; "all": every one', strict=False)] = (
+        ALL,
+    )
+    catch: Annotated[
+        float,
+        about("catch trials, in which nothing is felt: below 1 a share, from 1 on how many", "1", ge=0, le=1000),
+    ] = 0.0
+    catch_after: Annotated[int, about("so many trials of a block are never catch trials", "1", ge=0, le=10_000)] = 1
+
+    def people(self) -> tuple[Literal["A", "B", "dyad"], ...]:
+        """Who performs the blocks of one step, in turn."""
+        by: dict[str, tuple[Literal["A", "B", "dyad"], ...]] = {
+            "dyad": ("dyad",),
+            "A": ("A",),
+            "B": ("B",),
+            "AB": ("A", "B"),
+            "BA": ("B", "A"),
+        }
+        return by[self.performers]
+
+
+@dataclass(frozen=True, slots=True)
+class Questionnaire:
+    """What the operator is reminded of."""
+
+    __pydantic_config__ = NO_EXTRAS
+    text: Annotated[str, about("what the operator is shown: words, or a web address", min_length=1)]
+    after: Annotated[
+        tuple[str, ...], about('kinds of blocks after which it comes; "session": after the last block', strict=False)
+    ] = (SESSION,)

@@ -1,0 +1,336 @@
+"""A study as its file describes it: which kinds of blocks there are, what varies over them, and in which order.
+
+A study file is TOML. What differs from the rig's configuration is written in the configuration's own words, table and
+key (``block.trials = 60``, ``physics.M = 0.02``): for all blocks at the top of the file, for the blocks of a kind in
+``[kinds.NAME]``, for a level of a factor in ``[factors.NAME.levels.LEVEL]``. A level goes before a kind, and a kind
+before the top. Whatever is wrong is a `ConfigError` with a line for every problem.
+
+This module knows of no dyad: `netboard.task.plans.plan` makes the blocks of one from a study.
+"""
+
+import difflib
+import tomllib
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, fields
+from itertools import combinations
+from typing import Annotated, Any, TypeVar
+
+from netboard.base.errors import ConfigError
+from netboard.base.settings import NO_EXTRAS, about, check, to_toml
+from netboard.task.studies import library
+from netboard.task.studies.factors import declared
+from netboard.task.studies.order import MOST, steps_of
+from netboard.task.studies.parts import (
+    ALL,
+    CHANGED,
+    PLANNED,
+    SESSION,
+    WITHIN,
+    Changes,
+    Factor,
+    Kind,
+    Level,
+    Questionnaire,
+)
+
+T = TypeVar("T")
+
+IN_TRIALS = "block.force_scale"
+"""What can differ from trial to trial within a block."""
+
+_LATER = {"role": "auto", "type": "auto", "unit": "", "value": "auto"}
+"""Keys that came later, with their defaults."""
+
+
+@dataclass(frozen=True, slots=True)
+class Study(Changes):
+    """A study; what differs in all its blocks is at its top."""
+
+    __pydantic_config__ = NO_EXTRAS
+    name: Annotated[str, about("its name", pattern=r"^[A-Za-z][A-Za-z0-9_-]*$")] = "study"
+    text: Annotated[str, about("what it is, in a sentence")] = ""
+    order: Annotated[
+        tuple[str, ...], about("names of orders that dyads take in turn; none: the first of [orders]", strict=False)
+    ] = ()
+    trials_per_condition: Annotated[
+        int,
+        about("trials of each participant in each kind and condition; 0: any number", "1", ge=0, le=1_000_000),
+    ] = 0
+    long_rest: Annotated[float, about("rest where an order has a /", "s", ge=0, le=3600)] = 300.0
+    orders: Annotated[dict[str, str], about("orders of blocks by name")] = field(default_factory=dict)
+    factors: Annotated[dict[str, Factor], about("what varies over blocks, by name")] = field(default_factory=dict)
+    kinds: Annotated[dict[str, Kind], about("kinds of blocks, by name")] = field(default_factory=dict)
+    questionnaires: Annotated[dict[str, Questionnaire], about("questionnaires, by name")] = field(default_factory=dict)
+
+    def taken(self) -> tuple[str, ...]:
+        """Names of the orders that dyads take in turn."""
+        return self.order or tuple(self.orders)[:1]
+
+    def factors_of(self, kind: str) -> dict[str, Factor]:
+        """Factors that vary over a kind's blocks, slowest first."""
+        return {name: factor for name, factor in self._every(kind).items() if factor.order != WITHIN}
+
+    def trial_factors_of(self, kind: str) -> dict[str, Factor]:
+        """Factors that vary over the trials of a kind's blocks."""
+        return {name: factor for name, factor in self._every(kind).items() if factor.order == WITHIN}
+
+    def _every(self, kind: str) -> dict[str, Factor]:
+        names = self.kinds[kind].factors
+        return {name: factor for name, factor in self.factors.items() if name in names or ALL in names}
+
+
+# --- reading -----------------------------------------------------------------------------------------------------
+
+
+def parse_study(text: str, source: str = "study.toml") -> Study:
+    """Check a study file and turn it into a `Study`.
+
+    Raises
+    ------
+    ConfigError
+        If the text is not TOML, a key is unknown, of the wrong type or out of range, or parts do not go together.
+        The message has a line for every problem.
+    """
+    try:
+        values = tomllib.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise ConfigError(f"{source}: not valid TOML: {error}") from None
+    problems: list[str] = []
+    study = _whole(values, problems)
+    if study is not None and not problems:
+        problems += _contradictions(study)
+    if study is None or problems:
+        raise ConfigError("\n".join(f"{source}: {problem}" for problem in dict.fromkeys(problems)))
+    return study
+
+
+def paper_study() -> Study:
+    """Make the study of the paper.
+
+    Returns
+    -------
+    Study
+        18 blocks of 60 trials, of which the built-in file has the details.
+    """
+    return parse_study(library.text_of("paper"), "paper")
+
+
+def _whole(values: dict[str, Any], problems: list[str]) -> Study | None:
+    """Read everything, the inner tables first."""
+    values = dict(values)
+    for name, factor in _tables(values, "factors", (), problems):
+        path = ("factors", name)
+        for level, changes in _tables(factor, "levels", path, problems):
+            _put(factor["levels"], level, _changes(Level, changes, (*path, "levels", level), problems))
+        _put(values["factors"], name, _checked(Factor, factor, path, problems))
+    for name, kind in _tables(values, "kinds", (), problems):
+        _put(values["kinds"], name, _changes(Kind, kind, ("kinds", name), problems))
+    for name, questionnaire in _tables(values, "questionnaires", (), problems):
+        path = ("questionnaires", name)
+        _put(values["questionnaires"], name, _checked(Questionnaire, {"text": "", **questionnaire}, path, problems))
+    for name in _table(values, "orders", (), problems):
+        _name(name, ("orders", name), problems)
+    return _changes(Study, values, (), problems)
+
+
+def _put(table: dict[str, Any], name: str, value: object) -> None:
+    """Put what a table was read as in its place; what is wrong is left out, for it is a problem already."""
+    if value is None:
+        del table[name]
+    else:
+        table[name] = value
+
+
+def _table(values: dict[str, Any], name: str, path: Sequence[str], problems: list[str]) -> dict[str, Any]:
+    """Take the table of that name, a copy that may be changed; what is no table is a problem and left out."""
+    found = values.get(name, {})
+    if not isinstance(found, dict):
+        problems.append(f"[{'.'.join((*path, name))}]: found {_found(found)}, expected a table")
+        found = {}
+    table: dict[str, Any] = dict(found)
+    if name in values:
+        values[name] = table
+    return table
+
+
+def _tables(
+    values: dict[str, Any], name: str, path: Sequence[str], problems: list[str]
+) -> list[tuple[str, dict[str, Any]]]:
+    """Take the tables within the table of that name, copies that may be changed."""
+    table = _table(values, name, path, problems)
+    inner = []
+    for key in list(table):
+        _name(key, (*path, name, key), problems)
+        inner.append((key, _table(table, key, (*path, name), problems)))
+    return inner
+
+
+def _name(name: str, path: Sequence[str], problems: list[str]) -> None:
+    """Refuse a name that could not stand in an order or a file name."""
+    if not name.replace("_", "").replace("-", "").isalnum() or not name.isascii() or not name[0].isalpha():
+        problems.append(f"[{'.'.join(path)}]: expected a name of letters, digits, _ and -, with a letter first")
+
+
+def _checked(cls: type[T], values: dict[str, Any], path: Sequence[str], problems: list[str]) -> T | None:
+    """Check one table; None if anything is wrong."""
+    try:
+        return check(cls, values, tuple(path))
+    except ConfigError as error:
+        problems += str(error).splitlines()
+        return None
+
+
+def _changes(cls: type[T], values: dict[str, Any], path: Sequence[str], problems: list[str]) -> T | None:
+    """Check a table that holds tables of the configuration."""
+    for table, of in CHANGED.items():
+        changed = _table(values, table, path, problems)
+        for key in [key for key in changed if table == "block" and key in PLANNED]:
+            del changed[key]
+            problems.append(f"[{'.'.join((*path, table))}] {key}: follows from the plan and is not set here")
+        checked = _checked(of, changed, (*path, table), problems) if changed else None
+        if checked is not None:
+            values[table] = {key: getattr(checked, key) for key in changed}
+    own = {item.name for item in fields(cls)}  # type: ignore[arg-type]
+    for key in [key for key in values if key not in own]:
+        homes = [table for table, of in CHANGED.items() if key in {item.name for item in fields(of)}]
+        if homes and key not in PLANNED:
+            del values[key]
+            where = f"[{'.'.join(path)}] {key}" if path else key
+            problems.append(f"{where}: unknown key; did you mean {homes[0]}.{key}?")
+    for language in _table(values, "instructions", path, problems):
+        _name(language, (*path, "instructions", language), problems)
+    return _checked(cls, values, path, problems)
+
+
+def _found(value: object) -> str:
+    """Show what was found, as it is written in the file."""
+    return to_toml(value) if isinstance(value, str | bool | int | float) else f"a {type(value).__name__}"
+
+
+# --- what goes together ------------------------------------------------------------------------------------------
+
+
+def _contradictions(study: Study) -> Iterator[str]:
+    """Find parts that are right each by itself and wrong together."""
+    if not study.kinds:
+        yield "[kinds]: there is none, expected at least one kind of block, such as [kinds.dyadic]"
+    if not study.orders:
+        yield '[orders]: there is none, expected at least one, such as main = "4 dyadic"'
+    for name in study.order:
+        if name not in study.orders:
+            yield f'order: found "{name}", {_expected(name, study.orders)}'
+    for name, text in study.orders.items():
+        yield from (f"[orders] {name}: {problem}" for problem in _order_problems(study, text))
+    for name, factor in study.factors.items():
+        if len(factor.levels) < 2:
+            yield f"[factors.{name}] levels: found {len(factor.levels)}, expected two or more"
+        if name == ALL:
+            yield f"[factors.{name}]: expected another name; this one means every factor"
+        yield from (f"[factors.{name}] {problem}" for problem in _factor_problems(factor))
+    for name, questionnaire in study.questionnaires.items():
+        for kind in questionnaire.after:
+            if kind not in (*study.kinds, SESSION):
+                yield f'[questionnaires.{name}] after: found "{kind}", {_expected(kind, (*study.kinds, SESSION))}'
+    for name in study.kinds:
+        yield from (f"[kinds.{name}]{problem}" for problem in _kind_problems(study, name))
+
+
+def _expected(name: str, names: Sequence[str] | dict[str, Any]) -> str:
+    """Say which names there are, and which was probably meant."""
+    near = difflib.get_close_matches(name, list(names), 1)
+    return f"expected one of {', '.join(names) or 'none'}" + (f"; did you mean {near[0]}?" if near else "")
+
+
+def _order_problems(study: Study, text: str) -> Iterator[str]:
+    """Find what is wrong with an order."""
+    try:
+        steps = [step for session in steps_of(text) for step in session]
+    except ConfigError as error:
+        yield str(error)
+        return
+    for kind in dict.fromkeys(step.kind for step in steps if step.kind not in study.kinds):
+        yield f'found "{kind}", {_expected(kind, study.kinds)}'
+    blocks = sum(len(study.kinds[step.kind].people()) for step in steps if step.kind in study.kinds)
+    if blocks > MOST:
+        yield f"{blocks} blocks, expected at most {MOST}"
+
+
+def _factor_problems(factor: Factor) -> Iterator[str]:
+    """Find what is wrong with a factor."""
+    try:
+        declared(factor)
+    except ConfigError as error:
+        yield str(error)
+    for level, changes in factor.levels.items() if factor.order == WITHIN else ():
+        if set_here := sorted(_keys(changes) - {IN_TRIALS}):
+            yield f"levels.{level}: sets {', '.join(set_here)}; within a block only {IN_TRIALS} can differ"
+        if changes.instructions:
+            yield f"levels.{level} instructions: there are some, expected none for a factor within a block"
+
+
+def _kind_problems(study: Study, name: str) -> Iterator[str]:
+    """Find what is wrong with a kind of block."""
+    kind = study.kinds[name]
+    if name == SESSION:
+        yield ": expected another name; this one means the end of a session"
+    for factor in kind.factors:
+        if factor not in (*study.factors, ALL):
+            yield f' factors: found "{factor}", {_expected(factor, (*study.factors, ALL))}'
+    if kind.performers == "dyad" and kind.other_hand != "own":
+        yield f' other_hand: found "{kind.other_hand}", expected performers = "A", "B", "AB" or "BA" with it'
+    varied = study.factors_of(name)
+    every = varied | study.trial_factors_of(name)
+    by_factor = {one: set().union(*map(_keys, factor.levels.values())) for one, factor in every.items()}
+    for one, other in combinations(every, 2):
+        for key in sorted(by_factor[one] & by_factor[other]):
+            yield f" factors: {one} and {other} both set {key}, expected at most one of them to"
+    anywhere = _keys(study).union(_keys(kind), *by_factor.values())
+    if kind.performers != "dyad" and anywhere & {"block.left", "block.right"}:
+        yield " block.left, block.right: are set, expected neither where one participant performs (see other_hand)"
+    limits = [{**study.block, **kind.block}, *(level.block for f in varied.values() for level in f.levels.values())]
+    if study.trials_per_condition and varied and any(block.get("duration", 0) > 0 for block in limits):
+        yield " block.duration: a time limit promises no number of trials, expected trials_per_condition = 0 with it"
+
+
+def _keys(changes: Changes) -> set[str]:
+    """What a part of the study sets, as ``table.key``."""
+    return {f"{table}.{key}" for table, keys in changes.changed().items() for key in keys}
+
+
+# --- writing -----------------------------------------------------------------------------------------------------
+
+
+def resolve_study(study: Study) -> str:
+    """Write a study in full.
+
+    Returns
+    -------
+    str
+        TOML text; `parse_study` makes of it an equal study, to the last bit.
+    """
+    lines = list(_lines(study))
+    for name, text in study.orders.items():
+        lines += ["", "[orders]"] if name == next(iter(study.orders)) else []
+        lines.append(f"{name} = {to_toml(text)}")
+    for name, factor in study.factors.items():
+        lines += ["", f"[factors.{name}]", *_lines(factor)]
+        for level, changes in factor.levels.items():
+            lines += ["", f"[factors.{name}.levels.{level}]", *_lines(changes)]
+    for name, kind in study.kinds.items():
+        lines += ["", f"[kinds.{name}]", *_lines(kind)]
+    for name, questionnaire in study.questionnaires.items():
+        lines += ["", f"[questionnaires.{name}]", *_lines(questionnaire)]
+    return "\n".join(lines) + "\n"
+
+
+def _lines(part: Any) -> Iterator[str]:
+    """Write what is no table of its own: plain keys, and what differs as ``table.key``."""
+    own = (*CHANGED, "instructions")
+    for item in fields(part):
+        value = getattr(part, item.name)
+        if item.name in _LATER and value == _LATER[item.name]:
+            continue  # studies from before there was such a key keep their digest
+        if not isinstance(value, dict):
+            yield f"{item.name} = {to_toml(value)}"
+        elif item.name in own:
+            yield from (f"{item.name}.{key} = {to_toml(inner)}" for key, inner in value.items())

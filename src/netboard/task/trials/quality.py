@@ -1,0 +1,379 @@
+"""What makes a trial doubtful: rules declared before (`netboard.base.tables.experiment.Quality`), and applied by code.
+
+A `Referee` is shown the rows of the ticks, in any portions, and the frames that the displays have painted. At the tick
+that ends an attempt it gives a `Verdict`: the words of `WORDS` that are true of it. The server does this live, and
+`netboard.recording.integrity.quality_check` does it over a recording, with the same outcome.
+
+An attempt is what lies between the release of the ball and its end, the hold included. What is counted is in one record
+of `TALLY`, which begins anew at every release.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.base.compiled import inlined, kernel
+from netboard.base.config import SIDES, Config
+from netboard.base.tables.experiment import Block, Quality
+from netboard.base.tick import LATE_NS, TICK, TICK_NS, TICK_SECONDS
+from netboard.task.trials.state_machine import SUCCESSOR, Cause, Phase
+
+REPORT_TICKS = 700
+"""A painted frame is known to the server so many ticks later at the most: displays report twice a second [1]. So the
+last ticks of an attempt, in which a ball that gets a success is held already, say nothing about displays."""
+
+WORDS: dict[str, str] = {
+    "late_ticks": "too many ticks of the server began more than half a millisecond late",
+    "lost_samples": "for too much of the time there was no fresh sample of a stylus",
+    "clipped": "a force was at its limit for too much of the time",
+    "saturated": "a stylus was at the edge of its range for too much of the time",
+    "start_tilt": "the board was tilted when the ball was released",
+    "stuck_left": "the height of the left stylus did not change for too long",
+    "stuck_right": "the height of the right stylus did not change for too long",
+    "too_short": "the completion time is too short for a person",
+    "too_long": "the completion time is too long",
+    "frozen_display": "a display showed nothing new for too long",
+}
+"""Every word of a verdict, and what it says, for people."""
+
+TALLY = np.dtype(
+    [
+        ("under_way", "<i8"),  # 1: the ball is free
+        ("ended", "<i8"),  # 1: the attempt is over, and nothing was counted since
+        ("trial", "<i8"),  # number of the trial in the block, from 1
+        ("attempt", "<i8"),  # number of the attempt at it, from 1
+        ("release", "<i8"),  # first tick with a free ball
+        ("last", "<i8"),  # newest tick counted
+        ("cause", "<i8"),  # netboard.task.trials.state_machine.Cause that ended the attempt
+        ("mark_ticks", "<i8"),  # ticks from the release to the ball's coming into the target, as far as known
+        ("ticks", "<i8"),  # ticks counted
+        ("late", "<i8"),  # of those: began late
+        ("start_tilt", "<f8"),  # tilt at the release, NaN if that was not seen [rad]
+        ("lost", "<i8", 2),  # without a fresh sample, left and right
+        ("clipped", "<i8", 2),  # with a force at its limit
+        ("saturated", "<i8", 2),  # with the stylus at the edge of its range
+        ("stuck", "<i8", 2),  # longest run of ticks for which the height as sent did not change
+        ("stamp_ns", "<i8", 2),  # stamp of the sample of the tick before [ns]
+        ("sent_z", "<f8", 2),  # height in the newest sample [m]
+        ("still", "<i8", 2),  # ticks for which that has not changed
+    ]
+)
+"""What is counted of an attempt, and what is remembered of the tick before."""
+
+SEEN = (
+    *("tick", "trial", "attempt", "phase", "event", "run_ticks", "mark_ticks", "theta", "late_ns"),
+    *(f"{side}_{name}" for name in ("live", "stamp_ns", "sent_z", "used_z", "safeguards") for side in SIDES),
+)
+"""Fields of a tick that are looked at: whoever reads ticks for this alone needs no others."""
+
+_RUNNING, _HOLDING = int(Phase.RUNNING), int(Phase.HOLDING)
+_CAUSES = len(Cause)
+
+
+def empty_tally() -> NDArray[Any]:
+    """Tally before the first tick.
+
+    Returns
+    -------
+    ndarray of TALLY, shape (1,)
+        Nothing counted.
+    """
+    acc = np.zeros(1, TALLY)
+    acc["sent_z"] = acc["start_tilt"] = np.nan
+    return acc
+
+
+@inlined
+def _begin(t: Any, row: Any) -> None:
+    """Start to count an attempt."""
+    t["under_way"], t["ended"], t["cause"] = 1, 0, 0
+    t["trial"], t["attempt"], t["release"] = row["trial"], row["attempt"], row["tick"]
+    t["ticks"], t["late"] = 0, 0
+    t["start_tilt"] = row["theta"] if row["run_ticks"] == 0 else np.nan
+    for side in range(2):
+        t["lost"][side], t["clipped"][side], t["saturated"][side] = 0, 0, 0
+        t["stuck"][side], t["still"][side] = 0, 0
+
+
+@inlined
+def _count(
+    t: Any, side: int, live: int, stamp_ns: int, sent_z: float, edge: bool, clamped: bool, counting: bool
+) -> None:
+    """Count a tick of one side, and remember it."""
+    if counting:
+        t["lost"][side] += live == 0 or stamp_ns == t["stamp_ns"][side]
+        t["saturated"][side] += edge
+        t["clipped"][side] += clamped
+    if live != 0:
+        t["still"][side] = t["still"][side] + 1 if sent_z == t["sent_z"][side] else 0
+        t["sent_z"][side] = sent_z
+        if counting:
+            t["stuck"][side] = max(t["stuck"][side], t["still"][side])
+    t["stamp_ns"][side] = stamp_ns
+
+
+@kernel
+def tally(acc: Any, rows: Any, first: int, count: int, stylus_range: float, clamped: int) -> int:
+    """Count ticks, up to the end of an attempt.
+
+    Parameters
+    ----------
+    acc : ndarray of TALLY, shape (1,)
+        What has been counted so far; changed in place. ``ended`` is 1 if the last tick taken has ended the attempt.
+    rows : ndarray of TICK, shape (n,)
+        A ring of rows, with their outputs; the fields of `SEEN` are enough.
+    first : int
+        Number of the first tick; its row is ``first % n`` [1].
+    count : int
+        How many ticks there are [1].
+    stylus_range : float
+        Heights are clipped to +- this [m].
+    clamped : int
+        The bit of the safeguards that says that a force was at its limit [1].
+
+    Returns
+    -------
+    int
+        How many ticks were taken: all of them, or those up to the first that ended an attempt [1].
+    """
+    t = acc[0]
+    place = first % len(rows)
+    for taken in range(count):
+        row = rows[place]
+        place = place + 1 if place + 1 < len(rows) else 0
+        phase, event = row["phase"], row["event"]
+        free = phase in (_RUNNING, _HOLDING)
+        if free:
+            same = t["under_way"] != 0 and row["trial"] == t["trial"] and row["attempt"] == t["attempt"]
+            if not same or (phase == _RUNNING and row["run_ticks"] == 0):
+                _begin(t, row)
+            t["ticks"] += 1
+            t["late"] += row["late_ns"] > LATE_NS
+            t["last"], t["mark_ticks"] = row["tick"], row["mark_ticks"]
+        left_edge, right_edge = abs(row["left_used_z"]) >= stylus_range, abs(row["right_used_z"]) >= stylus_range
+        left_clamped, right_clamped = (
+            (row["left_safeguards"] & clamped) != 0,
+            (row["right_safeguards"] & clamped) != 0,
+        )
+        _count(t, 0, row["left_live"], row["left_stamp_ns"], row["left_sent_z"], left_edge, left_clamped, free)
+        _count(t, 1, row["right_live"], row["right_stamp_ns"], row["right_sent_z"], right_edge, right_clamped, free)
+        if not free:
+            t["under_way"] = 0
+            continue
+        then = SUCCESSOR[phase, event] if 0 <= event < _CAUSES else phase
+        if then not in (_RUNNING, _HOLDING):
+            t["under_way"], t["ended"], t["cause"] = 0, 1, event
+            return taken + 1
+    return count
+
+
+def longest_gap(frames: Sequence[tuple[int, int]], release: int, end: int) -> float:
+    """Longest time for which a display showed nothing new in an attempt, in which the ball is free and never at rest.
+
+    The last `REPORT_TICKS` of the attempt are left out. Before the first frame and after the last one, ticks count;
+    between two frames, the ticks that they show or the times at which they were painted, whatever is more. Times of
+    painting further apart than the attempt is long are those of two displays with different clocks, and do not count.
+
+    Parameters
+    ----------
+    frames : sequence of (int, int)
+        Tick of the view and time of painting, of all frames of a station's displays, in any order [1, ns].
+    release : int
+        First tick of the attempt [1].
+    end : int
+        Its last one [1].
+
+    Returns
+    -------
+    float
+        The gap, 0 for an attempt that is too short to tell [s].
+    """
+    stop = end - REPORT_TICKS
+    if stop <= release:
+        return 0.0
+    within = sorted(frame for frame in frames if release <= frame[0] <= stop)
+    longest_ns = (end - release) * TICK_NS
+    shown = [release, *(tick for tick, _ in within), stop]
+    ticks = max(after - before for before, after in pairwise(shown))
+    painted = (after[1] - before[1] for before, after in pairwise(within))
+    painted_ns = max((gap for gap in painted if gap <= longest_ns), default=0)
+    return max(ticks * TICK_SECONDS, painted_ns * 1e-9)
+
+
+def judge(t: Any, completion: float, frame_gap: float, rules: Quality, block: Block) -> tuple[str, ...]:
+    """Apply the rules to an attempt.
+
+    A side that is held still has no samples and no force; only a person's stylus can be stuck.
+
+    Parameters
+    ----------
+    t : TALLY record
+        What was counted.
+    completion : float
+        Completion time; NaN without a success [s].
+    frame_gap : float
+        Longest time for which a display showed nothing new [s].
+    rules : Quality
+        The rules.
+    block : Block
+        Who moves the hands.
+
+    Returns
+    -------
+    tuple of str
+        Words of `WORDS`, in that order; none for an attempt beyond doubt.
+    """
+    movers = (block.left, block.right)
+    moved = [side for side, mover in enumerate(movers) if mover != "still"]
+    stuck = [t["stuck"][side] * TICK_SECONDS > rules.stuck and movers[side] == "person" for side in range(2)]
+
+    def share(name: str) -> float:
+        return max(int(t[name][side]) for side in moved) / max(int(t["ticks"]), 1)
+
+    found = {
+        "late_ticks": t["late"] > rules.late_ticks,
+        "lost_samples": share("lost") > rules.lost_share,
+        "clipped": share("clipped") > rules.clipped_share,
+        "saturated": share("saturated") > rules.saturated_share,
+        "start_tilt": abs(t["start_tilt"]) > np.radians(rules.start_tilt_deg),
+        "stuck_left": stuck[0],
+        "stuck_right": stuck[1],
+        "too_short": completion < rules.shortest,
+        "too_long": completion > rules.longest,
+        "frozen_display": frame_gap * 1e3 > rules.frozen_ms,
+    }
+    return tuple(word for word in WORDS if found[word])
+
+
+_OUTCOMES = {
+    Cause.HELD: "success",
+    Cause.FELL: "fell",
+    Cause.TIMED_OUT: "timed_out",
+    Cause.ABORT: "aborted",
+    Cause.STOP: "aborted",
+    Cause.PAUSE: "paused",
+    Cause.FAULT: "paused",
+}
+"""What an attempt comes to by what ends it; whatever else does lets the operator skip the trial."""
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """An attempt that has ended, as the rules see it.
+
+    Attributes
+    ----------
+    trial, attempt : int
+        Number of the trial in the block and of the attempt at it, from 1 [1].
+    release, end : int
+        Its first and its last tick [1].
+    cause : Cause
+        What ended it.
+    completion : float
+        Completion time; NaN without a success [s].
+    flags : tuple of str
+        Words of `WORDS`.
+    """
+
+    trial: int
+    attempt: int
+    release: int
+    end: int
+    cause: Cause
+    completion: float
+    flags: tuple[str, ...]
+
+    @property
+    def outcome(self) -> str:
+        """What has become of the attempt, as in `netboard.network.protocol.control.Outcomes`."""
+        return _OUTCOMES.get(self.cause, "skipped")
+
+
+class Referee:
+    """Judges every attempt of one block.
+
+    Parameters
+    ----------
+    config : Config
+        The block's configuration.
+    clamped : int
+        The bit of the safeguards that says that a force was at its limit [1].
+
+    Attributes
+    ----------
+    counted : TALLY record
+        What has been counted of the newest attempt, for whoever wants to show it.
+    """
+
+    def __init__(self, config: Config, clamped: int) -> None:
+        block = config.block
+        watched = (block.station,) if block.configuration == "bimanual" else SIDES
+        movers = {"left": block.left, "right": block.right}
+        self._rules, self._block = config.quality, block
+        self._range, self._clamped = config.task.stylus_range, int(clamped)
+        self._acc = empty_tally()
+        self._stations = [side for side in watched if config.physics.balls and movers[side] == "person"]
+        self._frames: dict[str, list[tuple[int, int]]] = {}
+        self.counted = self._acc[0]
+
+    def warm(self) -> None:
+        """Compile (or load from the cache) what `watch` needs."""
+        tally(empty_tally(), np.zeros(1, TICK), 0, 1, self._range, self._clamped)
+
+    def paint(self, station: str, tick: int, painted_ns: int) -> None:
+        """Hear of a frame that a display has painted, some time ago; outside of an attempt it does not matter.
+
+        Parameters
+        ----------
+        station : str
+            ``left`` or ``right``.
+        tick : int
+            Tick of the view [1].
+        painted_ns : int
+            When, by the display's clock [ns].
+        """
+        if station in self._stations:
+            frames = self._frames.setdefault(station, [])
+            if self.counted["under_way"]:
+                frames.append((tick, painted_ns))
+
+    def watch(self, rows: NDArray[Any], first: int, count: int) -> list[Verdict]:
+        """See ticks that have been done; each once, in order.
+
+        Parameters
+        ----------
+        rows : ndarray of TICK, shape (n,)
+            A ring of rows; the fields of `SEEN` are enough.
+        first : int
+            Number of the first tick; its row is ``first % n`` [1].
+        count : int
+            How many, at most n [1].
+
+        Returns
+        -------
+        list of Verdict
+            Of the attempts that have ended in these ticks.
+        """
+        verdicts = []
+        stop = first + count
+        while first < stop:
+            first += tally(self._acc, rows, first, stop - first, self._range, self._clamped)
+            if self.counted["ended"]:
+                verdicts.append(self._verdict())
+                self.counted["ended"] = 0
+        return verdicts
+
+    def _verdict(self) -> Verdict:
+        """Judge the attempt that has just ended, and forget the frames before its end."""
+        t = self.counted
+        release, end, cause = int(t["release"]), int(t["last"]), Cause(int(t["cause"]))
+        completion = float(t["mark_ticks"]) * TICK_SECONDS if cause == Cause.HELD else float("nan")
+        gap = max((longest_gap(frames, release, end) for frames in self._frames.values()), default=0.0)
+        for frames in self._frames.values():
+            frames[:] = [frame for frame in frames if frame[0] > end]
+        flags = judge(t, completion, gap, self._rules, self._block)
+        return Verdict(int(t["trial"]), int(t["attempt"]), release, end, cause, completion, flags)

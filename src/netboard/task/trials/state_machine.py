@@ -1,0 +1,386 @@
+"""The trial machine: what phase a trial is in, and what happens next, as one table.
+
+Rule 1: every change of phase is an edge of `TABLE`; nothing else changes a phase.
+Rule 2: the machine sees the board and the ball only through `sense`, and acts on them only through an `Action`, which
+the stage carries out. It knows no clock: it counts ticks.
+Rule 3: a cause for which the present phase has no edge changes nothing.
+Rule 4: an edge that stays in its phase with `Action.EXTEND` or `Action.SHORTEN` is about the block: it leaves the trial
+alone, and what is sensed at the same tick counts too.
+
+The diagram in the documentation is drawn from `TABLE`.
+"""
+
+from enum import IntEnum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from netboard.base.compiled import kernel
+from netboard.base.config import Config
+from netboard.base.tables.experiment import Block, Task
+from netboard.base.tables.scene import Geometry
+from netboard.base.tick import TICK_SECONDS
+
+
+class Phase(IntEnum):
+    """Where a trial is."""
+
+    IDLE = 0  # before the block
+    LEVELLING = 1  # ball fixed opposite the target, waiting for a level board
+    RUNNING = 2  # ball free, outside the target
+    HOLDING = 3  # ball free, inside the target
+    SUCCEEDED = 4  # for one tick
+    FAILED = 5  # for one tick
+    PAUSED = 6  # by the operator or by a fault
+    FINISHED = 7  # the block is over
+
+
+class Cause(IntEnum):
+    """What makes a phase end: sensed, or wished by the operator, or reported by the server."""
+
+    NONE = 0
+    LEVEL = 1  # the board has been level for long enough
+    ENTERED = 2  # the ball's centre came into the target
+    LEFT = 3  # it went out again
+    HELD = 4  # it stayed for the hold time
+    FELL = 5  # it went over the edge
+    TIMED_OUT = 6  # the trial took too long
+    NEXT = 7  # another trial follows
+    LAST = 8  # the block is over: it had all its trials, or its time
+    START = 9  # operator; from here on a stage takes them as commands
+    PAUSE = 10  # operator
+    RESUME = 11  # operator
+    ABORT = 12  # operator: give up this attempt, repeat the trial
+    STOP = 13  # operator: end the block here
+    FAULT = 14  # server: a peer is missing, or a value was not finite
+    REPEAT = 15  # operator: one more trial at the end of the block
+    VETO = 16  # operator: one less of those
+    SKIP = 17  # operator: this trial is done, without success
+
+
+STAGE_FAULT = "the stage: a value was not finite, or the board stood upright"
+"""Why a stage reports a fault that nobody has told it."""
+
+
+class Action(IntEnum):
+    """What the stage does on an edge."""
+
+    NONE = 0
+    PREPARE = 1  # ball at rest opposite the target, counters to zero
+    RELEASE = 2  # the ball is free, the trial's clock starts
+    MARK = 3  # note the time: the hold may have begun
+    SUCCEED = 4  # count the success; the time marked is the completion time
+    FAIL = 5  # count the failure
+    ADVANCE = 6  # the target changes side, the next trial is prepared
+    RETRY = 7  # the same trial is prepared again
+    HALT = 8  # the ball is fixed where it is, the attempt does not count
+    EXTEND = 9  # one more trial than the block has
+    SHORTEN = 10  # one less of those
+    PASS = 11  # as `ADVANCE`, and no attempt has begun: it will be the first
+
+
+TABLE: dict[Phase, dict[Cause, tuple[Phase, Action]]] = {
+    Phase.IDLE: {
+        Cause.START: (Phase.LEVELLING, Action.PREPARE),
+        Cause.STOP: (Phase.FINISHED, Action.HALT),
+    },
+    Phase.LEVELLING: {
+        Cause.LEVEL: (Phase.RUNNING, Action.RELEASE),
+        Cause.PAUSE: (Phase.PAUSED, Action.HALT),
+        Cause.FAULT: (Phase.PAUSED, Action.HALT),
+        Cause.ABORT: (Phase.LEVELLING, Action.RETRY),
+        Cause.SKIP: (Phase.LEVELLING, Action.ADVANCE),
+        Cause.LAST: (Phase.FINISHED, Action.HALT),
+        Cause.STOP: (Phase.FINISHED, Action.HALT),
+    },
+    Phase.RUNNING: {
+        Cause.ENTERED: (Phase.HOLDING, Action.MARK),
+        Cause.FELL: (Phase.FAILED, Action.FAIL),
+        Cause.TIMED_OUT: (Phase.FAILED, Action.FAIL),
+        Cause.PAUSE: (Phase.PAUSED, Action.HALT),
+        Cause.FAULT: (Phase.PAUSED, Action.HALT),
+        Cause.ABORT: (Phase.LEVELLING, Action.RETRY),
+        Cause.SKIP: (Phase.LEVELLING, Action.ADVANCE),
+        Cause.LAST: (Phase.FINISHED, Action.HALT),
+        Cause.STOP: (Phase.FINISHED, Action.HALT),
+    },
+    Phase.HOLDING: {
+        Cause.LEFT: (Phase.RUNNING, Action.NONE),
+        Cause.HELD: (Phase.SUCCEEDED, Action.SUCCEED),
+        Cause.FELL: (Phase.FAILED, Action.FAIL),
+        Cause.PAUSE: (Phase.PAUSED, Action.HALT),
+        Cause.FAULT: (Phase.PAUSED, Action.HALT),
+        Cause.ABORT: (Phase.LEVELLING, Action.RETRY),
+        Cause.SKIP: (Phase.LEVELLING, Action.ADVANCE),
+        Cause.LAST: (Phase.FINISHED, Action.HALT),
+        Cause.STOP: (Phase.FINISHED, Action.HALT),
+    },
+    Phase.SUCCEEDED: {
+        Cause.NEXT: (Phase.LEVELLING, Action.ADVANCE),
+        Cause.LAST: (Phase.FINISHED, Action.HALT),
+    },
+    Phase.FAILED: {
+        Cause.NEXT: (Phase.LEVELLING, Action.RETRY),
+        Cause.LAST: (Phase.FINISHED, Action.HALT),
+    },
+    Phase.PAUSED: {
+        Cause.RESUME: (Phase.LEVELLING, Action.RETRY),
+        Cause.SKIP: (Phase.PAUSED, Action.PASS),
+        Cause.LAST: (Phase.FINISHED, Action.HALT),
+        Cause.STOP: (Phase.FINISHED, Action.HALT),
+    },
+    Phase.FINISHED: {},
+}
+for _phase, _from_there in TABLE.items():
+    if _from_there:  # the block is not over: it can get longer and shorter
+        _from_there |= {Cause.REPEAT: (_phase, Action.EXTEND), Cause.VETO: (_phase, Action.SHORTEN)}
+
+BALL_FREE = (Phase.RUNNING, Phase.HOLDING)
+"""The phases in which the ball rolls; in all others it is fixed."""
+
+RULES = np.dtype(
+    [
+        ("target_distance", "<f8"),  # target centre to board centre [m]
+        ("half_width", "<f8"),  # of the target [m]
+        ("level_angle", "<f8"),  # [rad]
+        ("level_rate", "<f8"),  # [rad/s]
+        ("level_height", "<f8"),  # [m]
+        ("fall_distance", "<f8"),  # [m]
+        ("level_ticks", "<i8"),  # the board must be level for so many ticks
+        ("hold_ticks", "<i8"),  # the ball must stay in the target for so many ticks
+        ("limit_ticks", "<i8"),  # a trial may take so many ticks; 0 for any number
+        ("trials", "<i8"),  # trials in the block
+        ("block_ticks", "<i8"),  # no trial begins after so many ticks of the block; 0: any number
+    ]
+)
+"""The rules of a trial as the kernels read them: one record."""
+
+
+def ticks(seconds: float) -> int:
+    """Number of ticks in a time.
+
+    Parameters
+    ----------
+    seconds : float
+        Time [s].
+
+    Returns
+    -------
+    int
+        Nearest whole number of ticks [1].
+    """
+    return round(seconds / TICK_SECONDS)
+
+
+def pack_rules(task: Task, geometry: Geometry, block: Block) -> NDArray[Any]:
+    """Rules of a block, for the kernels.
+
+    Parameters
+    ----------
+    task, geometry, block
+        The configuration's tables.
+
+    Returns
+    -------
+    ndarray of RULES, shape (1,)
+        The packed record, SI units and ticks.
+    """
+    rules = np.zeros(1, RULES)
+    rules["target_distance"] = geometry.target_distance
+    rules["half_width"] = geometry.target_width / 2
+    rules["level_angle"] = np.radians(task.level_angle_deg)
+    rules["level_rate"] = np.radians(task.level_rate_deg_s)
+    rules["level_height"] = task.level_height
+    rules["fall_distance"] = task.fall_distance
+    rules["level_ticks"] = ticks(task.level_time)
+    rules["hold_ticks"] = ticks(task.hold_time)
+    rules["limit_ticks"] = ticks(task.time_limit)
+    rules["trials"] = block.trials
+    rules["block_ticks"] = ticks(block.duration)
+    return rules
+
+
+def first_target(config: Config) -> int:
+    """Side of the first target of the block, that of trial 1: -1 left, +1 right [1].
+
+    A random side is drawn from the block's seed, so that it can be repeated.
+
+    Parameters
+    ----------
+    config : Config
+        The whole configuration.
+    """
+    match config.block.first_target:
+        case "left":
+            return -1
+        case "right":
+            return 1
+        case _:
+            return int(np.random.default_rng(config.block.seed).choice((-1, 1)))
+
+
+def _edges() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Turn `TABLE` into two arrays, next phase and action, indexed [phase, cause]; no edge: the same phase."""
+    successor = np.repeat(np.arange(len(Phase), dtype=np.int64)[:, None], len(Cause), axis=1)
+    action = np.zeros((len(Phase), len(Cause)), np.int64)
+    for phase, edges in TABLE.items():
+        for cause, (then, does) in edges.items():
+            successor[phase, cause] = then
+            action[phase, cause] = does
+    return successor, action
+
+
+SUCCESSOR, ACTION = _edges()
+HAS_EDGE = np.array([[cause in TABLE[phase] for cause in Cause] for phase in Phase])
+
+# Plain integers: what numba folds into the kernels below.
+_LEVELLING, _RUNNING, _HOLDING = int(Phase.LEVELLING), int(Phase.RUNNING), int(Phase.HOLDING)
+_SUCCEEDED, _FAILED = int(Phase.SUCCEEDED), int(Phase.FAILED)
+_NONE, _LEVEL, _ENTERED, _LEFT = int(Cause.NONE), int(Cause.LEVEL), int(Cause.ENTERED), int(Cause.LEFT)
+_HELD, _FELL, _TIMED_OUT = int(Cause.HELD), int(Cause.FELL), int(Cause.TIMED_OUT)
+_NEXT, _LAST, _START, _SKIP = int(Cause.NEXT), int(Cause.LAST), int(Cause.START), int(Cause.SKIP)
+
+
+@kernel
+def is_active(phase: int) -> bool:
+    """Tell whether a trial is going on, so that forces may be felt: neither before or after the block nor paused.
+
+    Parameters
+    ----------
+    phase : int
+        The present `Phase` [1].
+    """
+    return _LEVELLING <= phase <= _FAILED
+
+
+@kernel
+def is_level(z: float, theta: float, omega: float, rules: Any) -> bool:
+    """Tell whether the board counts as level (reading B1).
+
+    Parameters
+    ----------
+    z : float
+        Height of the board's centre [m].
+    theta : float
+        Tilt [rad].
+    omega : float
+        Rotation [rad/s].
+    rules : RULES record
+        The rules of the trial.
+    """
+    flat = abs(theta) <= rules["level_angle"] and abs(z) <= rules["level_height"]
+    return bool(flat and abs(omega) <= rules["level_rate"])
+
+
+@kernel
+def is_over(block_ticks: int, rules: Any) -> bool:
+    """Tell whether the time of the block is over, if it has one: the attempt that goes on is its last.
+
+    Parameters
+    ----------
+    block_ticks : int
+        Ticks that the block has taken [1].
+    rules : RULES record
+        The rules of the trial.
+    """
+    return bool(0 < rules["block_ticks"] <= block_ticks)
+
+
+@kernel
+def is_last(trial: int, extra: int, block_ticks: int, rules: Any) -> bool:
+    """Tell whether no trial follows this one.
+
+    Parameters
+    ----------
+    trial : int
+        Number of the trial in the block, from 1 [1].
+    extra : int
+        Trials added to the block [1].
+    block_ticks : int
+        Ticks that the block has taken [1].
+    rules : RULES record
+        The rules of the trial.
+    """
+    return bool(trial >= rules["trials"] + extra or is_over(block_ticks, rules))
+
+
+@kernel
+def wished(command: int, trial: int, extra: int, block_ticks: int, rules: Any) -> int:
+    """What a command gives cause to: itself, but that to skip the last trial is the end of the block.
+
+    Parameters
+    ----------
+    command : int
+        A `Cause`, or any other number [1].
+    trial, extra, block_ticks : int
+        As for `is_last` [1].
+    rules : RULES record
+        The rules of the trial.
+
+    Returns
+    -------
+    int
+        A `Cause`; `Cause.NONE` for what is no command [1].
+    """
+    if not _START <= command <= _SKIP:
+        return _NONE
+    return _LAST if command == _SKIP and is_last(trial, extra, block_ticks, rules) else command
+
+
+@kernel
+def sense(
+    phase: int,
+    p: float,
+    centre: float,
+    counted: int,
+    run_ticks: int,
+    trial: int,
+    extra: int,
+    block_ticks: int,
+    rules: Any,
+) -> int:
+    """What the board and the ball give cause to in this phase.
+
+    Parameters
+    ----------
+    phase : int
+        The present `Phase` [1].
+    p : float
+        Ball position [m].
+    centre : float
+        Centre of the target [m].
+    counted : int
+        Ticks the board has been level (levelling) or the ball inside the target (holding), this one included [1].
+    run_ticks : int
+        Ticks since the release [1].
+    trial, extra, block_ticks : int
+        As for `is_last` [1].
+    rules : RULES record
+        The rules of the trial.
+
+    Returns
+    -------
+    int
+        A `Cause` [1].
+    """
+    if phase == _LEVELLING:
+        return _LEVEL if counted >= rules["level_ticks"] else _NONE
+    if phase in (_RUNNING, _HOLDING):
+        if abs(p) > rules["fall_distance"]:
+            return _FELL
+        inside = abs(p - centre) <= rules["half_width"]
+        if phase == _HOLDING:
+            if not inside:
+                return _LEFT
+            return _HELD if counted >= rules["hold_ticks"] else _NONE
+        if inside:
+            return _ENTERED
+        if rules["limit_ticks"] > 0 and run_ticks >= rules["limit_ticks"]:
+            return _TIMED_OUT
+        return _NONE
+    if phase == _SUCCEEDED:
+        return _LAST if is_last(trial, extra, block_ticks, rules) else _NEXT
+    if phase == _FAILED:
+        return _LAST if is_over(block_ticks, rules) else _NEXT
+    return _NONE

@@ -1,0 +1,146 @@
+"""A device live: position and velocity of the last seconds, buttons, and whether it takes forces.
+
+For operators, not for participants: it shows one device of the rig, read here and given no force. Esc or Q closes it.
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pyqtgraph as pg
+from PySide6.QtCore import Qt, QTimer, Signal
+from PySide6.QtGui import QCloseEvent, QKeyEvent
+from PySide6.QtWidgets import QLabel, QVBoxLayout, QWidget
+
+from netboard.base.errors import DeviceError, NetboardError
+from netboard.devices.contract.device import Reading
+from netboard.windows.participant.scene import COLOURS, Mood
+from netboard.windows.participant.widget import screenshot
+from netboard.windows.participant.window import application
+
+READ_MS, DRAW_MS = 4, 33
+SECONDS = 10.0
+"""What the plots show [s]."""
+
+KEPT = round(SECONDS * 1000 / READ_MS)
+"""Readings remembered [1]."""
+
+AXIS_WIDTH = 60
+"""Room for the numbers of the plots, so that their times stand one above the other, in pixels [1]."""
+
+AXES = (("x, out of the screen", "#e69f00"), ("y, right", "#56b4e9"), ("z, up", "#2fc79b"))
+"""Name and colour of each axis."""
+
+
+class MonitorWindow(QWidget):
+    """A window that shows one device."""
+
+    closed = Signal()
+
+    def __init__(self, read: Callable[[], Reading], title: str) -> None:
+        super().__init__()
+        self.setWindowTitle(title)
+        self.resize(1000, 700)
+        self.trouble: DeviceError | None = None
+        self._read = read
+        self._times = np.zeros(KEPT)
+        self._values = np.zeros((6, KEPT))
+        self._count = 0
+        self._newest: Reading | None = None
+        rows = QVBoxLayout(self)
+        self._lines = [*self._plot(rows, "position", "mm"), *self._plot(rows, "velocity", "mm/s")]
+        self.words = QLabel(self)
+        rows.addWidget(self.words)
+        colours = COLOURS[Mood.RUN]
+        self.setStyleSheet(f"background: {colours.background}; color: {colours.detail};")
+        self._timers = [self._every(READ_MS, self.take), self._every(DRAW_MS, self.redraw)]
+
+    def take(self) -> None:
+        """Take one reading; a device that fails closes the window."""
+        try:
+            r = self._read()
+        except DeviceError as error:
+            self.trouble = error
+            self.close()
+            return
+        at = self._count % KEPT
+        self._times[at] = r.stamp_ns * 1e-9
+        self._values[:, at] = np.array((r.x, r.y, r.z, r.vx, r.vy, r.vz)) * 1e3
+        self._count += 1
+        self._newest = r
+
+    def redraw(self) -> None:
+        """Draw what has been read; the newest reading is at zero seconds."""
+        if self._newest is None:
+            return
+        size = min(self._count, KEPT)
+        order = np.arange(self._count - size, self._count) % KEPT
+        times = self._times[order] - self._newest.stamp_ns * 1e-9
+        for line, values in zip(self._lines, self._values[:, order], strict=True):
+            line.setData(times, values)
+        self.words.setText(in_words(self._newest))
+
+    def keyPressEvent(self, event: QKeyEvent) -> None:  # noqa: N802  (Qt's name)
+        """Close."""
+        if event.key() in (Qt.Key.Key_Escape, Qt.Key.Key_Q):
+            self.close()
+        else:
+            super().keyPressEvent(event)
+
+    def closeEvent(self, event: QCloseEvent) -> None:  # noqa: N802  (Qt's name)
+        """Read no more, and say that the window is closed."""
+        for timer in self._timers:
+            timer.stop()
+        super().closeEvent(event)
+        self.closed.emit()
+
+    def _plot(self, rows: QVBoxLayout, name: str, unit: str) -> list[pg.PlotDataItem]:
+        """Make a plot with a line for each axis."""
+        plot = pg.PlotWidget(self, background=COLOURS[Mood.RUN].background)
+        plot.setLabel("left", f"{name} [{unit}]")
+        plot.setLabel("bottom", "time [s]")
+        plot.getAxis("left").enableAutoSIPrefix(False)
+        plot.getAxis("left").setWidth(AXIS_WIDTH)
+        plot.setXRange(-SECONDS, 0.0, padding=0.0)
+        plot.setMouseEnabled(x=False, y=False)
+        plot.hideButtons()
+        plot.showGrid(x=True, y=True, alpha=0.2)
+        plot.addLegend(offset=(8, 2), colCount=len(AXES))
+        rows.addWidget(plot, 1)
+        return [plot.plot(name=axis, pen=pg.mkPen(colour, width=1.5)) for axis, colour in AXES]
+
+    def _every(self, milliseconds: int, do: Callable[[], None]) -> QTimer:
+        """Do something again and again."""
+        timer = QTimer(self, interval=milliseconds, timerType=Qt.TimerType.PreciseTimer)
+        timer.timeout.connect(do)
+        timer.start()
+        return timer
+
+
+def in_words(reading: Reading) -> str:
+    """Say what a reading is, in one line."""
+    pressed = [str(bit) for bit in range(reading.buttons.bit_length()) if reading.buttons >> bit & 1]
+    place = "  ".join(f"{axis} {value * 1e3:+8.2f}" for axis, value in zip("xyz", reading[1:4], strict=True))
+    ready = "ready for forces" if reading.ready else "NOT ready for forces"
+    return f"{place} mm      buttons: {', '.join(pressed) or 'none'}      {ready}"
+
+
+def run(read: Callable[[], Reading], title: str, stopping: Callable[[], bool], picture: Path | None = None) -> None:
+    """Show a device until the window is closed or the process is asked to stop."""
+    if picture is not None and picture.exists():
+        raise NetboardError(f"{picture} exists; a screenshot never overwrites a file")
+    app = application()
+    window = MonitorWindow(read, title)
+    window.show()
+    watch = QTimer(window, interval=50)
+    watch.timeout.connect(lambda: app.quit() if stopping() else None)
+    watch.start()
+    window.closed.connect(app.quit)
+    app.exec()
+    watch.stop()
+    if picture is not None:
+        window.redraw()
+        screenshot(window, picture)
+    window.close()
+    if window.trouble is not None:
+        raise window.trouble

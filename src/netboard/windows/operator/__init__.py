@@ -1,0 +1,1 @@
+"""The operator's console: status lamps, commands, attempts, notes."""

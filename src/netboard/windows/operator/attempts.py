@@ -1,0 +1,110 @@
+"""The table of attempts: what has become of each, why it may be doubtful, and what it repeats."""
+
+from collections.abc import Sequence
+
+from PySide6.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelIndex, Qt
+from PySide6.QtGui import QColor
+from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableView
+
+from netboard.windows.operator.lamp_widget import PANEL, PLAIN, TONES
+from netboard.windows.operator.words import ATTEMPT_HEADS, Attempt, attempt_cells, attempt_tone
+
+Index = QModelIndex | QPersistentModelIndex
+NOWHERE = QModelIndex()
+DOUBTS = ATTEMPT_HEADS.index("Doubtful")
+
+
+class AttemptModel(QAbstractTableModel):
+    """The attempts of a session as Qt reads them."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.attempts: list[Attempt] = []
+
+    def take(self, attempts: Sequence[Attempt]) -> bool:
+        """Take the attempts so far, which only grow, unless the session is another one; whether there were new ones."""
+        have = len(self.attempts)
+        if len(attempts) < have or list(attempts[:have]) != self.attempts:
+            self.beginResetModel()
+            self.attempts = []
+            self.endResetModel()
+            have = 0
+        if len(attempts) == have:
+            return False
+        self.beginInsertRows(NOWHERE, have, len(attempts) - 1)
+        self.attempts.extend(attempts[have:])
+        self.endInsertRows()
+        return True
+
+    def rowCount(self, parent: Index = NOWHERE) -> int:  # noqa: N802  (Qt's name)
+        """Count the attempts [1]."""
+        return 0 if parent.isValid() else len(self.attempts)
+
+    def columnCount(self, parent: Index = NOWHERE) -> int:  # noqa: N802  (Qt's name)
+        """Count the columns [1]."""
+        return 0 if parent.isValid() else len(ATTEMPT_HEADS)
+
+    def data(self, index: Index, role: int = Qt.ItemDataRole.DisplayRole) -> object:
+        """Words and colour of a cell."""
+        attempt = self.attempts[index.row()]
+        if role in (Qt.ItemDataRole.DisplayRole, Qt.ItemDataRole.ToolTipRole):
+            return attempt_cells(attempt)[index.column()]
+        if role == Qt.ItemDataRole.ForegroundRole:
+            return QColor(TONES[attempt_tone(attempt)])
+        return None
+
+    def headerData(  # noqa: N802  (Qt's name)
+        self, section: int, orientation: Qt.Orientation, role: int = Qt.ItemDataRole.DisplayRole
+    ) -> object:
+        """Heads of the columns."""
+        if role == Qt.ItemDataRole.DisplayRole and orientation == Qt.Orientation.Horizontal:
+            return ATTEMPT_HEADS[section]
+        return None
+
+
+class AttemptTable(QTableView):
+    """The table: it follows the newest attempt while none is marked."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.attempts = AttemptModel()
+        self.setModel(self.attempts)
+        self.setFocusPolicy(Qt.FocusPolicy.NoFocus)
+        self.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
+        self.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
+        self.setShowGrid(False)
+        self.setVerticalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
+        self.setMinimumSize(200, 100)
+        self.verticalHeader().hide()
+        self.verticalHeader().setDefaultSectionSize(24)
+        head = self.horizontalHeader()
+        head.setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
+        head.setSectionResizeMode(DOUBTS, QHeaderView.ResizeMode.Stretch)
+        head.setHighlightSections(False)
+        self.setStyleSheet(
+            f"QTableView {{ background: {PANEL}; border: none; selection-background-color: {PLAIN.target}; }}"
+            f"QHeaderView::section {{ background: {PANEL}; color: {PLAIN.detail}; border: none; padding: 3px 6px; }}"
+        )
+
+    def take(self, attempts: Sequence[Attempt]) -> None:
+        """Show the attempts so far."""
+        if self.attempts.take(attempts) and self.marked is None:
+            self.scrollToBottom()
+
+    @property
+    def marked(self) -> Attempt | None:
+        """The attempt that is marked; None for none."""
+        rows = self.selectionModel().selectedRows()
+        return self.attempts.attempts[rows[0].row()] if rows else None
+
+    def step(self, by: int) -> None:
+        """Mark the attempt above or below, from the newest one on; below that one, none."""
+        rows = self.selectionModel().selectedRows()
+        count = self.attempts.rowCount()
+        row = (rows[0].row() if rows else count) + by
+        if row >= count:
+            self.clearSelection()
+            self.scrollToBottom()
+        elif count:
+            self.selectRow(max(row, 0))
+            self.scrollTo(self.attempts.index(max(row, 0), 0))

@@ -1,0 +1,100 @@
+"""The buttons: what can be commanded, each with its key on it, and the emergency stop.
+
+No button ever has the keyboard's focus, so that Space is always the emergency stop's, and never presses what was
+clicked last.
+"""
+
+from PySide6.QtCore import Qt, Signal
+from PySide6.QtWidgets import QGridLayout, QPushButton, QSizePolicy, QVBoxLayout, QWidget
+
+from netboard.network.protocol.control import Status
+from netboard.windows.operator.commands import RELEASING, STOP_KEYS, WISHES, Wish, refusal
+from netboard.windows.operator.lamp_widget import PANEL, PLAIN, WATCH
+
+STOP_RED = "#c8102e"
+COLUMNS = 8
+"""Buttons in a row [1]."""
+
+STYLE = f"""
+QPushButton {{ background: #2b3541; color: {PLAIN.headline}; border: 1px solid {PLAIN.guide}; border-radius: 6px;
+    padding: 4px; font-size: 15px; }}
+QPushButton:hover {{ border-color: {PLAIN.cursor}; }}
+QPushButton:disabled {{ background: {PANEL}; color: {PLAIN.quiet}; border-color: {PANEL}; }}
+QPushButton[sure="true"] {{ background: {WATCH}; color: {PLAIN.background}; font-weight: bold; }}
+"""
+
+STOP_STYLE = f"""
+QPushButton {{ background: {STOP_RED}; color: white; border: 4px solid white; border-radius: 12px;
+    font-size: 26px; font-weight: bold; padding: 6px; }}
+QPushButton:pressed {{ background: white; color: {STOP_RED}; }}
+"""
+
+
+class WishButton(QPushButton):
+    """The button of one wish."""
+
+    def __init__(self, wish: Wish) -> None:
+        super().__init__()
+        self.wish = wish
+        self.setFocusPolicy(Qt.FocusPolicy.NoFocus)
+        self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
+        self.setMinimumHeight(46)
+        self.setStyleSheet(STYLE)
+        self.ask(False)
+
+    def ask(self, sure: bool) -> None:
+        """Ask to be pressed once more, or no longer."""
+        words = f"{self.wish.label}?\npress {self.wish.key} again" if sure else f"{self.wish.label}\n{self.wish.key}"
+        if words == self.text():
+            return
+        self.setText(words)
+        self.setProperty("sure", sure)
+        self.setStyleSheet(STYLE)
+
+    def allow(self, status: Status | None, own: str) -> None:
+        """Be there to be pressed only where that makes sense."""
+        reason = refusal(self.wish, status, own)
+        self.setEnabled(not reason)
+        tip = f"{self.wish.tip} ({reason})" if reason else self.wish.tip
+        if tip != self.toolTip():
+            self.setToolTip(tip)
+
+
+class StopPanel(QWidget):
+    """The emergency stop, and its release.
+
+    Signals
+    -------
+    stopped
+        When it is pressed: with the button, not when that is let go.
+    """
+
+    stopped = Signal()
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.button = QPushButton(f"EMERGENCY STOP\n{' or '.join(STOP_KEYS)}")
+        self.button.setFocusPolicy(Qt.FocusPolicy.NoFocus)
+        self.button.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Expanding)
+        self.button.setMinimumSize(290, 84)
+        self.button.setStyleSheet(STOP_STYLE)
+        self.button.pressed.connect(self.stopped)
+        self.release = WishButton(RELEASING)
+        rows = QVBoxLayout(self)
+        rows.setContentsMargins(0, 0, 0, 0)
+        rows.addWidget(self.button, 1)
+        rows.addWidget(self.release)
+
+
+class CommandBar(QWidget):
+    """The buttons of all other commands."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        grid = QGridLayout(self)
+        grid.setContentsMargins(0, 0, 0, 0)
+        grid.setSpacing(6)
+        self.buttons = [WishButton(wish) for wish in WISHES]
+        for place, button in enumerate(self.buttons):
+            grid.addWidget(button, *divmod(place, COLUMNS))
+            grid.setColumnStretch(place % COLUMNS, 1)

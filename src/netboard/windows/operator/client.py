@@ -1,0 +1,184 @@
+"""The console's end of the control channel: what the server says goes to the window, what is wished goes to the server.
+
+The server is asked some fifteen times a second. What cannot go on (a server of another version, or a new one that does
+not know this console) is said, and tried anew a second later. An emergency stop is sent at once, and again at every
+turn until the server confirms it.
+"""
+
+import logging
+from collections.abc import Callable
+from importlib.metadata import version
+from math import inf
+from pathlib import Path
+
+from PySide6.QtCore import QObject, QTimer
+
+from netboard.base.clock import now_ns
+from netboard.base.config import Config
+from netboard.base.errors import NetboardError
+from netboard.base.process import NAME
+from netboard.network.protocol.control import Reply, Status
+from netboard.network.transport import sockets
+from netboard.nodes.operator.operator import ANSWER_SECONDS, Operator
+from netboard.nodes.ports.emergency import LACKING, RELEASE, STOP
+from netboard.windows.operator.changes import Memory, Recent
+from netboard.windows.operator.commands import RELEASING, WISHES
+from netboard.windows.operator.lamps import limits_of
+from netboard.windows.operator.window import ConsoleWindow, State
+from netboard.windows.operator.words import Line, Tone
+from netboard.windows.participant.widget import screenshot
+from netboard.windows.participant.window import application
+
+POLL_MS = 66
+WATCH_MS = 50
+RENEW_S = 1.0
+"""After a refusal the server is called anew after so long [s]."""
+
+CONFIRM_S = 0.5
+"""The server has so long to confirm an emergency stop [s]."""
+
+LABELS = {STOP: "EMERGENCY STOP", **{wish.name: wish.label for wish in (*WISHES, RELEASING)}}
+
+log = logging.getLogger(__name__)
+
+
+class Desk(QObject):
+    """Brings a window and a server together."""
+
+    def __init__(self, config: Config, context: sockets.Context, window: ConsoleWindow) -> None:
+        super().__init__(window)
+        self._config, self._context, self._window = config, context, window
+        self._operator: Operator | None = Operator(config.network, context)
+        self._memory, self._recent = Memory(), Recent()
+        self.status: Status | None = None
+        self._heard_ns = self._renew_ns = 0
+        self._stop_ns: int | None = None
+        self._asked: dict[int, tuple[str, int]] = {}
+        window.wished.connect(self.do)
+        self._timer = QTimer(self, interval=POLL_MS)
+        self._timer.timeout.connect(self.poll)
+        self._timer.start()
+
+    def do(self, name: str, argument: str = "") -> None:
+        """Tell the server what is wished."""
+        if name == STOP and self._stop_ns is None:
+            self._stop_ns = now_ns()
+        elif name == RELEASE:
+            self._stop_ns = None
+        if self._operator is None:
+            self._window.say(Line(f"{LABELS[name]}: the server is not there", Tone.BAD))
+            return
+        self._asked[self._operator.command(name, argument)] = (name, now_ns())
+        log.info("%s %s", name, argument)
+        self._window.say(Line(f"{LABELS[name]}: sent", Tone.QUIET))
+
+    def poll(self) -> None:
+        """Hear the server, and show how things are."""
+        if self._operator is None and now_ns() - self._renew_ns > RENEW_S * 1e9:
+            self._operator = Operator(self._config.network, self._context)
+        if self._operator is not None:
+            try:
+                self._hear(self._operator)
+            except NetboardError as error:
+                self._lose(str(error))
+        self._window.show_state(self._state())
+
+    def leave(self) -> None:
+        """Say goodbye to the server."""
+        self._timer.stop()
+        if self._operator is not None:
+            self._operator.leave()
+            self._operator = None
+
+    @property
+    def silence(self) -> float:
+        """Time since the server last said how it is; infinite before the first time [s]."""
+        return (now_ns() - self._heard_ns) * 1e-9 if self._heard_ns else inf
+
+    def _state(self) -> State:
+        late = self._stop_ns is not None and now_ns() - self._stop_ns > CONFIRM_S * 1e9
+        attempts = [] if self._operator is None else self._operator.attempts
+        points = [] if self._operator is None else self._operator.points
+        return State(self.status, self.silence, self._recent, late, attempts, points)
+
+    def _hear(self, operator: Operator) -> None:
+        status = operator.poll()
+        if status is not None:
+            self.status, self._heard_ns = status, now_ns()
+            self._recent = self._memory.remember(now_ns() * 1e-9, status)
+            if LACKING in status.waiting_for:
+                self._stop_ns = None
+        for number, (name, asked_ns) in list(self._asked.items()):
+            reply = operator.reply(number)
+            if reply is not None:
+                del self._asked[number]
+                self._answered(name, reply)
+            elif now_ns() - asked_ns > ANSWER_SECONDS * 1e9:
+                del self._asked[number]
+                self._window.say(Line(f"{LABELS[name]}: the server has not answered", Tone.BAD))
+        if self._stop_ns is not None:
+            operator.command(STOP)
+
+    def _answered(self, name: str, reply: Reply) -> None:
+        """Say what the server answers; the form says what it has to say itself."""
+        outcome = "done" if reply.accepted else "REFUSED"
+        reason = f": {reply.reason}" if reply.reason else ""
+        self._window.say(Line(f"{LABELS[name]} {outcome}{reason}", Tone.GOOD if reply.accepted else Tone.BAD))
+        if name == "open":
+            if reply.accepted:
+                self._window.fill_in(False)
+            else:
+                self._window.form.complain(f"The server refuses{reason}")
+
+    def _lose(self, trouble: str) -> None:
+        """Give a connection up that is of no use, and say why."""
+        log.warning("%s", trouble)
+        self._window.say(Line(trouble, Tone.BAD))
+        if self._operator is not None:
+            self._operator.leave()
+            self._operator = None
+        self._asked.clear()
+        self._renew_ns = now_ns()
+
+
+def run(config: Config, stopping: Callable[[], bool], picture: Path | None = None, after: float | None = None) -> None:
+    """Run the console until its window is closed or the process is asked to stop.
+
+    Parameters
+    ----------
+    stopping : callable
+        Whether the process has been asked to stop; asked some twenty times a second.
+    after : float, optional
+        Take it so long after the first status, and go on. Without it, take it at the first status and stop [s].
+    """
+    if picture is not None and picture.exists():
+        raise NetboardError(f"{picture} exists; a screenshot never overwrites a file")
+    app = application()
+    window = ConsoleWindow(config, limits_of(config, version("netboard")), NAME)
+    window.show()
+    with sockets.open_context() as context:
+        desk = Desk(config, context, window)
+        pending: list[Path] = [] if picture is None else [picture]
+        first_ns: int | None = None
+
+        def watch() -> None:
+            nonlocal first_ns
+            if desk.status is not None and first_ns is None:
+                first_ns = now_ns()
+            if pending and first_ns is not None and now_ns() - first_ns >= (after or 0.0) * 1e9:
+                screenshot(window, pending.pop())
+                if after is None:
+                    app.quit()
+            if stopping():
+                app.quit()
+
+        turn = QTimer(window, interval=WATCH_MS)
+        turn.timeout.connect(watch)
+        turn.start()
+        window.closed.connect(app.quit)
+        app.exec()
+        turn.stop()
+        if pending:
+            screenshot(window, pending.pop())
+        desk.leave()
+    window.close()

@@ -1,0 +1,129 @@
+"""What an operator can command: label, key, and when it makes sense. Pure: one table, no Qt.
+
+A key does something only where its row says that it may; where it may not, the row says why, before the server has to.
+The emergency stop is no row: it may always.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from netboard.network.protocol.control import Status
+from netboard.nodes.ports.emergency import LACKING, RELEASE, STOP
+from netboard.windows.operator.lamps import ACTIVE, replayed
+
+STOP_KEYS = ("Esc", "Space")
+"""Keys of the emergency stop; the second one is a space where something is written."""
+
+FREE = (STOP, "take", "note")
+"""What a console may wish that does not command."""
+
+REPLAYED = ("pause", "resume", "next", "end")
+"""What of all that means something for a replay too."""
+
+Refused = Callable[[Status], str]
+"""Why something makes no sense now; empty if it does."""
+
+
+@dataclass(frozen=True, slots=True)
+class Wish:
+    """One thing that an operator can command."""
+
+    name: str
+    label: str
+    key: str
+    tip: str
+    refused: Refused
+    twice: bool = False
+
+
+def _always(_status: Status) -> str:
+    return ""
+
+
+def _in(*phases: str) -> Refused:
+    """Only in some phases."""
+    return lambda status: "" if status.phase in phases else f"not while {status.phase}"
+
+
+def _halted(status: Status) -> str:
+    return "the emergency stop is to be released first: Ctrl+R" if LACKING in status.waiting_for else ""
+
+
+def _arm(status: Status) -> str:
+    if halted := _halted(status):
+        return halted
+    return "the devices are armed already" if status.armed else ""
+
+
+def _start(status: Status) -> str:
+    if status.phase != "idle":
+        return f"not while {status.phase}"
+    return _halted(status) if status.opened else "the session's form is to be filled in first: F3"
+
+
+def _resume(status: Status) -> str:
+    return _in("paused")(status) or _halted(status)
+
+
+def _open(status: Status) -> str:
+    return "the session is open already" if status.opened else _in("idle")(status)
+
+
+def _opened(status: Status) -> str:
+    return "" if status.opened else "no session is open"
+
+
+def _judged(status: Status) -> str:
+    return "" if status.outcomes else "there has been no attempt yet"
+
+
+WISHES: tuple[Wish, ...] = (
+    Wish("arm", "Arm", "F1", "Let the devices have forces.", _arm),
+    Wish("start", "Start", "F2", "Begin the block.", _start),
+    Wish("open", "Session form", "F3", "Who takes part: fill in, and open the session.", _open),
+    Wish("note", "Note", "F4", "Write a note: its time is that of the first letter.", _always),
+    Wish("pause", "Pause now", "F5", "Stop the trial at once; it is begun anew.", _in(*ACTIVE)),
+    Wish("pause_after_trial", "Pause after trial", "F6", "Let this trial end, then pause.", _in(*ACTIVE)),
+    Wish("resume", "Resume", "F7", "Go on with the trial.", _resume),
+    Wish("abort", "Abort trial", "F8", "Give up this attempt, and try again.", _in("levelling", "running", "holding")),
+    Wish("repeat", "Repeat trial", "F9", "One more trial at the end, for the marked one or the last.", _judged),
+    Wish("veto", "No repeat", "Shift+F9", "Take back the repeat of the marked trial, or the last.", _judged),
+    Wish("skip", "Skip trial", "F10", "Count this trial as done.", _in(*ACTIVE, "paused"), twice=True),
+    Wish(
+        "stop_after_block",
+        "Stop after block",
+        "F12",
+        "End the session when this block is over.",
+        _in(*ACTIVE, "paused"),
+    ),
+    Wish(
+        "disarm", "Disarm", "Shift+F1", "Let no device have a force.", lambda s: "" if s.armed else "nothing is armed"
+    ),
+    Wish("next", "Next block", "Ctrl+N", "Give up what is left of this block.", _opened, twice=True),
+    Wish("end", "End session", "Ctrl+E", "End the session here; it can be resumed.", _opened, twice=True),
+    Wish("take", "Take command", "T", "From now on this console commands.", _always),
+)
+"""What there is, in the order of the buttons."""
+
+RELEASING = Wish(
+    RELEASE,
+    "Release the stop",
+    "Ctrl+R",
+    "End the emergency stop: devices may be armed again.",
+    lambda status: "" if LACKING in status.waiting_for else "there is no emergency stop",
+    twice=True,
+)
+"""The end of an emergency stop; its button is beside that of the stop."""
+
+
+def refusal(wish: Wish, status: Status | None, own: str) -> str:
+    """Why a wish makes no sense now."""
+    if status is None:
+        return "the server is not there"
+    if replayed(status):
+        return "" if wish.name in REPLAYED else "this is a replay"
+    if wish.name == "take" and status.commander == own:
+        return "you command already"
+    if status.commander not in ("", own) and wish.name not in FREE:
+        return f"{status.commander} commands: press T to take over"
+    return wish.refused(status)

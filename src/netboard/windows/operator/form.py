@@ -1,0 +1,183 @@
+"""The session's form: who takes part, where they sit, whether they agree, and whether it counts.
+
+It is a page of the window and no window of its own: lamps and the emergency stop stay in sight, and no key of the
+operator's ends up elsewhere.
+"""
+
+from PySide6.QtCore import Qt, Signal
+from PySide6.QtGui import QShortcut
+from PySide6.QtWidgets import (
+    QButtonGroup,
+    QCheckBox,
+    QGridLayout,
+    QHBoxLayout,
+    QLineEdit,
+    QPushButton,
+    QVBoxLayout,
+    QWidget,
+)
+
+from netboard.windows.operator.form_fields import Entry, as_json, problems
+from netboard.windows.operator.lamp_widget import PANEL, PLAIN, TONES, label
+from netboard.windows.operator.words import Tone
+
+STYLE = f"""
+QWidget#form {{ background: {PANEL}; border-radius: 8px; }}
+QLineEdit {{ background: {PLAIN.background}; color: {PLAIN.headline}; border: 2px solid {PLAIN.guide};
+    border-radius: 5px; padding: 5px; font-size: 17px; }}
+QLineEdit:focus {{ border-color: {PLAIN.cursor}; }}
+QPushButton {{ background: {PLAIN.background}; color: {PLAIN.detail}; border: 2px solid {PLAIN.guide};
+    border-radius: 5px; padding: 6px 18px; font-size: 17px; }}
+QPushButton:focus {{ border-color: {PLAIN.cursor}; }}
+QPushButton:checked {{ background: {PLAIN.target}; color: white; }}
+QPushButton#pilot:checked {{ background: {TONES[Tone.WATCH]}; color: {PLAIN.background}; }}
+QCheckBox {{ color: {PLAIN.headline}; font-size: 17px; border: 2px solid transparent; border-radius: 5px;
+    padding: 4px; }}
+QCheckBox::indicator {{ width: 20px; height: 20px; border: 2px solid {PLAIN.detail}; border-radius: 4px; }}
+QCheckBox::indicator:checked {{ background: {TONES[Tone.GOOD]}; border-color: {TONES[Tone.GOOD]}; }}
+QCheckBox:focus {{ border-color: {PLAIN.cursor}; }}
+"""
+
+
+class Choice(QWidget):
+    """One of two, side by side."""
+
+    def __init__(self, words: dict[str, str], answer: str) -> None:
+        super().__init__()
+        row = QHBoxLayout(self)
+        row.setContentsMargins(0, 0, 0, 0)
+        self._group = QButtonGroup(self)
+        self.buttons: dict[str, QPushButton] = {}
+        for name, said in words.items():
+            button = QPushButton(said)
+            button.setObjectName(name)
+            button.setCheckable(True)
+            button.setChecked(name == answer)
+            self._group.addButton(button)
+            self.buttons[name] = button
+            row.addWidget(button)
+        row.addStretch(1)
+
+    @property
+    def answer(self) -> str:
+        """What is chosen."""
+        return next(name for name, button in self.buttons.items() if button.isChecked())
+
+
+class SessionForm(QWidget):
+    """The form.
+
+    Signals
+    -------
+    filled
+        With the answers as JSON, when they are complete and are to be sent.
+    """
+
+    filled = Signal(str)
+    left = Signal()
+
+    def __init__(self, entry: Entry) -> None:
+        super().__init__()
+        self.setObjectName("form")
+        self.setAttribute(Qt.WidgetAttribute.WA_StyledBackground)
+        self.setStyleSheet(STYLE)
+        self.texts = {name: self._text(getattr(entry, name)) for name in ("name", "participant_a", "participant_b")}
+        hands = {"right": "right", "left": "left"}
+        self.hand_a, self.hand_b = Choice(hands, entry.hand_a), Choice(hands, entry.hand_b)
+        self.seat_a = Choice({"left": "A left, B right", "right": "A right, B left"}, entry.seat_a)
+        self.kind = Choice({"real": "REAL", "pilot": "PILOT"}, "pilot" if entry.pilot else "real")
+        self.consent = QCheckBox("Both participants have given their consent in writing")
+        self.consent.setChecked(entry.consent)
+        self.trouble = label("", 13, Tone.BAD, bold=True)
+        self.trouble.setWordWrap(True)
+        self.trouble.setMinimumHeight(44)
+        self.trouble.setAlignment(Qt.AlignmentFlag.AlignTop)
+        self._lay_out()
+        for key in (Qt.Key.Key_Return, Qt.Key.Key_Enter):
+            enter = QShortcut(key, self, context=Qt.ShortcutContext.WidgetWithChildrenShortcut, autoRepeat=False)
+            enter.activated.connect(self.send)
+
+    @property
+    def entry(self) -> Entry:
+        """The answers so far."""
+        texts = {name: text.text().strip() for name, text in self.texts.items()}
+        return Entry(
+            **texts,
+            hand_a=self.hand_a.answer,
+            hand_b=self.hand_b.answer,
+            seat_a=self.seat_a.answer,
+            consent=self.consent.isChecked(),
+            pilot=self.kind.answer == "pilot",
+        )
+
+    def propose(self, name: str, *, pilot: bool) -> None:
+        """Show what the server is set to, before anybody has chosen."""
+        self.texts["name"].setText(name)
+        self.kind.buttons["pilot" if pilot else "real"].setChecked(True)
+
+    def send(self) -> None:
+        """Check the answers, and say what is wrong or send them."""
+        entry = self.entry
+        found = problems(entry)
+        self.complain("\n".join(found.values()))
+        if found:
+            field = next(iter(found))
+            (self.consent if field == "consent" else self.texts[field]).setFocus()
+            return
+        self.filled.emit(as_json(entry))
+
+    def complain(self, trouble: str) -> None:
+        """Say what is wrong; empty for nothing."""
+        self.trouble.setText(trouble)
+
+    def _text(self, words: str) -> QLineEdit:
+        text = QLineEdit(words)
+        text.setMaxLength(64)
+        text.setContextMenuPolicy(Qt.ContextMenuPolicy.NoContextMenu)  # a menu would take the stop's key
+        return text
+
+    def _lay_out(self) -> None:
+        rows = QVBoxLayout(self)
+        rows.setContentsMargins(28, 12, 28, 12)
+        rows.addWidget(label("Open the session", 20, Tone.PLAIN, bold=True))
+        rows.addWidget(label("Pseudonyms only: the key to the names stays out of this computer.", 12, Tone.QUIET))
+        grid = QGridLayout()
+        grid.setVerticalSpacing(7)
+        grid.setHorizontalSpacing(20)
+        asked = (
+            ("Session", self.texts["name"], self.kind),
+            ("Participants", _named("A", self.texts["participant_a"]), _named("B", self.texts["participant_b"])),
+            ("Dominant hands", _named("A", self.hand_a), _named("B", self.hand_b)),
+            ("Seats", self.seat_a, None),
+            ("Consent", self.consent, None),
+        )
+        for row, (words, first, second) in enumerate(asked):
+            grid.addWidget(label(words, 13, Tone.PLAIN), row, 0)
+            grid.addWidget(first, row, 1, 1, 1 if second else 2)
+            if second:
+                grid.addWidget(second, row, 2)
+        grid.setColumnStretch(1, 1)
+        grid.setColumnStretch(2, 1)
+        rows.addLayout(grid)
+        rows.addWidget(self.trouble)
+        buttons = QHBoxLayout()
+        send, away = QPushButton("Open session   Enter"), QPushButton("Not now   F3")
+        away.setFocusPolicy(Qt.FocusPolicy.NoFocus)
+        send.setFocusPolicy(Qt.FocusPolicy.NoFocus)
+        send.clicked.connect(self.send)
+        away.clicked.connect(self.left)
+        for button in (send, away):
+            buttons.addWidget(button)
+        buttons.addStretch(1)
+        rows.addLayout(buttons)
+        rows.addStretch(1)
+
+
+def _named(words: str, field: QWidget) -> QWidget:
+    """Put a word before a field."""
+    both = QWidget()
+    row = QHBoxLayout(both)
+    row.setContentsMargins(0, 0, 0, 0)
+    row.addWidget(label(words, 13, Tone.PLAIN, bold=True))
+    row.addWidget(field, 1)
+    return both

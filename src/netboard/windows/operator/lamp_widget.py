@@ -1,0 +1,144 @@
+"""Lamps on the screen. Each is painted by hand and only when it says something new: a window full of them costs little.
+
+The colours are of the Okabe-Ito palette, which colour-blind people can tell apart; the sign before the words says the
+same. What is fine is dim and what is wrong is bright, so that a glance finds it.
+"""
+
+from collections.abc import Sequence
+
+from PySide6.QtCore import QRectF, QSize, Qt
+from PySide6.QtGui import QColor, QFont, QPainter, QPaintEvent
+from PySide6.QtWidgets import QGridLayout, QLabel, QSizePolicy, QWidget
+
+from netboard.windows.operator.lamps import Lamp, Level
+from netboard.windows.operator.words import Tone
+from netboard.windows.participant.scene import COLOURS, Mood
+
+PLAIN = COLOURS[Mood.RUN]
+GOOD, WATCH, BAD = "#2fc79b", "#e69f00", "#d55e00"
+PANEL = "#1b2129"
+"""Background of what stands out a little."""
+
+FACES = {
+    Level.OFF: (PANEL, PLAIN.quiet, "\u2013"),
+    Level.GOOD: ("#123a30", GOOD, "\u2713"),
+    Level.WATCH: (WATCH, PLAIN.background, "!"),
+    Level.BAD: (BAD, "#ffffff", "\u2715"),
+}
+"""Background, words and sign of each level."""
+
+TONES = {
+    Tone.QUIET: PLAIN.quiet,
+    Tone.PLAIN: PLAIN.headline,
+    Tone.GOOD: GOOD,
+    Tone.WATCH: WATCH,
+    Tone.BAD: "#ff7a2f",
+}
+"""Colours of words."""
+
+
+class Light(QWidget):
+    """One lamp."""
+
+    def __init__(self, points: int = 12) -> None:
+        super().__init__()
+        self.lamp: Lamp | None = None
+        self._points = points
+        self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Expanding)
+        self.setMinimumSize(96, round(1.9 * points))
+
+    def sizeHint(self) -> QSize:  # noqa: N802  (Qt's name)
+        """Say how large it likes to be."""
+        return QSize(150, round(2.4 * self._points))
+
+    def shine(self, lamp: Lamp) -> None:
+        """Show a lamp, unless that is what is seen already."""
+        if lamp == self.lamp:
+            return
+        before, self.lamp = self.lamp, lamp
+        if before is None or lamp.tip != before.tip:
+            self.setToolTip(f"<b>{lamp.name}</b><br>{lamp.tip}")
+        if before is None or (lamp.level, lamp.words) != (before.level, before.words):
+            self.update()
+
+    def paintEvent(self, event: QPaintEvent) -> None:  # noqa: N802  (Qt's name)
+        """Paint it."""
+        super().paintEvent(event)
+        if self.lamp is None:
+            return
+        back, front, sign = FACES[self.lamp.level]
+        painter = QPainter(self)
+        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        painter.setPen(Qt.PenStyle.NoPen)
+        painter.setBrush(QColor(back))
+        area = QRectF(self.rect()).adjusted(1, 1, -1, -1)
+        painter.drawRoundedRect(area, 5, 5)
+        font = QFont(self.font())
+        font.setPointSizeF(self._points)
+        font.setBold(self.lamp.level > Level.GOOD)
+        painter.setFont(font)
+        painter.setPen(QColor(front))
+        words = f"{sign} {self.lamp.words}" if self.lamp.words else sign
+        fitting = painter.fontMetrics().elidedText(words, Qt.TextElideMode.ElideRight, round(area.width()) - 16)
+        painter.drawText(area.adjusted(8, 0, -4, 0), Qt.AlignmentFlag.AlignVCenter, fitting)
+        painter.end()
+
+
+class StationLights(QWidget):
+    """The lamps of both stations: a row for each lamp, a column for each side."""
+
+    def __init__(self, names: Sequence[str], sides: Sequence[str]) -> None:
+        super().__init__()
+        grid = QGridLayout(self)
+        grid.setContentsMargins(0, 0, 0, 0)
+        grid.setSpacing(3)
+        grid.setColumnStretch(1, 1)
+        grid.setColumnStretch(2, 1)
+        self.columns: dict[str, list[Light]] = {}
+        for row, name in enumerate(names, 1):
+            grid.addWidget(label(name, 12, Tone.PLAIN), row, 0)
+        for column, side in enumerate(sides, 1):
+            head = label(side.upper(), 13, Tone.PLAIN, bold=True)
+            head.setAlignment(Qt.AlignmentFlag.AlignCenter)
+            grid.addWidget(head, 0, column)
+            self.columns[side] = [Light() for _ in names]
+            for row, light in enumerate(self.columns[side], 1):
+                grid.addWidget(light, row, column)
+
+    def shine(self, side: str, lamps: Sequence[Lamp]) -> None:
+        """Show the lamps of one side."""
+        for light, lamp in zip(self.columns[side], lamps, strict=True):
+            light.shine(lamp)
+
+
+class SessionLights(QWidget):
+    """The lamps of the session, one beside the other."""
+
+    def __init__(self, names: Sequence[str]) -> None:
+        super().__init__()
+        grid = QGridLayout(self)
+        grid.setContentsMargins(0, 0, 0, 0)
+        grid.setHorizontalSpacing(6)
+        grid.setVerticalSpacing(2)
+        self.lights = [Light(15) for _ in names]
+        for column, (name, light) in enumerate(zip(names, self.lights, strict=True)):
+            grid.addWidget(label(name, 10, Tone.QUIET), 0, column)
+            light.setFixedHeight(38)
+            grid.addWidget(light, 1, column)
+            grid.setColumnStretch(column, 1)
+
+    def shine(self, lamps: Sequence[Lamp]) -> None:
+        """Show the lamps."""
+        for light, lamp in zip(self.lights, lamps, strict=True):
+            light.shine(lamp)
+
+
+def label(words: str, points: int, tone: Tone, *, bold: bool = False) -> QLabel:
+    """Make words of a size and a tone."""
+    made = QLabel(words)
+    font = QFont(made.font())
+    font.setPointSize(points)
+    font.setBold(bold)
+    made.setFont(font)
+    made.setStyleSheet(f"color: {TONES[tone]};")
+    return made

@@ -1,0 +1,262 @@
+"""The lamps of a session: what is fine, what to watch, what is wrong, and what to do about it. Pure: no Qt, no clock.
+
+A lamp says its level by colour, by a sign and in words, for colour alone is not seen by everybody; its tip says what is
+wrong and what to do. Limits are those of the configuration: what a trial would be doubtful for, or a device disarmed.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from enum import IntEnum
+from math import isfinite
+
+from netboard.base.config import Config
+from netboard.network.protocol.control import REPLAY_OF, Status
+from netboard.nodes.ports.emergency import LACKING
+from netboard.windows.operator.changes import LATELY, Recent
+
+ACTIVE = ("levelling", "running", "holding", "succeeded", "failed")
+"""Phases in which a block is on."""
+
+SILENT = 0.75
+"""A server that says nothing for so long is said to be silent [s]."""
+
+STALLED, SLOW = 3.0, 1.0
+"""A recording that nothing was added to for so long stands still; is slow [s]."""
+
+MINUTES_BAD, MINUTES_WATCH = 5.0, 30.0
+BYTES_BAD, BYTES_WATCH = 10**9, 5 * 10**9
+"""Room on the disk at which it is said [min, bytes]."""
+
+DOUBTFUL_TICKS = 10_000
+"""Shares of a trial are judged as if it took so many ticks [1]."""
+
+
+class Level(IntEnum):
+    """How a lamp shines."""
+
+    OFF = 0
+    GOOD = 1
+    WATCH = 2
+    BAD = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Lamp:
+    """What one lamp says.
+
+    Attributes
+    ----------
+    tip : str
+        What is wrong, and what to do; where all is well, what it shows.
+    """
+
+    name: str
+    level: Level
+    words: str
+    tip: str
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """What is too much.
+
+    Attributes
+    ----------
+    sample_age : float
+        Age at which a sample no longer counts [s].
+    clock_bound : float
+        A device is armed while its clock is known to this [s].
+    lost_ticks, clipped_ticks : int
+        Most ticks without a fresh sample, and with a force at its limit [1].
+    """
+
+    sample_age: float
+    clock_bound: float
+    late_ticks: int
+    lost_ticks: int
+    clipped_ticks: int
+    version: str
+
+
+def limits_of(config: Config, version: str) -> Limits:
+    """Take the limits from a configuration."""
+    network, quality = config.network, config.quality
+    return Limits(
+        network.sample_timeout_ms * 1e-3,
+        network.clock_bound_ms * 1e-3,
+        quality.late_ticks,
+        round(quality.lost_share * DOUBTFUL_TICKS),
+        round(quality.clipped_share * DOUBTFUL_TICKS),
+        version,
+    )
+
+
+def session_lamps(status: Status | None, silence: float, recent: Recent, limits: Limits) -> tuple[Lamp, ...]:
+    """The lamps of the session as a whole, always the same ones in the same order.
+
+    Parameters
+    ----------
+    silence : float
+        Time since it was heard; infinite before the first time [s].
+    """
+    server = _server(silence)
+    if status is None:
+        return (server, *(Lamp(name, Level.OFF, "", "Shown when the server is here.") for name in SESSION_LAMPS[1:]))
+    if replayed(status):
+        tip = "This is a replay: nothing is recorded, nobody feels anything."
+        return (server, *(Lamp(name, Level.OFF, "", tip) for name in SESSION_LAMPS[1:]))
+    lamps = (
+        _recording(status),
+        _disk(status, recent.minutes),
+        _late(status, recent.late_ticks, limits),
+        _forces(status),
+        _form(status),
+    )
+    return (server, *(faded(lamps) if silence > SILENT else lamps))
+
+
+SESSION_LAMPS = ("Server", "Recording", "Disk", "Late ticks", "Forces", "Session")
+"""Names of the session's lamps."""
+
+
+def recorded(status: Status) -> bool:
+    """Whether somebody brings what happens to disk."""
+    return any(age <= STALLED for _, age, _, _ in status.recordings)
+
+
+def replayed(status: Status) -> bool:
+    """Whether the server is that of a recording, and nobody's hand is moved."""
+    return status.notice.startswith(REPLAY_OF)
+
+
+def faded(lamps: Sequence[Lamp]) -> tuple[Lamp, ...]:
+    """What lamps showed when the server was last heard: nobody knows whether it is still so."""
+    return tuple(
+        replace(lamp, level=Level.OFF, words=lamp.words and f"({lamp.words})", tip="From before the link was lost.")
+        for lamp in lamps
+    )
+
+
+def over(status: Status, silence: float) -> bool:
+    """Whether the session has ended, and the server with it."""
+    return silence > SILENT and status.phase == "finished" and status.block >= status.blocks
+
+
+def _server(silence: float) -> Lamp:
+    if not isfinite(silence):
+        return Lamp("Server", Level.BAD, "not found", "Nobody answers: is the server on, and is that its address?")
+    if silence > SILENT:
+        tip = "Its forces fade at the devices. Look at the server and the cable; the console comes back by itself."
+        return Lamp("Server", Level.BAD, f"SILENT {silence:.0f} s", tip)
+    return Lamp("Server", Level.GOOD, "there", "The server answers.")
+
+
+def _recording(status: Status) -> Lamp:
+    if not status.recordings:
+        tip = "Nothing is recorded. Start a logger: netboard logger"
+        return Lamp("Recording", Level.BAD, "NOT RECORDING", tip)
+    begun = _begun(status)
+    if not begun:
+        level = Level.WATCH if status.opened else Level.GOOD
+        return Lamp("Recording", level, "ready", "A logger is here. Its file begins when the session is open.")
+    file, age, written, _ = min(begun, key=lambda recording: recording[1])
+    tip = f"{file}, {size(written)}, brought to disk {age:.1f} s ago."
+    if age > STALLED:
+        return Lamp("Recording", Level.BAD, f"STALLED {age:.0f} s", f"{tip} Look at the logger and its disk.")
+    level = Level.WATCH if age > SLOW or not _all_fresh(status) else Level.GOOD
+    return Lamp("Recording", level, f"\u25cf {size(written)}", tip)
+
+
+def _begun(status: Status) -> list[tuple[str, float, int, int]]:
+    """What the loggers write that have begun a file."""
+    return [recording for recording in status.recordings if recording[0]]
+
+
+def _all_fresh(status: Status) -> bool:
+    return all(age <= STALLED for _, age, _, _ in status.recordings)
+
+
+def _disk(status: Status, minutes: float) -> Lamp:
+    begun = _begun(status)
+    if not begun:
+        return Lamp("Disk", Level.OFF, "", "Known when a logger has begun its file.")
+    free = min(free for _, _, _, free in begun)
+    words = size(free) if not isfinite(minutes) else f"{duration(minutes)}, {size(free)}"
+    tip = "What is left on the logger's disk, and how long that lasts as the recording grows now."
+    if minutes < MINUTES_BAD or free < BYTES_BAD:
+        return Lamp("Disk", Level.BAD, words, f"{tip} Stop after this block and make room.")
+    if minutes < MINUTES_WATCH or free < BYTES_WATCH:
+        return Lamp("Disk", Level.WATCH, words, f"{tip} Make room before the next session.")
+    return Lamp("Disk", Level.GOOD, words, tip)
+
+
+def _late(status: Status, recently: int, limits: Limits) -> Lamp:
+    tip = f"Ticks later than half a millisecond: {recently} in the last {LATELY:g} s, {status.late_ticks} in all."
+    if recently > limits.late_ticks:
+        return Lamp(
+            "Late ticks", Level.BAD, f"{recently} now", f"{tip} The server's machine is busy with something else."
+        )
+    words = f"{recently} now, {status.late_ticks} in all" if recently else f"{status.late_ticks} in all"
+    return Lamp("Late ticks", Level.WATCH if recently else Level.GOOD, words, tip)
+
+
+def _forces(status: Status) -> Lamp:
+    if LACKING in status.waiting_for:
+        return Lamp("Forces", Level.BAD, "STOPPED", "Emergency stop: no device has a force until it is released.")
+    if status.armed:
+        return Lamp("Forces", Level.GOOD, "allowed", "Devices may have forces.")
+    return Lamp("Forces", Level.OFF, "disarmed", "No device may have a force until you arm.")
+
+
+def _form(status: Status) -> Lamp:
+    if not status.opened:
+        return Lamp("Session", Level.WATCH, "not opened", "The form is to be filled in before a block can begin.")
+    if not status.consent and not status.pilot:
+        return Lamp("Session", Level.BAD, "NO CONSENT", "Nobody has noted the participants' consent: end the session.")
+    words = "pilot" if status.pilot else "consent given"
+    return Lamp("Session", Level.GOOD, words, f"Session {status.name} of dyad {status.dyad}.")
+
+
+# --- what must not be overlooked ----------------------------------------------------------------------------------
+
+
+def shout(status: Status | None, silence: float, recent: Recent, unconfirmed: bool) -> str:
+    """What is so wrong that it is written across the window; empty if nothing is.
+
+    Parameters
+    ----------
+    unconfirmed : bool
+        Whether an emergency stop was asked for that the server has not confirmed in time.
+    """
+    if unconfirmed and not (status is not None and replayed(status)):
+        return "STOP NOT CONFIRMED: TAKE THE STYLUSES OUT OF THE HANDS"
+    if status is None:
+        return ""
+    active = status.phase in ACTIVE and not replayed(status)
+    if silence > SILENT and not over(status, silence):
+        return f"NO WORD FROM THE SERVER FOR {silence:.0f} s" + (": hands off the styluses" if active else "")
+    if active and not recorded(status):
+        return "RUNNING BUT NOT RECORDING: pause now (F5), then look at the logger"
+    if LACKING in status.waiting_for:
+        return "EMERGENCY STOP: no device has a force. To release it press Ctrl+R, twice"
+    if active and recent.minutes < MINUTES_BAD:
+        return f"THE DISK IS FULL IN {recent.minutes:.0f} MINUTES: stop after this block (F12)"
+    return ""
+
+
+def milliseconds(seconds: float) -> str:
+    """Write a short time."""
+    ms = seconds * 1e3
+    if not isfinite(ms):
+        return "?"
+    return f"{ms:.2f} ms" if ms < 10 else f"{ms:.0f} ms"
+
+
+def duration(minutes: float) -> str:
+    """Write a long time."""
+    return f"{minutes:.0f} min" if minutes < 120 else f"{minutes / 60:.0f} h"
+
+
+def size(count: int) -> str:
+    """Write a size."""
+    return f"{count / 1e9:.1f} GB" if count >= 10**9 else f"{count / 1e6:.1f} MB"

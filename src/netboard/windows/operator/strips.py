@@ -1,0 +1,120 @@
+"""What happens, as strips of the last ten seconds: heights, forces, ball.
+
+The points come from the server a few at a time and are kept in a ring. Axes are fixed and lines are one pixel wide
+without smoothing, for that is what costs least on a machine that has loops of a millisecond to run.
+"""
+
+from collections.abc import Sequence
+from itertools import takewhile
+
+import numpy as np
+import pyqtgraph as pg
+from PySide6.QtWidgets import QVBoxLayout, QWidget
+
+from netboard.base.config import Config
+from netboard.base.tick import TICK_SECONDS
+from netboard.windows.operator.lamp_widget import PLAIN
+
+SECONDS = 10.0
+"""What the strips show [s]."""
+
+KEPT = 2000
+"""Points kept: every fifth tick of that time [1]."""
+
+GAP_TICKS = 50
+"""Points further apart than this are not joined [1]."""
+
+AXIS_WIDTH = 52
+"""Room for the numbers, so that the times of the strips stand one above the other, in pixels [1]."""
+
+TICK, LEFT, RIGHT, BOARD, TILT, BALL, LEFT_FORCE, RIGHT_FORCE = range(8)
+"""What a point is made of."""
+
+LEFT_COLOUR, RIGHT_COLOUR, BOARD_COLOUR, BALL_COLOUR = "#56b4e9", "#cc79a7", PLAIN.board, PLAIN.ball
+
+Point = tuple[int, float, float, float, float, float, float, float]
+"""One item of `netboard.network.protocol.control.Trace.points`."""
+
+
+class Strips(QWidget):
+    """Three strips, one above the other.
+
+    Parameters
+    ----------
+    config : Config
+        How far the styluses go, how large a force may be, and where the targets are.
+    """
+
+    def __init__(self, config: Config) -> None:
+        super().__init__()
+        self._ring = np.full((8, KEPT), np.nan)
+        self._count = 0
+        self._newest = -1
+        rows = QVBoxLayout(self)
+        rows.setContentsMargins(0, 0, 0, 0)
+        rows.setSpacing(2)
+        reach, force = config.task.stylus_range * 1e3, config.safety.max_force
+        half, target = config.geometry.board_length * 500, config.geometry.target_distance * 1e3
+        heights = (("left", LEFT, LEFT_COLOUR), ("right", RIGHT, RIGHT_COLOUR), ("board", BOARD, BOARD_COLOUR))
+        forces = (("left", LEFT_FORCE, LEFT_COLOUR), ("right", RIGHT_FORCE, RIGHT_COLOUR))
+        self._lines = [
+            *self._strip(rows, "height [mm]", reach * 1.05, (), heights, 1e3),
+            *self._strip(rows, "force [N]", force * 1.1, (-force, force), forces, 1.0),
+            *self._strip(rows, "ball [mm]", half, (-target, target), (("ball", BALL, BALL_COLOUR),), 1e3),
+        ]
+
+    def take(self, points: Sequence[Point], *, anew: bool = False) -> None:
+        """Take what is newer than what is there; whatever is there is forgotten when a replay goes back."""
+        if anew or (points and points[-1][TICK] < self._newest):
+            self._ring[:] = np.nan
+            self._count, self._newest = 0, -1
+        new = list(takewhile(lambda point: point[TICK] > self._newest, reversed(points)))
+        for point in reversed(new):
+            if self._newest >= 0 and point[TICK] - self._newest > GAP_TICKS:
+                self._put((self._newest + 1, *[np.nan] * 7))
+            self._put(point)
+            self._newest = int(point[TICK])
+
+    def redraw(self) -> None:
+        """Draw what is there; the newest point is at zero seconds."""
+        size = min(self._count, KEPT)
+        order = np.arange(self._count - size, self._count) % KEPT
+        points = self._ring[:, order]
+        times = (points[TICK] - self._newest) * TICK_SECONDS
+        for line, row, scale in self._lines:
+            line.setData(times, points[row] * scale)
+
+    def _put(self, point: Sequence[float]) -> None:
+        self._ring[:, self._count % KEPT] = point
+        self._count += 1
+
+    def _strip(
+        self,
+        rows: QVBoxLayout,
+        name: str,
+        most: float,
+        marks: tuple[float, ...],
+        lines: tuple[tuple[str, int, str], ...],
+        scale: float,
+    ) -> list[tuple[pg.PlotDataItem, int, float]]:
+        """Make one strip with its lines; what each one shows, and its scale."""
+        plot = pg.PlotWidget(self, background=PLAIN.background)
+        plot.setLabel("left", name)
+        plot.getAxis("left").enableAutoSIPrefix(False)
+        plot.getAxis("left").setWidth(AXIS_WIDTH)
+        plot.setMinimumHeight(70)
+        plot.setXRange(-SECONDS, 0.0, padding=0.0)
+        plot.setYRange(-most, most, padding=0.0)
+        plot.setMouseEnabled(x=False, y=False)
+        plot.setMenuEnabled(False)
+        plot.hideButtons()
+        plot.disableAutoRange()
+        plot.addLine(y=0.0, pen=pg.mkPen(PLAIN.guide))
+        for mark in marks:
+            plot.addLine(y=mark, pen=pg.mkPen(PLAIN.guide, style=pg.QtCore.Qt.PenStyle.DashLine))
+        if len(lines) > 1:
+            plot.addLegend(offset=(8, 2), colCount=len(lines))
+        rows.addWidget(plot, 1)
+        return [
+            (plot.plot(name=word, pen=pg.mkPen(colour), connect="finite"), row, scale) for word, row, colour in lines
+        ]

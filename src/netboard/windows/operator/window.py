@@ -1,0 +1,344 @@
+"""The operator's window: lamps, strips, attempts, the form, the buttons and their keys.
+
+It shows what it is given and says what is wished; it knows no server. All of it is one window without dialogs and
+menus, so that every key works at any time: the emergency stop above all. What must not happen by accident is pressed
+twice.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+
+from PySide6.QtCore import Qt, QTimer, Signal
+from PySide6.QtGui import QCloseEvent, QColor, QKeySequence, QPalette, QShortcut
+from PySide6.QtWidgets import QHBoxLayout, QLabel, QSplitter, QStackedWidget, QVBoxLayout, QWidget
+
+from netboard.base.clock import now_ns
+from netboard.base.config import SIDES, Config
+from netboard.network.protocol.control import Status
+from netboard.nodes.ports.emergency import STOP
+from netboard.windows.operator import words
+from netboard.windows.operator.attempts import AttemptTable
+from netboard.windows.operator.buttons import CommandBar, StopPanel, WishButton
+from netboard.windows.operator.changes import Recent
+from netboard.windows.operator.commands import STOP_KEYS, Wish, refusal
+from netboard.windows.operator.form import SessionForm
+from netboard.windows.operator.form_fields import first_entry
+from netboard.windows.operator.lamp_widget import (
+    BAD,
+    PANEL,
+    PLAIN,
+    TONES,
+    WATCH,
+    SessionLights,
+    StationLights,
+    label,
+)
+from netboard.windows.operator.lamps import ACTIVE, SESSION_LAMPS, SILENT, Limits, faded, session_lamps, shout
+from netboard.windows.operator.note import NoteBox
+from netboard.windows.operator.stations import STATION_LAMPS, station_lamps
+from netboard.windows.operator.strips import Point, Strips
+from netboard.windows.operator.words import Attempt, Line, Tone
+
+SURE_MS = 5000
+"""What is to be pressed twice waits so long for the second time [ms]."""
+
+SOON_NS = 400_000_000
+"""A second press so soon is a slip of the hand [ns]."""
+
+STRIP_TURNS = 2
+"""The strips are drawn at every so manieth state shown [1]."""
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """What there is to show.
+
+    Attributes
+    ----------
+    silence : float
+        Time since it was heard; infinite before the first time [s].
+    unconfirmed : bool
+        Whether an emergency stop was asked for that the server has not confirmed in time.
+    """
+
+    status: Status | None = None
+    silence: float = float("inf")
+    recent: Recent = field(default_factory=Recent)
+    unconfirmed: bool = False
+    attempts: Sequence[Attempt] = ()
+    points: Sequence[Point] = ()
+
+
+class ConsoleWindow(QWidget):
+    """The window."""
+
+    wished = Signal(str, str)
+    closed = Signal()
+
+    def __init__(self, config: Config, limits: Limits, own: str) -> None:
+        super().__init__()
+        self.setWindowTitle("netboard console")
+        palette = self.palette()
+        palette.setColor(QPalette.ColorRole.Window, QColor(PLAIN.background))
+        self.setPalette(palette)
+        self.resize(1600, 960)
+        self.state = State()
+        self._limits, self._own = limits, own
+        self._where = f"{config.network.host}:{config.network.port}"
+        self._shown = 0
+        self._session = ""
+        self._sure: Wish | None = None
+        self._sure_ns = 0
+        self._doubt = QTimer(self, singleShot=True, interval=SURE_MS)
+        self._doubt.timeout.connect(self._unsure)
+        self._leaving = False
+        self._make(config)
+        self._lay_out()
+        self._connect()
+        self.show_state(self.state)
+
+    # --- what is shown -----------------------------------------------------------------------------------------
+
+    def show_state(self, state: State) -> None:
+        """Show how things are; what has not changed is not touched."""
+        self.state = state
+        status, silence = state.status, state.silence
+        banner = words.banner(status)
+        if self.banner.text() != banner.words:
+            self.banner.setText(banner.words)
+            self.banner.setStyleSheet(_banner_style(banner.tone))
+        _say(self.headline, words.headline(status, silence))
+        _say(self.progress, Line(words.progress(status)))
+        _say(self.block, Line(words.block(status), Tone.PLAIN))
+        _say(self.commander, words.commander(status, self._own))
+        named = [("", lamp) for lamp in session_lamps(status, silence, state.recent, self._limits)]
+        self.session.shine([lamp for _, lamp in named])
+        if status is not None:
+            for side in SIDES:
+                lamps = station_lamps(status, state.recent, side, self._limits)
+                lamps = faded(lamps) if silence > SILENT else lamps
+                self.stations.shine(side, lamps)
+                named += [(side, lamp) for lamp in lamps]
+            self._show_status(status)
+        self._show_alarm(shout(status, silence, state.recent, state.unconfirmed), words.worst(named))
+        for button in (*self.bar.buttons, self.stop.release):
+            button.allow(status if silence < float("inf") else None, self._own)
+
+    def _show_status(self, status: Status) -> None:
+        other = status.session != self._session
+        if other:
+            self._session = status.session
+            self.form.propose(status.name, pilot=status.pilot)
+            self.fill_in(not status.opened and status.phase == "idle")
+        elif status.opened and self.middle.currentWidget() is self.form:
+            self.fill_in(False)
+        self.table.take(self.state.attempts)
+        points = self.state.points
+        self.note.tick = max(status.tick, points[-1][0] if points else 0)
+        self._shown += 1
+        self.strips.take(points, anew=other)
+        if self.strips.isVisible() and self._shown % STRIP_TURNS == 0:
+            self.strips.redraw()
+
+    def _show_alarm(self, alarm: str, worst: Line) -> None:
+        """Write across the window what must not be overlooked; else what to do next, or what is wrong."""
+        line = words.advice(self.state.status, self._where)
+        if not line.words:
+            line = worst
+        look = _LOUD if alarm else f"background: {PANEL}; color: {TONES[line.tone]}; {_ALARM}"
+        if self.alarm.text() != (alarm or line.words):
+            self.alarm.setText(alarm or line.words)
+            self.alarm.setToolTip(alarm or line.words)
+        if self.alarm.styleSheet() != look:
+            self.alarm.setStyleSheet(look)
+
+    def say(self, line: Line) -> None:
+        """Say what has become of a command."""
+        _say(self.reply, line)
+
+    def fill_in(self, wanted: bool) -> None:
+        """Show the session's form, or put it away; while it is there Space ticks and writes."""
+        self.middle.setCurrentWidget(self.form if wanted else self.live)
+        self._space.setEnabled(not wanted)
+        if wanted:
+            self.form.complain("")
+            self.form.texts["name"].setFocus()
+        else:
+            self.setFocus()
+
+    # --- what is wished ----------------------------------------------------------------------------------------
+
+    def press(self, wish: Wish) -> None:
+        """Do what a key or a button stands for, or say why not."""
+        if wish.name == "open" and self.middle.currentWidget() is self.form:
+            self.fill_in(False)
+            return
+        reason = refusal(wish, self.state.status, self._own)
+        if reason:
+            self._unsure()
+            self.say(Line(f"{wish.label}: {reason}", Tone.WATCH))
+        elif wish.twice and self._sure is not wish:
+            self._ask(wish)
+        elif not wish.twice or now_ns() - self._sure_ns >= SOON_NS:
+            self._unsure()
+            self._do(wish)
+
+    def _do(self, wish: Wish) -> None:
+        match wish.name:
+            case "open":
+                self.fill_in(True)
+            case "note":
+                self.note.toggle()
+            case "repeat" | "veto":
+                self._repeat(wish)
+            case _:
+                self.wished.emit(wish.name, "")
+
+    def _repeat(self, wish: Wish) -> None:
+        """Name the trial that is marked, if it is one of this block."""
+        marked, status = self.table.marked, self.state.status
+        if marked is not None and status is not None and marked[0] != status.block:
+            self.say(Line(f"{wish.label}: trial {marked[1]} is of block {marked[0]}, which is over", Tone.WATCH))
+            return
+        self.wished.emit(wish.name, "" if marked is None else str(marked[1]))
+
+    def _ask(self, wish: Wish) -> None:
+        """Wait for the second press."""
+        self._unsure()
+        self._sure, self._sure_ns = wish, now_ns()
+        self._doubt.start()
+        self._button(wish).ask(True)
+        self.say(Line(f"{wish.label}: press {wish.key} once more to do it", Tone.WATCH))
+
+    def _unsure(self) -> None:
+        """Wait for a second press no longer."""
+        self._doubt.stop()
+        if self._sure is not None:
+            self._button(self._sure).ask(False)
+            self._sure = None
+
+    def _button(self, wish: Wish) -> WishButton:
+        return next(button for button in (*self.bar.buttons, self.stop.release) if button.wish is wish)
+
+    # --- Qt ----------------------------------------------------------------------------------------------------
+
+    def closeEvent(self, event: QCloseEvent) -> None:  # noqa: N802  (Qt's name)
+        """Say that the window is closed; while a block is on it must be closed twice."""
+        status = self.state.status
+        if not self._leaving and self.isVisible() and status is not None and status.phase in ACTIVE:
+            self._leaving = True
+            QTimer.singleShot(SURE_MS, self, self._stay)
+            self.say(Line("A block is on, and goes on without this window. Close it once more to leave.", Tone.WATCH))
+            event.ignore()
+            return
+        super().closeEvent(event)
+        self.closed.emit()
+
+    def _stay(self) -> None:
+        self._leaving = False
+
+    def _make(self, config: Config) -> None:
+        """Make what is shown."""
+        self.banner = label("", 19, Tone.PLAIN, bold=True)
+        self.banner.setAlignment(Qt.AlignmentFlag.AlignCenter)
+        self.banner.setFixedHeight(44)
+        self.headline = label("", 46, Tone.PLAIN, bold=True)
+        self.progress, self.block = label("", 22, Tone.PLAIN, bold=True), label("", 17, Tone.PLAIN)
+        self.alarm = label("", 20, Tone.PLAIN, bold=True)
+        self.alarm.setFixedHeight(48)
+        self.stop, self.bar = StopPanel(), CommandBar()
+        self.session = SessionLights(SESSION_LAMPS)
+        self.stations = StationLights(STATION_LAMPS, SIDES)
+        self.strips, self.table = Strips(config), AttemptTable()
+        self.form = SessionForm(first_entry(config.session))
+        self.note = NoteBox()
+        self.reply, self.commander = label("", 13, Tone.QUIET), label("", 13, Tone.QUIET)
+        self.live = QSplitter(Qt.Orientation.Horizontal)
+        self.middle = QStackedWidget()
+
+    def _lay_out(self) -> None:
+        """Put it where it belongs."""
+        said = QVBoxLayout()
+        for line in (self.headline, self.progress, self.block):
+            line.setMinimumWidth(1)  # a long line must not make the window wider
+            said.addWidget(line)
+        top = _row((said, 1), (self.stop, 0))
+        self.live.addWidget(self.strips)
+        self.live.addWidget(self.table)
+        self.live.setSizes([560, 500])
+        for page in (self.live, self.form):
+            self.middle.addWidget(page)
+        self.stations.setFixedWidth(490)
+        self.alarm.setMinimumWidth(1)
+        self.reply.setMinimumWidth(1)
+        rows = QVBoxLayout(self)
+        rows.setContentsMargins(10, 0, 10, 8)
+        rows.setSpacing(7)
+        rows.addWidget(self.banner)
+        rows.addLayout(top)
+        rows.addWidget(self.alarm)
+        rows.addWidget(self.session)
+        rows.addLayout(_row((self.stations, 0), (self.middle, 1)), 1)
+        rows.addWidget(self.note)
+        rows.addWidget(self.bar)
+        rows.addLayout(_row((self.reply, 1), (self.commander, 0)))
+
+    def _connect(self) -> None:
+        """Give every button its key."""
+        for button in (*self.bar.buttons, self.stop.release):
+            press = partial(self.press, button.wish)
+            button.clicked.connect(lambda _checked, press=press: press())
+            self._key(button.wish.key, press)
+        stops = [self._key(key, self._stop) for key in STOP_KEYS]
+        self._space = stops[-1]
+        self.stop.stopped.connect(self._stop)
+        self._key("Up", lambda: self.table.step(-1))
+        self._key("Down", lambda: self.table.step(1))
+        self._key("F11", lambda: self.showNormal() if self.isFullScreen() else self.showFullScreen())
+        self.note.written.connect(lambda note: self.wished.emit("note", note))
+        self.form.filled.connect(lambda answers: self.wished.emit("open", answers))
+        self.form.left.connect(lambda: self.fill_in(False))
+
+    def _stop(self) -> None:
+        self._unsure()
+        self.wished.emit(STOP, "")
+
+    def _key(self, key: str, do: Callable[[], None]) -> QShortcut:
+        shortcut = QShortcut(QKeySequence(key), self, autoRepeat=False, context=Qt.ShortcutContext.ApplicationShortcut)
+        shortcut.activated.connect(do)
+        return shortcut
+
+
+_ALARM = "border-radius: 6px; padding: 0 14px; font-size: 19px;"
+_LOUD = f"background: {BAD}; color: white; border-radius: 6px; padding: 0 14px; font-size: 27px;"
+
+
+def _banner_style(tone: Tone) -> str:
+    """A pilot is black on yellow and cannot be taken for a real session."""
+    if tone is Tone.WATCH:
+        return f"background: #f0e442; color: {PLAIN.background}; border: 5px dashed {WATCH};"
+    back = PLAIN.target if tone is Tone.PLAIN else PANEL
+    return f"background: {back}; color: {TONES[tone] if tone is Tone.QUIET else 'white'};"
+
+
+def _say(where: QLabel, line: Line) -> None:
+    """Write a line, if it is another one."""
+    look = f"color: {TONES[line.tone]};"
+    if where.text() != line.words:
+        where.setText(line.words)
+        where.setToolTip(line.words)
+    if where.styleSheet() != look:
+        where.setStyleSheet(look)
+
+
+def _row(*parts: tuple[QWidget | QVBoxLayout, int]) -> QHBoxLayout:
+    """Put things side by side, with a share of the room for each."""
+    row = QHBoxLayout()
+    row.setSpacing(12)
+    for part, share in parts:
+        if isinstance(part, QWidget):
+            row.addWidget(part, share)
+        else:
+            row.addLayout(part, share)
+    return row

@@ -1,0 +1,207 @@
+"""What the console says of a session, in words. Pure: no Qt, no clock.
+
+Large words for what is going on, a line for where in the plan that is, and one for what to do next.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+from math import isnan
+
+from netboard.network.protocol.control import Status
+from netboard.nodes.ports.emergency import LACKING
+from netboard.windows.operator.lamps import ACTIVE, SILENT, Lamp, Level, over, replayed
+
+PHASES = {
+    "levelling": "LEVELLING",
+    "running": "RUNNING",
+    "holding": "HOLDING",
+    "succeeded": "SUCCESS",
+    "failed": "FAILED",
+    "paused": "PAUSED",
+    "finished": "BLOCK FINISHED",
+}
+"""The phases in large letters; `idle` has more than one word."""
+
+OUTCOMES = {
+    "success": "success",
+    "fell": "ball fell",
+    "timed_out": "too long",
+    "aborted": "aborted",
+    "paused": "paused",
+    "skipped": "skipped",
+}
+"""What has become of an attempt."""
+
+Attempt = tuple[int, int, int, str, float, str, int]
+"""One item of `netboard.network.protocol.control.Outcomes.attempts`."""
+
+
+class Tone(Enum):
+    """How words sound."""
+
+    QUIET = "quiet"
+    PLAIN = "plain"
+    GOOD = "good"
+    WATCH = "watch"
+    BAD = "bad"
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """Words and how they sound."""
+
+    words: str
+    tone: Tone = Tone.PLAIN
+
+
+def headline(status: Status | None, silence: float) -> Line:
+    """What is going on, in a word or two."""
+    if status is None:
+        return Line("NO SERVER", Tone.WATCH)
+    if over(status, silence):
+        return Line("SESSION OVER", Tone.QUIET)
+    if silence > SILENT:
+        return Line("LINK LOST", Tone.BAD)
+    if LACKING in status.waiting_for:
+        return Line("STOPPED", Tone.BAD)
+    if status.phase == "idle":
+        return _before(status)
+    tone = {"paused": Tone.WATCH, "failed": Tone.WATCH, "succeeded": Tone.GOOD, "finished": Tone.QUIET}
+    words = "SESSION FINISHED" if status.phase == "finished" and last_block(status) else PHASES[status.phase]
+    return Line(words, tone.get(status.phase, Tone.GOOD))
+
+
+def _before(status: Status) -> Line:
+    """What is going on before a block."""
+    if not status.opened:
+        return Line("NOT OPENED", Tone.WATCH)
+    if status.rest > 0:
+        return Line(f"REST {clock(status.rest)}", Tone.PLAIN)
+    if status.waiting_for:
+        return Line("WAITING", Tone.WATCH)
+    return Line("READY", Tone.PLAIN)
+
+
+def last_block(status: Status) -> bool:
+    """Whether no block follows this one."""
+    return status.block >= status.blocks
+
+
+def progress(status: Status | None) -> str:
+    """Where in the block the session is."""
+    if status is None:
+        return ""
+    failed = f"{status.failures} failed" if status.failures else "none failed"
+    return f"Trial {min(status.trial, status.trials)} of {status.trials}   ({status.successes} done, {failed})"
+
+
+def block(status: Status | None) -> str:
+    """Which block it is."""
+    if status is None:
+        return ""
+    called = "   ".join(dict.fromkeys(words for words in (status.label, status.condition) if words))
+    return f"Block {status.block} of {status.blocks}   {called}"
+
+
+def banner(status: Status | None) -> Line:
+    """Whether the session is a pilot or a real one, and whose it is."""
+    if status is None:
+        return Line("NOT CONNECTED", Tone.QUIET)
+    study = f"   study {status.study}" if status.study else ""
+    whose = f"session {status.name}   dyad {status.dyad}{study}"
+    if replayed(status):
+        return Line(f"REPLAY \u2013 not live   {whose}   REPLAY", Tone.GOOD)
+    if status.pilot:
+        return Line(f"PILOT \u2013 not for the study   {whose}   PILOT", Tone.WATCH)
+    if not status.opened:
+        return Line(f"not opened   {whose}", Tone.QUIET)
+    return Line(f"REAL   {whose}", Tone.PLAIN)
+
+
+def advice(status: Status | None, where: str) -> Line:
+    """What the operator should know, or do next."""
+    if status is None:
+        return Line(f"Looking for the server at {where}", Tone.WATCH)
+    if replayed(status):
+        return Line(status.notice)
+    if status.pending:
+        return Line(f"To come: {status.pending}", Tone.WATCH)
+    if not status.opened and status.phase == "idle":
+        return Line("Fill in the session's form: F3")
+    lacking = [what for what in status.waiting_for if what != LACKING]
+    if lacking and status.phase not in ACTIVE:
+        return Line("Waiting for " + ", ".join(lacking), Tone.WATCH)
+    said = "; ".join(part for part in (status.notice, _next(status)) if part)
+    return Line(said, Tone.WATCH if status.notice else Tone.PLAIN)
+
+
+def _next(status: Status) -> str:
+    """What to press next, where nothing goes on by itself."""
+    if LACKING in status.waiting_for:
+        return "release the emergency stop: Ctrl+R, twice"
+    if status.phase == "idle":
+        return "start the block: F2" if status.armed else "arm the devices: F1, then start the block: F2"
+    return "go on: F7" if status.phase == "paused" else ""
+
+
+def worst(lamps: Sequence[tuple[str, Lamp]]) -> Line:
+    """What the worst of the lamps has to say, and how many others are not well.
+
+    Parameters
+    ----------
+    lamps : sequence of (str, Lamp)
+        Each lamp with its station, which is empty for the session's.
+    """
+    unwell = [(where, lamp) for where, lamp in lamps if lamp.level >= Level.WATCH]
+    if not unwell:
+        return Line("", Tone.QUIET)
+    where, lamp = max(unwell, key=lambda named: named[1].level)  # the first one of the worst
+    others = f"   (and {len(unwell) - 1} more)" if len(unwell) > 1 else ""
+    named = f"{where.upper()} {lamp.name.lower()}".strip()
+    return Line(f"{named}: {lamp.words}. {lamp.tip}{others}", Tone.BAD if lamp.level == Level.BAD else Tone.WATCH)
+
+
+def commander(status: Status | None, own: str) -> Line:
+    """Who commands."""
+    if status is None:
+        return Line("", Tone.QUIET)
+    if replayed(status):
+        return Line("Whoever is connected may command a replay", Tone.PLAIN)
+    if status.commander == own:
+        return Line("You command", Tone.GOOD)
+    if status.commander:
+        return Line(f"{status.commander} commands, you watch: press T to take over", Tone.WATCH)
+    return Line("Nobody commands: your first command takes it, or press T", Tone.PLAIN)
+
+
+def attempt_cells(attempt: Attempt) -> tuple[str, ...]:
+    """What the table says of an attempt: block, trial, attempt, outcome, time, doubts, and which trial it repeats."""
+    number, trial, count, outcome, seconds, doubts, repeats = attempt
+    return (
+        str(number),
+        str(trial),
+        str(count),
+        OUTCOMES.get(outcome, outcome),
+        "" if isnan(seconds) else f"{seconds:.2f} s",
+        doubts.replace("_", " ").replace(",", ", "),
+        f"trial {repeats}" if repeats else "",
+    )
+
+
+ATTEMPT_HEADS = ("Block", "Trial", "Try", "Outcome", "Time", "Doubtful", "Repeats")
+"""Heads of the table of attempts."""
+
+
+def attempt_tone(attempt: Attempt) -> Tone:
+    """How an attempt sounds."""
+    outcome, doubts = attempt[3], attempt[5]
+    if doubts:
+        return Tone.WATCH
+    return Tone.GOOD if outcome == "success" else Tone.PLAIN
+
+
+def clock(seconds: float) -> str:
+    """Write a time as minutes and seconds."""
+    whole = max(round(seconds), 0)
+    return f"{whole // 60}:{whole % 60:02d}"

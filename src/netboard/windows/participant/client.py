@@ -1,0 +1,325 @@
+"""The display of a station: views in, frames out.
+
+The newest view wins; `netboard.windows.participant.showing` makes frames of it. Without views for the configured time
+the window goes blank and says so, and it recovers by itself when they are back. About twice a second the server is told
+which view was painted when. The server's configuration says what the board and the block are, and may come again, with
+the next block; of `[display]` it is the local one that counts, which knows this screen and this participant's language.
+
+ZeroMQ's file descriptor signals changes only, so every signal drains the socket; a slow round looks after what must be
+done by the clock, and drains too. Everything runs in Qt's thread.
+"""
+
+import logging
+from collections.abc import Callable
+from dataclasses import replace
+from importlib.metadata import version
+from pathlib import Path
+from typing import TypeAlias
+
+from PySide6.QtCore import QObject, QSocketNotifier, QTimer
+
+from netboard.base.clock import now_ns
+from netboard.base.config import Config, Side, parse
+from netboard.base.errors import ConfigError, NetboardError, WireError
+from netboard.base.process import NAME, Seldom
+from netboard.network import keys
+from netboard.network.protocol.codec import decode, encode
+from netboard.network.protocol.joining import Goodbye, Hello, Ping, Pong, Refusal, Welcome
+from netboard.network.protocol.messages import PROTOCOL_VERSION, Message
+from netboard.network.transport import channels, sockets
+from netboard.stage.view import View
+from netboard.windows.participant.language import load_words
+from netboard.windows.participant.markers import open_markers
+from netboard.windows.participant.scene import Picture, extent
+from netboard.windows.participant.screens import blank
+from netboard.windows.participant.showing import Player, Showing
+from netboard.windows.participant.widget import screenshot
+from netboard.windows.participant.window import BoardWindow, application
+
+log = logging.getLogger(__name__)
+
+ROUND_MS = 50
+HELLO_NS = 500_000_000
+REPORT_NS = 500_000_000
+
+Play: TypeAlias = Callable[[Side, Config, sockets.Context, BoardWindow], Player]
+"""Makes the player of a side."""
+
+
+class DisplayClient(QObject):
+    """One station's connection to the server, and what its window shows.
+
+    Parameters
+    ----------
+    config : Config
+        The local configuration: where the server is and how the window looks. What the board looks like is taken from
+        the server's, as soon as it is known.
+    """
+
+    def __init__(
+        self,
+        station: Side,
+        config: Config,
+        context: sockets.Context,
+        window: BoardWindow,
+        player: Player | None = None,
+    ) -> None:
+        super().__init__(window)
+        self._words = load_words(config.display.language)
+        markers = open_markers(config.display.markers, station)
+        self.own = config.display
+        self.station = station
+        self.window = window
+        self.showing = Showing(station, config, self._words, markers, window, player)
+        self.tally = self.showing.tally
+        self.session = ""
+        self.linked = False
+        self._seen = False
+        self._over = False
+        self._trouble = ""
+        self._said = Seldom(log)
+        self._view_ns = self._hello_ns = self._report_ns = -(2**62)
+        self._link_timeout_ns = round(config.display.link_timeout_ms * 1e6)
+        self._address = keys.reach(config.network, f"display.{station}")
+        self._views = sockets.view_subscriber(context, self._address.reach(channels.VIEW[station]))
+        self._control = sockets.control_client(
+            context, self._address.reach(channels.CONTROL), f"display.{station}@{NAME}"
+        )
+        self._notifiers = [self._notify(self._views, self._take_views), self._notify(self._control, self._take_words)]
+        self._round = QTimer(self, interval=ROUND_MS)
+        self._round.timeout.connect(self.look_after)
+        self._round.start()
+        self.look_after()
+
+    @property
+    def config(self) -> Config:
+        """What the board and the block are, as far as it is known."""
+        return self.showing.config
+
+    def _notify(self, socket: sockets.Socket, slot: Callable[[], None]) -> QSocketNotifier:
+        """Call `slot` whenever something may have happened on a socket."""
+        notifier = QSocketNotifier(socket.fileno(), QSocketNotifier.Type.Read, self)
+        notifier.activated.connect(slot)
+        return notifier
+
+    def close(self) -> None:
+        """Report the last frames, say goodbye, and close the sockets; a second time does nothing."""
+        if self._views.closed:
+            return
+        self._round.stop()
+        for notifier in self._notifiers:
+            notifier.setEnabled(False)
+        if self.session:
+            self._report()
+            sockets.send(self._control, encode(Goodbye("the display was closed")))
+        self.showing.close()
+        self._views.close()
+        sockets.close_after_goodbye(self._control)
+
+    # --- views -------------------------------------------------------------------------------------------------
+
+    def _take_views(self) -> None:
+        """Show the newest of the views that have come."""
+        newest: View | None = None
+        while (frame := sockets.receive(self._views)) is not None:
+            message = self._decode(frame)
+            if isinstance(message, View):
+                newest = message
+        if newest is None:
+            return
+        now = now_ns()
+        try:
+            self.showing.take(newest, now)
+        except WireError as error:
+            self._complain(str(error))
+            return
+        self._view_ns = now
+        if not self.linked:
+            log.info("views are coming")
+        self.linked = self._seen = True
+
+    # --- control -----------------------------------------------------------------------------------------------
+
+    def _take_words(self) -> None:
+        """Hear what the server says on the control channel."""
+        while (frame := sockets.receive(self._control)) is not None:
+            match self._decode(frame):
+                case Welcome(session=session, config=text):
+                    self._welcome(session, text)
+                case Ping(sent_ns=ping_ns):
+                    received_ns = now_ns()
+                    sockets.send(self._control, encode(Pong(ping_ns, received_ns, now_ns())))
+                case Refusal(reason=reason):
+                    self.session = ""
+                    self._complain(f"the server refuses this display: {reason}")
+                case Goodbye(reason=reason):
+                    self.session = ""
+                    self._over = True
+                    log.info("the server says goodbye: %s", reason)
+
+    def _welcome(self, session: str, text: str) -> None:
+        """Take over the server's configuration."""
+        try:
+            config = replace(parse(text, "the server's configuration"), display=self.own)
+        except ConfigError as error:
+            self._complain(str(error))
+            return
+        if session != self.session:
+            log.info("welcomed by session %s", session)
+        self.session = session
+        self._trouble = ""
+        self._over = False
+        if config != self.config:
+            self.showing.config = config
+            self._measure(config)
+
+    def _measure(self, config: Config) -> None:
+        """Say it if the board in its true size is larger than the window."""
+        room, wanted = self.window.board.metres_across, extent(config)[0]
+        if self.own.mm_per_pixel > 0 and room < wanted:
+            log.warning(
+                "the window is %.0f mm wide and the board needs %.0f mm: its ends may not be seen",
+                room * 1e3,
+                wanted * 1e3,
+            )
+
+    def _decode(self, frame: bytes) -> Message | None:
+        """Decode a frame; what breaks the protocol is said and left out."""
+        try:
+            return decode(frame)
+        except WireError as error:
+            self._complain(str(error))
+            return None
+
+    def _complain(self, trouble: str) -> None:
+        """Say a trouble once, and have it shown while there is nothing else to show."""
+        if trouble != self._trouble:
+            self._said.say(trouble)
+            self._trouble = trouble
+
+    def _hello(self) -> None:
+        """Ask to be welcomed."""
+        details = {"refresh_hz": f"{self.showing.refresh_hz:.2f}", "platform": application().platformName()}
+        hello = Hello("display", self.station, PROTOCOL_VERSION, NAME, version("netboard"), details)
+        sockets.send_or_renew(self._control, encode(hello))
+        if not self.linked:
+            sockets.renew(self._views)
+
+    def _report(self) -> None:
+        """Tell the server which frames were shown."""
+        frames = self.tally.report()
+        if frames is not None and sockets.send(self._control, encode(frames)):
+            self.tally.clear()
+
+    # --- by the clock ------------------------------------------------------------------------------------------
+
+    def look_after(self) -> None:
+        """Do what must be done by the clock: greet, report, notice a lost link."""
+        self._take_views()
+        self._take_words()
+        now = now_ns()
+        self.showing.pace()
+        if now - self._view_ns > self._link_timeout_ns:
+            self._blank()
+        if (not self.session or not self.linked) and now - self._hello_ns >= HELLO_NS:
+            self._hello_ns = now
+            self._hello()
+        if self.session and now - self._report_ns >= REPORT_NS:
+            self._report_ns = now
+            self._report()
+
+    def _blank(self) -> None:
+        """Show that there is nothing to show, and why."""
+        if self.linked:
+            log.warning("no view for %.1f s", self._link_timeout_ns * 1e-9)
+        self.linked = False
+        self.showing.blank(self._why())
+
+    def _why(self) -> Picture:
+        """Say why there is no view."""
+        words = self._words
+        if self._over:
+            return blank(self.config, words, words.over)
+        server = words.server.format(host=self._address.host, port=self._address.port)
+        if self._seen:
+            return blank(self.config, words, words.lost, self._trouble or server, lost=True)
+        return blank(self.config, words, words.waiting, self._trouble or server)
+
+
+class _Photographer(QObject):
+    """Takes one screenshot of a window once the participant has seen the board for a while."""
+
+    def __init__(self, client: DisplayClient, path: Path, after: float, done: Callable[[], None]) -> None:
+        super().__init__(client)
+        self._client = client
+        self._path = path
+        self._done = done
+        self.error: NetboardError | None = None
+        self.taken = False
+        self._delay = QTimer(self, singleShot=True, interval=round(after * 1000))
+        self._delay.timeout.connect(self.take)
+        client.window.board.painted.connect(self._look)
+
+    def _look(self) -> None:
+        """Start the delay at the first painted view."""
+        if self._client.tally.painted and not self.taken and not self._delay.isActive():
+            self._delay.start()
+
+    def take(self) -> None:
+        """Take the screenshot, unless it has been taken or there is nothing to be seen."""
+        if self.taken or not self._client.tally.painted:
+            return
+        self.taken = True
+        self._delay.stop()
+        try:
+            screenshot(self._client.window, self._path)
+        except NetboardError as error:
+            self.error = error
+        self._done()
+
+
+def run(
+    config: Config,
+    station: Side,
+    stopping: Callable[[], bool],
+    picture: Path | None = None,
+    after: float | None = None,
+    play: Play | None = None,
+) -> None:
+    """Run the display of a station until its window is closed or the process is asked to stop.
+
+    Parameters
+    ----------
+    stopping : callable
+        Whether the process has been asked to stop; asked some twenty times a second.
+    after : float, optional
+        Take it so long after the first painted view, or at the end if that comes before, and go on. Without it, take
+        it at the first painted view and stop [s].
+    play : callable, optional
+        Makes the player of this side, where somebody plays it here.
+    """
+    if picture is not None and picture.exists():
+        raise NetboardError(f"{picture} exists; a screenshot never overwrites a file")
+    app = application()
+    window = BoardWindow(f"netboard: {station} station")
+    window.present(config.display)
+    with sockets.open_context() as context:
+        player = None if play is None else play(station, config, context, window)
+        client = DisplayClient(station, config, context, window, player)
+        photographer = None
+        if picture is not None:
+            done = (lambda: None) if after is not None else app.quit
+            photographer = _Photographer(client, picture, after or 0.0, done)
+        watch = QTimer(window, interval=ROUND_MS)
+        watch.timeout.connect(lambda: app.quit() if stopping() else None)
+        watch.start()
+        window.closed.connect(app.quit)
+        app.exec()
+        watch.stop()
+        if photographer is not None:
+            photographer.take()
+        client.close()
+    window.close()
+    log.info("%d frames painted, %d dropped", client.tally.painted, client.tally.dropped)
+    if photographer is not None and photographer.error is not None:
+        raise photographer.error

@@ -1,0 +1,86 @@
+"""What a player sees of the own hand, beside what every participant sees. Pure: no Qt, no clock.
+
+A hand that plays with a pointer feels nothing, so it is shown what it would feel: a spring from the pointer to the
+stylus, as long as the hand yields, and the force as an arrow with its size. Only the own hand is ever drawn: the
+pointer is the window's own, the force comes from the agent of the same side, the stylus is the one in the station's
+view.
+"""
+
+from netboard.base.config import Config, Side
+from netboard.stage.view import View
+from netboard.windows.participant.scene import CURSOR_RADIUS, Grip, Point, to_grain
+from netboard.windows.participant.words import Words
+
+ARROW_PER_FORCE = 0.04
+"""Length of the arrow for a force of 1 N as drawn [m/N]."""
+
+SMALLEST_FORCE = 0.02
+"""A smaller force is drawn as none [N]."""
+
+ARROW_WIDTH, HEAD_WIDTH, HEAD_LENGTH = 0.004, 0.014, 0.012
+"""The arrow as drawn [m]."""
+
+LABEL_CLEAR, LABEL_GAP = 0.042, 0.016
+"""The arrow's label is at least so far from the stylus, and so far from the arrow's tip [m]."""
+
+MARK_WIDTH = 0.044
+"""Width of the bar that marks the height of the pointer [m]."""
+
+TEETH, TOOTH_WIDTH = 6, 0.005
+"""Teeth of the spring, and how far they stand out [1, m]."""
+
+
+def grip_of(
+    view: View | None,
+    config: Config,
+    words: Words,
+    station: Side,
+    pointer: float | None,
+    force: float | None,
+    *,
+    keys: bool,
+) -> Grip:
+    """Decide what a player sees of the own hand.
+
+    Parameters
+    ----------
+    force : float or None
+        Vertical force on the hand, + = up; None if it is not known [N].
+    """
+    how = _how(words, station, keys) if pointer is not None else words.take_press if keys else words.take_point
+    own = None if view is None else view.left if station == "left" else view.right
+    if own is None or pointer is None:
+        return Grip((how, words.play))
+    x = to_grain(-config.physics.l if station == "left" else config.physics.l)
+    own, pointer = to_grain(own), to_grain(pointer)
+    mark, spring = ((x - MARK_WIDTH / 2, pointer), (x + MARK_WIDTH / 2, pointer)), _spring(x, pointer, own)
+    if force is None or abs(force) < SMALLEST_FORCE:
+        return Grip((how, words.play), mark, spring)
+    up = 1.0 if force > 0 else -1.0
+    reach = CURSOR_RADIUS + to_grain(ARROW_PER_FORCE * abs(force))
+    label_at = (x, own + up * max(reach + LABEL_GAP, LABEL_CLEAR))
+    return Grip((how, words.play), mark, spring, _arrow(x, own, reach, up), f"{abs(force):.1f} N", label_at)
+
+
+def _how(words: Words, station: Side, keys: bool) -> str:
+    """Say how the hand is moved."""
+    how = (words.press if keys else words.point).format(end=words.end(station))
+    return how[:1].upper() + how[1:]
+
+
+def _spring(x: float, pointer: float, own: float) -> tuple[Point, ...]:
+    """Corners of a spring that is as long as the hand yields [m]."""
+    if pointer == own:
+        return ()
+    step = (own - pointer) / (TEETH + 1)
+    teeth = ((x + (TOOTH_WIDTH if k % 2 else -TOOTH_WIDTH), pointer + (k + 0.5) * step) for k in range(1, TEETH))
+    return ((x, pointer), (x, pointer + 0.5 * step), *teeth, (x, own - 0.5 * step), (x, own))
+
+
+def _arrow(x: float, own: float, reach: float, up: float) -> tuple[Point, ...]:
+    """Corners of an arrow from the rim of the stylus' cursor to so far from its middle [m]."""
+    neck = max(reach - HEAD_LENGTH, CURSOR_RADIUS)
+    shaft, head = ARROW_WIDTH / 2, HEAD_WIDTH / 2
+    outline = ((-shaft, CURSOR_RADIUS), (-shaft, neck), (-head, neck), (0.0, reach))
+    mirrored = tuple((-aside, along) for aside, along in reversed(outline[:-1]))
+    return tuple((x + aside, own + up * along) for aside, along in (*outline, *mirrored))

@@ -1,0 +1,32 @@
+"""Where the words of a display come from: a language of the package, or a file of the user's."""
+
+from importlib import resources
+from pathlib import Path
+
+from netboard.base.errors import ConfigError
+from netboard.windows.participant.words import Words, parse_words
+
+LANGUAGES = ("en", "de", "fr", "es", "it")
+"""The languages of the package."""
+
+
+def load_words(language: str) -> Words:
+    """Find the words of a language.
+
+    Parameters
+    ----------
+    language : str
+        One of `LANGUAGES`, or the path of a file of words.
+    """
+    if language in LANGUAGES:
+        text = (resources.files("netboard.windows.participant") / "languages" / f"{language}.toml").read_text(
+            encoding="utf-8"
+        )
+        return parse_words(text, f"{language}.toml")
+    try:
+        text = Path(language).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(
+            f"[display] language: found {language!r}, expected {', '.join(LANGUAGES)} or a file of words ({error})"
+        ) from None
+    return parse_words(text, language)

@@ -1,0 +1,134 @@
+"""Markers of trial events for amplifiers: sent when the first frame of a phase has been painted.
+
+One of three outlets: none, a stream of the lab streaming layer, or a serial port on which each event is one byte. The
+events and their bytes are in `CODES`.
+"""
+
+import os
+from collections.abc import Callable
+from typing import Protocol
+
+from netboard.base.config import Side
+from netboard.base.errors import ConfigError, NetboardError
+
+CODES = {
+    "idle": 1,
+    "levelling": 2,
+    "running": 3,
+    "holding": 4,
+    "succeeded": 5,
+    "failed": 6,
+    "paused": 7,
+    "finished": 8,
+    "away": 9,
+    "blank": 10,
+}
+"""The byte of each event: a phase that begins, or the screen that goes blank because no view comes."""
+
+SPEED = 115_200
+"""Of the serial port, with 8 data bits, no parity, one stop bit [baud]."""
+
+
+class Markers(Protocol):
+    """Where events are marked."""
+
+    def mark(self, event: str) -> None:
+        """Mark an event of `CODES` now; NetboardError if it cannot be."""
+
+    def close(self) -> None:
+        """Let go of the outlet."""
+
+
+class NoMarkers:
+    """Nobody listens."""
+
+    def mark(self, event: str) -> None:
+        """Do nothing."""
+
+    def close(self) -> None:
+        """Do nothing."""
+
+
+class LslMarkers:
+    """A stream of the lab streaming layer: one channel of strings, of type ``Markers``.
+
+    Parameters
+    ----------
+    station : str
+        ``left`` or ``right``: the stream is named ``netboard.left`` and so on.
+    """
+
+    def __init__(self, station: Side) -> None:
+        try:
+            import pylsl  # noqa: PLC0415  (optional, and slow to load)
+        except (ImportError, RuntimeError) as error:
+            raise ConfigError(
+                '[display] markers: found "lsl", which needs pylsl and the library liblsl: '
+                f'pip install "netboard[lsl]" ({error})'
+            ) from None
+        name = f"netboard.{station}"
+        info = pylsl.StreamInfo(name, "Markers", 1, pylsl.IRREGULAR_RATE, pylsl.cf_string, name)
+        self._push: Callable[[list[str]], None] = pylsl.StreamOutlet(info).push_sample
+
+    def mark(self, event: str) -> None:
+        """Push the event's name."""
+        self._push([event])
+
+    def close(self) -> None:
+        """Nothing to do: the outlet ends with the process."""
+
+
+class SerialMarkers:
+    """A serial port that gets one byte for each event."""
+
+    def __init__(self, port: str) -> None:
+        self._port = port
+        try:
+            import termios  # noqa: PLC0415  (not on Windows)
+            import tty  # noqa: PLC0415
+        except ImportError:
+            raise ConfigError(
+                f"[display] markers: found {port!r}; serial ports need Linux or macOS, expected none or lsl here"
+            ) from None
+        try:
+            self._file = os.open(port, os.O_WRONLY | os.O_NOCTTY | os.O_NONBLOCK)
+        except OSError as error:
+            raise ConfigError(
+                f"[display] markers: found {port!r}, expected none, lsl or a serial port ({error.strerror})"
+            ) from None
+        try:
+            tty.setraw(self._file)
+            settings = termios.tcgetattr(self._file)
+            settings[2] |= termios.CLOCAL
+            settings[4] = settings[5] = termios.B115200
+            termios.tcsetattr(self._file, termios.TCSANOW, settings)
+        except (OSError, termios.error) as error:
+            os.close(self._file)
+            raise ConfigError(f"[display] markers: {port} is no serial port ({error})") from None
+
+    def mark(self, event: str) -> None:
+        """Write the event's byte, without waiting."""
+        try:
+            os.write(self._file, bytes([CODES[event]]))
+        except OSError as error:
+            raise NetboardError(f"the marker {event!r} was not sent: {self._port}: {error.strerror}") from None
+
+    def close(self) -> None:
+        """Close the port."""
+        os.close(self._file)
+
+
+def open_markers(outlet: str, station: Side) -> Markers:
+    """Open the outlet of a display.
+
+    Parameters
+    ----------
+    outlet : str
+        ``none``, ``lsl`` or the path of a serial port, as in ``[display] markers``.
+    """
+    match outlet:
+        case "none":
+            return NoMarkers()
+        case "lsl":
+            return LslMarkers(station)
+    return SerialMarkers(outlet)

@@ -1,0 +1,114 @@
+"""Where a player points: the mouse over the board, a finger on it, or keys that are held down.
+
+A pointer counts by its height alone, in metres of the scene, wherever in the window it is. The keys move that height at
+a steady speed. It stays where it is when the pointer leaves the window, when the finger is lifted, and when the keys
+are let go.
+"""
+
+from PySide6.QtCore import QEvent, QObject, QPointF, Qt, QTimer, Signal
+from PySide6.QtGui import QKeyEvent, QMouseEvent, QTouchEvent
+
+from netboard.windows.participant.window import BoardWindow
+
+KEY_SPEED = 0.06
+"""A key that is held down moves the height so fast [m/s]."""
+
+KEY_MS = 8
+"""The height is moved this often while a key is held down [ms]."""
+
+UP, DOWN = (Qt.Key.Key_Up, Qt.Key.Key_W), (Qt.Key.Key_Down, Qt.Key.Key_S)
+"""Keys that lift and lower."""
+
+MOUSE = (QEvent.Type.MouseMove, QEvent.Type.MouseButtonPress)
+TOUCH = (QEvent.Type.TouchBegin, QEvent.Type.TouchUpdate, QEvent.Type.TouchEnd)
+KEYS = (QEvent.Type.KeyPress, QEvent.Type.KeyRelease)
+
+
+class Pointing(QObject):
+    """The height at which a player points in a window.
+
+    Parameters
+    ----------
+    reach : float
+        Largest height, up and down [m].
+
+    Attributes
+    ----------
+    height : float or None
+        The height; None before the player has pointed anywhere [m].
+    """
+
+    moved = Signal()
+
+    def __init__(self, window: BoardWindow, reach: float, *, keys: bool) -> None:
+        super().__init__(window)
+        self.height: float | None = None
+        self._board = window.board
+        self._reach = reach
+        self._held: set[int] = set()
+        self._timer = QTimer(self, interval=KEY_MS, timerType=Qt.TimerType.PreciseTimer)
+        self._timer.timeout.connect(self._move_on)
+        self._window = window
+        window.installEventFilter(self)
+        if not keys:
+            surface = window.board
+            surface.setMouseTracking(True)
+            surface.setAttribute(Qt.WidgetAttribute.WA_AcceptTouchEvents)
+            surface.setCursor(Qt.CursorShape.SizeVerCursor)
+            surface.installEventFilter(self)
+
+    def close(self) -> None:
+        """Listen no more."""
+        self._hold(set())
+        for watched in (self._window, self._board):
+            watched.removeEventFilter(self)
+
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:  # noqa: N802  (Qt's name)
+        """Take what the player does; whether that is all to be done with it."""
+        kind = event.type()
+        if watched is self._window:
+            if kind in KEYS and isinstance(event, QKeyEvent):
+                return self._key(event)
+            if kind == QEvent.Type.WindowDeactivate:
+                self._hold(set())
+            return False
+        if kind in MOUSE and isinstance(event, QMouseEvent):
+            self._point(event.position())
+            return True
+        if kind in TOUCH and isinstance(event, QTouchEvent):
+            self._point(event.points()[0].position())
+            event.accept()
+            return True
+        return False
+
+    def _point(self, place: QPointF) -> None:
+        """Point at a place on the board's surface, in pixels."""
+        self._set(self._board.height_at(place))
+
+    def _key(self, event: QKeyEvent) -> bool:
+        """Take a key; whether it was one of ours. Q, next to W, closes no window that is played in."""
+        key = event.key()
+        if key not in (*UP, *DOWN):
+            return bool(key == Qt.Key.Key_Q)
+        if not event.isAutoRepeat():
+            pressed = event.type() == QEvent.Type.KeyPress
+            self._hold(self._held | {key} if pressed else self._held - {key})
+        return True
+
+    def _hold(self, keys: set[int]) -> None:
+        """Have these keys held down from now on."""
+        self._held = keys
+        if not keys:
+            self._timer.stop()
+        elif not self._timer.isActive():
+            self._move_on()
+            self._timer.start()
+
+    def _move_on(self) -> None:
+        """Move the height as far as the held keys do in one round."""
+        way = bool(self._held & set(UP)) - bool(self._held & set(DOWN))
+        self._set((self.height or 0.0) + way * KEY_SPEED * KEY_MS * 1e-3)
+
+    def _set(self, height: float) -> None:
+        self.height = min(max(height, -self._reach), self._reach)
+        self.moved.emit()

@@ -1,0 +1,117 @@
+"""How large a pixel of a screen is: a bank card is held against its outline, and the outline made to fit.
+
+Cards of the size ID-1 (ISO/IEC 7810) are 85.60 mm wide and 53.98 mm high, everywhere. Left and right change the width
+by a pixel, with shift by ten; Enter takes it, Esc gives up.
+"""
+
+from PySide6.QtCore import QPointF, QRectF, Qt, Signal
+from PySide6.QtGui import QCloseEvent, QColor, QKeyEvent, QPainter, QPaintEvent, QPen
+from PySide6.QtWidgets import QWidget
+
+from netboard.windows.participant.scene import COLOURS, Mood
+from netboard.windows.participant.window import application, in_words, numbered_screen
+
+CARD_WIDTH, CARD_HEIGHT, CARD_CORNER = 85.60, 53.98, 3.18
+"""Of a bank card [mm]."""
+
+LEAST, GUESS = 0.02, 0.25
+"""The smallest pixel that is believed, and the size taken where a screen does not say its own [mm]."""
+
+HELP = (
+    "Hold a bank card against the screen. \u2190 \u2192 make the outline fit it (shift: quicker).",
+    "Its upper and lower edge must fit too, or the pixels are not square.   Enter: done   Esc: leave",
+)
+
+
+class CalibrationWindow(QWidget):
+    """A window that shows the outline of a card, and a ruler.
+
+    Parameters
+    ----------
+    claimed : float
+        Size of a pixel by the screen's own account; 0 if it does not say [mm].
+
+    Attributes
+    ----------
+    mm_per_pixel : float
+        Size of a pixel by the card [mm].
+    """
+
+    closed = Signal()
+
+    def __init__(self, claimed: float) -> None:
+        super().__init__()
+        self.setWindowTitle("netboard: how large is a pixel?")
+        self.done = False
+        self._card = round(CARD_WIDTH / (claimed if claimed > LEAST else GUESS))
+
+    @property
+    def mm_per_pixel(self) -> float:
+        """Size of a pixel by the card [mm]."""
+        return CARD_WIDTH / self._card
+
+    def keyPressEvent(self, event: QKeyEvent) -> None:  # noqa: N802  (Qt's name)
+        """Change the width, take it, or give up."""
+        step = 10 if event.modifiers() & Qt.KeyboardModifier.ShiftModifier else 1
+        most = round(self.width() * self.devicePixelRatioF())
+        match event.key():
+            case Qt.Key.Key_Right | Qt.Key.Key_Up:
+                self._card = min(self._card + step, most)
+            case Qt.Key.Key_Left | Qt.Key.Key_Down:
+                self._card = max(self._card - step, 50)
+            case Qt.Key.Key_Return | Qt.Key.Key_Enter:
+                self.done = True
+                self.close()
+            case Qt.Key.Key_Escape | Qt.Key.Key_Q:
+                self.close()
+            case _:
+                super().keyPressEvent(event)
+        self.update()
+
+    def closeEvent(self, event: QCloseEvent) -> None:  # noqa: N802  (Qt's name)
+        """Say that the window is closed."""
+        super().closeEvent(event)
+        self.closed.emit()
+
+    def paintEvent(self, event: QPaintEvent) -> None:  # noqa: N802  (Qt's name)
+        """Draw outline, ruler and words."""
+        colours = COLOURS[Mood.RUN]
+        with QPainter(self) as painter:
+            painter.fillRect(self.rect(), QColor(colours.background))
+            painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+            mm = 1 / (self.mm_per_pixel * self.devicePixelRatioF())
+            middle = QPointF(self.width() / 2, self.height() * 0.42)
+            card = QRectF(0, 0, CARD_WIDTH * mm, CARD_HEIGHT * mm)
+            card.moveCenter(middle)
+            painter.setPen(QPen(QColor(colours.hint), 1))
+            painter.drawRoundedRect(card, CARD_CORNER * mm, CARD_CORNER * mm)
+            self._rule(painter, QPointF(middle.x(), card.bottom() + 12 * mm), mm)
+            font = painter.font()
+            font.setPixelSize(max(12, round(self.height() * 0.024)))
+            painter.setFont(font)
+            painter.setPen(QColor(colours.headline))
+            lines = (*HELP, f"mm_per_pixel = {self.mm_per_pixel:.4f}")
+            for i, line in enumerate(lines):
+                box = QRectF(0, self.height() * (0.80 + 0.05 * i), self.width(), self.height() * 0.05)
+                painter.drawText(box, Qt.AlignmentFlag.AlignCenter, line)
+
+    def _rule(self, painter: QPainter, top: QPointF, mm: float) -> None:
+        """Draw a ruler as long as the card, a mark each millimetre."""
+        begin = top.x() - CARD_WIDTH / 2 * mm
+        painter.setPen(QPen(QColor(COLOURS[Mood.RUN].detail), 1))
+        for i in range(int(CARD_WIDTH) + 1):
+            x, length = begin + i * mm, 5 if i % 10 == 0 else 3.5 if i % 5 == 0 else 2
+            painter.drawLine(QPointF(x, top.y()), QPointF(x, top.y() + length * mm))
+
+
+def calibrate(number: int) -> tuple[float | None, str]:
+    """Let somebody measure the pixels of a screen."""
+    app = application()
+    screen = numbered_screen(number)
+    pixels = screen.size().width() * screen.devicePixelRatio()
+    window = CalibrationWindow(screen.physicalSize().width() / pixels if pixels else 0.0)
+    window.setGeometry(screen.geometry())
+    window.showFullScreen()
+    window.closed.connect(app.quit)
+    app.exec()
+    return window.mm_per_pixel if window.done else None, in_words(number, screen)

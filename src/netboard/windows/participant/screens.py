@@ -1,0 +1,180 @@
+"""What a participant is shown when: the board in a trial, words before, between and after. Pure: no Qt, no clock.
+
+Rules that hold here: a participant is told little and calmly; numbers appear between trials only; a pilot run says so
+in every picture. Every line comes from the `Words` of the participant's language, but for a block's own instructions.
+"""
+
+import math
+from dataclasses import replace
+
+from netboard.base.config import Config, Side
+from netboard.base.errors import WireError
+from netboard.stage.view import View
+from netboard.windows.participant.scene import COLOURS, Mood, Picture, extent, with_board
+from netboard.windows.participant.story import SUCCEEDED
+from netboard.windows.participant.words import Words, instructions
+
+_MOODS = {
+    "idle": Mood.WAIT,
+    "levelling": Mood.LEVEL,
+    "running": Mood.RUN,
+    "holding": Mood.HOLD,
+    "succeeded": Mood.SUCCESS,
+    "failed": Mood.FAIL,
+    "paused": Mood.PAUSED,
+    "finished": Mood.FINISHED,
+    "away": Mood.WAIT,
+}
+"""What each phase says as a whole."""
+
+NOTICES = ("", "again")
+"""The notices of a view that there are lines for."""
+
+IN_TRIAL = ("running", "holding")
+"""The phases in which the patch for a photodiode is white."""
+
+
+def compose(view: View, config: Config, words: Words, result: str = "") -> Picture:
+    """Decide what is drawn.
+
+    Parameters
+    ----------
+    config : Config
+        Sizes, the block, whether this is a pilot run, and of the display whether it has a patch.
+    result : str
+        How the last trial ended, ``succeeded`` or ``failed``, while that is to be told.
+
+    Raises
+    ------
+    WireError
+        If the view has a phase or a notice that does not exist, or is not finite.
+    """
+    check(view)
+    mood = _MOODS[view.phase]
+    picture = replace(_empty(mood, config, words), patch=_patch(config, view.phase in IN_TRIAL))
+    match view.phase:
+        case "idle":
+            return _before(picture, view, config, words)
+        case "away":
+            return _away(picture, view, words)
+        case "finished":
+            return _after(picture, view, words)
+    picture = replace(picture, counter=words.trial.format(trial=min(view.trial, view.trials), trials=view.trials))
+    return with_board(_told(picture, view, config, words, result), view, config)
+
+
+def check(view: View) -> None:
+    """Refuse what cannot be drawn: a peer that sends it breaks the protocol.
+
+    Raises
+    ------
+    WireError
+        If the view has a phase or a notice that does not exist, or is not finite.
+    """
+    if view.phase not in _MOODS:
+        raise WireError(f"a view in the unknown phase {view.phase!r}")
+    if view.notice not in NOTICES:
+        raise WireError(f"a view with the unknown notice {view.notice!r}")
+    shown = (view.z, view.theta, view.target, view.p, view.left, view.right, view.share)
+    told = (view.completion, view.best, view.rest)
+    if not all(math.isfinite(number) for number in (*shown, *told) if number is not None):
+        raise WireError("a view with a number that is not finite")
+
+
+def blank(config: Config, words: Words, headline: str, detail: str = "", *, lost: bool = False) -> Picture:
+    """Make a picture of words only."""
+    picture = _empty(Mood.LOST if lost else Mood.WAIT, config, words)
+    return replace(picture, headline=headline, detail=detail, patch=_patch(config, False))
+
+
+def _empty(mood: Mood, config: Config, words: Words) -> Picture:
+    """Make a picture with nothing but the mark of a pilot run."""
+    return Picture(mood, COLOURS[mood], extent(config), pilot=words.pilot if config.session.pilot else "")
+
+
+def _patch(config: Config, white: bool) -> bool | None:
+    """Whether the patch is white, if there is one."""
+    return white if config.display.patch else None
+
+
+def _before(picture: Picture, view: View, config: Config, words: Words) -> Picture:
+    """Write the screen before a block: a rest with what is left of it, then what is to be done."""
+    if view.rest is not None and view.rest > 0:
+        following = words.next.format(block=view.block, blocks=view.blocks)
+        return replace(picture, headline=words.rest, detail=_countdown(view.rest), notice=following)
+    side: Side = "left" if view.station == "left" else "right"
+    return replace(
+        picture,
+        headline=words.ready if view.blocks == 1 else words.block.format(block=view.block, blocks=view.blocks),
+        text=instructions(config, words, side),
+        notice=words.wait,
+    )
+
+
+def _away(picture: Picture, view: View, words: Words) -> Picture:
+    """Write the screen of somebody who has nothing to do."""
+    left = "" if view.rest is None or view.rest <= 0 else _countdown(view.rest)
+    counter = words.trial.format(trial=min(view.trial, view.trials), trials=view.trials)
+    block = words.block.format(block=view.block, blocks=view.blocks) if view.blocks > 1 else ""
+    counter = "   ".join(line for line in (block, counter) if line)
+    return replace(picture, headline=words.away, detail=left or words.away_text, counter=counter)
+
+
+def _after(picture: Picture, view: View, words: Words) -> Picture:
+    """Write the screen after a block."""
+    last = view.block >= view.blocks
+    done = words.finished if last else words.block_done.format(block=view.block, blocks=view.blocks)
+    best = "" if view.best is None else words.best.format(time=words.seconds(view.best))
+    return replace(picture, headline=done, detail=best[:1].upper() + best[1:], notice="" if last else words.wait)
+
+
+def _told(picture: Picture, view: View, config: Config, words: Words, result: str) -> Picture:
+    """Write what a trial says."""
+    fell = words.failed if config.task.time_limit > 0 else words.fell
+    match view.phase:
+        case "levelling" if result:
+            well = result == SUCCEEDED
+            ended = COLOURS[Mood.SUCCESS if well else Mood.FAIL]
+            return replace(
+                picture,
+                colours=replace(picture.colours, headline=ended.headline if well else ended.ball),
+                headline=words.succeeded if well else fell,
+                detail=_times(view, words) if well else words.again if view.notice else "",
+                notice=words.level,
+            )
+        case "levelling":
+            again = words.again if view.notice else ""
+            return replace(picture, headline=words.level, detail=_last(view, words), notice=again)
+        case "holding":
+            return replace(picture, headline=words.hold)
+        case "succeeded":
+            return replace(picture, headline=words.succeeded, detail=_times(view, words))
+        case "failed":
+            return replace(picture, headline=fell)
+        case "paused":
+            return replace(picture, headline=words.paused)
+    return picture
+
+
+def _times(view: View, words: Words) -> str:
+    """The time of the trial just done, and whether it is the best one."""
+    if view.completion is None:
+        return ""
+    if view.best is not None and view.completion <= view.best:
+        return f"{words.seconds(view.completion)} s   {words.new_best}"
+    return _last(view, words)
+
+
+def _last(view: View, words: Words) -> str:
+    """Completion times, as the participant reads them."""
+    if view.completion is None:
+        return ""
+    last = words.last.format(time=words.seconds(view.completion))
+    best = "" if view.best is None else f"   ({words.best.format(time=words.seconds(view.best))})"
+    return last + best
+
+
+def _countdown(rest: float) -> str:
+    """What is left of a rest, in minutes and seconds."""
+    minutes, seconds = divmod(math.ceil(rest), 60)
+    return f"{minutes}:{seconds:02}"

@@ -1,0 +1,181 @@
+"""The parts a `Picture` is painted from, in the order of painting. Pure: no Qt, no clock.
+
+Shapes are in metres of the scene; panels and lines of words are in pixels of the window. Parts are values: two frames
+differ where one has a part that the other has not, and only there the window is painted anew.
+"""
+
+from dataclasses import dataclass
+
+from netboard.windows.participant.scene import (
+    CURSOR_RADIUS,
+    HANDLE_RADIUS,
+    PILOT_BACK,
+    PILOT_INK,
+    Colours,
+    Grip,
+    Picture,
+    Point,
+)
+
+LINES = {
+    "headline": (0.075, 0.052),
+    "detail": (0.140, 0.034),
+    "notice": (0.900, 0.034),
+    "counter": (0.955, 0.024),
+}
+"""Middle and letter height of each line of words, in heights of the window [1]."""
+
+ALONE = {"headline": 0.46, "detail": 0.54}
+"""Middles of the lines when there are only words [1]."""
+
+ABOVE_TEXT = {"headline": 0.18, "detail": 0.26}
+"""Middles of the lines above instructions [1]."""
+
+TEXT_TOP, TEXT_WIDTH, TEXT_HEIGHT = 0.32, 0.68, 0.036
+"""Top, width and letter height of the instructions, in sizes of the window [1]."""
+
+TEXT_MARGIN = 4
+"""Margin round the instructions [pixels]."""
+
+BAND = 0.042
+"""Height of the band that marks a pilot run, at the top of the window [1]."""
+
+PATCH = 0.09
+"""Side of the patch for a photodiode, in the lower right corner, in heights of the window [1]."""
+
+FORCE = "#cc79a7"
+"""Colour of the player's spring and force arrow; from the Okabe-Ito palette, like the other colours."""
+
+HINTS = (0.805, 0.845)
+"""Middles of the two lines that tell a player what to do, in heights of the window [1]."""
+
+HINT_HEIGHT, HINT_WIDTH = 0.026, 0.019
+"""Largest letter height of these lines, in heights and in widths of the window [1]."""
+
+LABEL_HEIGHT = 0.034
+"""Letter height of the size of the force, in heights of the window [1]."""
+
+SMALLEST_LETTERS = 8
+"""Letters are never smaller than this [pixels]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Shape:
+    """A polygon, a line or a disc in metres of the scene.
+
+    Attributes
+    ----------
+    points : tuple of points
+        Corners; of a disc its centre [m].
+    radius : float
+        Radius of a disc; 0 for a polygon or a line [m].
+    width : float
+        Width of the edge [pixels].
+    closed, dashed : bool
+        Whether it is a polygon, not a line; whether the edge is dashed.
+    """
+
+    points: tuple[Point, ...]
+    radius: float = 0.0
+    fill: str = ""
+    edge: str = ""
+    width: float = 0.0
+    closed: bool = True
+    dashed: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Panel:
+    """A filled rectangle: left, top, width and height [pixels], and its colour."""
+
+    place: tuple[float, float, float, float]
+    fill: str
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """A line of words centred on a point.
+
+    Attributes
+    ----------
+    middle : point
+        Where its centre is [pixels].
+    letters : int
+        Size of the font [pixels].
+    """
+
+    words: str
+    middle: Point
+    letters: int
+    colour: str
+    bold: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Text:
+    """Instructions: wrapped, centred paragraphs in a column: left, top, width and height [pixels]."""
+
+    words: str
+    place: tuple[float, float, float, float]
+    letters: int
+    colour: str
+
+
+Part = Shape | Panel | Line | Text
+
+
+def shapes_of(picture: Picture) -> list[Shape]:
+    """List the shapes of a picture, the lowest first."""
+    c, guide = picture.colours, picture.guide
+    shapes = [
+        Shape(((-guide, 0.0), (guide, 0.0)) if guide is not None else (), 0.0, "", c.guide, 2, False, True),
+        Shape(picture.board, fill=c.board, edge=c.edge, width=1.5),
+        Shape(picture.target, fill=c.target, edge=c.target, width=1.5),
+        Shape(picture.fill, fill=c.fill),
+        *(Shape((at,), HANDLE_RADIUS, fill=c.background) for at in picture.handles),
+        Shape(picture.bar, fill=c.background, edge=c.detail, width=1.5),
+        Shape(picture.level, fill=c.fill),
+        *(Shape(arrow, fill=c.hint) for arrow in picture.arrows),
+        Shape(() if picture.ball is None else (picture.ball,), picture.ball_radius, fill=c.ball),
+        *(Shape((at,), CURSOR_RADIUS, edge=c.cursor, width=3) for at in picture.cursors),
+        *(_grip_shapes(picture.grip) if picture.grip is not None else ()),
+    ]
+    return [shape for shape in shapes if shape.points]
+
+
+def words_of(picture: Picture, width: int, height: int, label_at: Point) -> list[Panel | Line | Text]:
+    """List the words and panels of a picture in a window of this size, the lowest first."""
+    c = picture.colours
+    inks = {"headline": c.headline, "detail": c.detail, "notice": c.detail, "counter": c.quiet}
+    places = {} if picture.board else ABOVE_TEXT if picture.text else ALONE
+    band, side = round(BAND * height), round(PATCH * height)
+    found: list[Panel | Line | Text] = [
+        Line(getattr(picture, name), (width / 2, places.get(name, middle) * height), _letters(size * height), ink)
+        for (name, ink), (middle, size) in zip(inks.items(), LINES.values(), strict=True)
+    ]
+    column = ((1 - TEXT_WIDTH) / 2 * width, TEXT_TOP * height, TEXT_WIDTH * width, (1 - TEXT_TOP) * height)
+    found.append(Text(picture.text, column, _letters(TEXT_HEIGHT * min(height, width / 1.4)), c.headline))
+    if picture.pilot:
+        found.append(Panel((0, 0, width, band), PILOT_BACK))
+        found.append(Line(picture.pilot, (width / 2, band / 2), _letters(0.7 * band), PILOT_INK, bold=True))
+    if picture.patch is not None:
+        found.append(Panel((width - side, height - side, side, side), "#ffffff" if picture.patch else "#000000"))
+    if picture.grip is not None:
+        hint = _letters(min(HINT_HEIGHT * height, HINT_WIDTH * width))
+        found.append(Line(picture.grip.label, label_at, _letters(LABEL_HEIGHT * height), FORCE))
+        lines = zip(picture.grip.hint, HINTS, strict=True)
+        found += [Line(words, (width / 2, middle * height), hint, Colours().detail) for words, middle in lines]
+    return [part for part in found if isinstance(part, Panel) or part.words]
+
+
+def _grip_shapes(grip: Grip) -> tuple[Shape, ...]:
+    """The player's spring, the mark of the pointer and the arrow of the force."""
+    return (
+        Shape(grip.spring, edge=FORCE, width=2, closed=False),
+        Shape(grip.mark, edge=Colours().headline, width=4, closed=False),
+        Shape(grip.arrow, fill=FORCE),
+    )
+
+
+def _letters(size: float) -> int:
+    return max(SMALLEST_LETTERS, round(size))

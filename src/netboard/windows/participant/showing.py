@@ -1,0 +1,178 @@
+"""What a station's window shows and when: from the newest views to painted frames, and the marks that go with them.
+
+While anything moves a frame is due at each refresh of the screen, and shows everything where it will be when the frame
+has been painted (`netboard.windows.participant.motion`); a picture that looks the same is not painted, and while
+nothing moves none is made at all. Without `display.smooth` the newest view is painted as it is, as soon as it comes, at
+most once a refresh.
+
+Qt has no word for when a frame reaches the panel of a window that is drawn by the processor. So frames follow a steady
+clock of the screen's rate, and what is counted and marked is the end of the painting.
+"""
+
+import logging
+from dataclasses import replace
+from typing import Protocol
+
+from PySide6.QtCore import QObject, Qt, QTimer
+
+from netboard.base.clock import now_ns
+from netboard.base.config import Config, Side
+from netboard.base.errors import NetboardError
+from netboard.base.process import Seldom
+from netboard.stage.view import View
+from netboard.windows.participant.frames import FrameTally
+from netboard.windows.participant.markers import Markers
+from netboard.windows.participant.motion import Motion, heard
+from netboard.windows.participant.scene import Grip, Picture
+from netboard.windows.participant.screens import check, compose
+from netboard.windows.participant.story import Story, follow
+from netboard.windows.participant.window import BoardWindow, screen_of
+from netboard.windows.participant.words import Words
+
+log = logging.getLogger(__name__)
+
+DEFAULT_REFRESH_HZ = 60.0
+SOON = 0.15
+"""A frame due within this share of a refresh is painted at once [1]."""
+
+
+PAINTINGS = 8
+"""What painting takes is the mean of about so many [1]."""
+
+
+class Player(Protocol):
+    """Who plays this side at this display, if anybody does."""
+
+    def grip(self, view: View | None, config: Config) -> Grip:
+        """What the player sees of the own hand with a view."""
+
+    def close(self) -> None:
+        """Let go."""
+
+
+class Showing(QObject):
+    """What one window shows.
+
+    Parameters
+    ----------
+    config : Config
+        What the board looks like; replaced when the server says more.
+    """
+
+    def __init__(
+        self,
+        station: Side,
+        config: Config,
+        words: Words,
+        markers: Markers,
+        window: BoardWindow,
+        player: Player | None = None,
+    ) -> None:
+        super().__init__(window)
+        self.config = config
+        self._words, self._markers, self._window, self._player = words, markers, window, player
+        self._said = Seldom(log)
+        self._story: Story | None = None
+        self._motion: Motion | None = None
+        self._received_ns = 0
+        self._planned_ns = self._due_ns = -(2**62)
+        self._shown_ns = self._painting_ns = 0
+        self._happened: list[str] = []
+        self._to_mark: list[str] = []
+        self._refresh_ns = round(1e9 / DEFAULT_REFRESH_HZ)
+        self.tally = FrameTally(station, self._refresh_ns)
+        self._turn = QTimer(self, singleShot=True, timerType=Qt.TimerType.PreciseTimer)
+        self._turn.timeout.connect(self._frame)
+        window.board.painted.connect(self._painted)
+
+    @property
+    def refresh_hz(self) -> float:
+        """How often the screen shows a new picture [Hz]."""
+        return 1e9 / self._refresh_ns
+
+    def pace(self) -> None:
+        """Follow the refresh rate of the screen the window is on."""
+        rate = screen_of(self._window).refreshRate()
+        self._refresh_ns = round(1e9 / (rate if rate > 1 else DEFAULT_REFRESH_HZ))
+        self.tally.period_ns = max(self._refresh_ns, round(1e9 / self.config.network.view_rate_hz))
+
+    def take(self, view: View, received_ns: int) -> None:
+        """Show a view that has come."""
+        check(view)
+        self.tally.receive(view.seq, view.sent_ns)
+        self._story = follow(self._story, view)
+        self._happened += self._story.events
+        self._motion = heard(self._motion, view, received_ns)
+        self._received_ns = received_ns
+        self._plan(received_ns)
+
+    def blank(self, picture: Picture) -> None:
+        """Show a picture of words, and no view any more."""
+        self._turn.stop()
+        if self._motion is not None:
+            self._happened.append("blank")
+        self._motion = self._story = None
+        self._to_mark += self._happened
+        self._happened.clear()
+        if not self._window.board.show_picture(self._held(picture, None)):
+            self._mark()
+
+    def close(self) -> None:
+        """Make no more frames."""
+        self._turn.stop()
+        self._markers.close()
+        if self._player is not None:
+            self._player.close()
+
+    def _plan(self, now: int) -> None:
+        """Make the next frame at its turn: at once, if a refresh is over since the one before."""
+        if self._turn.isActive():
+            return
+        self._planned_ns = max(self._due_ns, now)
+        remaining = self._planned_ns - now
+        if remaining <= SOON * self._refresh_ns:
+            self._frame()
+        else:
+            self._turn.start(round(remaining / 1e6))
+
+    def _frame(self) -> None:
+        """Hand the picture of now to the window, if it is another one."""
+        motion, story, now = self._motion, self._story, now_ns()
+        if motion is None or story is None:
+            return
+        late = now - self._planned_ns > self._refresh_ns
+        self._due_ns = (now if late else self._planned_ns) + self._refresh_ns
+        smooth = self.config.display.smooth
+        view = motion.at(now + self._painting_ns, self.config) if smooth else motion.view
+        picture = self._held(compose(view, self.config, self._words, story.result), view)
+        self._to_mark += self._happened
+        self._happened.clear()
+        if self._window.board.show_picture(picture):
+            self.tally.wait(view.tick, self._received_ns, self._planned_ns)
+            self._shown_ns = now
+        else:
+            self._mark()
+        if smooth and not motion.settled(now):
+            self._plan(now_ns())
+
+    def _held(self, picture: Picture, view: View | None) -> Picture:
+        """Put the player's own hand into a picture, if somebody plays; without a board, only how to play."""
+        if self._player is None:
+            return picture
+        return replace(picture, grip=self._player.grip(view if picture.board else None, self.config))
+
+    def _painted(self) -> None:
+        """Count a frame, and mark what it was the first to show."""
+        now = now_ns()
+        if self.tally.paint(now):
+            self._painting_ns += (min(now - self._shown_ns, self._refresh_ns) - self._painting_ns) // PAINTINGS
+        self._mark()
+
+    def _mark(self) -> None:
+        """Mark what the screen now shows."""
+        for event in self._to_mark:
+            try:
+                self._markers.mark(event)
+            except NetboardError as error:
+                self._said.say(str(error))
+        self._to_mark.clear()

@@ -1,0 +1,217 @@
+"""The widget that paints a `Picture`.
+
+One `QWidget` with a `QPainter`, without a graphics scene and its items: then Python frees no Qt object of a window
+while Qt still uses it (docs/decisions/0025-painting-without-a-scene.md). Only the rectangle in which a picture differs
+from the one before is painted, and nothing for an equal picture. `netboard.windows.participant.scene` decides what is
+drawn, `netboard.windows.participant.shapes` lists the parts.
+"""
+
+from functools import cache
+from math import ceil
+from pathlib import Path
+
+from PySide6.QtCore import QPointF, QRect, QRectF, Qt, Signal
+from PySide6.QtGui import (
+    QColor,
+    QFont,
+    QFontMetricsF,
+    QPainter,
+    QPaintEvent,
+    QPen,
+    QPolygonF,
+    QResizeEvent,
+    QTransform,
+)
+from PySide6.QtWidgets import QSizePolicy, QWidget
+
+from netboard.base.errors import NetboardError
+from netboard.windows.participant.scene import Picture, Point
+from netboard.windows.participant.shapes import TEXT_MARGIN, Line, Panel, Part, Shape, Text, shapes_of, words_of
+
+SPILL = 2
+"""Antialiasing and overhanging letters may reach this far beyond a part [pixels]."""
+
+WRAPPED = Qt.AlignmentFlag.AlignHCenter | Qt.TextFlag.TextWordWrap
+
+
+class BoardView(QWidget):
+    """A view of the board that shows one picture at a time.
+
+    Attributes
+    ----------
+    mm_per_pixel : float
+        Size of a pixel of the screen; 0 lets the picture fill the window [mm].
+    """
+
+    painted = Signal()
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setAttribute(Qt.WidgetAttribute.WA_OpaquePaintEvent)
+        self.setFocusPolicy(Qt.FocusPolicy.NoFocus)
+        self.setMinimumSize(320, 200)
+        self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Expanding)
+        self.picture: Picture | None = None
+        self._mm_per_pixel = 0.0
+        self._to_pixels = QTransform()
+        self._parts: dict[Part, QRect] = {}
+
+    @property
+    def mm_per_pixel(self) -> float:
+        """Size of a pixel of the screen; 0 lets the picture fill the window [mm]."""
+        return self._mm_per_pixel
+
+    @mm_per_pixel.setter
+    def mm_per_pixel(self, size: float) -> None:
+        self._mm_per_pixel = size
+        self._arrange_anew()
+
+    @property
+    def metres_across(self) -> float:
+        """Width of what the window shows, where that is in true size; else 0 [m]."""
+        return float(self.width() * self.devicePixelRatioF() * self._mm_per_pixel * 1e-3)
+
+    def height_at(self, place: QPointF) -> float:
+        """Height of a place on the surface, given in pixels [m]."""
+        to_metres, _ = self._to_pixels.inverted()
+        return to_metres.map(place).y()
+
+    def pixel_at(self, point: Point) -> QPointF:
+        """Where a point of the metric view is, in pixels."""
+        return self._to_pixels.map(QPointF(*point))
+
+    def show_picture(self, picture: Picture) -> bool:
+        """Show a picture; tell whether it was another one, so that a repaint will follow."""
+        before = self.picture
+        if picture == before:
+            return False
+        self.picture = picture
+        if before is None or (picture.extent, picture.colours.background) != (
+            before.extent,
+            before.colours.background,
+        ):
+            self._arrange_anew()
+            return True
+        parts = self._arranged(picture, self._parts)
+        dirty = QRect()
+        for part in self._parts.keys() ^ parts.keys():
+            dirty |= parts[part] if part in parts else self._parts[part]
+        self._parts = parts
+        dirty &= self.rect()
+        self.update(dirty if not dirty.isEmpty() else self.rect())  # what asked for a picture waits for its painting
+        return True
+
+    def resizeEvent(self, event: QResizeEvent) -> None:  # noqa: N802  (Qt's name)
+        """Keep the scale and the words in their places."""
+        super().resizeEvent(event)
+        self._arrange_anew()
+
+    def paintEvent(self, event: QPaintEvent) -> None:  # noqa: N802  (Qt's name)
+        """Paint what is in the rectangle asked for, and say so."""
+        if self.picture is not None:
+            with QPainter(self) as painter:
+                painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+                painter.fillRect(event.rect(), QColor(self.picture.colours.background))
+                for part, place in self._parts.items():
+                    if place.intersects(event.rect()):
+                        self._paint(painter, part)
+        self.painted.emit()
+
+    def _arrange_anew(self) -> None:
+        """Choose the scale, place every part and paint the whole window."""
+        if self.picture is None:
+            return
+        width, height = self.picture.extent
+        scale = min(self.width() / width, self.height() / height)
+        if self._mm_per_pixel > 0:
+            scale = self.width() / self.metres_across
+        self._to_pixels = QTransform(scale, 0.0, 0.0, -scale, self.width() / 2, self.height() / 2)
+        self._parts = self._arranged(self.picture, {})
+        self.update()
+
+    def _arranged(self, picture: Picture, known: dict[Part, QRect]) -> dict[Part, QRect]:
+        """Place the parts of a picture, in the order of painting; those already known are where they were."""
+        label = self.pixel_at(picture.grip.label_at) if picture.grip is not None else QPointF()
+        parts = (*shapes_of(picture), *words_of(picture, self.width(), self.height(), (label.x(), label.y())))
+        return {part: known.get(part) or self._room(part) for part in parts}
+
+    def _room(self, part: Part) -> QRect:
+        """Find the rectangle that a part is painted in [pixels]."""
+        if isinstance(part, Shape):
+            reach = part.radius
+            corners = QPolygonF([QPointF(x, y) for x, y in part.points]).boundingRect()
+            room = self._to_pixels.mapRect(corners.adjusted(-reach, -reach, reach, reach))
+        else:
+            room = _line_room(part) if isinstance(part, Line) else QRectF(*part.place)
+        spill = SPILL + (part.width if isinstance(part, Shape) else 0.0)
+        return room.adjusted(-spill, -spill, spill, spill).toAlignedRect()
+
+    def _paint(self, painter: QPainter, part: Part) -> None:
+        """Paint one part."""
+        if isinstance(part, Shape):
+            painter.setTransform(self._to_pixels)
+            _paint_shape(painter, part)
+            painter.resetTransform()
+        elif isinstance(part, Panel):
+            painter.fillRect(QRectF(*part.place), QColor(part.fill))
+        else:
+            _paint_words(painter, part)
+
+
+def screenshot(widget: QWidget, path: Path) -> None:
+    """Write what a widget shows to a PNG file."""
+    if path.exists():
+        raise NetboardError(f"{path} exists; a screenshot never overwrites a file")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if not widget.grab().save(str(path), "PNG"):
+        raise NetboardError(f"cannot write a screenshot to {path}")
+
+
+@cache
+def _font(letters: int, bold: bool) -> QFont:
+    font = QFont()
+    font.setPixelSize(letters)
+    font.setBold(bold)
+    return font
+
+
+def _line_room(line: Line) -> QRectF:
+    """Find the rectangle of a line of words; its corner is on a whole pixel, where letters are sharpest."""
+    metrics = QFontMetricsF(_font(line.letters, line.bold))
+    width, height = metrics.horizontalAdvance(line.words), ceil(metrics.height())
+    return QRectF(round(line.middle[0] - width / 2), round(line.middle[1] - height / 2), width, height)
+
+
+def _paint_shape(painter: QPainter, shape: Shape) -> None:
+    """Paint a shape; the width of its edge is in pixels, at any scale."""
+    if shape.edge:
+        style = Qt.PenStyle.DashLine if shape.dashed else Qt.PenStyle.SolidLine
+        pen = QPen(QColor(shape.edge), shape.width, style, Qt.PenCapStyle.RoundCap, Qt.PenJoinStyle.RoundJoin)
+        pen.setCosmetic(True)
+        painter.setPen(pen)
+    else:
+        painter.setPen(Qt.PenStyle.NoPen)
+    if shape.fill:
+        painter.setBrush(QColor(shape.fill))
+    else:
+        painter.setBrush(Qt.BrushStyle.NoBrush)
+    points = [QPointF(x, y) for x, y in shape.points]
+    if shape.radius > 0:
+        painter.drawEllipse(points[0], shape.radius, shape.radius)
+    elif shape.closed:
+        painter.drawPolygon(QPolygonF(points))
+    else:
+        painter.drawPolyline(QPolygonF(points))
+
+
+def _paint_words(painter: QPainter, part: Line | Text) -> None:
+    """Paint a line of words, or instructions."""
+    painter.setPen(QColor(part.colour))
+    if isinstance(part, Line):
+        font = _font(part.letters, part.bold)
+        painter.setFont(font)
+        painter.drawText(_line_room(part).topLeft() + QPointF(0.0, QFontMetricsF(font).ascent()), part.words)
+    else:
+        painter.setFont(_font(part.letters, False))
+        margin = TEXT_MARGIN
+        painter.drawText(QRectF(*part.place).adjusted(margin, margin, -margin, 0), WRAPPED, part.words)

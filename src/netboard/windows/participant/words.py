@@ -1,0 +1,151 @@
+"""The words of a display, in one language. Pure: text in, words out.
+
+Every word is a field of `Words`; a list of words is a TOML text with exactly these keys. What stands in braces in a
+word is filled in by the display, and must be the same in every language. A missing or unknown key is a `ConfigError`
+that names it, so a display never runs out of words in the middle of a session.
+"""
+
+import string
+import tomllib
+from dataclasses import dataclass, fields
+from typing import Any
+
+from netboard.base.config import Config, Side
+from netboard.base.errors import ConfigError
+
+
+@dataclass(frozen=True, slots=True)
+class Words:
+    """Everything a display can say.
+
+    Attributes
+    ----------
+    left_end, right_end : str
+        The two ends of the board, as the object of a sentence.
+    block, trial, next : str
+        Which block and which trial it is, and which block comes.
+    ready, wait, rest : str
+        Before a block: headline, what to do meanwhile, headline of a rest.
+    away, away_text : str
+        Headline and sentence for somebody who has nothing to do in a block.
+    task, task_board, felt, unfelt : str
+        Instructions: what to do, with and without a ball, and what is felt.
+    """
+
+    decimal: str
+    left_end: str
+    right_end: str
+    pilot: str
+    block: str
+    trial: str
+    next: str
+    ready: str
+    wait: str
+    rest: str
+    away: str
+    away_text: str
+    level: str
+    hold: str
+    succeeded: str
+    new_best: str
+    failed: str
+    fell: str
+    paused: str
+    again: str
+    last: str
+    best: str
+    block_done: str
+    finished: str
+    waiting: str
+    server: str
+    lost: str
+    over: str
+    who_dyadic: str
+    who_still: str
+    who_bimanual: str
+    task: str
+    task_board: str
+    felt: str
+    unfelt: str
+    point: str
+    press: str
+    take_point: str
+    take_press: str
+    play: str
+
+    def seconds(self, time: float, digits: int = 2) -> str:
+        """Write a time as people of this language do."""
+        return f"{time:.{digits}f}".replace(".", self.decimal)
+
+    def end(self, side: Side) -> str:
+        """Name an end of the board."""
+        return self.left_end if side == "left" else self.right_end
+
+
+FILLED: dict[str, set[str]] = {
+    **{key: {"block", "blocks"} for key in ("block", "next", "block_done")},
+    "trial": {"trial", "trials"},
+    **{key: {"time"} for key in ("last", "best")},
+    **{key: {"end"} for key in ("who_dyadic", "who_still", "point", "press")},
+    "server": {"host", "port"},
+    "task": {"hold"},
+}
+"""What is filled into which word."""
+
+
+def parse_words(text: str, source: str) -> Words:
+    """Read a list of words.
+
+    Raises
+    ------
+    ConfigError
+        If the text is not TOML, or a word is unknown, missing, no text, or asks for what it does not get. The message
+        has a line for every problem.
+    """
+    try:
+        found = tomllib.loads(text)
+    except ValueError as error:
+        raise ConfigError(f"{source}: not valid TOML: {error}") from None
+    known = [field.name for field in fields(Words)]
+    problems = [
+        f"{source}: {key}: unknown word, expected one of {', '.join(known)}" for key in found.keys() - set(known)
+    ]
+    for key in known:
+        wrong = _wrong(key, found.get(key))
+        if wrong:
+            problems.append(f"{source}: {key}: {wrong}")
+    if problems:
+        raise ConfigError("\n".join(problems))
+    return Words(**found)
+
+
+def _wrong(key: str, word: Any) -> str:
+    """What is wrong with a word, or nothing."""
+    if word is None:
+        return "missing; a list has every word"
+    if not isinstance(word, str) or not word:
+        return f"found {word!r}, expected a text that is not empty"
+    wanted = FILLED.get(key, set())
+    try:
+        asked = {name for _, name, *_ in string.Formatter().parse(word) if name is not None}
+    except ValueError as error:
+        return f"found {word!r}: {error}"
+    if asked != wanted:
+        listed = " and ".join(f"{{{name}}}" for name in sorted(wanted))
+        return f"found {word!r}, expected {listed or 'nothing'} in braces in it"
+    return ""
+
+
+def instructions(config: Config, words: Words, station: Side) -> str:
+    """What a participant reads before a block: the block's own text, or the standard one of its condition."""
+    block = config.block
+    if block.instructions:
+        return block.instructions
+    other = block.right if station == "left" else block.left
+    who = words.who_dyadic if other != "still" else words.who_still
+    if block.configuration == "bimanual":
+        who = words.who_bimanual
+    task = words.task if config.physics.balls else words.task_board
+    hold = words.seconds(config.task.hold_time, 1)
+    felt = words.felt if block.haptics else words.unfelt
+    return f"{who.format(end=words.end(station))}\n\n{task.format(hold=hold)}\n\n{felt}"

@@ -1,0 +1,262 @@
+"""A recording in the participants' display, or two of them side by side on one time line.
+
+What is shown at each moment is what the station's participant could see, made by the same curtain. Keys: space plays
+and pauses, left and right go one second (with shift: ten), full stop and comma one tick, Page Down and Page Up to the
+next trial and the one before, up and down change the speed, L plays everything again and again (with shift: the trial
+that is on), Home begins again.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from PySide6.QtCore import Qt, QTimer
+from PySide6.QtGui import QKeyEvent
+from PySide6.QtWidgets import QHBoxLayout, QLabel, QVBoxLayout, QWidget
+
+from netboard.base.clock import now_ns
+from netboard.base.config import Side
+from netboard.base.errors import NetboardError
+from netboard.base.tick import TICK_SECONDS
+from netboard.recording.replay.loaded import Reel
+from netboard.recording.replay.marks import Mark, near
+from netboard.recording.replay.pairing import Sync, pair
+from netboard.recording.replay.position import Playback, clock
+from netboard.stage.view import View
+from netboard.windows.participant.language import LANGUAGES, load_words
+from netboard.windows.participant.scene import COLOURS, Mood
+from netboard.windows.participant.screens import compose
+from netboard.windows.participant.story import Story, follow
+from netboard.windows.participant.widget import BoardView, screenshot
+from netboard.windows.participant.window import BoardWindow, application
+from netboard.windows.replay.timebar import TimeBar
+
+FRAME_MS = 16
+STEP, LONG_STEP = 1.0, 10.0
+"""How far the arrow keys go [s]."""
+
+NEAR_TICKS = 1000
+"""A view that is further from the one before does not go on from there [1]."""
+
+MOST_WIDE = 1600
+"""Two boards side by side are no wider than that to begin with [pixels]."""
+
+KEYS = (
+    "space: play, pause   \u2190 \u2192: 1 s   , .: one tick   PgUp PgDn: trial   \u2191 \u2193: speed   "
+    "L: loop   Home: begin again   Q: close"
+)
+"""What the keys do, for people."""
+
+
+class Pane:
+    """One recording in the window."""
+
+    def __init__(self, reel: Reel, station: Side, board: BoardView) -> None:
+        self.reel, self.board = reel, board
+        self._station = station
+        language = reel.config.display.language
+        self._words = load_words(language if language in LANGUAGES else LANGUAGES[0])
+        self._story: Story | None = None
+
+    def show(self, position: float) -> View:
+        """Show where it is."""
+        view = self.reel.view(self.reel.at(position), self._station)
+        near_by = self._story is not None and 0 <= view.tick - self._story.view.tick < NEAR_TICKS
+        self._story = follow(self._story if near_by else None, view)
+        self.board.show_picture(compose(view, self.reel.config, self._words, self._story.result))
+        return view
+
+
+class PlayerWindow(BoardWindow):
+    """A window that plays recordings.
+
+    Parameters
+    ----------
+    now : callable
+        A steady clock [s].
+    """
+
+    def __init__(
+        self,
+        reels: Sequence[Reel],
+        station: Side,
+        speed: float = 1.0,
+        sync: Sync = "time",
+        now: Callable[[], float] = lambda: now_ns() * 1e-9,
+    ) -> None:
+        super().__init__("netboard replay: " + ", ".join(reel.name for reel in reels))
+        self._station, self._now = station, now
+        self.pairing = pair(reels, sync)
+        self._marks = self._all_marks(reels)
+        self.playback = Playback(self.pairing.length, self.pairing.begin, now(), speed)
+        self.panes = [Pane(reels[0], station, self.board)]
+        self._captions: list[QLabel] = []
+        if len(reels) > 1:
+            self._put_side_by_side(reels)
+        self.bar = TimeBar(reels, self.pairing, self)
+        self.bar.sought.connect(self.seek)
+        self.line, keys = QLabel(self), QLabel(KEYS, self)
+        colours = COLOURS[Mood.RUN]
+        self.line.setStyleSheet(f"background: {colours.background}; color: {colours.detail}; padding: 4px 12px 0px;")
+        keys.setStyleSheet(f"background: {colours.background}; color: {colours.quiet}; padding: 0px 12px 4px;")
+        for row in (self.bar, self.line, keys):
+            self.rows.addWidget(row)
+        self._frames = QTimer(self, interval=FRAME_MS, timerType=Qt.TimerType.PreciseTimer)
+        self._frames.timeout.connect(self.refresh)
+        self.refresh()
+
+    def _all_marks(self, reels: Sequence[Reel]) -> list[Mark]:
+        """The marks of all recordings, on the common time line."""
+        found = [
+            replace(mark, time=self.pairing.of(which, mark.time))
+            for which, reel in enumerate(reels)
+            for mark in reel.marks
+        ]
+        return sorted(found, key=lambda mark: mark.time)
+
+    def _put_side_by_side(self, reels: Sequence[Reel]) -> None:
+        """Give each recording a board, and a line that says which it is."""
+        colours = COLOURS[Mood.RUN]
+        self.panes += [Pane(reel, self._station, BoardView(self)) for reel in reels[1:]]
+        boards = QWidget(self)
+        across = QHBoxLayout(boards)
+        across.setContentsMargins(0, 0, 0, 0)
+        across.setSpacing(2)
+        boards.setStyleSheet(f"background: {colours.guide};")
+        for pane in self.panes:
+            column, caption = QVBoxLayout(), QLabel(self)
+            caption.setStyleSheet(f"background: {colours.background}; color: {colours.detail}; padding: 4px 12px;")
+            column.setSpacing(0)
+            column.addWidget(caption)
+            column.addWidget(pane.board, 1)
+            across.addLayout(column, 1)
+            self._captions.append(caption)
+        self.rows.addWidget(boards, 1)
+
+    def refresh(self) -> None:
+        """Show where the replay is now."""
+        self.playback = self.playback.now(self._now())
+        positions = self.pairing.at(self.playback.position)
+        views = [pane.show(position) for pane, position in zip(self.panes, positions, strict=True)]
+        for caption, pane, position in zip(self._captions, self.panes, positions, strict=False):
+            caption.setText(f"{pane.reel.name}   {clock(position)}   {pane.reel.where(position)}")
+        self.bar.point_at(self.playback.position)
+        self.bar.show_loop(self.playback.loop)
+        self.line.setText(self._in_words(positions[0], views[0]))
+        if self.playback.playing and not self._frames.isActive():
+            self._frames.start()
+        elif not self.playback.playing:
+            self._frames.stop()
+
+    def _in_words(self, position: float, view: View) -> str:
+        """Where the replay is."""
+        here = self.playback
+        told = ["\u25b6" if here.playing else "\u275a\u275a", f"{clock(here.position)} / {clock(here.length)}"]
+        told.append(f"{here.speed:g}\u00d7")
+        if here.loop is not None:
+            told.append(f"\u21bb {clock(here.loop[0])}\u2013{clock(here.loop[1])}")
+        told.append(f"{self._station} station")
+        if not self._captions:
+            told += [f"tick {view.tick}", view.phase, f"trial {view.trial}", self.panes[0].reel.gap_at(position)]
+        return "   ".join(filter(None, told))
+
+    def toggle(self) -> None:
+        """Play or pause."""
+        self._go(self.playback.toggle(self._now()))
+
+    def seek(self, position: float) -> None:
+        """Go to a position from the start of the time line [s]."""
+        self._go(self.playback.seek(self._now(), position))
+
+    def step(self, ticks: int) -> None:
+        """Stand still, so many ticks further on, or back [1]."""
+        now = self._now()
+        self._go(self.playback.pause(now).move(now, ticks * TICK_SECONDS))
+
+    def next_trial(self, *, back: bool) -> None:
+        """Go to the next trial, or to the one before."""
+        mark = near(self._marks, self.playback.at(self._now()), "trial", back=back)
+        if mark is not None:
+            self.seek(mark.time)
+
+    def loop(self, *, trial: bool) -> None:
+        """Play everything, or the trial that is on, again and again; or no more."""
+        now = self._now()
+        begin, end = self._trial_at(self.playback.at(now)) if trial else (0.0, self.pairing.length)
+        wanted = self.playback.loop is None and begin < end
+        self._go(self.playback.repeat(now, (begin, end) if wanted else None))
+
+    def _trial_at(self, position: float) -> tuple[float, float]:
+        """From the beginning of the trial that is on to that of the next one."""
+        begins = [mark.time for mark in self._marks if mark.kind == "trial"]
+        before = max((time for time in begins if time <= position), default=0.0)
+        return before, min((time for time in begins if time > position), default=self.pairing.length)
+
+    def _go(self, playback: Playback) -> None:
+        """Take over a new state of the replay."""
+        self.playback = playback
+        self.refresh()
+
+    def keyPressEvent(self, event: QKeyEvent) -> None:  # noqa: N802  (Qt's name)
+        """Play, pause, seek, change the speed."""
+        now = self._now()
+        shift = bool(event.modifiers() & Qt.KeyboardModifier.ShiftModifier)
+        match event.key():
+            case Qt.Key.Key_Space:
+                self.toggle()
+            case Qt.Key.Key_Left | Qt.Key.Key_Right as key:
+                far = LONG_STEP if shift else STEP
+                self._go(self.playback.move(now, far if key == Qt.Key.Key_Right else -far))
+            case Qt.Key.Key_Period | Qt.Key.Key_Comma as key:
+                self.step(1 if key == Qt.Key.Key_Period else -1)
+            case Qt.Key.Key_PageDown | Qt.Key.Key_PageUp as key:
+                self.next_trial(back=key == Qt.Key.Key_PageUp)
+            case Qt.Key.Key_Up | Qt.Key.Key_Down as key:
+                self._go(self.playback.faster(now, 1 if key == Qt.Key.Key_Up else -1))
+            case Qt.Key.Key_L:
+                self.loop(trial=shift)
+            case Qt.Key.Key_Home:
+                self.seek(self.pairing.begin)
+            case _:
+                super().keyPressEvent(event)
+
+
+def run(
+    reels: Sequence[Reel],
+    station: Side,
+    stopping: Callable[[], bool],
+    speed: float = 1.0,
+    picture: Path | None = None,
+    sync: Sync = "time",
+    at: float | None = None,
+) -> None:
+    """Play recordings until the window is closed or the process is asked to stop.
+
+    Parameters
+    ----------
+    stopping : callable
+        Whether the process has been asked to stop; asked some twenty times a second.
+    at : float or None
+        Where to begin; None for the start of the block [s].
+    """
+    if picture is not None and picture.exists():
+        raise NetboardError(f"{picture} exists; a screenshot never overwrites a file")
+    app = application()
+    window = PlayerWindow(reels, station, speed, sync)
+    shown = reels[0].config.display
+    window.present(replace(shown, screen=0, mm_per_pixel=0.0, width=min(shown.width * len(reels), MOST_WIDE)))
+    if at is not None:
+        window.seek(at)
+    if picture is not None:
+        app.processEvents()
+        screenshot(window, picture)
+        window.close()
+        return
+    watch = QTimer(window, interval=50)
+    watch.timeout.connect(lambda: app.quit() if stopping() else None)
+    watch.start()
+    window.closed.connect(app.quit)
+    window.toggle()
+    app.exec()
+    watch.stop()
+    window.close()

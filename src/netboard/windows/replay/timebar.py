@@ -1,0 +1,139 @@
+"""The time line below a replay: the ball's way, the target, what happened, and a line that can be dragged.
+
+Two recordings have a lane each, one above the other, on the one time line that they share.
+"""
+
+from collections.abc import Sequence
+from math import ceil
+from typing import Any
+
+import numpy as np
+import pyqtgraph as pg
+from PySide6.QtCore import Qt, Signal
+from PySide6.QtGui import QFont
+from PySide6.QtWidgets import QWidget
+
+from netboard.recording.replay.loaded import Reel
+from netboard.recording.replay.marks import KINDS, Mark
+from netboard.recording.replay.pairing import Pairing
+from netboard.windows.participant.scene import COLOURS, Colours, Mood
+
+MOST_POINTS = 4000
+"""More points than that are not to be told apart on a screen [1]."""
+
+HEIGHT, AXIS_HEIGHT = 86, 24
+"""Of a lane, and of the axis below [pixels]."""
+
+LANE, FREE = 1.0, 0.16
+"""Height of a lane, and the part of it at its top that is left to the numbers of the trials [1]."""
+
+MOST_NUMBERS = 40
+"""More numbers of trials than that do not fit side by side [1]."""
+
+LETTERS = 10
+"""Height of the numbers of the trials [pixels]."""
+
+MARKS = {
+    "trial": ("#6d7885", Qt.PenStyle.SolidLine, (0.0, 1.0)),
+    "release": ("#56b4e9", Qt.PenStyle.DotLine, (0.0, 1 - FREE)),
+    "success": ("#2fc79b", Qt.PenStyle.SolidLine, (0.0, 1 - FREE)),
+    "failure": ("#d55e00", Qt.PenStyle.SolidLine, (0.0, 1 - FREE)),
+    "stop": ("#f0e442", Qt.PenStyle.DashLine, (0.0, 1 - FREE)),
+    "note": ("#cc79a7", Qt.PenStyle.SolidLine, (0.0, 1.0)),
+    "event": ("#aeb7c2", Qt.PenStyle.SolidLine, (0.0, 0.14)),
+    "gap": ("#d55e00", Qt.PenStyle.DashDotLine, (0.0, 1.0)),
+}
+"""Colour, line and reach in the lane of each kind of mark: they differ in more than the colour."""
+
+
+class TimeBar(pg.PlotWidget):  # type: ignore[misc]  # pyqtgraph has no type hints
+    """Whole recordings at a glance.
+
+    Signals
+    -------
+    sought : float
+        The user points at a time, from the start of the time line [s].
+    """
+
+    sought = Signal(float)
+
+    def __init__(self, reels: Sequence[Reel], pairing: Pairing, parent: QWidget | None = None) -> None:
+        self._colours: Colours = COLOURS[Mood.RUN]
+        super().__init__(parent, background=self._colours.background)
+        self.setFixedHeight(HEIGHT * len(reels) + AXIS_HEIGHT)
+        self.setFocusPolicy(Qt.FocusPolicy.NoFocus)
+        self.setAntialiasing(True)
+        self._set_up(max(pairing.length, 1e-3), len(reels))
+        for which, reel in enumerate(reels):
+            self._draw_lane(reel, pairing, which, len(reels))
+        self._loop = pg.LinearRegionItem(brush=pg.mkBrush("#ffffff18"), pen=pg.mkPen(None), movable=False)
+        self._loop.setVisible(False)
+        self.addItem(self._loop, ignoreBounds=True)
+        self.cursor_line = pg.InfiniteLine(0.0, movable=True, pen=pg.mkPen(self._colours.cursor, width=2))
+        self.addItem(self.cursor_line, ignoreBounds=True)
+        self.cursor_line.sigDragged.connect(lambda line: self.sought.emit(float(line.value())))
+        self.scene().sigMouseClicked.connect(self._clicked)
+
+    def _set_up(self, length: float, lanes: int) -> None:
+        """Make room for everything."""
+        plot = self.getPlotItem()
+        plot.setMenuEnabled(False)
+        plot.hideButtons()
+        plot.setMouseEnabled(x=True, y=False)
+        plot.hideAxis("left")
+        plot.getAxis("bottom").setPen(self._colours.guide)
+        plot.getAxis("bottom").setTextPen(self._colours.detail)
+        plot.setLimits(xMin=0.0, xMax=length)
+        plot.setRange(xRange=(0.0, length), yRange=(-lanes * LANE, 0.0), padding=0.0)
+        for below in range(1, lanes):
+            self.addItem(pg.InfiniteLine(-below * LANE, angle=0, pen=pg.mkPen(self._colours.guide)), ignoreBounds=True)
+
+    def _draw_lane(self, reel: Reel, pairing: Pairing, which: int, lanes: int) -> None:
+        """Draw what does not move of one recording."""
+        times = np.linspace(0.0, pairing.length, min(MOST_POINTS, len(reel.ticks)))
+        rows = np.array([reel.at(pairing.at(time)[which]) for time in times.tolist()])
+        geometry = reel.config.geometry
+        height = LANE * (1 - FREE) / geometry.board_length
+        middle = -LANE * (which + 1) + LANE * (1 - FREE) / 2
+        target = middle + reel.ticks["target"][rows] * geometry.target_distance * height
+        half = geometry.target_width / 2 * height
+        edges = [pg.PlotDataItem(times, target + edge) for edge in (-half, half)]
+        self.addItem(pg.FillBetweenItem(*edges, brush=pg.mkBrush(self._colours.target)), ignoreBounds=True)
+        bottom, top = (lanes - 1 - which) / lanes, 1 / lanes
+        for mark in sorted(reel.marks, key=lambda one: KINDS.index(one.kind)):  # a success hides the trial that follows
+            colour, style, (low, high) = MARKS[mark.kind]
+            span = bottom + low * top, bottom + high * top
+            pen = pg.mkPen(colour, width=1.5, style=style)
+            line = pg.InfiniteLine(pairing.of(which, mark.time), pen=pen)
+            line.setSpan(*span)
+            self.addItem(line, ignoreBounds=True)
+        if reel.config.physics.balls:
+            ball = middle + reel.ticks["p"][rows] * height
+            self.plot(times, ball, pen=pg.mkPen(self._colours.ball, width=1.5))
+        self._number([mark for mark in reel.marks if mark.kind == "trial"], pairing, which)
+
+    def _number(self, trials: list[Mark], pairing: Pairing, which: int) -> None:
+        """Write the numbers of the trials, as many as fit."""
+        font = QFont(self.font())
+        font.setPixelSize(LETTERS)
+        firsts = {mark.trial: mark for mark in reversed(trials)}
+        for mark in sorted(firsts.values(), key=lambda one: one.trial)[:: max(1, ceil(len(firsts) / MOST_NUMBERS))]:
+            number = pg.TextItem(str(mark.trial), color=self._colours.detail, anchor=(-0.15, 0.1))
+            number.setFont(font)
+            number.setPos(pairing.of(which, mark.time), -LANE * which)
+            self.addItem(number, ignoreBounds=True)
+
+    def point_at(self, time: float) -> None:
+        """Move the line."""
+        self.cursor_line.setValue(time)
+
+    def show_loop(self, loop: tuple[float, float] | None) -> None:
+        """Show the part that is played again and again."""
+        self._loop.setVisible(loop is not None)
+        if loop is not None:
+            self._loop.setRegion(loop)
+
+    def _clicked(self, event: Any) -> None:
+        """Seek where the user clicks."""
+        if event.button() == Qt.MouseButton.LeftButton:
+            self.sought.emit(float(self.getPlotItem().vb.mapSceneToView(event.scenePos()).x()))

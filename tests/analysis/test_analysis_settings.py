@@ -1,0 +1,53 @@
+"""Readings are named, checked and complete, and only those that change a measure change what is measured."""
+
+from dataclasses import fields, replace
+
+import pytest
+
+from netboard.analysis.extraction.settings import Exclusions, Readings, Summaries, measured_with, parse, resolve
+from netboard.base.errors import ConfigError
+from netboard.base.settings import tables
+from netboard.task.trials.quality import WORDS
+
+
+def test_a_flag_is_a_word_of_the_referee() -> None:
+    for word in WORDS:
+        assert parse("", overrides=[f'exclusions.flags=["{word}"]']).exclusions.flags == (word,)
+
+
+def test_the_defaults_are_written_and_read_back() -> None:
+    assert parse(resolve(Readings())) == Readings()
+
+
+def test_every_word_of_every_choice_is_taken_and_read_back() -> None:
+    seen = 0
+    for table in tables(Readings):
+        for key in table.keys:
+            if key.kind.startswith('"'):
+                for choice in key.kind.split(" or "):
+                    found = parse("", overrides=[f"{'.'.join(table.path)}.{key.name}={choice}"])
+                    assert parse(resolve(found)) == found
+                    seen += 1
+    assert seen > 40
+
+
+@pytest.mark.parametrize(
+    ("word", "said"),
+    [
+        ("peaks.window=sometimes", '"to_completion" or "whole"'),
+        ("filters.fast=-1", "> 0"),
+        ('exclusions.flags=["bored"]', '"late_ticks", "lost_samples"'),
+        ("peaks.height=1", "unknown"),
+    ],
+)
+def test_a_wrong_setting_is_told_with_what_was_expected(word: str, said: str) -> None:
+    with pytest.raises(ConfigError, match=said):
+        parse("", overrides=[word])
+
+
+def test_summaries_and_exclusions_do_not_change_what_is_measured() -> None:
+    base = measured_with(Readings())
+    assert measured_with(replace(Readings(), summaries=Summaries(level="median"))) == base
+    assert measured_with(replace(Readings(), exclusions=Exclusions(warm_up=5))) == base
+    assert measured_with(parse("", overrides=["filters.slow=6"])) != base
+    assert {f.name for f in fields(Readings)} >= {"summaries", "exclusions"}

@@ -1,0 +1,166 @@
+"""Contrasts by hand: each dyad with itself, the dyad as the unit, families of tests."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy import stats
+
+from made_modern import modern_blocks, modern_study
+from made_study import Block, made_study, times
+from netboard.analysis.results.contrasts import Comparison, Comparisons, comparisons, questions_of
+from netboard.analysis.results.measures import MEASURES
+from netboard.analysis.results.result import table_of
+
+ON_IN_DYADS = "dyadic, haptics on less off"
+COMPARED = [measure for measure in MEASURES if measure.compared]
+
+
+def comparison(found: Comparisons, measure: str, question: str) -> Comparison:
+    (only,) = [one for one in found.comparisons if one.measure.name == measure and one.question.name == question]
+    return only
+
+
+def halved(row: dict[str, float], configuration: str, force: str, dyad: int) -> None:
+    """Forces halve completion times of two people, and give peaks; a dyad alone takes a tenth longer than the other."""
+    felt = configuration == "dyadic" and force == "full"
+    row["completion"] = 4.0 * 1.1**dyad * (0.5 if felt else 1.0)
+    row["peaks"] = (3 + dyad if felt else 3) + (1 if configuration == "dyadic" else 0)
+
+
+@pytest.fixture(scope="module")
+def found() -> Comparisons:
+    return comparisons(modern_study(modern_blocks(change=halved)))
+
+
+def test_a_study_of_two_forces_and_two_configurations_has_five_contrasts_of_each_measure(found: Comparisons) -> None:
+    assert [one.name for one in questions_of(modern_study(modern_blocks()))] == [
+        "bimanual, haptics on less off",
+        ON_IN_DYADS,
+        "dyadic less bimanual, haptics off",
+        "dyadic less bimanual, haptics on",
+        "haptics on less off, dyadic less bimanual",
+    ]
+    assert len(found.comparisons) == 5 * len(COMPARED)
+    assert all(one.contrast.n == 4 and one.contrast.unit == "dyad" for one in found.comparisons)
+
+
+@pytest.mark.parametrize(
+    ("question", "ratio"),
+    [
+        ("bimanual, haptics on less off", 1.0),
+        (ON_IN_DYADS, 0.5),
+        ("dyadic less bimanual, haptics off", 1.0),
+        ("dyadic less bimanual, haptics on", 0.5),
+        ("haptics on less off, dyadic less bimanual", 0.5),
+    ],
+)
+def test_times_are_compared_by_their_ratio(found: Comparisons, question: str, ratio: float) -> None:
+    one = comparison(found, "completion time", question)
+    assert one.difference.value == pytest.approx(ratio)
+    assert one.bootstrap.value == pytest.approx(ratio)
+    assert one.unit == "1"
+
+
+def test_differences_of_dyads_are_0_1_2_and_3(found: Comparisons) -> None:
+    one = comparison(found, "velocity peaks", ON_IN_DYADS)
+    assert one.contrast.differences == pytest.approx((0.0, 1.0, 2.0, 3.0))
+    assert one.difference.value == pytest.approx(1.5)
+    half = 3.182446305284263 * np.sqrt(5.0 / 3.0) / 2.0
+    assert (one.difference.low, one.difference.high) == pytest.approx((1.5 - half, 1.5 + half))
+    d_z = 1.5 / np.sqrt(5.0 / 3.0)
+    assert one.contrast.effect.value == pytest.approx(d_z)
+    assert one.hedges.value == pytest.approx(0.7236012545582675 * d_z)
+    assert one.contrast.permutation.p == pytest.approx(0.25)
+    assert one.contrast.signs.p == pytest.approx(0.25)
+    assert (one.contrast.permutation.least_p, one.contrast.signs.least_p) == (0.125, 0.25)
+
+
+def test_corrected_p_values_are_those_of_the_family(found: Comparisons) -> None:
+    """The least p, of four dyads, times all tests of the family is far above 1."""
+    assert all(one.corrected == 1.0 for one in found.comparisons if np.isfinite(one.contrast.permutation.p))
+    many = comparisons(modern_study(modern_blocks(dyads=14, trials=2, change=halved)))
+    sure = comparison(many, "completion time", ON_IN_DYADS)
+    family = [one for one in many.comparisons if one.measure.family == "performance"]
+    assert len(family) == 8 * 5
+    assert sure.contrast.permutation.p == pytest.approx(2.0 / 2**14)
+    assert sure.contrast.permutation.p <= sure.corrected <= len(family) * 2.0 / 2**14
+    assert all(one.corrected >= one.contrast.permutation.p for one in many.comparisons)
+
+
+def test_beside_p_of_permutations_stands_what_it_assumes_and_how_skewed_the_differences_are(found: Comparisons) -> None:
+    table = table_of(found.results)
+    p = table[table["quantity"].str.endswith(("p, permutation test", "p, Holm"))]
+    assert len(p)
+    assert p["note"].str.contains("assumes that differences are symmetric about 0").all()
+    one = next(one for one in found.comparisons if one.contrast.n >= 4 and np.isfinite(one.contrast.effect.value))
+    skewness = f"these have skewness {stats.skew(one.contrast.differences):.1f}"
+    own = p[(p["quantity"] == f"{one.measure.name}: p, permutation test") & (p["group"] == one.question.name)]
+    assert own["note"].str.endswith(skewness).all()
+    others = table[table["quantity"].str.endswith("p, sign test")]
+    assert not others["note"].str.contains("symmetric").any()
+
+
+def test_without_any_difference_intervals_cover_zero() -> None:
+    """Of a hundred intervals of 95 % some five do not; bootstraps of ten dyads are a little too short."""
+    found = comparisons(modern_study(modern_blocks(seed=5, dyads=10, trials=4)))
+    covered = []
+    for one in found.comparisons:
+        none = 1.0 if one.measure.ratio else 0.0
+        covered.append(
+            [one.difference.low <= none <= one.difference.high, one.bootstrap.low <= none <= one.bootstrap.high]
+        )
+    share = np.mean(
+        [pair for one, pair in zip(found.comparisons, covered, strict=True) if "falls" not in one.what], axis=0
+    )
+    assert share[0] >= 0.88
+    assert share[1] >= 0.8
+    assert not any(one.corrected < 0.05 for one in found.comparisons)
+
+
+def test_new_names_of_dyads_change_no_difference() -> None:
+    study = modern_study(modern_blocks(change=halved))
+    names = {f"D0{k}": f"X{9 - k}" for k in range(1, 5)}
+    tables = {name: getattr(study, name).replace({"dyad": names}) for name in ("blocks", "trials", "movements")}
+    first, second = (
+        table_of(comparisons(one).results).pipe(lambda table: table[~table["quantity"].str.contains("bootstrap")])
+        for one in (study, replace(study, **tables))
+    )
+    pd.testing.assert_frame_equal(first, second)
+
+
+def test_exchanged_conditions_change_the_sign() -> None:
+    forces = {"full": "none", "none": "full"}
+    blocks = modern_blocks(seed=2)
+    exchanged = [replace(one, force=forces[one.force]) for one in blocks]
+    one, other = (
+        comparison(comparisons(modern_study(some)), "LDLJ", ON_IN_DYADS).contrast for some in (blocks, exchanged)
+    )
+    np.testing.assert_allclose(one.differences, [-difference for difference in other.differences])
+    assert one.permutation.p == other.permutation.p
+
+
+def test_a_dyad_alone_has_differences_and_no_intervals() -> None:
+    study = made_study([Block("D01", "D01", "dyadic", force, times(3.0, 4.0)) for force in ("full", "none")])
+    results = table_of(comparisons(study).results)
+    differences = results[results["quantity"] == "completion time: ratio"]
+    assert differences["value"].tolist() == pytest.approx([1.0])
+    assert differences["low"].isna().all()
+    missing = results[results["value"].isna()]
+    assert (missing["note"] != "").all()
+
+
+def test_partners_that_are_no_people_and_conditions_without_a_pair_are_not_compared() -> None:
+    robot = [Block("D01", "D01", "dyadic", force, times(3.0), right_by="robot") for force in ("full", "none")]
+    assert comparisons(made_study(robot)).comparisons == ()
+    alone = [Block("D01", "D01A", "bimanual", "full", times(3.0)), Block("D02", "D02", "dyadic", "full", times(3.0))]
+    study = made_study(alone)
+    assert [one.kind for one in questions_of(study)] == ["configuration"]
+    assert comparisons(study).comparisons == ()
+
+
+def test_every_force_is_compared_with_none() -> None:
+    study = modern_study(modern_blocks(trials=2, forces=("full", "partner_only", "none", "unrelated")))
+    kinds = [one.kind for one in questions_of(study)]
+    assert (kinds.count("forces"), kinds.count("configuration"), kinds.count("interaction")) == (6, 4, 3)

@@ -1,0 +1,85 @@
+"""Mean paths by hand: mirrored trials, means of dyads, quantiles of trials, and how far they go."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from made_modern import Path, modern_study, with_paths, without_paths
+from made_study import Block
+from netboard.analysis.extraction.study import Study
+from netboard.analysis.results.paths import Course, courses
+
+
+def course_of(study: Study, quantity: str) -> Course:
+    (only,) = [one for one in courses(study).courses if one.quantity == quantity]
+    return only
+
+
+def straight(trial: pd.Series) -> Path:
+    """The ball goes to the target at 0.1 m/s times the trial's number; the hand there goes down, the other one up."""
+    time = 0.02 * np.arange(round(trial["duration"] / 0.02))
+    down, up = -0.01 * trial["trial"] * time, 0.02 * trial["trial"] * time
+    right = trial["target"] > 0
+    return {
+        "p": trial["target"] * 0.1 * trial["trial"] * time,
+        "left_z": up if right else down,
+        "right_z": down if right else up,
+        "left_vz": time,
+        "right_vz": time,
+    }
+
+
+def study_of(*numbers: int, duration: float = 2.0) -> Study:
+    """Dyads with so many trials, the targets of which are at either side in turn."""
+    blocks = [
+        Block(
+            f"D{k:02}",
+            f"D{k:02}",
+            "dyadic",
+            "full",
+            [{"target": (-1) ** trial, "duration": duration, "completion": duration - 1.5} for trial in range(number)],
+        )
+        for k, number in enumerate(numbers, start=1)
+    ]
+    return with_paths(modern_study(blocks), straight)
+
+
+def test_a_dyads_path_is_the_mean_of_its_mirrored_trials_and_every_dyad_counts_the_same() -> None:
+    study = study_of(3, 1)
+    ball, near, far = (course_of(study, name) for name in ("ball", "near", "far"))
+    assert len(ball.time) == 100
+    assert ball.dyads == ("D01", "D02")
+    np.testing.assert_allclose(ball.each, [0.2 * ball.time, 0.1 * ball.time], atol=1e-12)
+    np.testing.assert_allclose(ball.mean, 0.15 * ball.time, atol=1e-12)
+    np.testing.assert_allclose(near.mean, -0.015 * ball.time, atol=1e-12)
+    np.testing.assert_allclose(far.mean, 0.03 * ball.time, atol=1e-12)
+    assert ball.trials == 4
+
+
+def test_bands_are_quantiles_of_all_trials() -> None:
+    ball = course_of(study_of(11), "ball")
+    np.testing.assert_allclose(ball.low, 0.2 * ball.time, atol=1e-12)
+    np.testing.assert_allclose(ball.high, 1.0 * ball.time, atol=1e-12)
+
+
+def test_paths_go_as_far_as_nine_of_ten_trials() -> None:
+    study = study_of(10)
+    durations = np.linspace(1.0, 1.9, 10)
+    study = with_paths(
+        modern_study([Block("D01", "D01", "dyadic", "full", [{"duration": one} for one in durations])]), straight
+    )
+    ball = course_of(study, "ball")
+    assert ball.time[-1] == pytest.approx(np.quantile(durations, 0.1), abs=0.041)
+    assert np.isfinite(ball.mean).all()
+
+
+def test_reported_places_are_those_of_the_path() -> None:
+    rows = {(row.quantity, row.group): row for row in courses(study_of(1, 3)).results}
+    row = rows["ball along the board", "dyadic, haptics on, 1.5 s"]
+    assert row.value == pytest.approx(0.225)
+    assert (row.n, row.of, row.unit) == (2, "dyad", "m")
+
+
+def test_without_paths_or_trials_there_is_no_course() -> None:
+    assert courses(without_paths(study_of(2))).courses == ()
+    assert courses(modern_study([Block("D01", "D01", "dyadic", "full", [])])).courses == ()

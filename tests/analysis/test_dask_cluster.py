@@ -1,0 +1,83 @@
+"""A real Dask cluster measures the same tables, and what it lacks is said before anything is begun."""
+
+from collections.abc import Iterator
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from harvests import assert_same, gathered, studied
+from netboard.analysis.extraction import workers
+from netboard.analysis.extraction.settings import Readings
+from netboard.analysis.extraction.workers import dask
+from netboard.base.errors import ConfigError, RecordingError
+
+distributed = pytest.importorskip("distributed")
+pytestmark = pytest.mark.slow
+ANY_PORT = "127.0.0.1:0"
+
+
+@pytest.fixture(scope="module")
+def address() -> Iterator[str]:
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, dashboard_address=ANY_PORT, silence_logs=50
+    ) as cluster:
+        yield cluster.scheduler_address
+
+
+def test_the_tables_are_those_of_this_machine(address: str, recordings: tuple[Path, ...]) -> None:
+    there = gathered(recordings, Readings(), dask(address))
+    here = gathered(recordings, Readings())
+    assert there.peak > 1e7
+    assert_same(studied(there), studied(here))
+
+
+def test_what_cannot_be_measured_there_is_left_out(address: str, recordings: tuple[Path, ...], tmp_path: Path) -> None:
+    data = recordings[0].read_bytes()
+    damaged = tmp_path / "damaged.mcap"
+    damaged.write_bytes(data[:200_000] + bytes(64) + data[200_064:])
+    with pytest.raises(RecordingError, match=r"damaged.mcap: is damaged"):
+        gathered([damaged, recordings[1]], Readings(), dask(address))
+    found = gathered([damaged, recordings[1]], Readings(), dask(address), skip=True)
+    assert [one.file for one in found.left_out] == ["damaged.mcap"]
+
+
+def test_workers_must_see_the_files(address: str, tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"its worker tcp://127.*does not see .*there.mcap"):  # noqa: SIM117
+        with dask(address)([tmp_path / "there.mcap"]):
+            pytest.fail("it is not there")
+
+
+def test_workers_must_measure_alike(
+    address: str, recordings: tuple[Path, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(workers, "fingerprint", lambda: "other code")
+    with pytest.raises(ConfigError, match=r"has netboard .* with other code .* than here"):  # noqa: SIM117
+        with dask(address)(recordings):
+            pytest.fail("they measure otherwise")
+
+
+class Absent:
+    """What cannot be made again where it is sent."""
+
+    def __reduce__(self) -> Any:
+        return import_module, ("a_module_that_is_nowhere",)
+
+
+def test_workers_must_have_netboard(
+    address: str, recordings: tuple[Path, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(workers, "_account", Absent())
+    with pytest.raises(ConfigError, match=r"has not this netboard .*a_module_that_is_nowhere"):  # noqa: SIM117
+        with dask(address)(recordings):
+            pytest.fail("they have none")
+
+
+def test_a_scheduler_without_workers_is_not_waited_for(recordings: tuple[Path, ...]) -> None:
+    with (
+        distributed.LocalCluster(n_workers=0, dashboard_address=ANY_PORT, silence_logs=50) as cluster,
+        pytest.raises(ConfigError, match=r"has had no workers for 0.5 s"),
+        dask(cluster.scheduler_address, patience=0.5)(recordings),
+    ):
+        pytest.fail("nobody is there")

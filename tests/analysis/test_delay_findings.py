@@ -1,0 +1,132 @@
+"""Delays by hand: of which unit an interval is, with and without a sign, and what one peak for both makes of them."""
+
+import numpy as np
+import pytest
+
+from made_study import Block, made_study, random_blocks, times
+from netboard.analysis.results.delay import APART, RISE, Delay, delay
+from netboard.analysis.results.result import Result
+
+
+def moves(*delays: float, own: float = 0.0, rise: float = 0.0, **said: float) -> list[dict[str, float]]:
+    return [
+        {
+            **{f"delay_{q}": value + k * rise for k, q in enumerate((10, 20, 30, 40))},
+            **{f"own_delay_{q}": own for q in (10, 20, 30, 40)},
+            **said,
+        }
+        for value in delays
+    ]
+
+
+def block(dyad: str, performer: str, movements: list[dict[str, float]], force: str = "full") -> Block:
+    configuration = "dyadic" if dyad == performer else "bimanual"
+    return Block(dyad, performer, configuration, force, times(1.0), movements)
+
+
+BLOCKS = (
+    block("D01", "D01A", moves(0.1, -0.1, -0.1, own=-0.04)),
+    block("D01", "D01B", moves(0.3, own=0.04)),
+    block("D02", "D02A", moves(0.4, own=0.04)),
+)
+
+
+def result(found: Delay, quantity: str, group: str = "bimanual, haptics on") -> Result:
+    (only,) = [one for one in found.results if (one.quantity, one.group) == (quantity, group)]
+    return only
+
+
+@pytest.mark.parametrize(
+    ("intervals", "units", "of"),
+    [
+        ("dyads", [0.2, 0.4], "dyad"),
+        ("people", [0.1, 0.3, 0.4], "participant"),
+        ("movements", [0.1, 0.1, 0.1, 0.3, 0.4], "movement"),
+    ],
+)
+def test_means_and_intervals_are_of_the_unit_that_is_set(intervals: str, units: list[float], of: str) -> None:
+    found = delay(made_study(BLOCKS, f'summaries.intervals="{intervals}"'))
+    one = result(found, "delay at 20 %")
+    assert (one.n, one.of) == (len(units), of)
+    assert one.value == pytest.approx(np.mean(units))
+    assert np.isfinite([one.low, one.high]).all()
+
+
+def test_dyads_perform_as_one() -> None:
+    study = made_study(
+        [block("D01", "D01", moves(0.1)), block("D02", "D02", moves(0.3))], 'summaries.intervals="people"'
+    )
+    one = result(delay(study), "delay at 20 %", "dyadic, haptics on")
+    assert (one.value, one.n, one.of) == (pytest.approx(0.2), 2, "dyad")
+
+
+def test_signs_are_kept_if_they_are_to_and_reported_anyway() -> None:
+    absolute, signed = (delay(made_study(BLOCKS, f'summaries.delay="{kind}"')) for kind in ("absolute", "signed"))
+    of_sign = ((-0.1 / 3 + 0.3) / 2 + 0.4) / 2
+    assert result(absolute, "delay at 10 %").value == pytest.approx(0.3)
+    assert result(signed, "delay at 10 %").value == pytest.approx(of_sign)
+    assert result(absolute, "signed delay at 10 %").value == pytest.approx(of_sign)
+    assert result(absolute, "delay at 10 % of own peaks").value == pytest.approx(0.04)
+    assert result(signed, "delay at 10 % of own peaks").value == pytest.approx(0.02)
+
+
+def test_the_deviation_is_that_of_a_performers_movements() -> None:
+    one = result(delay(made_study(BLOCKS)), "SD of the signed delay at 10 %")
+    assert one.value == pytest.approx(np.std([0.1, -0.1, -0.1], ddof=1))
+    assert one.n == 1
+
+
+def test_delays_that_grow_with_the_threshold_are_seen_to() -> None:
+    found = delay(made_study([block("D01", "D01", moves(0.1, rise=0.01)), block("D02", "D02", moves(0.3, rise=0.03))]))
+    assert result(found, RISE, "dyadic, haptics on").value == pytest.approx((0.03 + 0.09) / 2)
+    overall = result(found, "delay, mean of 10 to 40 %", "dyadic, haptics on")
+    assert overall.value == pytest.approx((0.115 + 0.345) / 2)
+
+
+def test_only_cooperative_movements_of_trials_that_count_have_one() -> None:
+    movements = [*moves(0.1), *moves(9.0, cooperative=0), *moves(9.0, trial=2)]
+    trials = [{"completion": 1.0}, {"outcome": "fell"}]
+    found = delay(made_study([Block("D01", "D01", "dyadic", "full", trials, movements)]))
+    assert found.conditions[0].movements == 1
+    assert result(found, "delay at 10 %", "dyadic, haptics on").value == pytest.approx(0.1)
+
+
+def test_searches_that_were_cut_off_are_counted() -> None:
+    movements = [*moves(0.1, truncated_10=1), *moves(0.1), *moves(0.1), *moves(0.1)]
+    found = delay(made_study([block("D01", "D01", movements)]))
+    one = result(found, "share of searches cut off at 10 %", "dyadic, haptics on")
+    assert (one.value, one.n, one.of) == (0.25, 4, "movement")
+    assert result(found, "share of searches cut off at 20 %", "dyadic, haptics on").value == 0.0
+
+
+@pytest.mark.parametrize(("felt", "apart"), [(0.1, 4.0), (0.295, 0.0), (0.5, 4.0)])
+def test_thresholds_at_which_intervals_do_not_overlap_are_counted(felt: float, apart: float) -> None:
+    blocks = [
+        block(f"D{k:02}", f"D{k:02}", moves(value + 0.01 * k), force)
+        for k in range(3)
+        for force, value in (("none", 0.3), ("full", felt))
+    ]
+    found = delay(made_study(blocks))
+    one = result(found, APART, "dyadic, haptics on less off")
+    assert (one.value, one.n, one.of) == (apart, 4, "threshold")
+    difference = result(found, "delay, mean of 10 to 40 %", "dyadic, haptics on less off")
+    assert difference.value == pytest.approx(felt - 0.3)
+
+
+def test_a_condition_without_a_cooperative_movement_has_no_delay_but_a_reason() -> None:
+    found = delay(made_study([block("D01", "D01", [])]))
+    one = result(found, "delay at 10 %", "dyadic, haptics on")
+    assert np.isnan(one.value)
+    assert (one.n, one.note) == (0, "absolute; no dyad has it")
+
+
+def test_a_study_without_any_success_has_reasons_only() -> None:
+    found = delay(made_study([Block("D01", "D01", "dyadic", "full", [{"outcome": "fell"}])]))
+    assert all(np.isnan(one.value) and one.n == 0 for one in found.results)
+
+
+def test_differences_are_of_dyads_whatever_the_intervals_are_of() -> None:
+    for unit in ("dyads", "people", "movements"):
+        found = delay(made_study(random_blocks(), f'summaries.intervals="{unit}"'))
+        one = result(found, "delay, mean of 10 to 40 %", "bimanual less dyadic")
+        assert (one.n, one.of) == (3, "dyad")

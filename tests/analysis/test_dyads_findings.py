@@ -1,0 +1,83 @@
+"""Dyads beside their participants: every point and every count by hand."""
+
+import numpy as np
+import pytest
+
+from made_study import Block, made_study, times
+from netboard.analysis.extraction.study import Study
+from netboard.analysis.results.dyads import Comparison, dyads
+
+
+def blocks(*levels: tuple[float, float, float], force: str = "full") -> list[Block]:
+    """A dyad for each: both alone, and together."""
+    made = []
+    for k, (first, second, both) in enumerate(levels, start=1):
+        dyad = f"D{k:02}"
+        who = ((f"{dyad}A", "bimanual", first), (f"{dyad}B", "bimanual", second), (dyad, "dyadic", both))
+        made += [Block(dyad, name, configuration, force, times(level, level)) for name, configuration, level in who]
+    return made
+
+
+def of_time(study: Study, force: str = "full") -> Comparison:
+    (only,) = [
+        one for one in dyads(study).comparisons if (one.quantity.column, one.condition.force) == ("completion", force)
+    ]
+    return only
+
+
+def test_points_lie_where_the_paper_says() -> None:
+    found = of_time(made_study(blocks((4.0, 6.0, 3.0), (2.0, 2.0, 5.0))))
+    points = [(one.participant, one.relative.against_partner, one.relative.of_dyad) for one in found.points]
+    assert points == [("D01A", 1.0, -1.0), ("D01B", -1.0, -3.0), ("D02A", 0.0, 3.0), ("D02B", 0.0, 3.0)]
+    assert found.gains.to_dict() == {"D01": 2.0, "D02": -3.0}
+    assert (found.better, found.known) == (1, 2)
+    assert (found.gain.value, found.gain.n, found.gain.unit) == (-0.5, 2, "dyad")
+
+
+def test_counts_come_with_what_so_many_dyads_can_show() -> None:
+    study = made_study(blocks(*[(4.0, 6.0, 3.0)] * 4))
+    (one,) = [r for r in dyads(study).results if r.quantity == "completion time: dyads better than the mean of the two"]
+    assert (one.value, one.n, one.of) == (4.0, 4, "dyad")
+    assert one.note == "sign test: p = 0.125; 4 dyads can give no p below 0.125"
+
+
+def test_forces_are_compared_with_the_same_force_alone() -> None:
+    """Without haptics the two are slower alone, so that the same time together is a gain."""
+    study = made_study(blocks((4.0, 4.0, 5.0)) + blocks((8.0, 8.0, 5.0), force="none"))
+    assert of_time(study).gain.value == -1.0
+    assert of_time(study, "none").gain.value == 3.0
+
+
+def test_a_force_that_nobody_felt_alone_has_no_number_but_a_reason() -> None:
+    study = made_study([*blocks((4.0, 4.0, 5.0)), Block("D01", "D01", "dyadic", "unrelated", times(1, 1))])
+    found = of_time(study, "unrelated")
+    assert (found.points, found.known) == ((), 0)
+    reported = [one for one in dyads(study).results if one.group == "unrelated force"]
+    assert all(np.isnan(one.value) and one.n == 0 for one in reported)
+    assert all("no dyad performed in both configurations with this force" in one.note for one in reported)
+
+
+def test_a_dyad_of_which_one_never_performed_alone_is_left_out() -> None:
+    found = of_time(made_study([*blocks((4.0, 6.0, 3.0)), *blocks((1.0, 1.0, 1.0), (2.0, 2.0, 1.0))[4:]]))
+    assert [one.dyad for one in found.points] == ["D01", "D01"]
+
+
+def test_robots_are_no_dyads() -> None:
+    study = made_study([*blocks((4.0, 6.0, 3.0)), Block("D01", "D01", "dyadic", "full", times(99), right_by="robot")])
+    assert len(dyads(study).comparisons) == 2
+    assert of_time(study).gain.value == 2.0
+
+
+@pytest.mark.parametrize(("level", "gain"), [("mean", (40 / 61 + 0) - 1.0), ("median", -1.0), ("last", 40 / 60 - 1.0)])
+def test_the_level_is_mean_median_or_that_of_the_last_60(level: str, gain: float) -> None:
+    """Of 61 trials alone the last one takes 40 s and all others none."""
+    alone = times(*[0.0] * 60, 40.0)
+    study = made_study(
+        [
+            Block("D01", "D01A", "bimanual", "full", alone),
+            Block("D01", "D01B", "bimanual", "full", alone),
+            Block("D01", "D01", "dyadic", "full", times(1.0)),
+        ],
+        f'summaries.level="{level}"',
+    )
+    assert of_time(study).gain.value == pytest.approx(gain)

@@ -1,0 +1,93 @@
+"""Conditions in their order, the unit of replication, and the time that is set."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from made_study import Block, made_study, times
+from netboard.analysis.results.groups import (
+    comparisons,
+    conditions,
+    counted,
+    estimate,
+    estimated,
+    of_dyads,
+    of_performers,
+    teams,
+)
+
+
+def test_conditions_stand_in_one_order_whatever_was_recorded_first() -> None:
+    study = made_study(
+        [
+            Block("D01", "D01", "dyadic", "unrelated", times(1)),
+            Block("D01", "D01", "dyadic", "full", times(1), right_by="robot"),
+            Block("D01", "D01", "dyadic", "full", times(1)),
+            Block("D01", "D01", "dyadic", "none", times(1)),
+            Block("D01", "D01A", "bimanual", "full", times(1)),
+        ]
+    )
+    assert [one.label for one in conditions(study)] == [
+        "bimanual, haptics on",
+        "dyadic, haptics off",
+        "dyadic, haptics on",
+        "dyadic, unrelated force",
+        "dyadic, robot partner, haptics on",
+    ]
+    assert teams(study) == ("bimanual", "dyadic", "dyadic, robot partner")
+
+
+def test_a_dyad_is_one_value_however_many_trials_its_people_have() -> None:
+    rows = pd.DataFrame(
+        {"dyad": ["D01"] * 5 + ["D02"], "performer": ["A", "A", "A", "A", "B", "C"], "x": [1.0, 1, 1, 1, 5, 7]}
+    )
+    assert of_dyads(of_performers(rows, "x")).to_dict() == {"D01": 3.0, "D02": 7.0}
+
+
+def test_an_interval_is_of_as_many_as_there_are_dyads() -> None:
+    found = estimate(pd.Series([1.0, 3.0, np.nan]))
+    assert (found.value, found.n, found.unit) == (2.0, 2, "dyad")
+    assert found.high - found.value == pytest.approx(12.706, abs=1e-3)  # t of one degree of freedom; the SEM is 1
+
+
+@pytest.mark.parametrize(
+    ("values", "interval", "note"),
+    [([], "", "no dyad has it"), ([1.0], "", "no interval from one dyad"), ([1, 2], "95 % t", "")],
+)
+def test_a_result_says_what_it_has_no_interval_from(values: list[float], interval: str, note: str) -> None:
+    found = estimated("topic", "quantity", "group", estimate(pd.Series(values, dtype=float)), "s")
+    assert (found.n, found.interval, found.note) == (len(values), interval, note)
+
+
+def test_differences_are_of_dyads_that_have_both() -> None:
+    study = made_study(
+        [Block("D01", "D01", "dyadic", force, times(1)) for force in ("none", "full")]
+        + [Block("D01", "D01A", "bimanual", "none", times(1))]
+    )
+    values = {
+        "bimanual, none": pd.Series({"D01": 1.0, "D02": 2.0}),
+        "dyadic, none": pd.Series({"D01": 4.0}),
+        "dyadic, full": pd.Series({"D01": 3.0, "D02": 9.0}),
+    }
+    found = {group: differences.to_dict() for group, differences in comparisons(conditions(study), values)}
+    assert found == {"dyadic, haptics on less off": {"D01": -1.0}, "bimanual less dyadic": {"D01": -3.0}}
+
+
+FAILED = [
+    {"trial": 1, "attempt": 1, "outcome": "fell", "duration": 10.0},
+    {"trial": 1, "attempt": 2, "completion": 2.0, "duration": 3.5},
+    {"trial": 2, "attempt": 1, "completion": 3.0, "duration": 4.5},
+]
+
+
+@pytest.mark.parametrize(("time", "expected"), [("successful_attempt", [2.0, 3.0]), ("all_attempts", [12.0, 3.0])])
+def test_failed_attempts_cost_time_if_they_are_to(time: str, expected: list[float]) -> None:
+    study = made_study([Block("D01", "D01", "dyadic", "none", FAILED)], f'summaries.time="{time}"')
+    assert counted(study)["completion"].tolist() == expected
+
+
+def test_failed_attempts_of_an_excluded_trial_count_nowhere() -> None:
+    study = made_study(
+        [Block("D01", "D01", "dyadic", "none", FAILED)], 'summaries.time="all_attempts"', "exclusions.warm_up=1"
+    )
+    assert counted(study)["completion"].tolist() == [3.0]

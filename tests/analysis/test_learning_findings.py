@@ -1,0 +1,143 @@
+"""First and last trials, learning curves and groups of trials, all countable by hand."""
+
+import numpy as np
+import pytest
+
+from made_study import Block, made_study, random_blocks, times
+from netboard.analysis.results.groups import CLASSES
+from netboard.analysis.results.learning import Learning, learning
+from netboard.analysis.results.result import Result
+
+BLOCKS = (
+    Block("D01", "D01A", "bimanual", "full", times(9, 7, 3, 1)),
+    Block("D01", "D01A", "bimanual", "none", times(5, 5, 2, 2)),
+    Block("D01", "D01B", "bimanual", "full", times(6, 6, 4, 4)),
+    Block("D02", "D02A", "bimanual", "full", times(3, 3, 1, 1)),
+)
+ENDS = "summaries.ends=2"
+
+
+def result(found: Learning, quantity: str, group: str) -> Result:
+    (only,) = [one for one in found.results if (one.quantity, one.group) == (quantity, group)]
+    return only
+
+
+def test_first_and_last_trials_are_means_and_deviations_of_single_trials() -> None:
+    found = learning(made_study(BLOCKS, ENDS))
+    first = [9, 7, 5, 5, 6, 6, 3, 3]
+    one = result(found, "completion time", "bimanual, first 2")
+    assert (one.value, one.n, one.of, one.interval) == (np.mean(first), 8, "trial", "SD")
+    assert one.high - one.value == pytest.approx(np.std(first, ddof=1))
+    assert result(found, "completion time", "bimanual, last 2").value == np.mean([3, 1, 2, 2, 4, 4, 1, 1])
+
+
+def test_the_change_is_that_of_dyads() -> None:
+    """D01A goes from 6.5 to 2 s, D01B from 6 to 4: D01 by -3.25 s; D02 by -2 s."""
+    change = result(learning(made_study(BLOCKS, ENDS)), "change of completion time", "bimanual, last 2 less first 2")
+    assert (change.value, change.n, change.of) == (-2.625, 2, "dyad")
+
+
+def test_velocity_peaks_go_the_same_way() -> None:
+    one = result(learning(made_study(BLOCKS, ENDS)), "number of velocity peaks", "bimanual, last 2")
+    assert (one.value, one.unit) == (np.mean([3, 1, 2, 2, 4, 4, 1, 1]), "1")
+
+
+def test_a_deviation_may_be_that_of_people() -> None:
+    one = result(
+        learning(made_study(BLOCKS, ENDS, 'summaries.spread="people"')), "completion time", "bimanual, first 2"
+    )
+    people = [6.5, 6.0, 3.0]
+    assert (one.value, one.n, one.of) == (np.mean(people), 3, "participant")
+    assert one.high - one.value == pytest.approx(np.std(people, ddof=1))
+
+
+def test_trials_may_be_numbered_over_both_haptic_conditions() -> None:
+    """Then only D01A's first condition is in the first two trials, and only the second in the last two."""
+    found = learning(made_study(BLOCKS, ENDS, 'summaries.numbering="configuration"'))
+    assert result(found, "completion time", "bimanual, first 2").value == np.mean([9, 7, 6, 6, 3, 3])
+    assert result(found, "completion time", "bimanual, last 2").value == np.mean([2, 2, 4, 4, 1, 1])
+    (one,) = found.teams
+    assert one.series == 3
+    assert one.courses[0].curve.count.tolist() == [3, 3, 3, 3, 1, 1, 1, 1]
+
+
+@pytest.mark.parametrize(("ends", "first"), [(1, [9, 5, 6, 3]), (2, [9, 7, 5, 5, 6, 6, 3, 3])])
+def test_ends_are_as_long_as_is_set(ends: int, first: list[float]) -> None:
+    found = learning(made_study(BLOCKS, f"summaries.ends={ends}"))
+    assert result(found, "completion time", f"bimanual, first {ends}").value == np.mean(first)
+
+
+def test_who_has_too_few_trials_for_both_ends_is_left_out_and_named() -> None:
+    found = learning(made_study([*BLOCKS, Block("D02", "D02B", "bimanual", "full", times(100, 100, 100))], ENDS))
+    one = result(found, "completion time", "bimanual, first 2")
+    assert (one.value, one.n) == (5.5, 8)
+    assert one.note == "1 of 5 have fewer than 4 trials and are left out"
+
+
+def test_with_too_few_trials_of_everybody_there_is_no_number_but_a_reason() -> None:
+    one = result(learning(made_study(BLOCKS, "summaries.ends=30")), "completion time", "bimanual, first 30")
+    assert np.isnan(one.value)
+    assert (one.n, one.note) == (0, "4 of 4 have fewer than 60 trials and are left out")
+
+
+def test_the_last_trials_are_everybodys_own_last_ones() -> None:
+    """One with five trials has its last two in them, though others have only four."""
+    blocks = [
+        Block("D01", "D01A", "bimanual", "full", times(9, 9, 9, 1, 1)),
+        Block("D01", "D01B", "bimanual", "full", times(8, 8, 2, 2)),
+    ]
+    found = learning(made_study(blocks, ENDS))
+    assert result(found, "completion time", "bimanual, last 2").value == 1.5
+
+
+def test_a_curve_is_the_mean_of_all_trials_with_the_same_number() -> None:
+    (one,) = learning(made_study(BLOCKS, ENDS)).teams
+    assert one.courses[0].curve.mean.tolist() == [5.75, 5.25, 2.5, 2.0]
+    assert (one.dyads, one.performers, one.series, one.trials) == (2, 3, 4, 16)
+
+
+def test_groups_of_trials_are_means_of_dyads() -> None:
+    (one,) = learning(made_study(BLOCKS, "summaries.ends=1", "summaries.group=3")).teams
+    stages = one.courses[0].stages
+    assert stages.first.tolist() == [1, 4]
+    assert stages.last.tolist() == [3, 4]
+    of_a, of_b = np.mean([9, 7, 3, 5, 5, 2]), np.mean([6, 6, 4])
+    assert stages.dyads.loc["D01"].tolist() == pytest.approx([(of_a + of_b) / 2, (1.5 + 4) / 2])
+    assert [mean.n for mean in stages.means] == [2, 2]
+
+
+def test_the_time_that_is_set_is_used() -> None:
+    trials = [{"trial": 1, "outcome": "fell", "duration": 10.0}, {"trial": 1, "attempt": 2, "completion": 2.0}]
+    blocks = [Block("D01", "D01", "dyadic", "none", [*trials, {"trial": 2, "completion": 4.0}])]
+    values = [
+        result(
+            learning(made_study(blocks, "summaries.ends=1", f'summaries.time="{time}"')),
+            "completion time",
+            "dyadic, first 1",
+        ).value
+        for time in ("successful_attempt", "all_attempts")
+    ]
+    assert values == [2.0, 12.0]
+
+
+def test_the_classes_stack_up_to_the_completion_time() -> None:
+    for one in learning(made_study(random_blocks())).teams:
+        assert one.seconds.shape == (9, len(CLASSES))
+        np.testing.assert_allclose(one.seconds.sum(axis=1), one.courses[0].curve.mean)
+
+
+def test_a_robot_partner_makes_another_team() -> None:
+    blocks = [
+        Block("D01", "D01", "dyadic", "full", times(1)),
+        Block("D01", "D01", "dyadic", "full", times(9), right_by="robot"),
+    ]
+    found = learning(made_study(blocks))
+    assert [(one.team, one.courses[0].curve.mean.tolist()) for one in found.teams] == [
+        ("dyadic", [1.0]),
+        ("dyadic, robot partner", [9.0]),
+    ]
+
+
+def test_a_study_without_a_success_has_nothing_to_report() -> None:
+    found = learning(made_study([Block("D01", "D01", "dyadic", "none", [{"outcome": "fell"}])]))
+    assert (found.teams, found.results) == ((), ())

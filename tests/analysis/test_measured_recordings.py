@@ -1,0 +1,160 @@
+"""What is measured of a recording, beside the server's own numbers and beside the pure functions called by hand."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from made_recordings import recorded, two_trials
+from netboard.analysis.extraction.recordings import FIELDS, Measured, measure
+from netboard.analysis.extraction.settings import Readings, parse
+from netboard.analysis.extraction.trials import RATE, Block
+from netboard.analysis.measures.peaks import velocity_peaks
+from netboard.recording.export.runs import runs_of
+from netboard.recording.files.reader import Recording
+from rehearsed_study import measured, rehearse
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    where = tmp_path_factory.mktemp("study")
+    rehearse(where, dyads=1, blocks=(1, 9, 10))
+    return where
+
+
+def tables(folder: Path, *words: str) -> tuple[Measured, ...]:
+    return measured(folder, parse("", overrides=words))
+
+
+def column(folder: Path, name: str, *words: str) -> NDArray[np.float64]:
+    return np.concatenate([one.trials[name] for one in tables(folder, *words)])
+
+
+def test_every_declared_column_is_there_with_its_type(folder: Path) -> None:
+    kinds = {"integer": "i", "number": "f", "string": "O"}
+    for one in tables(folder):
+        for name, fields in FIELDS.items():
+            columns = getattr(one, name)
+            assert list(columns) == [field.name for field in fields]
+            assert {columns[field.name].dtype.kind == kinds[field.kind] for field in fields} == {True}
+            assert len({len(column) for column in columns.values()}) == 1
+            assert all(field.unit or field.kind == "string" for field in fields)
+
+
+def test_completion_times_are_the_servers_less_the_tick_in_which_the_ball_came_in(folder: Path) -> None:
+    for path, one in zip(sorted(folder.glob("*.mcap")), tables(folder), strict=True):
+        with Recording(path) as recording:
+            attempts = recording.attempts()
+        np.testing.assert_allclose(one.trials["completion"], [a.completion - 1e-3 for a in attempts], atol=1e-9)
+        assert list(one.trials["outcome"]) == [a.outcome for a in attempts]
+        np.testing.assert_allclose(one.trials["release"], [a.tick / RATE for a in attempts])
+
+
+def test_classes_fill_the_time_to_the_completion(folder: Path) -> None:
+    whole = sum(column(folder, name) for name in ("cooperative", "competitive", "single", "still"))
+    done = np.isfinite(column(folder, "completion"))
+    np.testing.assert_allclose(np.asarray(whole)[done], column(folder, "completion")[done], atol=1e-9)
+
+
+def test_peaks_are_those_of_the_speed_that_scipy_filters(folder: Path) -> None:
+    from scipy.signal import butter, sosfiltfilt
+
+    path = sorted(folder.glob("*.mcap"))[0]
+    run = runs_of([path])[0]
+    with Recording(path) as recording:
+        block = Block(recording, run.config, Readings())
+        p = recording.columns("p")["p"]
+    take = next(block.takes())
+    stop = block.placed[block.placed > take.trial.stop][0]
+    fast, slow = (butter(5, cutoff, fs=1000, output="sos") for cutoff in (20, 5))
+    ball = sosfiltfilt(fast, p[:stop], padlen=1000)
+    speed = sosfiltfilt(slow, np.abs(np.gradient(ball, 1e-3, edge_order=2)), padlen=1000)
+    window = take.trial.window()
+    np.testing.assert_allclose(block.whole.speed[window], speed[window], atol=1e-9)
+    assert (
+        tables(folder)[0].trials["peaks"][0]
+        == velocity_peaks(speed[window], least_prominence=1e-4, least_share=0.006).count
+    )
+
+
+@pytest.mark.parametrize(
+    ("word", "name", "direction"),
+    [
+        ("peaks.window=whole", "peaks", 1),
+        ("peaks.extrema=maxima_and_minima", "peaks", 1),
+        ("peaks.least_prominence=0.02", "peaks", -1),
+        ("movements.window=whole", "still", 1),
+        ("movements.still_below=0.01", "still", 1),
+        ("strategy.braking=rotation", "braking_onset", -1),
+    ],
+)
+def test_a_reading_moves_what_it_is_about_and_where_to(folder: Path, word: str, name: str, direction: int) -> None:
+    change = np.nanmean(column(folder, name, word)) - np.nanmean(column(folder, name))
+    assert change * direction > 0
+
+
+def test_a_ball_that_must_be_wholly_inside_is_so_later_or_never(folder: Path) -> None:
+    centre, whole = column(folder, "completion"), column(folder, "completion", "completion.inside=whole_ball")
+    assert ((whole > centre) | np.isnan(whole)).all()
+
+
+@pytest.mark.parametrize("word", ["filters.unit=trial", "segments.ends=trial", "filters.velocity=device"])
+def test_other_ways_to_cut_and_filter_give_nearly_the_same(folder: Path, word: str) -> None:
+    np.testing.assert_array_equal(column(folder, "completion", word), column(folder, "completion"))
+    for name in ("cooperative", "still"):
+        np.testing.assert_allclose(column(folder, name, word).mean(), column(folder, name).mean(), atol=0.25)
+
+
+@pytest.mark.parametrize("whole", [False, True])
+def test_a_success_without_a_hold_to_be_found_has_no_measure_up_to_its_completion(folder: Path, whole: bool) -> None:
+    words = ["completion.inside=whole_ball"]
+    if whole:
+        words += ["movements.window=whole", "peaks.window=whole"]
+    succeeded = np.isfinite(column(folder, "completion"))
+    lost = succeeded & np.isnan(column(folder, "completion", *words))
+    assert lost.any()
+    for name in ("peaks", "cooperative", "single"):
+        np.testing.assert_array_equal(np.isnan(column(folder, name, *words)), lost & (not whole))
+    for name in ("lag", "sparc", "left_reaction", "in_target", "left_given", "interaction"):
+        assert np.isnan(column(folder, name, *words)[lost]).all()
+    for name in ("peaks_whole", "braking_onset"):
+        np.testing.assert_array_equal(column(folder, name, *words), column(folder, name))
+
+
+def test_movements_lie_in_their_trials_and_paths_begin_at_the_release(folder: Path) -> None:
+    for one in tables(folder):
+        duration = {
+            place: value
+            for *place_, value in zip(*(one.trials[n] for n in ("trial", "attempt", "duration")), strict=True)
+            for place in [tuple(place_)]
+        }
+        for trial, attempt, onset in zip(*(one.movements[n] for n in ("trial", "attempt", "onset")), strict=True):
+            assert 0 <= onset < duration[trial, attempt]
+        starts = one.paths["time"] == 0
+        assert starts.sum() == len(duration)
+        np.testing.assert_allclose(np.abs(one.paths["p"][starts]), 0.15, atol=0.002)
+
+
+def test_a_passive_partner_is_there_with_forces_between_two_people_only(folder: Path) -> None:
+    for one in tables(folder):
+        felt = one.blocks["haptics"][0] and one.blocks["configuration"][0] == "dyadic"
+        assert np.isfinite(one.trials["passive_150"]).all() == bool(felt)
+        assert np.isfinite(one.trials["passive_150_device"]).all() == bool(felt)
+        if felt:
+            assert one.trials["passive_friction"] == pytest.approx(0.26)
+            assert (one.trials["passive_150_device"] <= one.trials["passive_150"] + 0.02).all()
+            assert (one.trials["passive_50"] >= one.trials["passive_300"]).all()
+
+
+def test_a_hole_is_no_movement(tmp_path: Path) -> None:
+    rows = two_trials()
+    holed = np.delete(rows, slice(6500, 6800))
+    whole, less = (measure(runs_of([recorded(tmp_path, part)])[0], Readings()) for part in (rows, holed))
+    assert less.blocks["missing"][0] == 300
+    assert less.blocks["duration"][0] == whole.blocks["duration"][0]
+    np.testing.assert_allclose(less.trials["unknown"] - whole.trials["unknown"], [0.0, 0.3], atol=1e-9)
+    assert list(less.trials["completion_source"]) == ["recording", ""]
+    np.testing.assert_allclose(less.trials["recorded_completion"], whole.trials["recorded_completion"])

@@ -1,0 +1,153 @@
+"""Whoever measures, and whatever was kept, the tables are the same; what cannot be measured is said in one line."""
+
+import pickle
+import shutil
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Executor
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from harvests import HERE, assert_same, gathered, studied
+from made_recordings import recorded, two_trials
+from netboard.analysis.extraction import running
+from netboard.analysis.extraction.cache import Cache
+from netboard.analysis.extraction.settings import Readings, parse
+from netboard.analysis.extraction.study import Study
+from netboard.analysis.extraction.workers import cores, dask, processes
+from netboard.base.errors import ConfigError, NetboardError, RecordingError
+
+pytestmark = pytest.mark.slow
+
+
+@contextmanager
+def nobody(recordings: Sequence[Path]) -> Iterator[Executor]:
+    """Stand for a crew that is not to be asked."""
+    pytest.fail(f"{recordings} were to be measured anew")
+    yield
+
+
+@pytest.fixture(scope="module")
+def alone(recordings: tuple[Path, ...]) -> Study:
+    return studied(gathered(recordings, Readings()))
+
+
+def test_order_and_number_of_processes_change_nothing(recordings: tuple[Path, ...], alone: Study) -> None:
+    told: list[tuple[str, int, int]] = []
+    found = gathered(recordings[::-1], Readings(), processes(2), None, lambda *words: told.append(words))
+    assert [source.run.path for source in found.sources] == list(recordings)
+    assert found.left_out == ()
+    assert found.peak > 1e7
+    assert [done for _, done, _ in told] == [1, 2, 3, 4]
+    seconds = alone.blocks["duration"].sum()
+    assert told[-1] == (f"4 of 4 recordings, {seconds:.0f} s of data", 4, 4)
+    assert_same(studied(found), alone)
+
+
+def test_what_was_kept_is_what_was_measured(recordings: tuple[Path, ...], alone: Study, tmp_path: Path) -> None:
+    cache = Cache(tmp_path)
+    some = gathered(recordings[:2], Readings(), HERE, cache)
+    assert [source.kept for source in some.sources] == [False, False]
+    mixed = gathered(recordings, Readings(), HERE, cache)
+    assert [source.kept for source in mixed.sources] == [True, True, False, False]
+    assert_same(studied(mixed), alone)
+    kept = gathered(recordings, Readings(), nobody, cache)
+    assert kept.peak == 0.0
+    assert_same(studied(kept), alone)
+
+
+def test_what_is_made_of_the_trials_measures_nothing_anew(
+    recordings: tuple[Path, ...], alone: Study, tmp_path: Path
+) -> None:
+    cache = Cache(tmp_path)
+    gathered(recordings, Readings(), HERE, cache)
+    stricter = parse("[exclusions]\nwarm_up = 1")
+    study = studied(gathered(recordings, stricter, nobody, cache), stricter)
+    assert len(study.counted) == len(alone.counted) - len(recordings)
+    coarser = parse("[filters]\nfast = 10.0")
+    found = gathered(recordings[:1], coarser, HERE, cache)
+    assert not found.sources[0].kept
+    name = recordings[0].stem
+    assert not np.array_equal(studied(found, coarser).paths[name]["theta"], alone.paths[name]["theta"])
+
+
+def test_a_changed_byte_measures_anew(recordings: tuple[Path, ...], tmp_path: Path) -> None:
+    copy = tmp_path / recordings[0].name
+    shutil.copy(recordings[0], copy)
+    cache = Cache(tmp_path / "cache")
+    gathered([copy], Readings(), HERE, cache)
+    data = bytearray(copy.read_bytes())
+    data[len(data) // 2] ^= 1
+    copy.write_bytes(data)
+    with pytest.raises(pytest.fail.Exception, match="measured anew"):
+        gathered([copy], Readings(), nobody, cache)
+
+
+def unreadable(folder: Path, recordings: tuple[Path, ...]) -> list[Path]:
+    """A sound recording; one with a damaged chunk, one that is cut, one without a tick, and one of another kind."""
+    sound, damaged, cut = (folder / f"{name}.mcap" for name in ("sound", "damaged", "cut"))
+    shutil.copy(recordings[0], sound)
+    data = recordings[1].read_bytes()
+    cut.write_bytes(data[:-1000])
+    hurt = bytearray(data)
+    for place in range(100_000, 300_000, 20_000):  # one of them may be in what nobody reads: an index of a chunk
+        hurt[place : place + 64] = bytes(64)
+    damaged.write_bytes(hurt)
+    (folder / "text.mcap").write_text("no recording")
+    empty = recorded(folder, two_trials()[:0])
+    return [sound, damaged, cut, folder / "text.mcap", empty]
+
+
+def test_what_cannot_be_measured_stops_it_or_is_left_out(recordings: tuple[Path, ...], tmp_path: Path) -> None:
+    paths = unreadable(tmp_path, recordings)
+    for path, why in zip(paths[1:], ("is damaged", "cut short", "not an MCAP file", "has no ticks"), strict=True):
+        with pytest.raises(RecordingError, match=rf"{path.name}: .*{why}") as caught:
+            gathered([paths[0], path], Readings())
+        assert "\n" not in str(caught.value)
+    found = gathered(paths, Readings(), processes(2), skip=True)
+    assert [source.run.path for source in found.sources] == paths[:1]
+    assert [one.file for one in found.left_out] == sorted(path.name for path in paths[1:])
+    assert not any(str(tmp_path) in one.why for one in found.left_out)
+    assert len(studied(found).blocks) == 1
+    with pytest.raises(RecordingError, match="no recording is left"):
+        gathered(paths[1:], Readings(), skip=True)
+
+
+def test_a_file_that_changes_meanwhile_is_no_result(
+    recordings: tuple[Path, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(running, "_digests", lambda paths: dict.fromkeys(paths, "0" * 64))
+    with pytest.raises(RecordingError, match="is not the file that it was"):
+        gathered(recordings[:1], Readings())
+
+
+def die() -> None:
+    """End a process as a lack of memory does."""
+    import os
+
+    os._exit(9)
+
+
+def test_a_process_that_dies_is_said_in_one_line(recordings: tuple[Path, ...]) -> None:
+    with pytest.raises(NetboardError, match=r"a process that measures has ended.*--workers 2"):  # noqa: SIM117
+        with processes(2)(recordings) as executor:
+            executor.submit(die).result()
+
+
+def test_errors_come_back_from_other_processes() -> None:
+    error = pickle.loads(pickle.dumps(RecordingError("S01.mcap: is damaged")))
+    assert isinstance(error, RecordingError)
+    assert str(error) == "S01.mcap: is damaged"
+    assert cores() >= 1
+
+
+def test_no_scheduler_is_said_in_one_line(recordings: tuple[Path, ...]) -> None:
+    pytest.importorskip("distributed")
+    with pytest.raises(ConfigError, match=r"--dask tcp://127.0.0.1:9: no scheduler answers there within 0.2 s"):  # noqa: SIM117
+        with dask("tcp://127.0.0.1:9", patience=0.2)(recordings):
+            pytest.fail("nobody is there")
+    with pytest.raises(ConfigError, match=r"--dask nonsense://x: no scheduler"):  # noqa: SIM117
+        with dask("nonsense://x", patience=0.2)(recordings):
+            pytest.fail("nobody is there")

@@ -1,0 +1,119 @@
+"""Levels of dyads by hand: the mean of performers' means, whatever the numbers of trials."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from made_modern import modern_blocks, modern_study
+from made_study import Block, made_study, times
+from netboard.analysis.extraction.study import Study
+from netboard.analysis.results.measures import MEASURES, Levels, Overview, as_read, levels, overview, rows_of
+from netboard.analysis.results.result import table_of
+
+
+def level_of(found: Overview, measure: str, condition: str) -> Levels:
+    (only,) = [one for one in found.levels if one.measure.name == measure and one.condition.name == condition]
+    return only
+
+
+def test_a_dyads_level_is_the_mean_of_its_performers_however_many_trials_they_have() -> None:
+    study = made_study(
+        [
+            Block("D01", "D01A", "bimanual", "none", [{"completion": 2.0, "peaks": 1}] * 5),
+            Block("D01", "D01B", "bimanual", "none", [{"completion": 8.0, "peaks": 4}]),
+        ]
+    )
+    found = overview(study)
+    assert level_of(found, "velocity peaks", "bimanual, none").values == pytest.approx([2.5])
+    assert level_of(found, "completion time", "bimanual, none").values == pytest.approx([4.0])
+    assert level_of(found, "velocity peaks", "bimanual, none").rows == 6
+
+
+def test_the_mean_over_dyads_has_the_t_interval_and_times_go_through_the_logarithm() -> None:
+    study = made_study([Block(f"D0{k}", f"D0{k}", "dyadic", "none", times(2.0**k)) for k in (1, 2, 3)])
+    one = level_of(overview(study), "completion time", "dyadic, none")
+    half = 4.302652729911275 / np.sqrt(3.0) * np.log(2.0)
+    assert one.mean.value == pytest.approx(4.0)
+    assert (one.mean.low, one.mean.high) == pytest.approx((4.0 * np.exp(-half), 4.0 * np.exp(half)))
+    assert (one.mean.n, one.mean.unit) == (3, "dyad")
+
+
+def test_falls_are_those_of_attempts_that_are_not_excluded() -> None:
+    attempts = [
+        *times(3.0, 3.0),
+        {"outcome": "fell", "flags": ""},
+        {"outcome": "fell", "flags": "lost_samples"},
+        {"outcome": "timed_out"},
+    ]
+    study = made_study([Block("D01", "D01", "dyadic", "full", attempts)])
+    assert len(study.exclusions) == 1
+    assert level_of(overview(study), "falls per attempt", "dyadic, full").values == pytest.approx([1 / 3])
+
+
+@pytest.mark.parametrize(("reading", "share"), [("trials", 0.5), ("time", 0.18)])
+def test_shares_weigh_trials_or_seconds_as_is_read(reading: str, share: float) -> None:
+    nothing = {"competitive": 0.0, "still": 0.0}
+    trials = [
+        {"cooperative": 0.9, "single": 0.1, **nothing},
+        {"cooperative": 0.9, "single": 8.1, **nothing},
+        {"cooperative": 0.0, "single": 0.0, **nothing},
+    ]
+    found = overview(made_study([Block("D01", "D01", "dyadic", "full", trials)], f"summaries.shares={reading}"))
+    assert level_of(found, "cooperative share", "dyadic, full").values == pytest.approx([share])
+    assert level_of(found, "single share", "dyadic, full").values == pytest.approx([1.0 - share])
+
+
+def test_a_reaction_is_that_of_the_first_hand_and_none_if_a_hand_has_guessed() -> None:
+    trials = [
+        {"left_reaction": 0.4, "right_reaction": 0.3},
+        {"left_reaction": np.nan, "right_reaction": 0.5, "left_anticipated": 0},
+        {"left_reaction": np.nan, "right_reaction": 0.9},
+        {"left_reaction": 0.05, "right_reaction": 0.3, "left_anticipated": 1},
+    ]
+    study = made_study([Block("D01", "D01", "dyadic", "full", trials)])
+    assert level_of(overview(study), "reaction time", "dyadic, full").values == pytest.approx([0.4])
+
+
+def test_delays_are_those_of_cooperative_movements_of_trials_that_count() -> None:
+    moves = [
+        {"delay_20": -0.1},
+        {"delay_20": 0.3},
+        {"delay_20": 9.0, "cooperative": 0},
+        {"delay_20": 9.0, "trial": 2},
+    ]
+    trials = [*times(3.0), {"outcome": "fell"}]
+    study = made_study([Block("D01", "D01", "dyadic", "full", trials, moves)])
+    assert level_of(overview(study), "|delay at 20 %|", "dyadic, full").values == pytest.approx([0.2])
+
+
+def test_every_measure_has_a_level_in_every_condition_of_a_whole_study() -> None:
+    found = overview(modern_study(modern_blocks()))
+    assert len(found.levels) == 4 * len(MEASURES)
+    assert all(one.mean.n == 4 and np.isfinite(one.mean.low) for one in found.levels)
+
+
+def test_new_names_of_dyads_change_no_result() -> None:
+    names = {f"D0{k}": f"X{9 - k}" for k in range(1, 5)}
+    blocks = modern_blocks()
+    renamed = [
+        Block(
+            names[one.dyad],
+            one.performer.replace(one.dyad, names[one.dyad]),
+            one.configuration,
+            one.force,
+            one.trials,
+            one.movements,
+            one.right_by.replace(one.dyad, names[one.dyad]),
+        )
+        for one in blocks
+    ]
+    first, second = (table_of(overview(modern_study(some)).results) for some in (blocks, renamed))
+    pd.testing.assert_frame_equal(first, second)
+
+
+@pytest.mark.parametrize("of", ["trial", "movement", "attempt"])
+def test_a_study_without_attempts_has_no_levels(of: str) -> None:
+    study: Study = made_study([Block("D01", "D01", "dyadic", "full", [])])
+    assert overview(study).levels == ()
+    assert len(rows_of(study, of)) == 0  # type: ignore[arg-type]
+    assert all(len(levels(study, measure)) == 0 for measure in as_read(study))

@@ -1,0 +1,141 @@
+"""Models of a study: their terms are the results, and what cannot be fitted says why."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from made_modern import modern_blocks, modern_study
+from made_study import Block, made_study, times
+from netboard.analysis.extraction.study import Study
+from netboard.analysis.results.models import Fits, fits
+from netboard.analysis.results.result import table_of
+from netboard.analysis.statistics.factors import paper_factors
+from netboard.analysis.statistics.models import log_time_model
+
+
+def _columns(study: Study) -> tuple[Any, ...]:
+    rows = study.counted
+    return (
+        *(rows[name] for name in ("completion", "dyad", "performer")),
+        paper_factors(rows["haptics"] == 1, rows["configuration"] == "dyadic"),
+        rows["order"],
+    )
+
+
+def slower(row: dict[str, float], configuration: str, force: str, dyad: int) -> None:
+    """Forces make two people 1.5 times as fast; dyads differ."""
+    row["completion"] *= (1.0 / 1.5 if (configuration, force) == ("dyadic", "full") else 1.0) * 1.3 ** (dyad % 3)
+
+
+@pytest.fixture(scope="module")
+def found() -> Fits:
+    return fits(modern_study(modern_blocks(seed=5, dyads=6, trials=12, change=slower)))
+
+
+def test_terms_are_those_of_the_models(found: Fits) -> None:
+    study = modern_study(modern_blocks(seed=5, dyads=6, trials=12, change=slower))
+    model = log_time_model(*_columns(study))
+    table = table_of(found.results).set_index(["quantity", "group"])
+    for name in ("haptics", "configuration", "haptics x configuration", "haptics, bimanual", "haptics, dyadic"):
+        row, effect = table.loc[("completion time: ratio", name)], model.effect(name)
+        assert (row["value"], row["low"], row["high"]) == (effect.ratio.value, effect.ratio.low, effect.ratio.high)
+        assert table.loc[("completion time: p", name), "value"] == effect.p
+        for other in effect.others:
+            row = table.loc[(f"completion time: ratio, {other.method}", name)]
+            assert (row["value"], row["low"], row["high"]) == (other.ratio.value, other.ratio.low, other.ratio.high)
+            assert row["interval"] == f"95 % {other.estimate.method}"
+            assert table.loc[(f"completion time: p, {other.method}", name), "value"] == other.p
+    assert table.loc[("completion time: ratio", "haptics, dyadic"), "value"] == pytest.approx(1 / 1.5, rel=0.1)
+    assert table.loc[("completion time: at the first trial", "intercept"), "unit"] == "s"
+    practice = table.loc[("completion time: exponent of practice", "log trial")]
+    assert practice["low"] <= 0.0 <= practice["high"]
+
+
+def test_sources_of_chance_and_checks_are_reported(found: Fits) -> None:
+    table = table_of(found.results)
+    assert (table["n"] > 0).all()
+    deviations = table[table["quantity"] == "completion time: SD on the log scale"].set_index("group")
+    assert deviations.loc["residual", "value"] == pytest.approx(0.4, rel=0.15)
+    assert table["note"].str.contains("Assumptions:").any()
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_where_nobody_differs_the_model_is_the_same_and_says_so(seed: int) -> None:
+    found = fits(modern_study(modern_blocks(seed, dyads=4, trials=12)))
+    model = found.fits[0].model
+    assert model.fitted
+    assert model.converged
+    assert [component.name for component in model.components] == [
+        *("dyad", "performer", "haptics by dyad", "haptics by performer", "residual"),
+    ]
+    assert any(note.endswith("its variance is estimated as 0") for note in model.notes)
+    table = table_of(found.results)
+    notes = table.loc[table["quantity"] == "completion time: ratio", "note"]
+    assert notes.str.startswith(f"linear mixed model, REML: {model.equation}; ").all()
+
+
+def test_a_trial_that_took_no_time_is_left_out() -> None:
+    blocks = modern_blocks(seed=5, dyads=3)
+    first = replace(blocks[0], trials=[{**blocks[0].trials[0], "completion": 0.0}, *blocks[0].trials[1:]])
+    assert fits(modern_study([first, *blocks[1:]])).fits[0].model.left_out == 1
+
+
+def test_falls_without_any_are_not_fitted_and_say_so(found: Fits) -> None:
+    table = table_of(found.results)
+    falls = table[table["quantity"].str.startswith("falls per attempt: ratio of odds")]
+    assert len(falls)
+    assert falls["value"].isna().all()
+    assert falls["note"].str.contains("not fitted").all()
+
+
+def test_falls_in_all_conditions_but_one_have_a_finite_ratio_of_odds() -> None:
+    fell = {"outcome": "fell"}
+    blocks = modern_blocks(dyads=6, trials=8)
+    some = [
+        one
+        if (one.configuration, one.force) == ("dyadic", "full")
+        else Block(
+            one.dyad, one.performer, one.configuration, one.force, [fell, *one.trials[:3], fell, *one.trials[3:]]
+        )
+        for one in blocks
+    ]
+    found = fits(modern_study(some))
+    assert "Firth" in found.fits[2].model.name
+    table = table_of(found.results).set_index(["quantity", "group"])
+    row = table.loc[("falls per attempt: ratio of odds", "haptics, dyadic")]
+    assert 0.0 < row["low"] < row["value"] < row["high"] < 1.0
+    assert row["interval"] == "95 % profile, 5 df"
+    assert "none failed in one condition (haptics on, configuration dyadic)" in row["note"]
+
+
+def test_an_attempt_has_the_number_of_the_trial_that_it_was_at() -> None:
+    fell = {"outcome": "fell"}
+    blocks = modern_blocks(dyads=6, trials=8)
+    some = [
+        Block(one.dyad, one.performer, one.configuration, one.force, [fell, *one.trials[:3], fell, *one.trials[3:]])
+        for one in blocks
+    ]
+    model = fits(modern_study(some)).fits[2].model
+    assert model.fitted
+    assert model.trials == len(blocks) * 10
+    assert model.effect("haptics").ratio.value == pytest.approx(1.0)
+
+
+def test_robots_are_left_out_and_several_forces_are_told_apart() -> None:
+    blocks = modern_blocks(dyads=3, trials=4, forces=("full", "partner_only", "none"))
+    robot = Block("D01", "D01", "dyadic", "full", times(3.0, 3.0), right_by="robot")
+    found = fits(modern_study([*blocks, robot]))
+    assert found.notes == ("2 trials with a robot or a still hand are left out",)
+    names = {effect.name for effect in found.fits[0].model.effects}
+    assert {"force: full less none", "force: partner_only less none"} <= names
+    assert found.fits[0].model.trials == 3 * 3 * 3 * 4
+
+
+@pytest.mark.parametrize("force", ["full", "none"])
+def test_one_condition_of_one_dyad_has_a_model_that_says_what_it_lacks(force: str) -> None:
+    found = fits(made_study([Block("D01", "D01", "dyadic", force, times(3.0, 4.0, 5.0))]))
+    table = table_of(found.results)
+    assert np.isnan(table.loc[table["group"] == "haptics", "value"]).all()
+    assert (table.loc[table["value"].isna(), "note"] != "").all()

@@ -1,0 +1,272 @@
+"""The pictures of the further measures show what was found: read back from what is drawn, not from pixels."""
+
+import re
+from collections.abc import Callable
+
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from made_modern import Path, modern_blocks, modern_study, with_paths
+from made_study import Block, made_study, random_block, times
+from netboard.analysis.extraction.study import Study
+from netboard.analysis.figures import contrasts, influence, models, passive
+from netboard.analysis.figures.everything import MODERN
+from netboard.analysis.figures.figure import Picture, as_bytes
+from netboard.analysis.results.contrasts import comparisons
+from netboard.analysis.results.everything import MODERN as FOUND
+from netboard.analysis.results.influence import influences
+from netboard.analysis.results.leadership import leaders
+from netboard.analysis.results.measures import overview
+from netboard.analysis.results.models import fits
+from netboard.analysis.results.passive_partner import controls
+from netboard.analysis.results.paths import courses
+from netboard.analysis.results.quality import quality as find_quality
+from netboard.analysis.results.result import table_of
+from netboard.analysis.results.units import read_in
+
+FORCES = ("full", "partner_only", "environment_only", "none", "unrelated")
+NAMES = [draw.__module__.rpartition(".")[2] for draw in MODERN]
+UNIT = re.compile(r"\[[^\]]+\]")
+
+
+def any_path(trial: pd.Series) -> Path:
+    """Any path, which is the same each time."""
+    chance = np.random.default_rng([int(trial["order"]), len(trial["performer"])])
+    names = ("left_z", "right_z", "left_vz", "right_vz", "theta", "p", "speed")
+    count = round(trial["duration"] / 0.02)
+    return {name: 0.01 * values for name, values in zip(names, chance.normal(size=(7, count)), strict=True)}
+
+
+@pytest.fixture(scope="module")
+def study() -> Study:
+    return with_paths(modern_study(modern_blocks(trials=5)), any_path)
+
+
+@pytest.fixture(scope="module")
+def unusual() -> Study:
+    """Five forces, and a robot and a still hand as partners."""
+    chance = np.random.default_rng(1)
+    others = [
+        random_block(chance, "D01", "D01", "dyadic", force, 3, partner)
+        for partner in ("robot", "still")
+        for force in ("full", "none")
+    ]
+    return with_paths(modern_study([*modern_blocks(dyads=3, trials=3, forces=FORCES), *others]), any_path)
+
+
+@pytest.fixture(scope="module")
+def drawn(study: Study) -> dict[str, Picture]:
+    """All pictures by their names."""
+    return {picture.name: picture for picture in (draw(study) for draw in MODERN)}
+
+
+def figure_of(picture: Picture) -> Figure:
+    assert picture.figure is not None
+    return picture.figure
+
+
+def points(axes: Axes, label: str) -> np.ndarray:
+    """Points of the only line of a name, shape (n, 2)."""
+    (only,) = [line for line in axes.lines if line.get_label() == f"_{label}"]
+    return np.column_stack(only.get_data())
+
+
+def panel(picture: Picture, title: str) -> Axes:
+    (only,) = [axes for axes in figure_of(picture).axes if axes.get_title("left").endswith(title)]
+    return only
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_axis_with_numbers_has_a_unit(name: str, drawn: dict[str, Picture]) -> None:
+    figure = figure_of(drawn[name])
+    labels = [axis.get_label_text() for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)]
+    numbers = [label for label in labels if label not in ("", "dyad")]
+    assert numbers
+    assert all(UNIT.search(label) for label in numbers)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_captions_say_how_many_dyads(name: str, drawn: dict[str, Picture]) -> None:
+    assert re.search(r"n = 4|of 4 dyads", drawn[name].caption)
+
+
+def test_names_are_those_of_the_modules(drawn: dict[str, Picture]) -> None:
+    assert list(drawn) == NAMES
+
+
+@pytest.mark.parametrize("draw", [influence.picture, passive.picture])
+def test_the_same_study_gives_the_same_file(
+    draw: Callable[[Study], Picture], drawn: dict[str, Picture], study: Study
+) -> None:
+    again = draw(study)
+    assert as_bytes(figure_of(again), "svg") == as_bytes(figure_of(drawn[again.name]), "svg")
+
+
+@pytest.mark.parametrize("draw", MODERN)
+def test_unusual_studies_are_drawn(draw: Callable[[Study], Picture], unusual: Study) -> None:
+    assert as_bytes(figure_of(draw(unusual)), "png").startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("draw", MODERN)
+@pytest.mark.parametrize("trials", [[], times(3.0), [{"outcome": "fell"}]])
+def test_what_cannot_be_drawn_says_why(draw: Callable[[Study], Picture], trials: list[dict[str, float]]) -> None:
+    picture = draw(made_study([Block("D01", "D01", "dyadic", "full", trials)]))
+    assert picture.caption
+    if picture.figure is not None:
+        as_bytes(picture.figure, "png")
+
+
+@pytest.mark.parametrize("find", FOUND)
+def test_results_of_unusual_studies_have_a_unit_an_n_and_a_note_where_they_are_missing(
+    find: Callable[[Study], object], unusual: Study
+) -> None:
+    table = table_of(find(unusual).results)  # type: ignore[attr-defined]
+    assert len(table)
+    assert not table.duplicated(["topic", "quantity", "group"]).any()
+    assert (table["unit"] != "").all()
+    assert (table["of"] != "").all()
+    assert (table.loc[table["value"].isna() | (table["n"] == 0), "note"] != "").all()
+
+
+def test_measures_are_levels(study: Study, drawn: dict[str, Picture]) -> None:
+    picture = drawn["measures"]
+    for one in overview(study).levels:
+        axes, unit = panel(picture, one.measure.name), read_in(one.measure.unit, one.measure.name)
+        assert axes.get_ylabel() == unit.in_brackets
+        assert points(axes, one.condition.name)[:, 1] == pytest.approx([unit.scale * one.mean.value])
+        ends = [unit.scale * one.mean.low, unit.scale * one.mean.high]
+        assert points(axes, f"{one.condition.name}, interval")[:, 1] == pytest.approx(ends)
+        dyads = [points(axes, f"{dyad} {one.condition.team}")[:, 1] for dyad in one.dyads]
+        assert all(unit.scale * value in own for own, value in zip(dyads, one.values, strict=True))
+
+
+def test_contrasts_are_effect_sizes_with_their_p(study: Study, drawn: dict[str, Picture]) -> None:
+    picture = drawn["contrasts"]
+    assert "assumes that differences are symmetric" in picture.caption
+    axes = dict(zip(("forces", "configuration", "interaction"), figure_of(picture).axes, strict=True))
+    names = [label.get_text() for label in axes["forces"].get_yticklabels()]
+    for one in comparisons(study).comparisons:
+        if not np.isfinite(one.hedges.value):
+            assert one.measure.name == "falls per attempt"
+            continue
+        own, label = axes[one.question.kind], f"{one.measure.name}: {one.question.name}"
+        ((value, row),) = points(own, label)
+        assert value == one.hedges.value
+        assert names[round(row)] == one.measure.name
+        assert points(own, f"{label}, interval")[:, 0] == pytest.approx([one.hedges.low, one.hedges.high])
+        written = [text.get_text() for text in own.texts if text.get_position()[1] == row]
+        assert written == [f"{one.contrast.permutation.p:.3g}"]
+    assert "no p below 0.125" in picture.caption
+
+
+def test_differences_are_those_of_the_dyads(study: Study, drawn: dict[str, Picture]) -> None:
+    picture = drawn["differences"]
+    for one in comparisons(study).comparisons:
+        axes = panel(picture, one.measure.name)
+        unit = read_in(one.unit, one.what)
+        assert axes.get_ylabel().endswith(unit.in_brackets)
+        each = np.array(one.contrast.differences)
+        shown = points(axes, f"{one.question.name}, dyads")[:, 1]
+        np.testing.assert_allclose(shown, np.exp(each) if one.measure.ratio else unit.scale * each)
+        assert points(axes, one.question.name)[:, 1] == pytest.approx([unit.scale * one.difference.value])
+
+
+def test_models_are_ratios(study: Study, drawn: dict[str, Picture]) -> None:
+    picture, found = drawn["models"], fits(study)
+    terms = panel(picture, "factors")
+    shown = [fit for fit in found.fits if fit.model.fitted]
+    assert shown
+    for fit in shown:
+        for effect in models.factors_of(fit):
+            assert points(terms, f"{fit.measure}: {effect.name}")[0, 0] == effect.ratio.value
+    diagnostics = shown[0].model.diagnostics
+    assert diagnostics is not None
+    residuals = points(panel(picture, "residuals, completion time"), "residuals")
+    np.testing.assert_array_equal(residuals, np.column_stack([diagnostics.quantiles, diagnostics.residuals]))
+
+
+@pytest.mark.filterwarnings("error")
+def test_models_of_one_condition_have_no_ratio_to_draw() -> None:
+    dyadic = [block for block in modern_blocks(dyads=2, trials=4, forces=("full",)) if block.configuration == "dyadic"]
+    picture = models.picture(modern_study(dyadic))
+    assert picture.figure is None
+    assert picture.caption.startswith("No model has conditions to tell apart. Completion time: haptics: left out")
+
+
+def test_leads_are_signed_and_zero_is_in_the_middle(study: Study, drawn: dict[str, Picture]) -> None:
+    picture = drawn["leadership"]
+    for lead in leaders(study).leads:
+        axes, scale = panel(picture, f"  {lead.measure.name}"), 1000.0 if lead.measure.unit == "s" else 1.0
+        assert points(axes, lead.condition.name)[:, 1] == pytest.approx([scale * lead.mean.value])
+        low, high = axes.get_ylim()
+        assert low == -high
+
+
+def test_influence_lies_beside_surrogates(study: Study, drawn: dict[str, Picture]) -> None:
+    axes = figure_of(drawn["influence"]).axes[0]
+    lines = {line.get_label(): line.get_ydata() for line in axes.lines}
+    for place, one in enumerate(influences(study).influences):
+        name = f"_{one.condition.name}, {one.direction}"
+        assert one.chance is not None
+        names = (
+            ("a dyad", "the same of dyads who never met") if not place else (f"{name}, dyads", f"{name}, surrogates")
+        )
+        np.testing.assert_array_equal(lines[names[0]], one.values)
+        np.testing.assert_array_equal(lines[names[1]], one.chance.surrogates)
+
+
+def test_the_inert_partner_stands_beside_the_effect(study: Study, drawn: dict[str, Picture]) -> None:
+    picture = drawn["passive"]
+    axes = figure_of(picture).axes[0]
+    found = controls(study).controls
+    for k, dyad in enumerate(found[0].dyads):
+        expected = [found[0].effect[k], *(one.passive[k] for one in found)]
+        np.testing.assert_allclose(points(axes, f"dyadic, full, {dyad}")[:, 1], 100 * np.array(expected))
+    assert points(axes, "dyadic, full, 0")[0, 1] == pytest.approx(100 * found[0].mean_effect.value)
+    told = [f"{one.stiffness} N/m: {100 * one.share.value:.0f} %" for one in found if one.has_effect]
+    assert all(part in picture.caption for part in told or ["cannot be told"])
+    assert ("95 % bootstrap intervals" in picture.caption) == bool(told)
+
+
+def test_paths_are_means_and_bands(study: Study, drawn: dict[str, Picture]) -> None:
+    picture = drawn["paths"]
+    for one in courses(study).courses:
+        means = [
+            (axes, line)
+            for axes in figure_of(picture).axes
+            for line in axes.lines
+            if line.get_label() == f"_{one.condition.name}, {one.quantity}"
+        ]
+        ((axes, line),) = means
+        scale = 1000.0
+        np.testing.assert_allclose(np.column_stack(line.get_data()), np.column_stack([one.time, scale * one.mean]))
+        (band,) = [
+            area for area in axes.collections if area.get_label() == f"_{one.condition.name}, {one.quantity}, trials"
+        ]
+        heights = band.get_paths()[0].vertices[:, 1]
+        assert heights.min() == pytest.approx(scale * one.low.min())
+        assert heights.max() == pytest.approx(scale * one.high.max())
+
+
+def test_quality_has_a_square_for_each_block_and_a_line_for_each_dyad(study: Study, drawn: dict[str, Picture]) -> None:
+    blocks = find_quality(study).blocks
+    picture = drawn["quality"]
+    fell, excluded = (
+        panel(picture, f"attempts {what} [1]").images[0].get_array() for what in ("that fell", "excluded")
+    )
+    assert np.nansum(fell) == blocks["fell"].sum()
+    assert np.nansum(excluded) == blocks["excluded"].sum()
+    times_of = panel(picture, "completion time through the session")
+    for dyad, own in blocks.groupby("dyad"):
+        np.testing.assert_array_equal(points(times_of, str(dyad)), own[["block", "time"]])
+    assert set(times_of.get_xticks()) <= set(blocks["block"])
+
+
+def test_two_dyads_have_no_size_of_an_effect() -> None:
+    """It was drawn at exactly 0, with an interval from 0 to 0."""
+    picture = contrasts.picture(modern_study(modern_blocks(dyads=2, trials=3)))
+    assert picture.figure is None
+    assert "three dyads" in picture.caption

@@ -1,0 +1,252 @@
+"""The paper's pictures show what was found: read back from what is drawn, not from pixels."""
+
+import re
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pytest
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from made_study import SMALL, Block, made_study, random_block, random_blocks, times
+from netboard.analysis.extraction.study import Study
+from netboard.analysis.figures import classes, delay, dyads, learning, strategy
+from netboard.analysis.figures.everything import PAPER, pictures
+from netboard.analysis.figures.figure import Picture, as_bytes
+from netboard.analysis.results.classes import classes as find_classes
+from netboard.analysis.results.delay import PERCENT
+from netboard.analysis.results.delay import delay as find_delay
+from netboard.analysis.results.dyads import dyads as find_dyads
+from netboard.analysis.results.groups import CLASSES
+from netboard.analysis.results.learning import learning as find_learning
+from netboard.analysis.results.strategy import strategy as find_strategy
+
+FORCES = ("full", "partner_only", "environment_only", "none", "unrelated")
+
+
+@pytest.fixture(scope="module")
+def study() -> Study:
+    return made_study(random_blocks(), *SMALL)
+
+
+@pytest.fixture(scope="module")
+def unusual() -> Study:
+    """Five forces, and a robot and a still hand as partners."""
+    chance = np.random.default_rng(1)
+    others = [
+        random_block(chance, "D01", "D01", "dyadic", force, 7, partner)
+        for partner in ("robot", "still")
+        for force in ("full", "none")
+    ]
+    return made_study([*random_blocks(forces=FORCES), *others], *SMALL)
+
+
+def figure_of(picture: Picture) -> Figure:
+    assert picture.figure is not None
+    return picture.figure
+
+
+def lines(axes: Axes, label: str) -> np.ndarray:
+    """Points of the only line of a name, shape (n, 2)."""
+    (only,) = [line for line in axes.lines if line.get_label() == label]
+    return np.column_stack(only.get_data())
+
+
+def panels(picture: Picture) -> Iterator[Axes]:
+    yield from figure_of(picture).axes
+
+
+def titled(picture: Picture, title: str) -> Axes:
+    (only,) = [axes for axes in panels(picture) if axes.get_title("left").endswith(f"$  {title}")]
+    return only
+
+
+@pytest.mark.parametrize("draw", PAPER)
+def test_every_axis_has_a_label_with_a_unit(draw: Callable[[Study], Picture], study: Study) -> None:
+    """Inner panels share the labels of those at the left and below, and names of conditions need no unit."""
+    for axes in panels(draw(study)):
+        for axis in (axes.xaxis, axes.yaxis):
+            names = [label.get_text() for label in axis.get_ticklabels()]
+            numbered = all(re.fullmatch(r"[−\d.]*", name) for name in names)
+            place = axes.get_subplotspec()
+            outer = place is not None and (place.is_last_row() if axis is axes.xaxis else place.is_first_col())
+            if (numbered and outer) or axis.get_label_text():
+                assert re.search(r"\[[^\]]+\]$", axis.get_label_text())
+
+
+@pytest.mark.parametrize("draw", PAPER)
+def test_captions_say_n_and_what_bars_are(draw: Callable[[Study], Picture], study: Study) -> None:
+    caption = draw(study).caption
+    assert re.search(r"[Nn] = \d", caption)
+    assert "95 % t interval" in caption
+    assert caption.endswith("Simulated people: no evidence about people.")
+
+
+@pytest.mark.parametrize("draw", PAPER)
+def test_the_same_study_gives_the_same_bytes(draw: Callable[[Study], Picture], study: Study) -> None:
+    first, second = (as_bytes(figure_of(draw(study)), "svg") for _ in range(2))
+    assert first == second
+
+
+@pytest.mark.parametrize("draw", PAPER)
+def test_a_study_of_other_conditions_is_drawn_too(draw: Callable[[Study], Picture], unusual: Study) -> None:
+    assert len(as_bytes(figure_of(draw(unusual)), "svg")) > 10_000
+
+
+@pytest.mark.parametrize("draw", PAPER)
+def test_with_nothing_to_show_there_is_a_reason_instead(draw: Callable[[Study], Picture]) -> None:
+    picture = draw(made_study([Block("D01", "D01", "dyadic", "none", [{"outcome": "fell"}])]))
+    assert picture.figure is None
+    assert picture.caption.startswith("No ")
+
+
+@pytest.mark.parametrize("draw", PAPER)
+@pytest.mark.parametrize("trials", [1, 4])
+def test_one_dyad_with_few_trials_is_drawn_as_far_as_it_goes(draw: Callable[[Study], Picture], trials: int) -> None:
+    picture = draw(made_study(random_blocks(dyads=1, trials=trials)))
+    assert picture.figure is None or as_bytes(picture.figure, "svg")
+
+
+def test_all_pictures_come_with_names_of_their_own(study: Study) -> None:
+    names = [picture.name for picture in pictures(study)]
+    assert len(set(names)) == len(names)
+    assert names[:5] == ["learning", "dyads", "classes", "strategy", "delay"]
+
+
+def test_learning_is_drawn_as_found(study: Study) -> None:
+    picture = learning.picture(study)
+    time, peaks = figure_of(picture).axes[0], figure_of(picture).axes[2]
+    one = find_learning(study).teams[0]
+    for axes, course in ((time, one.courses[0]), (peaks, one.courses[1])):
+        np.testing.assert_allclose(lines(axes, "_each trial"), np.column_stack([course.curve.order, course.curve.mean]))
+        drawn = [line.get_ydata()[0] for line in axes.lines if line.get_label() == "_dyads"]
+        assert drawn == [mean.value for mean in course.stages.means]
+        drawn_ends = [list(line.get_ydata()) for line in axes.lines if line.get_label() == "_dyads, interval"]
+        np.testing.assert_allclose(drawn_ends, [[mean.low, mean.high] for mean in course.stages.means])
+        np.testing.assert_allclose(lines(axes, "_D02")[:, 1], course.stages.dyads.loc["D02"])
+        texts = [text.get_text() for text in axes.texts]
+        assert f"{course.ends.first.mean:.2f} ± {course.ends.first.deviation:.2f}" in texts[0]
+
+
+def test_areas_stack_up_to_the_completion_time(study: Study) -> None:
+    axes = figure_of(learning.picture(study)).axes[0]
+    one = find_learning(study).teams[0]
+    tops = [area.get_paths()[0].vertices[:, 1].max() for area in axes.collections]
+    stacked = np.cumsum([one.seconds[:, CLASSES.index(name)] for name in learning.STACK], axis=0)
+    np.testing.assert_allclose(tops, stacked.max(axis=1))
+
+
+def test_the_plane_of_dyads_is_drawn_as_found(study: Study) -> None:
+    axes = titled(dyads.picture(study), "completion time")
+    for one in find_dyads(study).comparisons:
+        if one.quantity.column == "completion":
+            points = [(point.relative.against_partner, point.relative.of_dyad) for point in one.points]
+            np.testing.assert_allclose(lines(axes, f"_{one.condition.force}"), points)
+    diagonal = lines(axes, "_diagonal")
+    np.testing.assert_array_equal(diagonal[:, 0], diagonal[:, 1])
+
+
+def test_gains_are_drawn_as_found(study: Study) -> None:
+    axes = figure_of(dyads.picture(study)).axes[2]
+    names = [label.get_text() for label in axes.get_yticklabels()]
+    found = [one for one in find_dyads(study).comparisons if one.quantity.column == "completion"]
+    for one, name in zip(found, names, strict=True):
+        assert name == f"{one.condition.feeling}:\n{one.better} of {one.known} dyads better"
+        ends = lines(axes, f"_{one.condition.force}, interval")[:, 0]
+        np.testing.assert_allclose(ends, [one.gain.low, one.gain.high])
+        values = [line.get_xdata() for line in axes.lines if line.get_label() == f"_{one.condition.force}"]
+        np.testing.assert_allclose(values[0], one.gains)
+        assert values[1][0] == one.gain.value
+
+
+def test_bars_of_the_classes_are_drawn_as_found(study: Study) -> None:
+    axes = titled(classes.picture(study), "mean shares")
+    widths = {bars.get_label(): bars.patches[0].get_width() for bars in axes.containers}
+    begins = {bars.get_label(): bars.patches[0].get_x() for bars in axes.containers}
+    for one in find_classes(study).shares:
+        labels = [f"_{one.condition.name}: {name}" for name in classes.STACK]
+        ends = np.cumsum([widths[label] for label in labels])
+        np.testing.assert_allclose([begins[label] for label in labels], [0.0, *ends[:-1]], atol=1e-10)
+        for name, mean in zip(CLASSES, one.means, strict=True):
+            assert widths[f"_{one.condition.name}: {name}"] == pytest.approx(100 * mean.value)
+
+
+def test_dots_of_the_classes_are_drawn_as_found(study: Study) -> None:
+    picture = classes.picture(study)
+    for name in CLASSES:
+        axes = titled(picture, name)
+        for one in find_classes(study).shares:
+            mean = one.means[CLASSES.index(name)]
+            assert lines(axes, f"_{one.condition.name}")[0, 1] == pytest.approx(100 * mean.value)
+            ends = lines(axes, f"_{one.condition.name}, interval")[:, 1]
+            np.testing.assert_allclose(ends, [100 * mean.low, 100 * mean.high])
+        off, on = (one for one in find_classes(study).shares if one.condition.team == "dyadic")
+        np.testing.assert_allclose(
+            lines(axes, "_D01 dyadic")[:, 1], [100 * one.dyads.loc["D01", name] for one in (off, on)]
+        )
+
+
+def test_ellipses_and_variances_are_drawn_as_found(study: Study) -> None:
+    picture = strategy.picture(study)
+    for team in find_strategy(study).teams:
+        axes = titled(picture, "all participants and dyads" if team.team == "all" else team.team)
+        for k, one in enumerate(team.ellipses):
+            np.testing.assert_allclose(lines(axes, f"_{team.team}, group {k}"), 1e3 * one.outline())
+            np.testing.assert_allclose(lines(axes, f"_{team.team}, centre {k}")[0], 1e3 * one.centre)
+        if team.team != "all":
+            for spread in team.spreads:
+                own = titled(picture, spread.quantity)
+                np.testing.assert_allclose(
+                    lines(own, f"_{team.team}")[:, 1], [1e6 * mean.value for mean in spread.means]
+                )
+                np.testing.assert_allclose(lines(own, f"_D02 {team.team}")[:, 1], 1e6 * spread.dyads.loc["D02"])
+
+
+def test_both_kinds_of_variance_have_a_panel_of_their_own() -> None:
+    picture = strategy.picture(made_study(random_blocks(), *SMALL, 'summaries.variance="generalised"'))
+    assert "[cm⁴/s²]" in titled(picture, "generalised variance").get_ylabel()
+
+
+def test_delays_are_drawn_as_found(study: Study) -> None:
+    axes = figure_of(delay.picture(study)).axes
+    for one in find_delay(study).conditions:
+        for panel, found in zip(axes, (one.as_set, one.own_peak, one.signed), strict=True):
+            for q, mean in zip(PERCENT, found.means, strict=True):
+                label = f"_{one.condition.name}, {q} %"
+                assert lines(panel, label)[0, 1] == pytest.approx(1000 * mean.value)
+                np.testing.assert_allclose(
+                    lines(panel, f"{label}, interval")[:, 1], [1000 * mean.low, 1000 * mean.high]
+                )
+                np.testing.assert_allclose(lines(panel, f"{label}, units")[:, 1], 1000 * found.units[q])
+        bars = {bar.get_label(): bar.patches[0] for bar in axes[2].containers}
+        bar = bars[f"_{one.condition.name}, 10 %, SD"]
+        assert bar.get_height() == pytest.approx(2000 * one.deviations.means[0].value)
+        assert bar.get_y() == pytest.approx(1000 * (one.signed.means[0].value - one.deviations.means[0].value))
+
+
+def test_intervals_of_single_movements_are_called_too_short() -> None:
+    picture = delay.picture(made_study(random_blocks(), 'summaries.intervals="movements"'))
+    assert "too short" in picture.caption
+    assert "n = 54 movements" in picture.caption
+
+
+def test_conditions_differ_in_shape_or_fill_not_only_in_colour(unusual: Study) -> None:
+    axes = titled(dyads.picture(unusual), "completion time")
+    looks = {
+        line.get_label(): (line.get_marker(), line.get_markerfacecolor() == "white")
+        for line in axes.lines
+        if line.get_label() in [f"_{force}" for force in FORCES]
+    }
+    assert len(looks) == 5
+    assert len(set(looks.values())) == 5
+
+
+def test_a_hold_in_the_areas_is_said() -> None:
+    caption = learning.picture(made_study(random_blocks(), 'movements.window="whole"')).caption
+    assert "they go beyond the completion time" in caption
+
+
+def test_people_who_are_no_simulation_are_not_called_one() -> None:
+    made = made_study([Block("D01", "D01", "dyadic", "none", times(1, 2))])
+    made.blocks["simulated"] = 0
+    assert "imulated" not in learning.picture(made).caption

@@ -1,0 +1,191 @@
+"""A study beside the paper: what the paper says, what stands beside it, and what is said of the two."""
+
+from io import StringIO
+from math import isnan
+
+import numpy as np
+import pandas as pd
+import pytest
+from rich.console import Console
+from scipy import stats
+
+from made_study import SMALL, Block, made_study, random_blocks, times
+from netboard.analysis.report.comparison import comparison_table
+from netboard.analysis.results.everything import PAPER, results_of
+from netboard.analysis.results.paper import COMPARISON, REMINDER, REPORTED, Kind, Reported, compare
+from netboard.analysis.results.result import RESULTS
+
+FORCES = ["full", "partner_only", "environment_only", "none", "unrelated"]
+
+
+@pytest.fixture(scope="module")
+def compared() -> pd.DataFrame:
+    return compare(made_study(random_blocks(), *SMALL))
+
+
+def test_everything_reported_has_a_result_beside_it(compared: pd.DataFrame) -> None:
+    assert list(compared) == [field.name for field in COMPARISON]
+    assert len(compared) == len(REPORTED)
+    assert not (compared["verdict"] == "not in this study").any()
+    assert (compared["n"] > 0).all()
+    assert (compared["of"] != "").all()
+
+
+def test_the_numbers_are_those_of_the_paper() -> None:
+    ends = [(one.value, one.deviation) for one in REPORTED if one.topic == "learning" and one.kind == "number"]
+    assert ends == [
+        (5.71, 4.48),
+        (3.61, 3.08),
+        (4.33, 2.92),
+        (3.62, 2.23),
+        (3.92, 2.42),
+        (3.17, 1.85),
+        (4.27, 2.91),
+        (3.28, 1.95),
+    ]
+    counts = {(one.figure, one.group): (one.value, one.of) for one in REPORTED if one.topic == "dyads"}
+    assert counts == {
+        ("3A", "haptics on"): (4.0, 4),
+        ("3A", "haptics off"): (2.0, 4),
+        ("3B", "haptics on"): (3.0, 4),
+        ("3B", "haptics off"): (1.0, 4),
+    }
+    assert [one.value for one in REPORTED if one.topic == "delay" and one.kind == "number"] == [0.04, 0.1]
+
+
+def test_the_reminder_says_what_is_true() -> None:
+    assert stats.binomtest(4, 4).pvalue == 0.125
+    assert f"{stats.fisher_exact([[4, 0], [2, 2]]).pvalue:.2f}" == "0.43"
+    assert "p = 0.125" in REMINDER
+    assert "p = 0.43" in REMINDER
+
+
+def test_a_number_is_compared_in_the_papers_deviations() -> None:
+    study = made_study([Block("D01", "D01A", "bimanual", "full", times(1.23, 10.0))], "summaries.ends=1")
+    row = compare(study).set_index(["quantity", "group"]).loc[("completion time", "bimanual, first 1")]
+    assert row["difference"] == pytest.approx(1.23 - 5.71)
+    assert row["difference_sd"] == pytest.approx(-1.0)
+    assert row["verdict"] == "-1.00 SD"
+
+
+def test_a_direction_is_that_of_the_difference_and_its_interval() -> None:
+    """All dyads need less at last, by 2 s or 3 s; and a single dyad has no interval."""
+    blocks = [Block(f"D0{k}", f"D0{k}", "dyadic", "none", times(5 + 0.01 * k, 3)) for k in (1, 2, 3)]
+    place = ("change of completion time", "dyadic, last 1 less first 1")
+    for used, verdict in (
+        (blocks, "same direction, interval excludes 0"),
+        (blocks[:1], "same direction, no interval"),
+        ([Block("D01", "D01", "dyadic", "none", times(3, 5))], "other direction, no interval"),
+        ([*blocks[:2], Block("D03", "D03", "dyadic", "none", times(5, 5.5))], "same direction, interval includes 0"),
+    ):
+        compared = compare(made_study(used, "summaries.ends=1")).set_index(["quantity", "group"])
+        assert compared.loc[place, "verdict"] == verdict
+
+
+@pytest.mark.parametrize(("alone", "direction"), [(3.0, "same direction"), (0.5, "other direction")])
+def test_what_is_to_rise_rises(alone: float, direction: str) -> None:
+    """The paper has more cooperative movement bimanually; the dyad has it in half of the time."""
+    blocks = [
+        Block(
+            "D01",
+            performer,
+            configuration,
+            "none",
+            [{"completion": 2.0, "cooperative": cooperative, "competitive": 0, "single": 0, "still": 1.0}],
+        )
+        for performer, configuration, cooperative in (("D01A", "bimanual", alone), ("D01", "dyadic", 1.0))
+    ]
+    compared = compare(made_study(blocks)).set_index(["quantity", "group"])
+    assert (
+        compared.loc[("share of cooperative movement", "bimanual less dyadic"), "verdict"]
+        == f"{direction}, no interval"
+    )
+
+
+def test_counts_are_alike_or_not() -> None:
+    def verdicts(better: int) -> dict[str, str]:
+        blocks = []
+        for k in range(4):
+            dyad = f"D{k}"
+            blocks += [Block(dyad, f"{dyad}{who}", "bimanual", "full", times(5)) for who in "AB"]
+            blocks += [Block(dyad, dyad, "dyadic", "full", times(4 if k < better else 6))]
+        compared = compare(made_study(blocks))
+        return dict(
+            compared[(compared["kind"] == "count") & (compared["group"] == "haptics on")][["figure", "verdict"]].values
+        )
+
+    assert verdicts(4) == {"3A": "same count", "3B": "other count"}
+    assert verdicts(3) == {"3A": "other count", "3B": "same count"}
+
+
+def test_what_a_study_does_not_have_is_said() -> None:
+    compared = compare(made_study([Block("D01", "D01", "dyadic", "none", times(1))]))
+    assert (compared["verdict"] == "not in this study").sum() > len(compared) / 2
+    alone = compared[compared["group"].str.startswith("bimanual")]
+    assert (alone["verdict"] == "not in this study").all()
+    assert (alone["note"] != "").all()
+
+
+def test_the_table_for_the_terminal_has_all_rows(compared: pd.DataFrame) -> None:
+    table = comparison_table(compared)
+    assert len(table.rows) == len(REPORTED)
+    console = Console(width=200, file=StringIO(), record=True)
+    console.print(table)
+    text = console.export_text().replace("\N{NO-BREAK SPACE}", " ")
+    assert "5.71 ± 4.48 s" in text
+    assert "sign test: p" in " ".join(text.split())
+
+
+def test_all_results_have_an_n_a_unit_and_a_name_of_their_own() -> None:
+    found = results_of(made_study(random_blocks(), *SMALL), PAPER)
+    assert list(found) == [field.name for field in RESULTS]
+    assert not found.duplicated(["topic", "quantity", "group"]).any()
+    assert (found["unit"] != "").all()
+    assert (found["of"] != "").all()
+    assert (found["n"] > 0).all()
+    assert np.isfinite(found["value"]).all()
+    assert set(found["topic"]) == {"learning", "dyads", "classes", "strategy", "delay"}
+
+
+@pytest.mark.parametrize("forces", [["full"], ["none"], ["partner_only", "unrelated"], FORCES])
+@pytest.mark.parametrize("trials", [1, 2, 7])
+def test_every_study_has_results_however_small(forces: list[str], trials: int) -> None:
+    found = results_of(made_study(random_blocks(dyads=1, trials=trials, forces=forces)))
+    missing = found[found["value"].isna()]
+    assert (missing["note"] != "").all()
+    assert found.loc[found["of"] == "dyad", "low"].isna().all()
+
+
+def test_mirrored_studies_have_the_same_results_but_for_who_was_first() -> None:
+    """Left and right change places: targets, sides of single movements, signs of delays."""
+    blocks = random_blocks(seed=3)
+    mirrored = [
+        Block(
+            one.dyad,
+            one.performer,
+            one.configuration,
+            one.force,
+            [{**row, "target": -1} for row in one.trials],
+            [{k: -v if "delay" in k else v for k, v in row.items()} for row in one.movements],
+        )
+        for one in blocks
+    ]
+    first, second = (results_of(made_study(some, *SMALL), PAPER) for some in (blocks, mirrored))
+    signed = first["quantity"].str.startswith("signed delay")
+    assert 0 < signed.sum() < len(first)
+    pd.testing.assert_frame_equal(first[~signed], second[~signed])
+    np.testing.assert_allclose(second.loc[signed, "value"], -first.loc[signed, "value"])
+    np.testing.assert_allclose(second.loc[signed, "low"], -first.loc[signed, "high"])
+
+
+@pytest.mark.parametrize("kind", ["number", "count", "rises", "falls", "unchanged", "words"])
+def test_every_kind_of_statement_is_in_the_paper(kind: Kind) -> None:
+    assert any(one.kind == kind for one in REPORTED)
+
+
+def test_counts_have_a_number_and_directions_have_none() -> None:
+    for one in REPORTED:
+        assert isinstance(one, Reported)
+        assert isnan(one.value) == (one.kind in ("rises", "falls", "unchanged", "words"))
+        assert (one.of > 0) == (one.kind == "count")
+        assert isnan(one.deviation) or one.deviation > 0.0

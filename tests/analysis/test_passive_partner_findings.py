@@ -1,0 +1,98 @@
+"""The passive partner by hand: an effect, a passive effect, and the share of the one in the other."""
+
+import numpy as np
+import pytest
+
+from made_modern import modern_blocks, modern_study
+from made_study import Block, made_study
+from netboard.analysis.figures.passive import picture
+from netboard.analysis.results.passive_partner import Control, controls
+from netboard.analysis.results.result import table_of
+
+OFF = (0.40, 0.42, 0.38, 0.44)
+
+
+def shares(row: dict[str, float], configuration: str, force: str, dyad: int) -> None:
+    """Forces add 0.2, 0.22, ... to the cooperative share, of which half is mechanics at 150 N/m."""
+    effect = 0.2 + 0.02 * dyad
+    share = OFF[dyad % 4] + (effect if force == "full" else 0.0)
+    row |= {"cooperative": 2.0 * share, "single": 2.0 * (1.0 - share), "competitive": 0.0, "still": 0.0}
+    if configuration == "dyadic" and force == "full":
+        row |= {"passive_50": effect, "passive_150": effect / 2.0, "passive_300": 0.0}
+        row |= {"passive_50_device": effect / 4.0, "passive_150_device": effect / 10.0, "passive_300_device": 0.0}
+
+
+def control(stiffness: int, dyads: int = 4, device: bool = False) -> Control:
+    found = controls(modern_study(modern_blocks(dyads=dyads, change=shares)))
+    (only,) = [one for one in found.controls if (one.stiffness, bool(one.friction)) == (stiffness, device)]
+    return only
+
+
+@pytest.mark.parametrize(("stiffness", "share"), [(50, 1.0), (150, 0.5), (300, 0.0)])
+def test_the_share_is_that_of_mechanics(stiffness: int, share: float) -> None:
+    one = control(stiffness)
+    assert one.effect == pytest.approx([0.2, 0.22, 0.24, 0.26])
+    assert one.mean_effect.value == pytest.approx(0.23)
+    assert one.mean_passive.value == pytest.approx(0.23 * share)
+    assert one.share.value == pytest.approx(share)
+    assert one.share.low <= share + 1e-12
+    assert one.share.high >= share - 1e-12
+    assert (one.share.n, one.share.unit) == (4, "dyad")
+
+
+def test_both_are_told_of_a_hand_without_friction_and_of_one_with_the_device() -> None:
+    one = control(150, device=True)
+    assert one.friction == pytest.approx(0.26)
+    assert one.mean_passive.value == pytest.approx(0.023)
+    assert one.share.value == pytest.approx(0.1)
+    results = table_of(controls(modern_study(modern_blocks(change=shares))).results).set_index("quantity")
+    bound = results.loc["passive effect on cooperative share, 150 N/m, no friction"]
+    held = results.loc["passive effect on cooperative share, 150 N/m, with the device"]
+    assert (bound["value"], held["value"]) == (pytest.approx(0.115), pytest.approx(0.023))
+    assert "an upper bound" in bound["note"]
+    assert "holds the recorded device, friction 0.26 N" in held["note"]
+
+
+def test_where_no_device_is_known_only_the_hand_without_friction_is_told() -> None:
+    def unknown(row: dict[str, float], configuration: str, force: str, dyad: int) -> None:
+        shares(row, configuration, force, dyad)
+        row |= {f"passive_{k}_device": np.nan for k in (50, 150, 300)} | {"passive_friction": np.nan}
+
+    study = modern_study(modern_blocks(change=unknown))
+    assert {one.friction for one in controls(study).controls} == {0.0}
+    assert "whose friction is not known" in picture(study).caption
+
+
+def test_there_is_no_share_of_an_effect_that_may_be_none() -> None:
+    def nothing(row: dict[str, float], configuration: str, force: str, dyad: int) -> None:
+        shares(row, configuration, "none", dyad)
+        row["cooperative"] += 0.02 * (-1.0) ** dyad * (force == "full")
+
+    found = controls(modern_study(modern_blocks(change=nothing)))
+    assert not any(one.has_effect for one in found.controls)
+    results = table_of(found.results)
+    told = results[results["quantity"].str.startswith("passive share of the effect")]
+    assert told["value"].isna().all()
+    assert told["note"].str.contains("interval has 0").all()
+    assert results.loc[results["quantity"].str.startswith("passive effect"), "value"].notna().all()
+
+
+def test_one_dyad_has_no_share_to_tell() -> None:
+    """Of one dyad an effect by chance of a thousandth would be shared a hundred times."""
+    one = control(150, dyads=1)
+    assert one.share.value == pytest.approx(0.5)
+    assert np.isnan(one.share.low)
+    assert not one.has_effect
+    told = table_of(controls(modern_study(modern_blocks(change=shares, dyads=1))).results).set_index("quantity")
+    assert np.isnan(told.loc["passive share of the effect, 150 N/m, no friction", "value"])
+    assert "or there is none" in told.loc["passive share of the effect, 150 N/m, no friction", "note"]
+
+
+def test_alone_without_a_pair_or_with_a_robot_there_is_no_control() -> None:
+    row = {"completion": 3.0, "cooperative": 1.0, "single": 1.0, "competitive": 0.0, "still": 0.0, "passive_50": 0.1}
+    alone = [Block("D01", "D01A", "bimanual", force, [row]) for force in ("full", "none")]
+    robot = [Block("D01", "D01", "dyadic", force, [row], right_by="robot") for force in ("full", "none")]
+    one_force = [Block("D01", "D01", "dyadic", "full", [row])]
+    for blocks in (alone, robot, one_force):
+        assert controls(made_study(blocks)).controls == ()
+        assert controls(made_study(blocks)).results == ()

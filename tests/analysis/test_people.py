@@ -1,0 +1,66 @@
+"""A row for each performer in each condition, and nobody's trials in another one's row."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from netboard.analysis.extraction.settings import Readings
+from netboard.analysis.extraction.study import Study, study_of
+from netboard.analysis.results.performers import PEOPLE, people_of
+from netboard.analysis.results.result import kept
+from rehearsed_study import measured, rehearse
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory: pytest.TempPathFactory) -> Study:
+    where = tmp_path_factory.mktemp("study")
+    rehearse(where)
+    return study_of(measured(where, Readings()), Readings())
+
+
+def test_all_performers_are_there_with_their_partners(study: Study) -> None:
+    people = people_of(study)
+    assert list(people) == [field.name for field in (*PEOPLE, *study.factor_fields)]
+    assert set(people["factor_haptics"]) == {"on", "off"}
+    assert len(people) == 8
+    alone = people[people["configuration"] == "bimanual"]
+    assert dict(zip(alone["performer"], alone["partner"], strict=True)) == {
+        "D01A": "D01B",
+        "D01B": "D01A",
+        "D02A": "D02B",
+        "D02B": "D02A",
+    }
+    assert set(people.loc[people["configuration"] == "dyadic", "partner"]) == {""}
+
+
+def test_numbers_are_those_of_the_own_trials(study: Study) -> None:
+    for row in people_of(study).to_dict("records"):
+        chosen = (study.trials["performer"] == row["performer"]) & (study.trials["condition"] == row["condition"])
+        own = study.trials[chosen]
+        done = own[own["outcome"] == "success"]
+        assert row["trials"] == len(done) == 3
+        assert row["attempts"] - row["falls"] == len(done)
+        np.testing.assert_allclose(row["completion"], np.mean(done["completion"]))
+        np.testing.assert_allclose(row["log_completion"], np.mean(np.log(done["completion"])))
+        np.testing.assert_allclose(sum(row[n] for n in ("cooperative", "competitive", "single", "still")), 1)
+        signed = study.movements[(study.movements["performer"] == row["performer"]) & (study.movements["counts"] == 1)]
+        signed = signed[signed["condition"] == row["condition"]]["delay_20"].to_numpy()
+        np.testing.assert_allclose(row["signed_delay_20"], np.nanmean(signed))
+        np.testing.assert_allclose(row["delay_20"], np.nanmean(np.abs(signed)))
+
+
+def test_what_does_not_count_is_in_no_mean(study: Study) -> None:
+    kept = study.trials["counts"] * (study.trials["trial"] > 2)
+    fewer = people_of(replace(study, trials=study.trials.assign(counts=kept)))
+    assert set(fewer["trials"]) == {1}
+    assert (fewer["completion"] == fewer["completion_median"]).all()
+    assert fewer["completion_sd"].isna().all()
+
+
+def test_a_costly_finding_is_made_once_for_each_study(study: Study) -> None:
+    asked: list[Study] = []
+    find = kept(lambda one: asked.append(one) or len(asked))  # type: ignore[func-returns-value]
+    assert [find(study), find(study), find(replace(study)), find(study)] == [1, 1, 2, 3]

@@ -1,0 +1,73 @@
+"""A recording is read once for its columns and its verdicts, and both are what they are when read apart."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from netboard.analysis.extraction.recordings import measure
+from netboard.analysis.extraction.settings import Readings, parse
+from netboard.analysis.extraction.trials import Block, columns_for
+from netboard.base.tick import TICK
+from netboard.network.protocol.motion import Safeguard
+from netboard.recording.export.runs import runs_of
+from netboard.recording.files.reader import Recording
+from netboard.recording.integrity.quality_check import judged
+from netboard.task.trials.quality import SEEN, Referee, empty_tally, tally
+
+pytestmark = pytest.mark.slow
+
+
+def test_the_fields_that_are_seen_are_enough_for_the_same_verdicts(recordings: tuple[Path, ...]) -> None:
+    for run in runs_of(recordings):
+        with Recording(run.path) as recording:
+            rows = recording.ticks()
+            found = judged(recording)
+        referee = Referee(run.config, Safeguard.CLAMPED)
+        assert list(found) == referee.watch(rows, 0, len(rows)) != []
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_the_same_is_counted_of_any_bits(seed: int) -> None:
+    generator = np.random.default_rng(seed)
+    rows = np.frombuffer(bytearray(generator.bytes(400 * TICK.itemsize)), TICK)
+    rows["phase"], rows["event"] = generator.integers(0, 7, 400), generator.integers(0, 12, 400)
+    few = np.zeros(400, np.dtype([(name, TICK[name]) for name in SEEN]))
+    for name in SEEN:
+        few[name] = rows[name]
+    whole, part = empty_tally(), empty_tally()
+    first = 0
+    while first < 400:
+        taken = tally(whole, rows, first, 400 - first, 0.05, 4)
+        assert tally(part, few, first, 400 - first, 0.05, 4) == taken
+        assert whole.tobytes() == part.tobytes()
+        first += taken
+
+
+@pytest.mark.parametrize("velocity", ["derivative", "device"])
+def test_columns_read_on_the_way_are_those_of_the_recording(recordings: tuple[Path, ...], velocity: str) -> None:
+    readings = parse(f'[filters]\nvelocity = "{velocity}"')
+    (run,) = runs_of(recordings[:1])
+    measured = measure(run, readings)
+    with Recording(run.path) as recording:
+        block = Block(recording, run.config, readings)
+    assert measured.blocks["ticks"][0] == block.samples
+    apart = [take.completion for take in block.takes()]
+    assert measured.trials["completion"].tolist() == apart
+    assert ("left_used_vz" in columns_for(readings)) == (velocity == "device")
+
+
+def test_some_fields_come_in_portions_to_the_bit(recordings: tuple[Path, ...]) -> None:
+    with Recording(recordings[0]) as recording:
+        rows = recording.ticks()
+        portions = list(recording.batches(1000, ("theta", "tick")))
+        with pytest.raises(ValueError, match="no field tilt"):
+            next(recording.batches(names=("tilt",)))
+    assert len(portions) > 1
+    assert portions[0].dtype.names == ("theta", "tick")
+    for name in ("theta", "tick"):
+        assert np.concatenate([part[name] for part in portions]).tobytes() == rows[name].tobytes()
+
+
+def test_defaults_are_the_readings_of_an_empty_text() -> None:
+    assert parse("") == Readings()

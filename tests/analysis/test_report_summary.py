@@ -1,0 +1,167 @@
+"""The summary says what the numbers say, and takes them from what a study really has."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from made_study import SMALL, made_study, random_blocks
+from netboard.analysis.extraction.settings import parse
+from netboard.analysis.extraction.study import study_of
+from netboard.analysis.report.numbers import after, between, unit_of, written
+from netboard.analysis.report.summary import THEMES, Main, summary
+from netboard.analysis.results.everything import results_of
+from netboard.analysis.results.result import Result, table_of
+from netboard.analysis.results.units import read_in
+from rehearsed_study import measured, rehearse
+
+NAN = float("nan")
+PAIRS = [(theme.topic, quantity) for theme in THEMES for quantity in theme.quantities]
+
+
+def row(value: float, low: float = NAN, high: float = NAN, **said: object) -> Result:
+    usual: dict[str, object] = {
+        "topic": "contrasts",
+        "quantity": "completion time: ratio",
+        "group": "dyadic, haptics on less off",
+        "unit": "1",
+        "interval": "95 % t" if low == low else "",  # noqa: PLR0124  # NaN differs from itself
+        "n": 4,
+        "of": "dyad",
+    }
+    return Result(value=value, low=low, high=high, **(usual | said))  # type: ignore[arg-type]
+
+
+def said_of(*results: Result) -> Main:
+    (only,) = summary(table_of(results), {})
+    return only
+
+
+@pytest.fixture(scope="module")
+def made() -> dict[str, pd.DataFrame]:
+    """All results of a made-up study, by the reading of its variance."""
+    return {
+        kind: results_of(made_study(random_blocks(), *SMALL, f'summaries.variance="{kind}"'))
+        for kind in ("each", "generalised")
+    }
+
+
+@pytest.mark.parametrize(("topic", "quantity"), PAIRS)
+def test_a_study_has_all_that_the_summary_names(topic: str, quantity: str, made: Mapping[str, pd.DataFrame]) -> None:
+    found = made["generalised" if "generalised" in quantity else "each"]
+    mine = found[(found["topic"] == topic) & (found["quantity"] == quantity)]
+    assert mine["value"].notna().any()
+
+
+def test_every_saying_and_every_column_is_used_by_a_study(made: Mapping[str, pd.DataFrame]) -> None:
+    for found in made.values():
+        shown = {one.picture: one for one in summary(found, {})}
+        assert list(shown) == [theme.picture for theme in THEMES]
+        for theme in THEMES:
+            sayings = {
+                s.lead.partition("{")[0] for s in theme.sayings if s.none and (s.quantity in set(found.quantity))
+            }
+            assert all(any(text.startswith(lead) for text in shown[theme.picture].sentences) for lead in sayings)
+            headings = [one.title for one in theme.headings if set(one.quantities) & set(found["quantity"])]
+            columns = [column.title.partition(" [")[0] for column in shown[theme.picture].table.columns]
+            assert columns == ["Group", *headings, "n"]
+            assert all(cell for line in shown[theme.picture].table.rows for cell in (line[0], line[-1]))
+
+
+@pytest.mark.slow
+def test_a_rehearsed_study_has_a_summary_of_every_topic(tmp_path: Path) -> None:
+    rehearse(tmp_path, blocks=(1, 2, 3, 4, 9, 10), trials=4)
+    readings = parse("", overrides=("summaries.ends=1", "summaries.group=3"))
+    found = results_of(study_of(measured(tmp_path, readings), readings))
+    for theme in THEMES:
+        for quantity in theme.quantities:
+            there = ((found["topic"] == theme.topic) & (found["quantity"] == quantity)).any()
+            assert there == ("generalised" not in quantity)
+    assert [one.picture for one in summary(found, {})] == [theme.picture for theme in THEMES]
+
+
+def test_a_ratio_is_compared_with_one() -> None:
+    found = said_of(
+        row(1.1021, 1.0182, 1.1929, group="bimanual, haptics on less off"), row(0.93434, 0.77152, 1.1315)
+    ).sentences
+    assert found == (
+        "With haptics on, bimanual trials took 1.10 times as long as with haptics off (1.02 to 1.19, 4 dyads): the "
+        "whole interval is above 1; dyadic trials took 0.93 times as long as with haptics off (0.77 to 1.13, 4 dyads): "
+        "the interval includes 1 (no difference).",
+    )
+
+
+def test_one_dyad_has_no_interval() -> None:
+    (found,) = said_of(row(0.9, n=1)).sentences
+    assert found.endswith("haptics off (1 dyad): there is no interval, so nothing is known of how sure it is.")
+
+
+def test_a_partner_who_is_no_person_is_named() -> None:
+    (found,) = said_of(row(0.9, 0.8, 0.95, group="dyadic, robot partner, haptics on less off")).sentences
+    assert "dyadic trials with a robot partner took 0.90 times" in found
+    assert found.endswith("the whole interval is below 1.")
+
+
+def test_a_level_is_said_only_where_there_is_no_difference() -> None:
+    share = {"topic": "classes", "quantity": "share of cooperative movement"}
+    level = row(0.503, 0.412, 0.594, group="dyadic, haptics on", **share)
+    assert said_of(level).sentences == (
+        "The share of cooperative movement was 50.3\u00a0% (dyadic, haptics on) (41.2 to 59.4, 4 dyads).",
+    )
+    (found,) = said_of(level, row(0.103, 0.05, 0.156, **share)).sentences
+    assert "by 10.3\u00a0%\u00a0points in dyadic trials (5.0 to 15.6, 4 dyads): the whole interval is above 0." in found
+
+
+def test_of_groups_of_trials_the_first_and_the_last_are_in_the_table() -> None:
+    spread = {"topic": "strategy", "quantity": "variance of distance", "unit": "m2"}
+    groups = [f"{team}, trials {k} to {k + 29}" for team in ("bimanual", "dyadic") for k in (1, 31, 61)]
+    table = said_of(*(row(0.002, 0.001, 0.003, group=group, **spread) for group in groups)).table
+    assert [line[0] for line in table.rows] == [groups[0], groups[2], groups[3], groups[5]]
+    assert table.rows[0][1:] == ("2,000 (1,000 to 3,000)", "4 dyads")
+    assert table.columns[1].title == "variance of distance [mm²]"
+
+
+@pytest.mark.parametrize(
+    ("unit", "quantity", "group", "symbol", "scale"),
+    [
+        ("s", "completion time", "dyadic", "s", 1),
+        ("s", "delay at 20 %", "dyadic", "ms", 1000),
+        ("s", "|lag|: difference", "dyadic", "ms", 1000),
+        ("s", "reaction time", "dyadic", "ms", 1000),
+        ("1", "|delay at 20 %|: p, Holm", "dyadic", "", 1),
+        ("1", "share of stillness", "dyadic", "%", 100),
+        ("1", "share of stillness", "dyadic, haptics on less off", "% points", 100),
+        ("1", "cooperative share: difference", "dyadic", "% points", 100),
+        ("1", "cooperative share: g_z", "dyadic less bimanual, haptics on", "", 1),
+        ("1", "falls per attempt", "dyadic", "%", 100),
+        ("1", "falls per attempt: ratio of odds", "haptics", "", 1),
+        ("m", "ball along the board", "dyadic", "mm", 1e3),
+        ("m2/s2", "variance of velocity", "dyadic", "mm²/s²", 1e6),
+        ("N2 s", "effort", "dyadic", "N² s", 1),
+        ("", "", "", "", 1),
+    ],
+)
+def test_units_are_those_that_people_read(unit: str, quantity: str, group: str, symbol: str, scale: float) -> None:
+    found = read_in(unit, quantity, group)
+    assert (found.symbol, found.scale) == (symbol, scale)
+
+
+@pytest.mark.parametrize(
+    ("result", "text"),
+    [
+        (row(0.0465, 0.0387, 0.0543, quantity="delay at 20 %", unit="s"), "46.5 ms, 38.7 to 54.3"),
+        (
+            row(-0.00012, -0.00017, -0.00008, quantity="competitive share: difference"),
+            "−0.012 % points, −0.017 to −0.008",
+        ),
+        (row(4.349, 0.827, 7.871, quantity="completion time", unit="s", interval="SD"), "4.35 s, ± 3.52"),
+        (row(0.125, quantity="completion time: p, Holm"), "0.125, "),
+        (row(0.000171, quantity="variance of distance", unit="m2"), "171 mm², "),
+        (row(0.3, -0.8, 1.4, quantity="velocity peaks: difference"), "0.30, −0.80 to 1.40"),
+    ],
+)
+def test_a_number_and_its_interval_have_the_same_decimals(result: Result, text: str) -> None:
+    (mapping,) = table_of([result]).to_dict("records")
+    said = f"{written(mapping)[0]}{after(unit_of(mapping))}, {between(mapping)}"
+    assert said.replace("\u00a0", " ") == text

@@ -1,0 +1,96 @@
+"""Variances and ellipses of strategies by hand, and what the readings make of them."""
+
+import numpy as np
+import pytest
+
+from made_study import Block, made_study, random_blocks
+from netboard.analysis.results.strategy import EVERYBODY, Strategy, strategy
+
+
+def braked(*points: tuple[float, float]) -> list[dict[str, float]]:
+    return [{"completion": 3.0, "braking_distance": x, "braking_velocity": v} for x, v in points]
+
+
+WIDE, NARROW = [(0.1, 0.0), (0.2, 0.2), (0.3, 0.1)], [(0.19, 0.0), (0.2, 0.2), (0.21, 0.1)]
+BLOCKS = (
+    Block("D01", "D01", "dyadic", "full", braked(*WIDE, *NARROW)),
+    Block("D01", "D01", "dyadic", "none", braked(*NARROW, *NARROW)),
+    Block("D02", "D02", "dyadic", "none", braked(*WIDE, *WIDE)),
+)
+GROUP = "summaries.group=3"
+
+
+def value(found: Strategy, quantity: str, group: str) -> float:
+    (only,) = [one for one in found.results if (one.quantity, one.group) == (quantity, group)]
+    return only.value
+
+
+def test_variances_are_those_of_a_performer_in_a_condition() -> None:
+    """0.01 m2 of the wide trials, 0.0001 m2 of the narrow ones; D01 has one of each at first."""
+    found = strategy(made_study(BLOCKS, GROUP))
+    assert value(found, "variance of distance", "dyadic, trials 1 to 3") == pytest.approx((0.00505 + 0.01) / 2)
+    assert value(found, "variance of distance", "dyadic, trials 4 to 6") == pytest.approx((0.0001 + 0.01) / 2)
+    assert value(found, "change of variance of distance", "dyadic, last group less first") == pytest.approx(
+        -0.00495 / 2
+    )
+    assert value(found, "variance of velocity", "dyadic, trials 1 to 3") == pytest.approx(0.01)
+
+
+def test_an_ellipse_is_of_everybodys_trials_of_a_group() -> None:
+    (one,) = strategy(made_study(BLOCKS, GROUP)).teams
+    assert [ellipse.count for ellipse in one.ellipses] == [9, 9]
+    assert one.ellipses[0].centre == pytest.approx([0.2, 0.1])
+    assert one.last.tolist() == [3, 6]
+
+
+def test_variances_of_both_at_once_are_determinants() -> None:
+    found = strategy(made_study(BLOCKS, GROUP, 'summaries.variance="generalised"'))
+    (spread,) = found.teams[0].spreads
+    assert (spread.quantity, spread.unit) == ("generalised variance", "m4/s2")
+    assert spread.dyads.loc["D02"].tolist() == pytest.approx([np.linalg.det(np.cov(np.array(WIDE).T))] * 2)
+
+
+def test_the_extent_and_the_scaling_of_ellipses_are_as_set() -> None:
+    blocks = random_blocks(trials=30)
+    areas = {
+        (extent, scaling): strategy(
+            made_study(blocks, f'summaries.extent="{extent}"', f'summaries.scaling="{scaling}"')
+        )
+        .teams[0]
+        .ellipses[0]
+        .area
+        for extent in ("middle_90", "twice_p90", "p10_to_p90", "nine_tenths")
+        for scaling in ("si", "standardised")
+    }
+    assert len({round(area, 9) for area in areas.values()}) == 8
+    assert areas["p10_to_p90", "si"] < areas["middle_90", "si"] < areas["nine_tenths", "si"]
+
+
+def test_groups_are_as_large_as_is_set() -> None:
+    (small,) = strategy(made_study(BLOCKS, GROUP)).teams
+    (large,) = strategy(made_study(BLOCKS, "summaries.group=4")).teams
+    assert small.first.tolist() == [1, 4]
+    assert large.first.tolist() == [1, 5]
+    assert [ellipse.count for ellipse in large.ellipses] == [12, 6]
+
+
+def test_a_group_of_too_few_trials_has_no_variance() -> None:
+    (one,) = strategy(made_study(BLOCKS, "summaries.group=4")).teams
+    assert np.isnan(one.spreads[0].means[1].value)
+    assert one.spreads[0].means[1].n == 0
+
+
+def test_all_are_shown_together_where_there_are_several_teams() -> None:
+    found = strategy(made_study(random_blocks(), GROUP))
+    assert [one.team for one in found.teams] == [EVERYBODY, "bimanual", "dyadic"]
+    assert found.teams[0].ellipses[0].count == sum(one.ellipses[0].count for one in found.teams[1:])
+
+
+def test_one_group_has_no_change() -> None:
+    found = strategy(made_study(BLOCKS, "summaries.group=30"))
+    assert np.isnan(value(found, "change of variance of distance", "dyadic, last group less first"))
+
+
+def test_trials_without_a_braking_movement_are_left_out() -> None:
+    found = strategy(made_study([Block("D01", "D01", "dyadic", "none", [{"completion": 3.0}])]))
+    assert (found.teams, found.results) == ((), ())

@@ -1,0 +1,167 @@
+"""A study is its recordings in the order of its plan, less what is excluded, and every exclusion is told."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from made_study import Block
+from made_study import measured as made_block
+from netboard.analysis.extraction.exclusions import NO_COMPLETION, excluded
+from netboard.analysis.extraction.recordings import Measured
+from netboard.analysis.extraction.settings import Exclusions, Readings, parse
+from netboard.analysis.extraction.study import Study, study_of
+from netboard.base.errors import ConfigError
+from rehearsed_study import measured, rehearse
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    where = tmp_path_factory.mktemp("study")
+    rehearse(where)
+    return where
+
+
+def study(folder: Path, *words: str) -> Study:
+    readings = parse("", overrides=words)
+    return study_of(measured(folder, Readings()), readings)
+
+
+def blocks(**columns: object) -> pd.DataFrame:
+    return pd.DataFrame({"recording": ["r"], "pilot": [0], "simulated": [0], "not_measured": [""]} | columns)
+
+
+def trials(**columns: object) -> pd.DataFrame:
+    base = {"recording": "r", "trial": [1, 2, 3], "attempt": 1, "catch": 0, "flags": ""}
+    base |= {"outcome": "success", "completion": 1.0}
+    return pd.DataFrame(base | columns)
+
+
+@pytest.mark.slow
+def test_trials_are_numbered_within_each_performer_and_condition(folder: Path) -> None:
+    found = study(folder)
+    assert found.dyads == ["D01", "D02"]
+    for _, own in found.counted.groupby(["performer", "condition"]):
+        assert list(own["order"]) == list(range(1, len(own) + 1))
+    assert set(found.counted["condition"]) == {
+        f"{who}, {force}" for who in ("bimanual", "dyadic") for force in ("full", "none")
+    }
+    assert (found.trials.loc[found.trials["outcome"] != "success", "counts"] == 0).all()
+    for name in ("blocks", "trials", "movements"):
+        assert list(getattr(found, name)) == list(dict.fromkeys(getattr(found, name)))
+        assert set(getattr(found, name)) == {field.name for field in found.fields(name)}
+
+
+@pytest.mark.slow
+def test_the_order_of_recordings_does_not_matter(folder: Path) -> None:
+    one, other = (study_of(m, Readings()) for m in (measured(folder, Readings()), measured(folder, Readings())[::-1]))
+    for name in ("blocks", "trials", "movements"):
+        pd.testing.assert_frame_equal(getattr(one, name), getattr(other, name))
+    assert list(one.paths) == list(other.paths) == list(one.blocks["recording"])
+    for name, paths in one.paths.items():
+        pd.testing.assert_frame_equal(paths, other.paths[name])
+
+
+@pytest.mark.slow
+def test_numbering_over_a_configuration_goes_on_across_conditions(folder: Path) -> None:
+    found = study(folder, "summaries.numbering=configuration")
+    dyads = found.counted[found.counted["configuration"] == "dyadic"]
+    assert dyads["order"].max() == 2 * study(folder).counted["order"].max()
+
+
+@pytest.mark.slow
+def test_what_is_excluded_does_not_count_and_is_listed(folder: Path) -> None:
+    first = study(folder).blocks["recording"][0]
+    found = study(folder, "exclusions.warm_up=1", f'exclusions.trials=["{first}/3: the phone rang"]')
+    assert (found.counted["trial"] > 1).all()
+    assert found.exclusions["why"].value_counts()["excluded by the experimenter: the phone rang"] == 1
+    assert len(found.counted) == 8 * 2 - 1
+
+
+@pytest.mark.parametrize(
+    ("change", "rules", "why"),
+    [
+        ({"flags": ["", "clipped too_long", ""]}, Exclusions(), ["a force was at its limit for too much of the time"]),
+        ({"flags": ["too_long", "", ""]}, Exclusions(), []),
+        (
+            {"flags": ["stuck_left", "", ""]},
+            Exclusions(),
+            ["the height of the left stylus did not change for too long"],
+        ),
+        ({"catch": [0, 1, 0]}, Exclusions(), ["a catch trial"]),
+        ({"catch": [0, 1, 0]}, Exclusions(catch=False), []),
+        ({}, Exclusions(warm_up=2), ["one of the first 2 trials of the block"] * 2),
+        ({"completion": [1.0, np.nan, 2.0]}, Exclusions(), [NO_COMPLETION]),
+        ({"completion": np.nan, "outcome": "fell"}, Exclusions(), []),
+    ],
+)
+def test_each_rule_excludes_what_it_names(change: dict[str, object], rules: Exclusions, why: list[str]) -> None:
+    assert list(excluded(blocks(), trials(**change), rules)["why"]) == why
+
+
+def test_attempts_that_ended_otherwise_are_listed() -> None:
+    told = blocks(not_measured=["2.1 pause; 4.3 abort"])
+    found = excluded(told, trials(), Exclusions())
+    assert list(found[["trial", "attempt"]].itertuples(index=False, name=None)) == [(2, 1), (4, 3)]
+    assert [why.rpartition(": ")[2] for why in found["why"]] == ["pause", "abort"]
+
+
+def test_a_simulated_hand_may_be_still() -> None:
+    assert excluded(blocks(simulated=[1]), trials(flags="stuck_left"), Exclusions()).empty
+
+
+def test_an_attempt_has_all_its_reasons() -> None:
+    found = excluded(blocks(), trials(flags=["clipped lost_samples", "", ""]), Exclusions(warm_up=1))
+    assert len(found) == 3
+    assert set(found["trial"]) == {1}
+
+
+@pytest.mark.parametrize(("pilots", "count"), [("unless_all", 1), ("always", 1), ("never", 0)])
+def test_pilots_do_not_count_beside_others(pilots: str, count: int) -> None:
+    both = pd.DataFrame({"recording": ["r", "s"], "pilot": [0, 1], "simulated": 0, "not_measured": ""})
+    rows = trials(recording=["r", "r", "s"])
+    assert len(excluded(both, rows, Exclusions(pilots=pilots))) == count  # type: ignore[arg-type]
+    alone = excluded(blocks(pilot=[1]), trials(), Exclusions(pilots=pilots))  # type: ignore[arg-type]
+    assert len(alone) == (3 if pilots == "always" else 0)
+
+
+@pytest.mark.parametrize("word", ["r/9: late", "q/1: late", "r/1", "r/one: late", "r/1:"])
+def test_a_trial_that_is_not_there_cannot_be_excluded(word: str) -> None:
+    with pytest.raises(ConfigError, match=r"exclusions\] trials"):
+        excluded(blocks(), trials(), Exclusions(trials=(word,)))
+
+
+def test_nan_is_no_flag() -> None:
+    assert np.array_equal(excluded(blocks(), trials(), Exclusions()).shape, (0, 4))
+
+
+def made(name: str, block: int, opened: str, *, part: int = 1, force: str = "full", study: str = "") -> Measured:
+    """Tables of a recording of one trial."""
+    one = made_block(Block("D01", "D01", "dyadic", force, [{"trial": part}]), block)
+    said = {"recording": name, "opened_utc": opened, "part": part, "study": study}
+    for column, value in said.items():
+        one.blocks[column][:] = value
+    for table in (one.trials, one.movements, one.paths):
+        table["recording"][:] = name
+    return one
+
+
+def test_a_block_that_was_resumed_goes_on_where_it_stopped() -> None:
+    """Its second recording is of another session, with a name that may come first and a part that is the first."""
+    parts = [made("x_ff", 1, "10:00"), made("x_ff_part2", 1, "10:05", part=2), made("x_00", 1, "10:10")]
+    found = study_of(parts, Readings())
+    assert list(found.blocks["recording"]) == ["x_ff", "x_ff_part2", "x_00"]
+    assert list(found.trials["recording"]) == ["x_ff", "x_ff_part2", "x_00"]
+    assert list(found.trials["order"]) == [1, 2, 3]
+    assert set(found.blocks["block"]) == {1}
+
+
+def test_blocks_with_the_same_number_are_counted_through_plan_after_plan() -> None:
+    one = [made("a1", 1, "09:00", study="a"), made("a2", 2, "09:10", study="a", force="none")]
+    other = [made("b1", 1, "08:00", study="b", force="none"), made("b2", 2, "08:10", study="b")]
+    found = study_of([*one, *other], Readings())
+    assert list(found.blocks["recording"]) == ["b1", "b2", "a1", "a2"]
+    assert list(found.blocks["block"]) == list(found.trials["block"]) == [1, 2, 3, 4]
+    imported = [made("i1", 1, "09:00"), made("i2", 1, "09:10", force="none"), made("i3", 1, "09:20")]
+    assert list(study_of(imported, Readings()).blocks["block"]) == [1, 2, 1]

@@ -1,0 +1,130 @@
+"""The sheet of a trial shows what the tables say of it."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.axes import Axes
+
+from netboard.analysis.extraction.details import delays_of
+from netboard.analysis.extraction.recordings import Measured
+from netboard.analysis.extraction.settings import Readings, parse
+from netboard.analysis.extraction.trials import Block, Take
+from netboard.analysis.figures.figure import as_bytes
+from netboard.analysis.figures.trial import PANELS, panel, sheet
+from netboard.base.errors import NetboardError
+from netboard.recording.export.runs import runs_of
+from netboard.recording.files.reader import Recording
+from netboard.services import explain
+from rehearsed_study import measured, rehearse
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    where = tmp_path_factory.mktemp("study")
+    rehearse(where, dyads=1, blocks=(10,))
+    return where
+
+
+@pytest.fixture(scope="module")
+def takes(folder: Path) -> list[Take]:
+    (run,) = runs_of(sorted(folder.glob("*.mcap")))
+    with Recording(run.path) as recording:
+        return list(Block(recording, run.config, Readings()).takes())
+
+
+@pytest.fixture(scope="module")
+def tables(folder: Path) -> Measured:
+    return measured(folder, Readings())[0]
+
+
+def axes_of(take: Take, name: str) -> Axes:
+    return panel(take, name).axes[0]
+
+
+def test_every_axis_has_a_unit_and_every_part_its_words(takes: list[Take]) -> None:
+    for take in takes:
+        figure = sheet(take).figure
+        assert figure is not None
+        assert len(figure.axes) == len(PANELS)
+        for axes in figure.axes:
+            assert axes.get_xlabel() == "time from the release [s]"
+            assert axes.get_ylabel().endswith("]")
+            assert ": " in axes.get_title(loc="left")
+
+
+def test_the_words_are_the_numbers_of_the_tables(takes: list[Take], tables: Measured) -> None:
+    for row, take in enumerate(takes):
+        said = {name: axes_of(take, name).get_title(loc="left") for name in PANELS}
+        number = {name: column[row] for name, column in tables.trials.items()}
+        if np.isfinite(number["completion"]):
+            assert f"{number['completion']:.3f} s" in said["completion"]
+        assert f"{number['peaks']:.0f} to the completion, {number['peaks_whole']:.0f} with" in said["peaks"]
+        total = sum(number[name] for name in ("cooperative", "competitive", "single", "still"))
+        assert f"cooperative {number['cooperative'] / total:.0%}" in said["classes"]
+        if np.isfinite(number["braking_onset"]):
+            assert f"at {number['braking_onset']:.3f} s" in said["braking"]
+
+
+@pytest.mark.parametrize("threshold", ["slower_side", "own_peak"])
+@pytest.mark.parametrize("velocity", ["own_direction", "magnitude"])
+def test_delays_are_drawn_as_they_are_set(takes: list[Take], threshold: str, velocity: str) -> None:
+    words = (f"delays.threshold={threshold}", f"delays.velocity={velocity}")
+    readings = parse("", overrides=words)
+    take = next(replace(one, block=one.block.again(readings)) for one in takes if delays_of(one)[0].cooperative.any())
+    axes = axes_of(take, "delay")
+    lines = {str(line.get_label()): np.asarray(line.get_ydata()) for line in axes.lines}
+    assert (min(lines["left"].min(), lines["right"].min()) >= 0.0) == (velocity == "magnitude")
+    moved, found, _ = delays_of(take)
+    k = int(np.argmax(np.where(moved.cooperative, np.abs(take.own_turns.angle), 0.0)))
+    peaks = {"left": found.left_peak[k], "right": found.right_peak[k]}
+    own = peaks if threshold == "own_peak" else {"": min(peaks.values())}
+    for side, peak in own.items():
+        assert lines[f"_{side} 20 %"] == pytest.approx([200.0 * peak] * 2)
+    whose = "each side's own peak" if threshold == "own_peak" else "the slower side's peak"
+    assert f"of {whose} (lines), in the largest movement" in axes.get_title(loc="left")
+
+
+def test_peaks_are_drawn_where_they_are(takes: list[Take], tables: Measured) -> None:
+    for row, take in enumerate(takes):
+        drawn = [line for line in axes_of(take, "peaks").lines if line.get_marker() == "o"]
+        assert [len(line.get_xdata()) for line in drawn] == [
+            tables.trials["peaks_whole"][row],
+            tables.trials["peaks"][row],
+        ]
+
+
+def test_the_same_trial_gives_the_same_bytes(takes: list[Take]) -> None:
+    one, other = (as_bytes(panel(takes[0], "peaks"), "svg") for _ in range(2))
+    assert one == other
+    assert b"<text" in one
+
+
+def test_the_command_writes_a_sheet_once(folder: Path, tmp_path: Path) -> None:
+    (path,) = folder.glob("*.mcap")
+    output = tmp_path / "trial.png"
+    assert explain.main(path, 1, None, Readings(), output) == 0
+    assert output.read_bytes().startswith(b"\x89PNG")
+    with pytest.raises(NetboardError, match="is there already"):
+        explain.main(path, 1, None, Readings(), output)
+
+
+@pytest.mark.parametrize(
+    ("trial", "attempt", "name", "said"),
+    [
+        (99, None, "a.png", "trials 1 to 3 are there"),
+        (1, 9, "a.png", "attempt 9 at trial 1"),
+        (1, None, "a.gif", "expected a file that ends with .png"),
+        (1, None, "nowhere/a.png", "cannot be written"),
+    ],
+)
+def test_what_cannot_be_drawn_is_told(
+    folder: Path, tmp_path: Path, trial: int, attempt: int | None, name: str, said: str
+) -> None:
+    (path,) = folder.glob("*.mcap")
+    with pytest.raises(NetboardError, match=said):
+        explain.main(path, trial, attempt, Readings(), tmp_path / name)
+    assert list(tmp_path.iterdir()) == []

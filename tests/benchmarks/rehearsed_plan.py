@@ -1,0 +1,14 @@
+"""A dyad that has rehearsed the paper's plan, shortened."""
+
+from pathlib import Path
+
+from netboard.base.config import Config
+from netboard.nodes.rehearsal.jobs import jobs_of, rehearse
+from netboard.task.plans.blocks import blocks_of, shortened
+from netboard.task.studies.study import paper_study
+
+
+def rehearsed_plan(folder: Path, trials: int, blocks: int | None = None) -> list[Path]:
+    """Recordings of the first blocks of the first dyad, in order."""
+    wanted = list(shortened(blocks_of(Config(), paper_study(), 1, 1), blocks, trials))
+    return [Path(rehearse(job).recording) for job in jobs_of(wanted, 1, 1, folder)]

@@ -1,0 +1,47 @@
+"""What an analysis costs is measured: the lines that are fitted are right, and every table is there."""
+
+import json
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from netboard.benchmarks.analysis import speed_bench
+from netboard.benchmarks.analysis.speed_bench import line
+from netboard.services.cli import app
+from rehearsed_study import small_study
+
+pytest.importorskip("pyarrow")
+pytest.importorskip("matplotlib")
+
+
+def test_a_line_is_found_and_says_how_well_it_fits() -> None:
+    x = np.array([18.0, 36.0, 54.0, 72.0])
+    slope, start, explained = line(x, 3.0 + 0.25 * x)
+    assert slope == pytest.approx(0.25)
+    assert start == pytest.approx(3.0)
+    assert explained == pytest.approx(1.0)
+    y = np.array([1.0, 5.0, 2.0, 4.0])
+    assert line(x, y)[2] == pytest.approx(np.corrcoef(x, y)[0, 1] ** 2)
+    assert line(x, np.ones(4))[2] == 1.0
+
+
+@pytest.mark.slow
+def test_every_table_is_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(speed_bench, "SHARES", (0.5, 1.0))
+    (made := tmp_path / "made").mkdir()
+    small_study(made)
+    words = ["bench", "analysis", str(made), "-o", "out", "--workers", "1", "--json", "analysis.json"]
+    result = CliRunner().invoke(app, words)
+    assert result.exit_code == 0, result.output
+    parts = {part["name"]: part for part in json.loads(Path("analysis.json").read_text())["parts"]}
+    assert set(parts) == {"costs", "scaling", "memory", "whole", "again"}
+    assert [row[0] for row in parts["again"]["rows"]] == ["first", "again"]
+    rows = parts["costs"]["rows"]
+    assert [row[0] for row in rows] == [2, 4]
+    assert all(after[1] > before[1] and after[2] > before[2] for before, after in pairwise(rows))
+    assert [row[0] for row in parts["scaling"]["rows"]] == ["reading alone", "anew", "kept"]
+    assert Path("analysis.json").read_bytes() == Path("out/results.json").read_bytes()

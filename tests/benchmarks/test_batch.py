@@ -1,0 +1,155 @@
+"""Many simulations at once: the numbers of the strict step to roundoff, for every kind of scene."""
+
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from netboard.base.tables.scene import Physics
+from netboard.benchmarks.physics.batch import LANES, in_blocks, make_batch, out_of_blocks, scene_blocks
+from netboard.physics.methods.march import make_grid, run
+from netboard.physics.scene.parameters import pack_scene, parts_of, state_length
+
+Array = NDArray[np.float64]
+H, COUNT = 1e-3, 2 * LANES
+
+SCENES = {
+    "paper": Physics(),
+    "paper without a ball": Physics(balls=0),
+    "paper, three balls": Physics(balls=3),
+    "paper, one hand, damped": Physics(coupling="left", b_theta=0.01, b_z=0.1),
+    "paper, hinged": Physics(board="hinged"),
+    "lagrangian": Physics(model="lagrangian"),
+    "lagrangian, two balls": Physics(model="lagrangian", balls=2, ball_inertia=0.4, ball_height=0.02),
+    "lagrangian with stops": Physics(model="lagrangian", ball_stop=0.03, restitution=0.5),
+}
+
+
+def starts(length: int) -> Array:
+    x = np.random.default_rng(1).normal(size=(COUNT, length)) * 0.02
+    x[:, [1, 3]] *= 10.0
+    return x
+
+
+def pushes(physics: Physics, steps: int) -> Array:
+    """Polynomials of both drives for every simulation and step, of hands that move smoothly."""
+    rng = np.random.default_rng(2)
+    t = np.arange(steps)[:, None, None] * H
+    rate = rng.uniform(2.0, 20.0, (1, COUNT, 2))
+    phase = rng.uniform(0.0, 6.0, (1, COUNT, 2))
+    size = 0.02 * physics.k_h
+    u = size * np.sin(rate * t + phase)
+    du = size * rate * np.cos(rate * t + phase)
+    hands = np.zeros((steps, COUNT, 8))
+    hands[..., 0::4], hands[..., 1::4], hands[..., 2::4] = u, du, -0.5 * rate**2 * u
+    return hands
+
+
+def stepped(physics: Physics, scenes: NDArray[Any], x: Array, hands: Array) -> Array:
+    step = make_batch(parts_of(physics), x.shape[1], len(scenes) > 1)
+    blocks, packed = in_blocks(x), scene_blocks(scenes)
+    for now in hands:
+        step(blocks, in_blocks(now), packed, H)
+    return out_of_blocks(blocks)
+
+
+def marched(physics: Physics, scene: NDArray[Any], x: Array, hands: Array) -> Array:
+    parts, steps = parts_of(physics), len(hands)
+    grid = make_grid("rk4", np.full(steps, H), np.ones(steps, np.int64), parts, len(x), scene)
+    return run("rk4", tuple(x.tolist()), np.ascontiguousarray(hands), grid, parts, scene)[-1]
+
+
+def assert_alike(found: Array, wanted: Array) -> None:
+    scale = np.abs(wanted).max(axis=0) + 1e-30
+    assert np.max(np.abs(found - wanted) / scale) < 1e-12
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SCENES)
+def test_a_thousand_steps_are_those_of_the_strict_method(name: str) -> None:
+    physics = SCENES[name]
+    scene, x, hands = pack_scene(physics), starts(state_length(physics)), pushes(physics, 1000)
+    found = stepped(physics, scene, x, hands)
+    some = range(0, COUNT, 17)
+    assert_alike(found[some], np.array([marched(physics, scene, x[i], hands[:, i]) for i in some]))
+
+
+@pytest.mark.slow
+def test_each_may_have_a_scene_of_its_own() -> None:
+    rng = np.random.default_rng(3)
+    kinds = [replace(Physics(), M=rng.uniform(0.01, 0.1), k_h=rng.uniform(50, 300)) for _ in range(COUNT)]
+    scenes = np.concatenate([pack_scene(physics) for physics in kinds])
+    x, hands = starts(6), pushes(Physics(), 1000)
+    found = stepped(Physics(), scenes, x, hands)
+    some = range(0, COUNT, 17)
+    assert_alike(found[some], np.array([marched(kinds[i], scenes[i : i + 1], x[i], hands[:, i]) for i in some]))
+
+
+@pytest.mark.parametrize("tilt", [0.78, 0.79, 1.6, 3.0, -2.4, 5.5, -1e3, 1e6])
+def test_a_large_tilt_is_as_good_as_a_small_one(tilt: float) -> None:
+    """Right at the limit of the short form too: within a step the tilt goes beyond it."""
+    physics, scene = Physics(), pack_scene(Physics())
+    x, hands = starts(6), pushes(physics, 1)
+    x[5, 2], x[5, 3] = tilt, 10.0
+    found = stepped(physics, scene, x, hands)
+    assert np.isfinite(found).all()
+    wanted = marched(physics, scene, x[5], hands[:, 5])
+    assert np.allclose(found[5], wanted, rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, 1e7])
+@pytest.mark.parametrize("place", range(6))
+def test_what_is_not_finite_shows_and_stays_with_its_own(bad: float, place: int) -> None:
+    physics, scene = Physics(), pack_scene(Physics())
+    x, hands = starts(6), pushes(physics, 1)
+    wanted = stepped(physics, scene, x, hands)
+    x[7, place] = bad
+    found = stepped(physics, scene, x, hands)
+    others = np.arange(COUNT) != 7
+    assert np.allclose(found[others], wanted[others], rtol=1e-14, atol=1e-18)
+    assert place == 5 or bad == 1e7 or not np.isfinite(found[7]).all()
+    strict = marched(physics, scene, x[7], hands[:, 7])
+    assert np.array_equal(np.isfinite(found[7]), np.isfinite(strict))
+
+
+def test_blocks_hold_every_value_once() -> None:
+    values = np.arange(COUNT * 5.0).reshape(COUNT, 5)
+    blocks = in_blocks(values)
+    assert blocks.shape == (2, 5, LANES)
+    assert blocks[1, 3, 2] == values[LANES + 2, 3]
+    assert np.array_equal(out_of_blocks(blocks), values)
+
+
+PLAIN = """
+import numpy as np
+from netboard.base.config import Physics
+from netboard.benchmarks.physics.batch import in_blocks, make_batch, out_of_blocks, scene_blocks
+from netboard.physics.scene import pack_scene, parts_of
+x = np.linspace(-1.0, 1.0, 64 * 6).reshape(64, 6)
+hands = np.linspace(-3.0, 3.0, 64 * 8).reshape(64, 8)
+blocks = in_blocks(x)
+for model in ("paper", "lagrangian"):
+    physics = Physics(model=model)
+    make_batch(parts_of(physics), 6, False)(blocks, in_blocks(hands), scene_blocks(pack_scene(physics)), 1e-3)
+print(out_of_blocks(blocks).tolist())
+"""
+
+
+@pytest.mark.slow
+def test_the_plain_text_computes_the_same() -> None:
+    def said(**environment: str) -> Array:
+        run_ = subprocess.run(
+            [sys.executable, "-c", PLAIN],
+            env={**os.environ, **environment},
+            capture_output=True,
+            check=True,
+            text=True,
+        )
+        return np.array(eval(run_.stdout))
+
+    assert np.allclose(said(NUMBA_DISABLE_JIT="1"), said(), rtol=1e-12, atol=1e-14)

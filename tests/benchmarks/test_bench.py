@@ -1,0 +1,34 @@
+"""What becomes of the outcomes of cases: which count, and which are prepared again."""
+
+from collections import Counter
+from dataclasses import replace
+
+from netboard.benchmarks.faults.bench import MOST_AGAIN, Outcome, judged, told_again
+from netboard.benchmarks.faults.cases import CASES
+from netboard.benchmarks.harness.results import Verdict
+
+SOUND = Outcome(CASES[0], (Verdict("it holds", True, "it does"),))
+FAILED = Outcome(CASES[1], (Verdict("it holds", False, "it does not"),))
+SPOILED = replace(FAILED, disturbed="the server stood still for 28 ms")
+
+
+def test_a_case_that_failed_counts_whatever_came_of_it() -> None:
+    again: Counter[str] = Counter()
+    assert judged([SOUND, FAILED], again) == [SOUND, FAILED]
+    assert not again
+
+
+def test_a_case_that_the_machine_disturbed_before_is_prepared_again_a_few_times_only() -> None:
+    again: Counter[str] = Counter()
+    for _ in range(MOST_AGAIN):
+        assert judged([SOUND, SPOILED], again) == [SOUND]
+    (_, last) = judged([SOUND, SPOILED], again)
+    assert not last.holds
+    assert last.again == MOST_AGAIN
+
+
+def test_how_often_is_said() -> None:
+    assert told_again([SOUND, FAILED]).endswith(": 0 times")
+    again = Counter({SOUND.case.name: 1})
+    (waited,) = judged([replace(SOUND, again=2)], again)
+    assert told_again([waited, FAILED]).endswith(f": 3 times: {SOUND.case.name} (3)")

@@ -1,0 +1,277 @@
+"""What must hold after a fault, on evidence made up for it."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from netboard.base.tables.rig import Safety
+from netboard.base.tick import TICK
+from netboard.benchmarks.faults.checks import (
+    back,
+    disturbed,
+    either,
+    falls,
+    gentle,
+    goes_on,
+    neighbour_unmoved,
+    no_damage,
+    noted,
+    nothing_lost,
+    paused,
+    powerless,
+    rendered_known,
+    rests,
+    safeguarded,
+    shown,
+    told,
+    verdict_of,
+    whole,
+)
+from netboard.benchmarks.faults.devices import TRACE
+from netboard.benchmarks.faults.evidence import Pause
+from netboard.benchmarks.faults.gathering import Evidence, Taken, Window
+from netboard.network.protocol.motion import Safeguard
+from netboard.network.protocol.records import EventRecord
+from netboard.recording.integrity.account import Account, Stretch
+from netboard.recording.integrity.account import Pause as Told
+from netboard.recording.integrity.severity import Finding, Grade, Report
+from netboard.task.trials.state_machine import Phase
+
+MS = 1_000_000
+START = 1000 * MS
+LENGTH = 1000
+WINDOW = Window(START, START + LENGTH * MS)
+WHY = "paused: no sample from the left agent"
+
+
+def trace_of(forces: NDArray) -> NDArray:
+    trace = np.zeros(forces.size, TRACE)
+    trace["time_ns"] = START + MS * np.arange(forces.size)
+    trace["fz"] = forces
+    return trace
+
+
+def renewed() -> NDArray:
+    return 1.0 + 0.01 * np.sin(np.arange(LENGTH))
+
+
+def lost_at(k: int, hold: int = 10, fade: int = 50) -> NDArray:
+    """Forces that are not renewed from a millisecond on."""
+    forces = renewed()
+    age = np.arange(LENGTH) - k
+    faded = forces[k] * np.clip(1.0 - (age - hold) / fade, 0.0, 1.0)
+    return np.where(age > 0, faded, forces)
+
+
+def account(lost: tuple[Stretch, ...] = (), unexplained: tuple[Stretch, ...] = ()) -> Account:
+    return Account("s", (), (), lost, unexplained, (), (), (Told(1, "why"),), ())
+
+
+def taken(pauses: tuple[Pause, ...] = (), phase: Phase = Phase.RUNNING, **changes: object) -> Taken:
+    ticks = np.zeros(LENGTH, TICK)
+    ticks["tick"], ticks["phase"] = np.arange(LENGTH), phase
+    ticks["time_ns"] = START + MS * np.arange(LENGTH)
+    painted = {"left": np.empty(0, np.int64), "right": np.empty(0, np.int64)}
+    return replace(Taken(ticks, (), pauses, (account(),), painted), **changes)
+
+
+def evidence(left: NDArray | None = None, rig: Taken | None = None, **changes: object) -> Evidence:
+    traces = {"left": [trace_of(renewed() if left is None else left)], "right": [trace_of(renewed())]}
+    return replace(Evidence(WINDOW, Safety(), traces, rig or taken(), None), **changes)
+
+
+def pause(at: int = 100, why: str = WHY, again: tuple[int, int] | None = (1, 2)) -> Pause:
+    return Pause(START + at * MS, why, 1, 1, again)
+
+
+def test_a_force_that_falls_in_time_falls_in_time() -> None:
+    verdict = falls("left")(evidence(lost_at(100)))
+    assert verdict.holds, verdict
+    assert "falls after 11.0 ms, zero after 60.0 ms" in verdict.found
+
+
+@pytest.mark.parametrize(("hold", "fade"), [(13, 40), (10, 70)])
+def test_a_force_that_falls_too_late_or_too_slowly_does_not(hold: int, fade: int) -> None:
+    assert not falls("left")(evidence(lost_at(100, hold, fade))).holds
+
+
+def test_a_force_that_need_not_be_zero_need_only_begin() -> None:
+    forces = np.where(np.arange(LENGTH) < 120, lost_at(100), renewed())
+    assert not falls("left")(evidence(forces)).holds
+    assert falls("left", to_zero=False)(evidence(forces)).holds
+
+
+def test_a_force_that_was_renewed_all_the_time_did_not_fall() -> None:
+    assert not falls("right")(evidence()).holds
+
+
+def test_what_the_machine_held_up_is_not_held_against_the_agent() -> None:
+    slow = evidence(lost_at(100, hold=30))
+    late = trace_of(lost_at(100, hold=30))
+    late = np.delete(late, slice(105, 131))
+    assert not falls("left")(slow).holds
+    assert falls("left")(replace(slow, traces={"left": [late], "right": []})).holds
+
+
+def test_a_gentle_force_is_gentle_and_a_step_is_not() -> None:
+    assert gentle()(evidence(lost_at(100))).holds
+    stepped = np.where(np.arange(LENGTH) < 500, 1.0, -1.0)
+    assert not gentle()(evidence(stepped)).holds
+
+
+def test_a_cut_to_nothing_is_allowed_where_it_is_meant_to_be() -> None:
+    cut = evidence(np.where(np.arange(LENGTH) < 500, 2.0, 0.0))
+    assert not gentle()(cut).holds
+    assert not gentle("right")(cut).holds
+    assert gentle("left")(cut).holds
+
+
+def test_a_pause_counts_if_it_says_why_and_the_trial_is_repeated() -> None:
+    check = paused("left agent")
+    assert check(evidence(rig=taken((pause(),)))).holds
+    assert not check(evidence(rig=taken())).holds
+    assert not check(evidence(rig=taken((pause(why="the operator"),)))).holds
+    assert not check(evidence(rig=taken((pause(again=(2, 1)),)))).holds
+    assert not check(evidence(rig=taken((pause(again=None),)))).holds
+    assert not check(evidence(rig=taken((pause(at=-500),)))).holds
+
+
+def test_a_trial_goes_on_unless_it_is_paused() -> None:
+    assert goes_on()(evidence()).holds
+    assert not goes_on()(evidence(rig=taken((pause(),)))).holds
+    assert either("left agent")(evidence()).holds
+    assert either("left agent")(evidence(rig=taken((pause(),)))).holds
+    assert not either("left agent")(evidence(rig=taken((pause(why="something else"),)))).holds
+
+
+def test_a_pause_the_machine_made_is_excused() -> None:
+    assert goes_on()(evidence(rig=taken((pause(why="paused: the server stood still for 50 ms"),)))).holds
+    held_up = np.delete(trace_of(renewed()), slice(40, 95))
+    excused = evidence(rig=taken((pause(100),)), traces={"left": [held_up], "right": []})
+    assert goes_on()(excused).holds
+    assert not goes_on()(replace(excused, rig=taken((pause(500),)))).holds
+
+
+def test_no_force_while_paused() -> None:
+    phases = np.where(np.arange(LENGTH) <= 100, Phase.RUNNING, Phase.PAUSED)
+    rig = taken((pause(),))
+    rig.ticks["phase"] = phases
+    quiet = {"left": [trace_of(lost_at(90))], "right": [trace_of(lost_at(95))]}
+    assert rests()(evidence(rig=rig, traces=quiet)).holds
+    assert not rests()(evidence(rig=rig)).holds
+    rig.ticks["phase"][170:] = Phase.LEVELLING
+    back_again = np.where(np.arange(LENGTH) < 170, lost_at(90), renewed())
+    assert rests()(evidence(rig=rig, traces={"left": [trace_of(back_again)], "right": []})).holds
+
+
+def test_every_tick_is_accounted_for_or_not() -> None:
+    lost = taken(accounts=(account(lost=(Stretch(3, 5, "no room"),)),))
+    unexplained = taken(accounts=(account(unexplained=(Stretch(3, 5),)),))
+    assert whole()(evidence()).holds
+    assert nothing_lost()(evidence()).holds
+    assert whole()(evidence(rig=lost)).holds
+    assert "3 lost (no room)" in whole()(evidence(rig=lost)).found
+    assert not nothing_lost()(evidence(rig=lost)).holds
+    assert not whole()(evidence(rig=unexplained)).holds
+    assert not whole()(evidence(rig=taken(accounts=()))).holds
+
+
+def test_an_event_is_noted_with_its_words_in_that_time() -> None:
+    event = EventRecord(0, 1, START + MS, "refused", {"reason": "say hello first"})
+    noticed = evidence(rig=taken(events=(event,)))
+    assert noted("refused")(noticed).holds
+    assert noted("refused", "hello", "first")(noticed).holds
+    assert not noted("refused", "goodbye")(noticed).holds
+    assert not noted("joined")(noticed).holds
+    assert not noted("refused")(evidence(rig=taken(events=(replace(event, time_ns=0),)))).holds
+
+
+def test_facts_and_troubles_are_told() -> None:
+    fact = evidence(window=replace(WINDOW, facts={"answer": "say hello first"}))
+    assert told("answer", "hello")(fact).holds
+    assert not told("answer", "welcome")(fact).holds
+    assert not told("question", "hello")(fact).holds
+    assert back(fact).holds
+    assert not back(evidence(window=replace(WINDOW, trouble="nobody came"))).holds
+
+
+def test_safeguards_are_read_from_the_ticks() -> None:
+    rig = taken()
+    rig.ticks["left_safeguards"][5] = Safeguard.NOT_FINITE | Safeguard.ARMED
+    assert safeguarded("left", Safeguard.NOT_FINITE)(evidence(rig=rig)).holds
+    assert not safeguarded("left", Safeguard.TOO_FAST)(evidence(rig=rig)).holds
+
+
+def test_a_device_without_numbers_is_to_have_no_force() -> None:
+    trace = trace_of(np.where(np.arange(LENGTH) < 500, 1.0, 0.0))
+    trace["z"][500:] = np.nan
+    found = evidence(traces={"left": [trace], "right": []})
+    assert powerless("left", to_the_end=True)(found).holds
+    assert powerless("left", to_the_end=False)(found).holds
+    trace["z"][600:], trace["fz"][700:] = 0.0, 1.0
+    assert powerless("left", to_the_end=False)(found).holds
+    assert not powerless("left", to_the_end=True)(found).holds
+    trace["z"][499] = np.nan
+    assert powerless("left", to_the_end=False)(found).holds  # by which it found out
+    trace["z"][498] = np.nan
+    assert not powerless("left", to_the_end=False)(found).holds
+    trace["z"][:] = 0.0
+    assert not powerless("left", to_the_end=False)(found).holds
+
+
+def test_frames_must_be_shown_at_the_end() -> None:
+    at_end = {"left": np.array([WINDOW.stop_ns - MS]), "right": np.empty(0, np.int64)}
+    assert shown("left")(evidence(rig=taken(painted_ns=at_end))).holds
+    assert not shown("right")(evidence(rig=taken(painted_ns=at_end))).holds
+
+
+def test_a_trial_that_the_machine_had_paused_before_the_fault_is_prepared_again() -> None:
+    stood = pause(-4, "paused: the server stood still for 28 ms")
+    assert disturbed(evidence(rig=taken((stood,)))) == stood.why
+    for late in (pause(0, stood.why), pause(-301, stood.why)):
+        assert disturbed(evidence(rig=taken((late,)))) == ""
+    lost = pause(-100)
+    assert disturbed(evidence(rig=taken((lost,)))) == "", "the machine is not to blame"
+    stalls = START + MS * np.array([[-250, -150]])
+    assert disturbed(evidence(rig=taken((lost,)), stalls=stalls)) == lost.why
+
+
+def test_the_recorded_force_must_be_that_of_the_device_or_few_are_unknown() -> None:
+    handed = lost_at(300)
+    ticks = taken().ticks
+    ticks["left_rendered"] = np.roll(handed, 1)
+    ticks["left_rendered"][0] = handed[0]
+    assert rendered_known("left")(evidence(handed, taken(ticks=ticks))).holds
+    unknown = ticks.copy()
+    unknown["left_rendered"][310:330] = np.nan
+    assert rendered_known("left")(evidence(handed, taken(ticks=unknown))).holds
+    unknown["left_rendered"][330] = np.nan
+    assert not rendered_known("left")(evidence(handed, taken(ticks=unknown))).holds
+    stale = ticks.copy()
+    stale["left_rendered"][310:] = handed[300]
+    verdict = rendered_known("left")(evidence(handed, taken(ticks=stale)))
+    assert not verdict.holds
+    assert "ticks hold another force" in verdict.found
+
+
+def test_the_other_dyad_must_notice_nothing() -> None:
+    assert neighbour_unmoved(evidence()).holds
+    assert neighbour_unmoved(evidence(neighbour=taken())).holds
+    assert neighbour_unmoved(evidence(neighbour=taken((pause(at=-500),)))).holds
+    assert not neighbour_unmoved(evidence(neighbour=taken((pause(),)))).holds
+    assert not neighbour_unmoved(evidence(neighbour=taken(accounts=(account(unexplained=(Stretch(1, 2),)),)))).holds
+
+
+def test_a_recording_that_is_called_damaged_fails_every_case(tmp_path: Path) -> None:
+    lossy = Report(tmp_path / "a.mcap", (Finding("trials", Grade.LOSS, "stopped"),))
+    broken = Report(tmp_path / "b.mcap", (Finding("clocks", Grade.DAMAGE, "no clock does this"),))
+    good = evidence(rig=taken(reports=(lossy,)))
+    assert no_damage(good).holds
+    assert verdict_of(good) == "losses"
+    bad = evidence(rig=taken(reports=(lossy,)), neighbour=taken(reports=(broken,)))
+    assert not no_damage(bad).holds
+    assert no_damage(bad).found == "b.mcap: no clock does this"
+    assert verdict_of(bad) == "damaged"

@@ -1,0 +1,68 @@
+"""The simulated service far from its hands: it agrees with the eigenvalues, and so do releases with the remedies."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from netboard.base.config import Config
+from netboard.base.tables.simulated import VirtualDevice
+from netboard.benchmarks.coupling.boundary import AGREED, Case, predicted, simulated_is_stable
+from netboard.benchmarks.coupling.far import Distance, Far
+from netboard.benchmarks.coupling.releases import let_go, scene
+from netboard.benchmarks.coupling.remedies import everyday_part, felt, make_loop
+
+pytestmark = pytest.mark.slow
+
+BARE = VirtualDevice(friction=0.0)
+
+
+@pytest.mark.parametrize(
+    "case",
+    [
+        Case("bare stylus", "server", "fixed", 2),
+        Case("light finger", "server", "fixed", 5),
+        Case("bare stylus", "both", "board", 10),
+        Case("hand", "both", "board", 10),
+    ],
+    ids=str,
+)
+def test_the_simulated_service_is_stable_where_theory_is(case: Case) -> None:
+    stiffness, mode = predicted(case)
+    assert simulated_is_stable(case, stiffness * (1.0 - AGREED), mode)
+    assert not simulated_is_stable(case, stiffness * (1.0 + AGREED), mode)
+
+
+def test_a_stylus_let_go_20_ms_from_its_server_needs_a_remedy() -> None:
+    assert not let_go(make_loop("server alone", BARE, 20)).quiet
+    for remedy in ("with passivity control", "both"):
+        assert let_go(make_loop(remedy, BARE, 20)).quiet
+
+
+def test_in_both_a_hand_feels_its_coupling_at_any_distance() -> None:
+    stiffness, damping = felt("both", 20, 2.0)
+    assert stiffness == pytest.approx(200.0, rel=0.02)
+    assert damping == pytest.approx(2.0, rel=0.05)
+
+
+def test_a_delay_takes_damping_away_and_passivity_control_gives_it_back() -> None:
+    _, alone = felt("server alone", 5, 2.0)
+    assert alone == pytest.approx(2.0 - 200.0 * 0.010, abs=0.1)
+    _, helped = felt("with passivity control", 5, 2.0)
+    assert helped == pytest.approx(2.0, abs=0.3)
+
+
+def test_without_a_delay_both_ways_of_computing_are_one() -> None:
+    found = []
+    for at in ("server", "both"):
+        far = Far(Config(physics=scene(at, "board"), virtual=replace(BARE, resolution=0.0)), Distance(0, 0))  # type: ignore[arg-type]
+        far.get_ready()
+        far.put(0.001, -0.0005)
+        far.live(300)
+        found.append(np.array(far.heights))
+    np.testing.assert_allclose(found[0], found[1], atol=1e-12)
+
+
+def test_next_to_its_server_passivity_control_costs_next_to_nothing() -> None:
+    part = everyday_part((0,), lambda text, share: None)
+    assert part.holds

@@ -1,0 +1,157 @@
+"""Peers that cost little still speak the protocol: their frames are those of the codec, they answer as peers must."""
+
+from collections import Counter
+from typing import TypeVar
+
+import numpy as np
+import pytest
+
+from netboard.base.config import SIDES, Config, parse
+from netboard.base.tick import TICK, TICK_NS
+from netboard.benchmarks.loop.crowd import LightAgent, LightDyad, LightLogger, sample_frames
+from netboard.network.protocol import fixed
+from netboard.network.protocol.codec import decode, encode
+from netboard.network.protocol.joining import Hello, Ping, Pong, Welcome
+from netboard.network.protocol.messages import PROTOCOL_VERSION, Message
+from netboard.network.protocol.motion import Beat, Force, Safeguard, Stylus
+from netboard.network.protocol.records import EventRecord, LogAck, LogBatch, LogRequest, TickRecord
+from netboard.network.transport import channels, endpoints, poller, sockets
+from netboard.nodes.operator.launcher import free_port
+from netboard.task.trials.state_machine import Phase
+
+PATIENCE = 60.0
+WELCOME = Welcome("session", PROTOCOL_VERSION, 0, "")
+
+
+def test_samples_are_frames_of_the_protocol() -> None:
+    frames = sample_frames(2)
+    frames["seq"] = (7, 8)
+    frames["stamp_ns"], frames["force_tick"], frames["z"], frames["vz"] = -5, -1, 0.25, -1e-9
+    first, second = (decode(frame.tobytes()) for frame in frames)
+    assert isinstance(first, Stylus)
+    assert isinstance(second, Stylus)
+    assert (first.seq, first.stamp_ns, first.force_tick, first.z, first.vz) == (7, -5, -1, 0.25, -1e-9)
+    assert second.seq == 8
+    assert all(len(frame.tobytes()) == fixed.STYLUS.size for frame in frames)
+
+
+T = TypeVar("T", bound=Message)
+
+
+class Server:
+    """The server's end of a channel, done by hand."""
+
+    def __init__(self, router: endpoints.Router) -> None:
+        self.router = router
+        self.peer = b""
+
+    def wait(self, seconds: float = PATIENCE) -> bool:
+        return poller.wait_readable(self.router.socket, seconds)
+
+    def hear(self, kind: type[T]) -> T:
+        """Next message of a kind; a peer may have said hello more than once."""
+        while self.wait():
+            received = self.router.receive()
+            assert received is not None
+            self.peer, frame = received
+            message = decode(frame)
+            if isinstance(message, kind):
+                return message
+            assert isinstance(message, Hello)
+        raise AssertionError(f"no {kind.__name__} came")
+
+    def say(self, message: Message | bytes) -> None:
+        assert self.router.send(self.peer, message if isinstance(message, bytes) else encode(message))
+
+
+@pytest.fixture
+def config() -> Config:
+    return parse("", "test", (f"network.port={free_port()}",))
+
+
+def motion_of(config: Config, context: sockets.Context) -> Server:
+    where = channels.addresses(config.network)
+    return Server(sockets.motion_server(context, where.listen(channels.MOTION)))
+
+
+def until_taken(agent: LightAgent, counts: Counter[str], what: str) -> None:
+    before = counts[what]
+    while counts[what] == before:
+        assert poller.wait_readable(agent._socket, PATIENCE)
+        agent.take(counts)
+
+
+def test_an_agent_answers_as_a_clock_probe(config: Config) -> None:
+    with sockets.open_context() as context:
+        motion = motion_of(config, context)
+        (frame,) = sample_frames(1)
+        agent, counts = LightAgent(config, "left", context, frame), Counter[str]()
+        while motion.peer == b"":  # nothing is queued for a server before the link is up
+            agent.greet()
+            if motion.wait(0.1):
+                hello = motion.hear(Hello)
+        assert (hello.role, hello.side, hello.protocol) == ("agent", "left", PROTOCOL_VERSION)
+        assert motion.peer.startswith(b"agent.left@")
+        motion.say(WELCOME)
+        motion.say(Beat(4, 111, -1, 250_000, True))
+        until_taken(agent, counts, "beats")
+        assert agent.welcome
+        agent.send(0.01, 0.2)
+        sample = motion.hear(Stylus)
+        assert (sample.z, sample.vz, sample.force_tick, sample.force_sent_ns) == (0.01, 0.2, 4, 111)
+        assert sample.safeguards == Safeguard.ARMED
+        assert 0 < sample.force_received_ns <= sample.sent_ns == sample.stamp_ns
+        words = np.zeros(len(fixed.FORCE.markers), np.int64)
+        words[:3], words[4] = (5, 222, 0), 310_000
+        force = np.zeros(fixed.FORCE.size, np.uint8)
+        fixed.write(force, *fixed.FORCE[:2], words)
+        assert decode(force.tobytes()) == Force(5, 222, 0, 0.0, 310_000)
+        motion.say(force.tobytes())
+        until_taken(agent, counts, "forces")
+        assert (agent.lead_ns, counts["beats"], counts["forces"]) == (310_000, 1, 1)
+        agent.send(0.0, 0.0)
+        following = motion.hear(Stylus)
+        assert (following.seq, following.force_tick) == (sample.seq + 1, 5)
+
+
+def test_both_hands_of_a_dyad_greet_before_they_send(config: Config) -> None:
+    with sockets.open_context() as context:
+        motion = motion_of(config, context)
+        dyad = LightDyad(config, context, sample_frames(2), moving=True)
+        greeted: set[str] = set()
+        at_ns = 0
+        while greeted != set(SIDES):
+            dyad.send(at_ns)
+            at_ns += 500 * TICK_NS
+            if motion.wait(0.1):
+                greeted.add(motion.hear(Hello).side)
+
+
+def test_a_logger_acknowledges_and_keeps_only_how_late_ticks_were(config: Config) -> None:
+    with sockets.open_context() as context:
+        where = channels.addresses(config.network)
+        server = Server(sockets.log_server(context, where.listen(channels.LOG)))
+        logger, counts = LightLogger(config, context), Counter[str]()
+        now = 0
+        while server.peer == b"":
+            logger.look(now, counts)
+            now += 500 * TICK_NS
+            if server.wait(0.1):
+                server.hear(Hello)
+        server.say(WELCOME)
+        rows, running = np.zeros(3, TICK), Phase.RUNNING
+        rows["time_ns"], rows["late_ns"], rows["phase"] = (10, 20, 30), (1, 2, -3), running
+        event = encode(EventRecord(0, 0, 0, "start", {}))
+        records = tuple(encode(TickRecord(row.tobytes())) for row in rows)
+        server.say(LogBatch(40, 0, (*records, event)))
+        while counts["records"] == 0:
+            logger.look(now, counts)
+        logger.look(now, counts)
+        assert server.hear(LogRequest) == LogRequest(-1)
+        assert server.hear(LogAck).durable == 44
+        server.say(Ping(77))
+        while not server.wait(0.01):
+            logger.look(now, counts)
+        assert server.hear(Pong).ping_ns == 77
+        assert np.concatenate(logger.late).tolist() == [[10, 1, running], [20, 2, running], [30, -3, running]]
+        assert (counts["batches"], counts["records"]) == (1, 4)

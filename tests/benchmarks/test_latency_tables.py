@@ -1,0 +1,223 @@
+"""What follows from figures: ratios, verdicts, what breaks, what grows."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from netboard.base.config import Config
+from netboard.base.errors import ConfigError
+from netboard.base.tick import TICK_NS
+from netboard.benchmarks.harness.results import Part
+from netboard.benchmarks.loop.bench import MOST_DYADS, Setting, read_dyads
+from netboard.benchmarks.loop.loop import Measured
+from netboard.benchmarks.loop.loop_tables import (
+    costs_part,
+    latency_part,
+    lateness_part,
+    loop_series,
+    server_verdict,
+)
+from netboard.benchmarks.loop.played import REST, UP, WAIT, Played, punctuality
+from netboard.benchmarks.loop.rig import own_configs, write_configs
+from netboard.benchmarks.loop.scale import holds, scale_part, waiting_part
+from netboard.benchmarks.loop.serving import Served
+from netboard.benchmarks.loop.skips import AT_REST, CASES, FULL, NO_FORCES, NOBODY, skips_part
+from netboard.benchmarks.loop.soak import Kept, growth, memory_part, minutes_part, records_part, steady
+from netboard.benchmarks.loop.usage import LOOP, OTHER, TRANSPORT, Cost, Spent, Usage
+from netboard.services.configuration import load
+
+COUNT = 1000
+
+
+def cost(loop: float, transport: float = 0.0, seconds: float = 1.0) -> Cost:
+    spent = {LOOP: Spent(loop, 0.0, 1000, 0), TRANSPORT: Spent(transport, 0.0, 2000, 3), OTHER: Spent()}
+    return Cost(spent, seconds)
+
+
+def measured(loop_ns: int, echo_ns: int, late_ns: int = 0) -> Measured:
+    same = np.full(COUNT, loop_ns)
+    parts = dict.fromkeys((UP, WAIT, REST), same // 3)
+    ticks = punctuality(np.full(COUNT, late_ns), 0)
+    found = Played({"left": same, "right": same}, parts, ticks, 1.0)
+    timer = punctuality(np.zeros(COUNT, np.int64), 0)
+    echo = {"peer left": np.full(COUNT, echo_ns), "peer right": np.full(COUNT, echo_ns)}
+    return Measured(found, echo, timer, {"server": cost(0.1, 0.05)}, {"echo": cost(0.1)})
+
+
+def verdicts(part: Part) -> list[bool]:
+    return [verdict.holds for verdict in part.verdicts]
+
+
+def test_the_loop_is_held_against_the_echo() -> None:
+    assert verdicts(latency_part(measured(290_000, 200_000), real_time=True)) == [True, True, True]
+    assert verdicts(latency_part(measured(390_000, 200_000), real_time=True)) == [False, True, True]
+    assert verdicts(latency_part(measured(1_400_000, 600_000), real_time=True)) == [False, False, False]
+    part = latency_part(measured(300_000, 200_000), real_time=False)
+    assert len(part.verdicts) == 2
+    assert part.rows[0][:3] == ("stylus to force", 2 * COUNT, pytest.approx(0.3))
+    assert part.rows[-1][2:] == tuple(pytest.approx(1.5) for _ in range(4))
+    assert all(len(row) == len(part.columns) for row in part.rows)
+
+
+def test_ticks_are_held_against_the_timer() -> None:
+    good, bad = punctuality(np.zeros(COUNT, np.int64), 0), punctuality(np.zeros(COUNT, np.int64), 1)
+    assert verdicts(lateness_part(good, good, real_time=True)) == [True]
+    assert verdicts(lateness_part(bad, bad, real_time=True)) == [True]
+    assert verdicts(lateness_part(bad, good, real_time=True)) == [False]
+    assert verdicts(lateness_part(bad, good, real_time=False)) == []
+    assert lateness_part(bad, good, real_time=True).rows[0][-3:] == (0, 1, pytest.approx(100.0))
+
+
+def test_what_is_drawn_is_what_was_measured() -> None:
+    loops, ticks = loop_series(measured(300_000, 200_000, late_ns=-5))
+    assert [times.size for times in loops.values()] == [2 * COUNT, 2 * COUNT]
+    assert [times.size for times in ticks.values()] == [0, COUNT]  # what is early has no place on the axis
+
+
+def test_costs_are_shares_of_a_core_and_of_a_tick() -> None:
+    part = costs_part(
+        {"server": cost(0.2, 0.1, seconds=2.0)}, server_verdict(cost(0.3, 0.1, seconds=2.0), cost(0.1), 2)
+    )
+    ((name, loop, transport, other, whole, waits, sleeps, wakes, ousted),) = part.rows
+    assert (name, other, waits) == ("server", 0.0, 0.0)
+    assert (loop, transport, whole) == (pytest.approx(10), pytest.approx(5), pytest.approx(15))
+    assert (sleeps, wakes, ousted) == (pytest.approx(0.5), pytest.approx(1.0), pytest.approx(0.0015))
+    assert verdicts(part) == [True]
+    assert part.verdicts[0].found == "20.0%, with a logger, displays: 2; the bare echo 10.0%"
+    assert not server_verdict(cost(0.15, 0.06), cost(0.1), 2).holds
+
+
+def served(share: float, late: int = 0, active: float = 1.0, **counts: float) -> Served:
+    late_ns = np.zeros(COUNT, np.int64)
+    late_ns[:late] = TICK_NS
+    return Served(cost(share), counts, punctuality(late_ns, 0), active, np.zeros(COUNT, np.int64))
+
+
+def test_a_server_holds_while_ticks_are_in_time_and_trials_go_on() -> None:
+    assert holds(served(0.9, late=COUNT // 50))
+    assert not holds(served(0.9, late=COUNT // 50 + 1))
+    assert not holds(served(0.9, active=0.9))
+
+
+def test_cost_that_grows_linearly_and_cost_that_does_not() -> None:
+    linear = scale_part({count: served(0.02 + 0.08 * count) for count in (1, 2, 4, 8)})
+    assert verdicts(linear) == [True, True]
+    assert "2.00 % + 8.00 % a dyad" in linear.verdicts[1].found
+    steep = scale_part({count: served(0.05 * count**1.3) for count in (1, 2, 4, 8)})
+    assert verdicts(steep) == [True, False]
+    broken = scale_part({1: served(0.1), 4: served(0.4), 8: served(0.8, late=COUNT // 2)})
+    assert verdicts(broken) == [False, True]
+    assert broken.verdicts[0].found == "4 dyads, not 8"
+    assert [row[-1] for row in broken.rows] == [True, True, False]
+    assert verdicts(scale_part({1: served(0.1)})) == []
+    assert all(len(row) == len(linear.columns) for row in linear.rows)
+
+
+def test_dyads_that_wait_should_cost_nothing() -> None:
+    found = {"agents, loggers, no trial": served(0.4), "nobody": served(0.04)}
+    assert verdicts(waiting_part(8, found)) == [True]
+    assert verdicts(waiting_part(2, found)) == [False]
+
+
+def test_the_table_of_skips_says_what_is_saved() -> None:
+    found = {name: served(0.1, forces=2000.0, beats=0.0, views=222.0) for name in CASES}
+    assert verdicts(skips_part(found)) == [False, False, False]
+    found[NO_FORCES] = served(0.08, beats=500.0)
+    found[AT_REST] = served(0.09, beats=500.0, views=40.0)
+    found[NOBODY] = served(0.001)
+    part = skips_part(found)
+    assert verdicts(part) == [True, True, True]
+    assert part.rows[0][0] == FULL
+    assert all(len(row) == len(part.columns) for row in part.rows)
+
+
+# --- soak ----------------------------------------------------------------------------------------------------------
+
+
+def kept(p99_ms: float = 0.3, **changes: object) -> Kept:
+    count = 600_000
+    time_ns = np.arange(count) * TICK_NS
+    loop_ns = np.full(count, 200_000)
+    loop_ns[2 * count // 3 :: 50] = round(p99_ms * 1e6)
+    loop_ns[: count // 3 : 50] = 300_000
+    values: dict[str, object] = {
+        "ticks": count,
+        "missing": 0,
+        "lost": 0,
+        "faults": 0,
+        "verified": True,
+        "time_ns": time_ns,
+        "late_ns": np.zeros(count, np.int64),
+        "loop_at_ns": time_ns,
+        "loop_ns": loop_ns,
+        "size": 5_000_000,
+    }
+    return Kept(**(values | changes))  # type: ignore[arg-type]
+
+
+def test_nothing_may_be_lost() -> None:
+    assert verdicts(records_part([kept(), kept()])) == [True]
+    for fault in ({"missing": 1}, {"lost": 1}, {"verified": False}):
+        assert verdicts(records_part([kept(), kept(**fault)])) == [False]
+
+
+def test_the_end_is_held_against_the_beginning() -> None:
+    part = minutes_part([kept(p99_ms=0.4)])
+    assert len(part.rows) == 10
+    assert verdicts(part) == [True, True]
+    assert verdicts(minutes_part([kept(p99_ms=0.6)])) == [True, False]
+    assert all(len(row) == len(part.columns) for row in part.rows)
+
+
+def test_very_short_times_may_vary() -> None:
+    assert steady("ticks begin", [-0.2, -0.2, -0.12]).holds
+    assert steady("ticks begin", [0.01, 0.01, 0.1]).holds
+    assert not steady("ticks begin", [0.01, 0.01, 0.2]).holds
+
+
+def test_growth_is_that_of_a_straight_line() -> None:
+    at = np.arange(100.0) + 5e5
+    assert growth(at, 1e8 + 2500.0 * at) == pytest.approx(2500.0, rel=1e-6)
+    assert growth(at[:1], at[:1]) == 0.0
+
+
+def test_memory_may_grow_while_it_is_warming_up() -> None:
+    def samples(held: np.ndarray, name: str = "server") -> list[dict[str, Usage]]:
+        return [{name: Usage(k * 10**9, {}, int(value))} for k, value in enumerate(held)]
+
+    at = np.arange(1800.0)
+    warm = np.minimum(at, 50.0) * 1e6
+    assert verdicts(memory_part(samples(1e8 + warm))) == [True]
+    assert verdicts(memory_part(samples(1e8 + warm + 5000 * at))) == [False]
+    assert verdicts(memory_part(samples(1e8 + 5000 * at[:60]))) == [True]  # too little to tell
+    assert verdicts(memory_part(samples(1e8 + 15_000 * at, "logger 2"))) == [True]  # its index
+    assert verdicts(memory_part(samples(1e8 + 50_000 * at, "logger 2"))) == [False]
+
+
+# --- settings ------------------------------------------------------------------------------------------------------
+
+
+def test_numbers_of_dyads() -> None:
+    assert read_dyads("1,2, 16") == (1, 2, 16)
+    assert read_dyads(None) == ()
+    for wrong in ("1,,2", "two", "0", "1;2", f"{MOST_DYADS + 1}", "-1"):
+        with pytest.raises(ConfigError, match="--dyads"):
+            read_dyads(wrong)
+
+
+def test_a_setting_is_a_configuration() -> None:
+    config = Setting("ipc", True, False, 2).config
+    assert (config.network.transport, config.network.curve, config.realtime.scheduling) == ("ipc", "on", False)
+    assert str(Setting("ipc", True, False, 2)) == "ipc, keys, usual scheduling, displays: 2"
+
+
+def test_dyads_have_ports_folders_and_keys_of_their_own(tmp_path: Path) -> None:
+    configs = own_configs(Setting(curve=True).config, tmp_path, 3)
+    assert len({config.network.port for config in configs}) == 3
+    assert len({config.recording.directory for config in configs}) == 3
+    assert len({config.session.dyad for config in configs}) == 3
+    assert {config.network.keys for config in configs} == {str(tmp_path / "keys")}
+    assert (tmp_path / "keys" / "agent.left.key").exists()
+    assert own_configs(Config(), tmp_path, 1)[0].network.port
+    assert [load(file) for file in write_configs(configs, tmp_path)] == configs

@@ -1,0 +1,90 @@
+"""What /proc says of processes, read from texts and from this very process."""
+
+import os
+import sys
+import threading
+
+import pytest
+
+from netboard.base.errors import NetboardError
+from netboard.benchmarks.loop.usage import (
+    KINDS,
+    LOOP,
+    OTHER,
+    TRANSPORT,
+    Cost,
+    Spent,
+    Usage,
+    add_costs,
+    kind_of,
+    parse_thread,
+    read_usage,
+    resident_bytes,
+    total,
+)
+
+STAT = "77 (ZMQbg/IO/0) S 1 77 77 0 -1 4194368 9 0 0 0 250 50 0 0 -66 0 2 0 9 1 2 3 4 5 6"
+STATUS = "Name:\tZMQbg/IO/0\nvoluntary_ctxt_switches:\t1200\nnonvoluntary_ctxt_switches:\t34\n"
+
+
+def test_times_are_those_of_the_scheduler() -> None:
+    name, spent = parse_thread(STAT, "1500000000 2000000 42\n", STATUS, 100)
+    assert name == "ZMQbg/IO/0"
+    assert spent == Spent(1.5, 0.002, 1200, 34)
+
+
+def test_without_them_its_clock_ticks_are_counted() -> None:
+    assert parse_thread(STAT, "", STATUS, 100)[1] == Spent(3.0, 0.0, 1200, 34)
+
+
+def test_a_thread_may_have_any_name() -> None:
+    assert parse_thread(STAT.replace("ZMQbg/IO/0", "a (b) c"), "", STATUS, 100)[0] == "a (b) c"
+
+
+def test_threads_are_told_apart() -> None:
+    assert kind_of(7, 7, "python") == LOOP
+    assert kind_of(7, 8, "ZMQbg/IO/0") == TRANSPORT
+    assert kind_of(7, 9, "ZMQbg/Reaper") == OTHER
+
+
+def test_memory_is_counted_in_pages() -> None:
+    assert resident_bytes("900 25 7 1 0 80 0\n", 4096) == 25 * 4096
+
+
+def test_what_was_spent_between_two_moments() -> None:
+    before = Usage(1_000, {(7, LOOP): Spent(1.0, 0.5, 10, 1)}, 0)
+    after = Usage(2_000_001_000, {(7, LOOP): Spent(1.5, 0.5, 30, 1), (8, TRANSPORT): Spent(0.25, 0.0, 5, 0)}, 0)
+    found = after.since(before)
+    assert set(found) == set(KINDS)
+    assert found[LOOP] == Spent(0.5, 0.0, 20, 0)
+    assert found[TRANSPORT] == Spent(0.25, 0.0, 5, 0)
+    assert total(found.values()) == Spent(0.75, 0.0, 25, 0)
+    costs: dict[str, Cost] = {}
+    add_costs(costs, {"server": before}, {"server": after})
+    add_costs(costs, {"server": before}, {"server": after})
+    assert costs["server"].seconds == pytest.approx(4.0)
+    assert costs["server"].spent[LOOP] == Spent(1.0, 0.0, 40, 0)
+
+
+linux = pytest.mark.skipif(sys.platform != "linux", reason="there is no /proc")
+
+
+@linux
+def test_this_process_is_seen_with_its_threads() -> None:
+    done = threading.Event()
+    thread = threading.Thread(target=done.wait)
+    thread.start()
+    try:
+        usage = read_usage(os.getpid())
+    finally:
+        done.set()
+        thread.join()
+    assert usage.threads[os.getpid(), LOOP].seconds > 0
+    assert (thread.native_id, OTHER) in usage.threads
+    assert usage.resident > 2**20
+
+
+@linux
+def test_a_process_that_is_not_there_is_said_so() -> None:
+    with pytest.raises(NetboardError, match="process 999999999"):
+        read_usage(999_999_999)

@@ -1,0 +1,164 @@
+"""The relay over real sockets: what passes, and what does not."""
+
+import socket
+from collections.abc import Iterator
+from contextlib import ExitStack
+
+import pytest
+
+from netboard.benchmarks.faults.relay import FAIR, Flow, Relay, Weather
+
+pytestmark = pytest.mark.integration
+
+PATIENCE = 20.0
+MS = 1_000_000
+
+
+class Line:
+    """A listening server, the relay before it, and a client through it."""
+
+    def __init__(self, stack: ExitStack) -> None:
+        self._stack = stack
+        self.listener = stack.enter_context(socket.create_server(("127.0.0.1", 0)))
+        self.listener.settimeout(PATIENCE)
+        self.relay = stack.enter_context(Relay([self.listener.getsockname()]))
+
+    def connect(self) -> tuple[socket.socket, socket.socket]:
+        """A client, and the server's end of it."""
+        client = self._stack.enter_context(socket.create_connection(("127.0.0.1", self.relay.port), PATIENCE))
+        return client, self.accept()
+
+    def accept(self) -> socket.socket:
+        server, _ = self.listener.accept()
+        server.settimeout(PATIENCE)
+        return self._stack.enter_context(server)
+
+
+def turned_away(port: int) -> None:
+    """Connect, and be reset, at once or a moment later."""
+    with pytest.raises(ConnectionResetError), socket.create_connection(("127.0.0.1", port), PATIENCE) as peer:
+        peer.recv(1)
+
+
+@pytest.fixture
+def line() -> Iterator[Line]:
+    with ExitStack() as stack:
+        yield Line(stack)
+
+
+def test_bytes_pass_both_ways_in_order(line: Line) -> None:
+    client, server = line.connect()
+    client.sendall(b"there")
+    assert server.recv(100) == b"there"
+    server.sendall(b"and back")
+    assert client.recv(100) == b"and back"
+
+
+def test_more_than_any_buffer_holds_passes_whole(line: Line) -> None:
+    client, server = line.connect()
+    sent = bytes(range(256)) * 4096
+    client.sendall(sent)
+    client.shutdown(socket.SHUT_WR)
+    received = b""
+    while len(received) < len(sent):
+        received += server.recv(2**16)
+    assert received == sent
+
+
+def test_bad_weather_loses_nothing(line: Line) -> None:
+    line.relay.weather(Weather(delay=0.001, jitter=0.005, stalls=20.0, rate=1e6), Weather(delay=0.002))
+    client, server = line.connect()
+    client.sendall(b"".join(b"%04d" % k for k in range(1000)))
+    received = b""
+    while len(received) < 4000:
+        received += server.recv(2**16)
+    assert received == b"".join(b"%04d" % k for k in range(1000))
+
+
+def test_what_is_held_comes_later(line: Line) -> None:
+    client, server = line.connect()
+    client.sendall(b"a")
+    assert server.recv(1) == b"a"
+    line.relay.hold()
+    client.sendall(b"b")
+    server.settimeout(0.1)
+    with pytest.raises(TimeoutError):
+        server.recv(1)
+    server.settimeout(PATIENCE)
+    line.relay.mend()
+    assert server.recv(1) == b"b"
+
+
+def test_a_cut_resets_connections_until_it_is_mended(line: Line) -> None:
+    client, server = line.connect()
+    line.relay.cut()
+    with pytest.raises(ConnectionResetError):
+        client.recv(1)
+    with pytest.raises(ConnectionResetError):
+        server.recv(1)
+    turned_away(line.relay.port)
+    line.relay.mend()
+    client, server = line.connect()
+    client.sendall(b"again")
+    assert server.recv(100) == b"again"
+
+
+def test_a_doubled_connection_is_heard_twice_and_answered_once(line: Line) -> None:
+    line.relay.double(True)
+    client, server = line.connect()
+    copy = line.accept()
+    client.sendall(b"twice")
+    assert (server.recv(100), copy.recv(100)) == (b"twice", b"twice")
+    copy.sendall(b"for nobody")
+    server.sendall(b"once")
+    assert client.recv(100) == b"once"
+
+
+def test_the_end_of_one_side_is_the_end_of_the_other_after_what_was_under_way(line: Line) -> None:
+    line.relay.weather(up=Weather(delay=0.05))
+    client, server = line.connect()
+    client.sendall(b"last words")
+    client.close()
+    assert server.recv(100) == b"last words"
+    assert server.recv(100) == b""
+
+
+def test_without_a_server_a_peer_is_turned_away() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as gone:
+        place = gone.getsockname()
+    with Relay([place]) as relay:
+        turned_away(relay.port)
+
+
+@pytest.fixture
+def flow() -> Iterator[tuple[Flow, socket.socket, socket.socket]]:
+    with ExitStack() as stack:
+        a, source = map(stack.enter_context, socket.socketpair())
+        sink, b = map(stack.enter_context, socket.socketpair())
+        yield Flow(source, sink, None, 1), a, b
+
+
+def test_a_flow_lets_out_what_is_due_and_no_more(flow: tuple[Flow, socket.socket, socket.socket]) -> None:
+    line, a, b = flow
+    a.sendall(b"first")
+    line.take(Weather(delay=0.010), 0)
+    a.sendall(b"second")
+    line.take(FAIR, 1 * MS)
+    assert line.due_ns == 10 * MS
+    line.give(9 * MS)
+    b.setblocking(False)
+    with pytest.raises(BlockingIOError):
+        b.recv(100)
+    line.give(10 * MS)  # what is faster does not overtake
+    assert b.recv(100) == b"firstsecond"
+    assert line.due_ns == float("inf")
+
+
+def test_a_throttled_flow_takes_its_time(flow: tuple[Flow, socket.socket, socket.socket]) -> None:
+    line, a, _ = flow
+    for _ in range(3):
+        a.sendall(bytes(1000))
+        line.take(Weather(rate=1e6), 0)
+    line.give(2 * MS)
+    assert line.bytes == 1000
+    assert line.due_ns == 3 * MS

@@ -1,0 +1,171 @@
+"""All parts of the study of readings and disturbances, on a dyad that rehearsed the plan in short."""
+
+import json
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rehearsed_plan import rehearsed_plan
+from typer.testing import CliRunner
+
+from netboard.base.config import Config
+from netboard.base.errors import RecordingError
+from netboard.benchmarks.analysis.bench import asked, chosen, sizes, study
+from netboard.benchmarks.analysis.disturbance_tables import MEASURES
+from netboard.benchmarks.analysis.disturbances import DISTURBANCES
+from netboard.benchmarks.analysis.multiverse import HEADLINES, held
+from netboard.benchmarks.analysis.numbers import STATEMENTS
+from netboard.benchmarks.analysis.reading_tables import change, signed
+from netboard.benchmarks.analysis.readings import AMBIGUITIES
+from netboard.benchmarks.harness.results import Folder, Part
+from netboard.services.cli import app
+from netboard.services.sensitivity import QUICK
+from netboard.task.plans.blocks import blocks_of, shortened
+from netboard.task.studies.study import paper_study
+
+
+def test_what_is_rehearsed_for_the_short_form_has_each_condition_twice() -> None:
+    dyads, most, trials = QUICK
+    for dyad in range(1, dyads + 1):
+        blocks = [config.block for config in shortened(blocks_of(Config(), paper_study(), 1, dyad), most, trials)]
+        times = Counter((block.configuration, block.force, block.performer) for block in blocks)
+        assert len(times) == 6
+        assert set(times.values()) == {2}
+
+
+@pytest.fixture(scope="module")
+def recordings(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    return rehearsed_plan(tmp_path_factory.mktemp("plan"), 2)
+
+
+@pytest.fixture(scope="module")
+def parts(recordings: list[Path], tmp_path_factory: pytest.TempPathFactory) -> dict[str, Part]:
+    folder = Folder(tmp_path_factory.mktemp("results") / "new")
+    heard: list[float] = []
+    found = {part.name: part for part in study(recordings, folder, lambda text, share: heard.append(share), quick=True)}
+    assert heard == sorted(heard)
+    assert 0 < heard[0] <= heard[-1] <= 1
+    for kind in ("png", "svg"):
+        assert (folder.path / f"analysis-paths.{kind}").stat().st_size > 1000
+    folder.write(list(found.values()), {"study": "sensitivity"})
+    assert len(json.loads((folder.path / "results.json").read_text(encoding="utf-8"))["parts"]) == len(found)
+    return found
+
+
+@pytest.mark.slow
+def test_every_question_has_a_row_for_each_answer(parts: dict[str, Part]) -> None:
+    rows = [(row[0], row[3]) for row in parts["readings"].rows]
+    expected = [(one.name, other.name) for one in AMBIGUITIES for other in one.alternatives]
+    assert [row for row in rows if row[1] != "none"] == expected
+    assert {name for name, _ in rows} == {one.name for one in AMBIGUITIES}
+
+
+@pytest.mark.slow
+def test_answers_move_what_they_must(parts: dict[str, Part]) -> None:
+    assert parts["readings"].holds
+    moved = {(row[0], row[2]): (row[4], row[5]) for row in parts["moved"].rows}
+    before, after = moved["A7", "peaks, dyadic, last"]
+    assert after > before
+    before, after = moved["E4", "peaks, bimanual, last"]
+    assert after > 1.5 * before
+    before, after = moved["A19", "delay at 10 %, dyadic, haptics off"]
+    assert after < before
+    assert not [name for (question, name) in moved if question in ("A10", "E5")]
+    most = {(row[0], row[3]): row[4] for row in parts["readings"].rows}
+    assert most["B5", "all of the ball"] == "none left"
+
+
+@pytest.mark.slow
+def test_numbers_lie_within_their_ranges(parts: dict[str, Part]) -> None:
+    names = [row[0] for row in parts["numbers"].rows]
+    assert {name for name, _, _ in HEADLINES} <= set(names)
+    assert len(set(names)) == len(names)
+    for name, _, value, low, high in parts["numbers"].rows:
+        assert low <= high or np.isnan(low), name
+        assert np.isnan(value) or name.startswith(("half", "SD")) or low <= value + abs(value) or high >= value, name
+
+
+@pytest.mark.slow
+def test_two_answers_add_up_with_their_interaction(parts: dict[str, Part]) -> None:
+    assert parts["pairs"].rows
+    for _, _, base, one, other, both, joint in parts["pairs"].rows:
+        assert both == pytest.approx(one + other - base + joint)
+
+
+@pytest.mark.slow
+def test_paths_and_statements_are_of_all_paths(parts: dict[str, Part]) -> None:
+    assert [row[-1] for row in parts["paths"].rows[:2]] == [16, 16]
+    for _, _, least, low, middle, high, most, _, _ in parts["paths"].rows:
+        assert np.isnan(least) or least <= low <= middle <= high <= most
+    assert [row[0] for row in parts["statements"].rows] == [one.words for one in STATEMENTS]
+
+
+@pytest.mark.slow
+def test_every_disturbance_has_a_row_and_every_measure_a_column(parts: dict[str, Part]) -> None:
+    rows = {(row[0], row[1]): row[2:] for row in parts["disturbances"].rows}
+    assert len(rows) == len(DISTURBANCES) + 1
+    assert all(len(row) == len(MEASURES) for row in rows.values())
+    assert set(rows["offset of the left stylus", "5 mm"]) == {"0"}
+    assert parts["disturbances"].holds
+    assert parts["forms"].holds
+
+
+def test_sizes_are_the_papers_or_fit() -> None:
+    assert sizes(180) == ("summaries.ends=30", "summaries.group=30")
+    assert sizes(60) == ("summaries.ends=30", "summaries.group=30")
+    assert sizes(9) == ("summaries.ends=4", "summaries.group=3")
+    assert sizes(1) == ("summaries.ends=1", "summaries.group=3")
+
+
+def test_recordings_of_all_conditions_are_needed(recordings: list[Path]) -> None:
+    with pytest.raises(RecordingError, match="none of dyadic with force full, dyadic with force none"):
+        asked(recordings[:2], quick=True)
+
+
+def test_a_recording_of_each_condition_is_disturbed(recordings: list[Path]) -> None:
+    runs = asked(recordings, quick=True).runs
+    disturbed = [run.config.block for run in runs if run.path in chosen(runs)]
+    assert sorted((block.configuration, block.force) for block in disturbed) == [
+        ("bimanual", "full"),
+        ("bimanual", "none"),
+        ("dyadic", "full"),
+        ("dyadic", "none"),
+    ]
+
+
+def test_changes_are_shares_of_what_was() -> None:
+    assert change(2.0, 3.0) == 0.5
+    assert change(-2.0, -3.0) == -0.5
+    assert change(float("nan"), float("nan")) == 0.0
+    assert change(0.0, 0.0) == 0.0
+    assert [signed(share) for share in (0.5, 0.012, 0.0, float("nan"), change(0.0, 1.0))] == [
+        "+50 %",
+        "+1.2 %",
+        "0",
+        "none left",
+        "from 0",
+    ]
+
+
+def test_statements_are_counted_where_they_can_be_told() -> None:
+    names = "completion time, bimanual, first", "completion time, bimanual, last"
+
+    class Found(dict[str, float]):
+        def __missing__(self, name: str) -> float:
+            return float("nan")
+
+    paths = [Found(zip(names, pair, strict=True)) for pair in ((5.0, 4.0), (5.0, 6.0), (5.0, float("nan")))]
+    assert held(paths)[0] == (1, 2)
+    assert held(paths)[1] == (0, 0)
+
+
+def test_the_command_says_what_it_needs(tmp_path: Path) -> None:
+    for words, message in (
+        (("--sensitivity", str(tmp_path)), "folder with recordings"),
+        (("--sensitivity", "--workers", "2"), "--workers"),
+    ):
+        found = CliRunner().invoke(app, ["bench", "analysis", *words])
+        assert found.exit_code == 2
+        assert message in found.output
+    assert not list(tmp_path.iterdir())

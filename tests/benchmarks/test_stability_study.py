@@ -1,0 +1,248 @@
+"""The study of stability in short: theory against runs, hard scenes, odd hands, a little soak, and what it writes."""
+
+import csv
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from netboard.base.config import Config
+from netboard.base.errors import ConfigError
+from netboard.base.tables.scene import Physics
+from netboard.base.tick import TICK_SECONDS
+from netboard.benchmarks.harness.machine import describe
+from netboard.benchmarks.harness.results import Folder, Part, Verdict, new_folder, show
+from netboard.benchmarks.physics.batch import LANES, in_blocks, make_batch, scene_blocks
+from netboard.benchmarks.stability.maps import (
+    PLANES,
+    Cell,
+    draw_map,
+    largest_scale,
+    map_parts,
+    measure_cell,
+    tick_limits,
+)
+from netboard.benchmarks.stability.odd_hands import odd_hands
+from netboard.benchmarks.stability.rest import energies, energy_drift, perfect_rest
+from netboard.benchmarks.stability.runs import STUDIED, is_bounded, polynomials, scaled, waves_at
+from netboard.benchmarks.stability.soak import BALANCE, soak_kind
+from netboard.benchmarks.stability.soak_audit import GROWTH, SUMS, SUPPLY, THROUGH, WRONG, make_audit
+from netboard.benchmarks.stability.soak_dyads import (
+    DYADS,
+    HAND,
+    KINDS,
+    RANGE,
+    draw_hands,
+    draw_scene,
+    move_hands,
+)
+from netboard.benchmarks.stability.stress import ball_at_ends, large_tilts, stiff_forces
+from netboard.physics.scene.parameters import pack_scene, parts_of
+from netboard.physics.stability.method_choice import choose
+
+LIMITED = [method for method in STUDIED if method not in ("midpoint", "etd2rk", "etdrk4")]
+SCENES = [{}, {"k_h": 1000.0}, {"c_h": 100.0}, {"k_h": 31.6, "c_h": 31.6}, {"M": 10.0, "I": 10.0}]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("factors", SCENES, ids=str)
+@pytest.mark.parametrize("method", LIMITED)
+def test_theory_says_how_long_steps_may_be(method: str, factors: dict[str, float]) -> None:
+    cell = measure_cell(scaled(Physics(), **factors), method)
+    assert cell.counts
+    assert cell.agrees, cell
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("factors", [*SCENES, {"k_h": 1000.0, "c_h": 1000.0}, {"c_h": 1000.0}], ids=str)
+@pytest.mark.parametrize("method", ["midpoint", "etd2rk", "etdrk4"])
+def test_methods_without_a_limit_hold_every_scene_in_steps_of_a_tick(method: str, factors: dict[str, float]) -> None:
+    assert is_bounded(scaled(Physics(), **factors), method, TICK_SECONDS)
+
+
+@pytest.mark.slow
+def test_how_far_couplings_may_be_scaled_for_rk4() -> None:
+    part = tick_limits(["rk4"])
+    assert part.holds, part.verdicts
+    _, stiffer, more_damped, alike = part.rows[0]
+    assert (stiffer, more_damped, alike) == pytest.approx((139, 4.49, 31.0), rel=0.01)
+
+
+def test_a_scale_is_looked_for_from_below() -> None:
+    assert largest_scale(lambda scale: scale < 5.0 or scale > 7.0) == pytest.approx(5.0, rel=2e-3)
+    assert largest_scale(lambda scale: True) == math.inf
+    assert largest_scale(lambda scale: False) == 0.0
+
+
+def test_polynomials_meet_the_hands_at_both_ends() -> None:
+    physics, times = Physics(), np.linspace(0.0, 0.1, 11)
+    z, vz = waves_at(times)
+    drives = physics.k_h * z + physics.c_h * vz
+    found = polynomials(physics, times, z, vz).reshape(10, 2, 4)
+    assert np.allclose(found @ np.array([1.0, 0.0, 0.0, 0.0]), drives[:-1], rtol=1e-12)
+    assert np.allclose(found @ 0.01 ** np.arange(4), drives[1:], rtol=1e-12)
+
+
+@pytest.mark.slow
+def test_forces_in_a_stiff_scene() -> None:
+    part = stiff_forces([(10.0, 3.2), (100.0, 10.0)])
+    assert part.holds, part.verdicts
+
+
+@pytest.mark.slow
+def test_forces_where_the_board_tilts_far() -> None:
+    part = large_tilts([17.0, 49.0])
+    assert part.holds, part.verdicts
+
+
+@pytest.mark.slow
+def test_energy_of_an_undamped_board() -> None:
+    part = energy_drift(20_000, ["euler", "rk4", "midpoint", "etdrk4"])
+    assert part.holds, part.verdicts
+    assert [row[-1] for row in part.rows] == ["adds", "takes", "keeps", "keeps"]
+
+
+def test_energy_is_that_of_the_first_state_at_first() -> None:
+    physics = Physics()
+    found = energies("rk4", (0.005, 0.0, 0.0, 0.0), 100)
+    assert found[0] == pytest.approx(0.5 * (2 * physics.k_h + physics.k_s) * 0.005**2)
+
+
+@pytest.mark.slow
+def test_a_ball_at_the_ends_of_the_board() -> None:
+    part = ball_at_ends()
+    assert part.holds, part.verdicts
+
+
+@pytest.mark.slow
+def test_nothing_denormal_is_left_of_a_board_at_rest() -> None:
+    part = perfect_rest(10_000, ["rk4", "etdrk4"])
+    assert part.verdicts[0].holds, part.verdicts
+    assert all(row[1] == 0.0 for row in part.rows)
+
+
+@pytest.mark.slow
+def test_odd_hands_through_the_live_tick() -> None:
+    part = odd_hands(Config())
+    assert part.holds, part.verdicts
+
+
+# --- soaking -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["paper", "lagrangian"])
+def test_a_little_soaking(name: str) -> None:
+    found = soak_kind(KINDS[name], 300_000, seed=5, scenes=16)
+    assert found.steps >= 300_000
+    assert found.within.checks + found.beyond.checks == found.steps // 100
+    assert found.within.lost == 0
+    assert found.within.excess < 0.0
+    assert found.within.wrong < BALANCE
+
+
+@pytest.mark.slow
+def test_the_audit_finds_energy_that_comes_from_nowhere() -> None:
+    physics = Physics()
+    parts, scenes = parts_of(physics), scene_blocks(np.repeat(pack_scene(physics), LANES))
+    step, audit = make_batch(parts, 6, True), make_audit(parts, 6)
+    before = in_blocks(np.random.default_rng(1).normal(size=(LANES, 6)) * 0.05)
+    after, hands = before.copy(), np.zeros((1, 8, LANES))
+    hands[:, 0], hands[:, 4] = 1.0, 2.0
+    step(after, hands, scenes, TICK_SECONDS)
+    sums = np.zeros((2, SUMS, LANES))
+    audit(before, after, hands, scenes, sums[:1])
+    audit(before, 1.05 * after, hands, scenes, sums[1:])
+    honest, wrong = sums
+    assert np.all(np.abs(honest[WRONG]) < 1e-2 * honest[THROUGH])
+    assert np.all(honest[GROWTH] < honest[SUPPLY])
+    assert np.median(np.abs(wrong[WRONG]) / wrong[THROUGH]) > 0.1
+
+
+def test_scenes_are_those_that_rk4_steps_once_a_tick() -> None:
+    rng = np.random.default_rng(1)
+    for kind in KINDS.values():
+        choice = choose(draw_scene(rng, kind), TICK_SECONDS)
+        assert (choice.method, choice.substeps) == ("rk4", 1)
+
+
+@pytest.mark.slow
+def test_hands_do_all_sorts_of_things_within_their_range() -> None:
+    scenes = scene_blocks(np.repeat(pack_scene(Physics(k_h=1.0, c_h=0.0)), DYADS))
+    hand, rng = np.zeros((DYADS // LANES, HAND, LANES)), np.random.default_rng(1)
+    draw_hands(rng, hand, 1.0)
+    drives = np.zeros((DYADS // LANES, 8, LANES))
+    heights = []
+    for _ in range(200):
+        move_hands(hand, 0, scenes, drives)
+        heights.append(drives[:, 0].ravel().copy())
+    z = np.array(heights)
+    assert np.abs(z).max() <= RANGE + 0.001
+    assert not drives[:, 4:].any()
+    moved = np.abs(np.diff(z, axis=0))
+    assert 0.02 < np.mean(moved.max(axis=0) == 0.0) < 0.5
+    assert np.count_nonzero(moved > 0.0005) > 100
+
+
+# --- what is written ---------------------------------------------------------------------------------------------
+
+
+def part_of(holds: bool) -> Part:
+    return Part(
+        "lengths", "Lengths", ("what", "length [m]"), [("one", 0.5), ("none", math.inf)], [Verdict("a", holds, "b")]
+    )
+
+
+def test_a_folder_is_not_written_to_twice(tmp_path: Path) -> None:
+    folder = Folder(tmp_path / "study")
+    folder.write([part_of(True)], {"quick": True})
+    with pytest.raises(ConfigError, match="--force"):
+        Folder(tmp_path / "study")
+    Folder(tmp_path / "study", force=True)
+    kept = json.loads((folder.path / "results.json").read_text())
+    assert kept["quick"] is True
+    assert kept["parts"][0]["rows"] == [["one", 0.5], ["none", "inf"]]
+    assert kept["machine"]["cores"] >= 1
+    with (folder.path / "lengths.csv").open(newline="") as file:
+        assert list(csv.reader(file)) == [["what", "length [m]"], ["one", "0.5"], ["none", "inf"]]
+
+
+def test_new_folders_are_numbered(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    first = Folder(new_folder("stability")).path
+    assert (str(first), str(new_folder("stability"))) == ("stability-1", "stability-2")
+
+
+@pytest.mark.parametrize(("holds", "word"), [(True, "holds"), (False, "FAILS")])
+def test_verdicts_are_shown_with_their_table(holds: bool, word: str) -> None:
+    console = Console(width=100)
+    with console.capture() as said:
+        show(console, part_of(holds))
+    assert f"{word}  a: b" in said.get()
+    assert "length [m]" in said.get()
+
+
+def test_a_map_is_summed_up_and_drawn(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    plane = PLANES[0]
+    cells = [
+        Cell(method, across, down, theory, nonlinear)
+        for method, theory, nonlinear in (("rk4", 1e-3, 1.01e-3), ("euler", 1e-3, 0.8e-3), ("etdrk4", math.inf, 0.2))
+        for down in (1.0, 10.0)
+        for across in (1.0, 10.0)
+    ]
+    whole, summary = map_parts(plane, cells)
+    assert (len(whole.rows), whole.on_screen) == (12, False)
+    assert [verdict.holds for verdict in summary.verdicts] == [True, False, True]
+    Folder(tmp_path / "map").save(draw_map(plane, cells), "map")
+    assert (tmp_path / "map" / "map.png").stat().st_size > 10_000
+    assert "theory" in (tmp_path / "map" / "map.svg").read_text()
+
+
+def test_the_machine_is_described() -> None:
+    machine = describe()
+    assert machine.as_dict()["libraries"]
+    assert len(machine.lines()) == 3

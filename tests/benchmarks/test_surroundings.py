@@ -1,0 +1,66 @@
+"""What surrounds a rig: real links, and a wall clock that can be set; where the machine permits."""
+
+import os
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from netboard.benchmarks.faults import links, wall_clock
+
+pytestmark = pytest.mark.integration
+
+TELL = "import time; print(time.time_ns() // 10**9, time.monotonic_ns() // 10**9)"
+HOUR = 3600
+
+
+@pytest.mark.skipif(bool(wall_clock.refusal()), reason=wall_clock.refusal())
+def test_the_wall_clock_of_a_process_can_be_set_and_its_monotonic_clock_stays(tmp_path: Path) -> None:
+    clock = wall_clock.WallClock(tmp_path)
+    clock.set(HOUR)
+    told = subprocess.run(
+        [sys.executable, "-c", TELL], env=os.environ | clock.environment, capture_output=True, text=True, check=True
+    )
+    wall, monotonic = map(int, told.stdout.split())
+    assert abs(wall - HOUR - time.time()) < HOUR / 2
+    assert abs(monotonic - time.monotonic()) < HOUR / 2
+
+
+@pytest.mark.skipif(bool(links.refusal()), reason=links.refusal())
+def test_a_station_reaches_the_server_until_its_cable_is_pulled() -> None:
+    before = Path("/proc/thread-self/ns/net").readlink()
+    with links.Spaces() as spaces, socket.create_server((links.SERVER, 0)) as server:
+        assert Path("/proc/thread-self/ns/net").readlink() != before
+        server.settimeout(60)
+        way = spaces.way("left", server.getsockname()[1])
+        command = [*way.before, sys.executable, "-c", _SAY.format(way.host, way.port)]
+        with subprocess.Popen(command, stdin=subprocess.PIPE, bufsize=0) as station:
+            assert station.stdin is not None
+            connection, (peer, _) = server.accept()
+            with connection:
+                connection.settimeout(60)
+                assert peer == "10.213.1.2"
+                assert connection.recv(5) == b"first"
+                spaces.pull("left")
+                station.stdin.write(b"\n")
+                connection.settimeout(0.2)
+                with pytest.raises(TimeoutError):
+                    connection.recv(6)
+                spaces.plug("left")
+                connection.settimeout(60)
+                assert connection.recv(6) == b"second"
+    assert Path("/proc/thread-self/ns/net").readlink() == before
+
+
+_SAY = """
+import socket, sys
+with socket.create_connection(("{}", {}), 60) as server:
+    server.sendall(b"first")
+    sys.stdin.readline()
+    server.sendall(b"second")
+    server.shutdown(socket.SHUT_WR)
+    server.recv(1)
+"""

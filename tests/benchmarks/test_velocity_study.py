@@ -1,0 +1,98 @@
+"""The study of velocity estimators: its loop against known limits, its linear systems against the real ones, files."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from netboard.benchmarks.harness.running import run_named
+from netboard.benchmarks.stability.velocity import RAMP, REACH, SLOW, errors_of, follow, time_of
+from netboard.benchmarks.stability.velocity_bench import study
+from netboard.benchmarks.stability.velocity_loop import (
+    IDEAL,
+    TOUCH,
+    Loop,
+    largest_delay,
+    largest_played,
+    linear_estimator,
+    radius_of,
+    settles,
+)
+from netboard.devices.contract.velocity import KINDS
+
+BARE = Loop(0.045, 0.0, 200.0, 2.0)
+LINEAR = sorted(set(KINDS) - {"adaptive"})
+
+
+@pytest.mark.parametrize("kind", LINEAR)
+def test_the_linear_system_is_the_estimator(kind: str) -> None:
+    a, b, c, d = linear_estimator(kind)
+    heights = 1e-3 * np.cumsum(np.random.default_rng(1).standard_normal(400))
+    said = follow(KINDS[kind](TOUCH.resolution), heights)
+    state, found = np.zeros(len(b)), []
+    for z in heights:
+        found.append(c @ state + d * z)
+        state = a @ state + b * z
+    assert np.array(found)[200:] == pytest.approx(said[200:], rel=1e-6, abs=1e-6)
+
+
+def test_an_adaptive_estimator_is_not_linear() -> None:
+    with pytest.raises(ValueError, match="not linear"):
+        linear_estimator("adaptive")
+
+
+LIMITS = [
+    (Loop(0.045, 0.0, 200.0, 2.0), {IDEAL: 8, "difference": 7, "chai3d": 4}),
+    (Loop(0.045, 0.1, 200.0, 2.0), {IDEAL: 8, "difference": 8, "chai3d": 4}),
+    (Loop(0.045, 0.5, 200.0, 2.0), {IDEAL: 10, "difference": 9, "chai3d": 5}),
+    (Loop(0.1, 0.5, 200.0, 2.0), {IDEAL: 11, "difference": 10, "chai3d": 8}),
+    (Loop(0.2, 2.0, 200.0, 2.0), {IDEAL: 18, "difference": 18, "chai3d": 17}),
+]
+"""Known from an independent model of the same loops."""
+
+
+@pytest.mark.parametrize(("loop", "limits"), LIMITS, ids=str)
+def test_largest_delays_are_the_known_ones(loop: Loop, limits: dict[str, int]) -> None:
+    assert {kind: largest_delay(loop, kind) for kind in limits} == limits
+
+
+@pytest.mark.parametrize("delay", [0, 1, 3, 8])
+def test_the_largest_stiffness_for_a_delay_is_the_known_one(delay: int) -> None:
+    known = {0: 4202.0, 1: 1373.0, 3: 569.0, 8: 214.0}[delay]
+    assert radius_of(Loop(0.045, 0.1, known * 0.995, 2.0), IDEAL, delay) < 1.0
+    assert radius_of(Loop(0.045, 0.1, known * 1.005, 2.0), IDEAL, delay) > 1.0
+
+
+@pytest.mark.slow
+def test_runs_agree_with_eigenvalues() -> None:
+    assert largest_played(BARE, "chai3d", 3.0) == 4
+    assert settles(BARE, "adaptive", 4, 2.0)
+    assert not settles(BARE, "adaptive", 12, 2.0)
+
+
+def test_errors_are_told_without_the_run_up() -> None:
+    times, errors = errors_of("difference", RAMP, 3)
+    assert errors.shape == (3, len(times))
+    assert errors.mean() == pytest.approx(-0.5e-3, abs=0.1e-3)
+    assert np.abs(errors_of("difference", SLOW, 2)[1]).max() > 0.04
+    assert np.abs(errors_of("kalman", REACH, 2)[1]).max() < 0.03
+
+
+def test_a_reach_goes_where_it_should() -> None:
+    t = np.linspace(0.0, 0.7, 70_001)
+    assert REACH.height(t)[-1] == pytest.approx(0.1)
+    assert np.gradient(REACH.height(t), t) == pytest.approx(REACH.rate(t), abs=1e-4)
+
+
+def test_an_update_takes_some_time() -> None:
+    assert time_of("difference", 1000) > 0.0
+
+
+@pytest.mark.slow
+def test_the_study_in_short(tmp_path: Path) -> None:
+    run_named("velocity", study, tmp_path / "found", tmp_path / "copy.json", quick=True, force=False)
+    found = json.loads((tmp_path / "copy.json").read_text())
+    assert [part["name"] for part in found["parts"]] == ["estimators", "delays"]
+    assert all(verdict["holds"] for part in found["parts"] for verdict in part["verdicts"])
+    assert (tmp_path / "found" / "velocity.png").exists()

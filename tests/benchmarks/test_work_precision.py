@@ -1,0 +1,251 @@
+"""Runs become tables, tables become ratios and verdicts, and none of it depends on what a run took."""
+
+from dataclasses import replace
+from itertools import pairwise
+from math import inf, log10
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from netboard.base.errors import ConfigError
+from netboard.benchmarks.harness.results import Folder
+from netboard.benchmarks.physics.bench import Wanted, choose_peers, study
+from netboard.benchmarks.physics.figures import draw
+from netboard.benchmarks.physics.holds import hold_rows
+from netboard.benchmarks.physics.own_methods import collocation_contenders, meeting, one_step_contenders
+from netboard.benchmarks.physics.parts import SAME, holds_part, ratios_parts
+from netboard.benchmarks.physics.problem import MODELS, Model, Problem, make_reference, tight
+from netboard.benchmarks.physics.skips import SKIPS, Skip, difference
+from netboard.benchmarks.physics.solver import OURS
+from netboard.benchmarks.physics.work_precision import (
+    Comparison,
+    Row,
+    compare,
+    cost_at,
+    frontier,
+    in_turns,
+    least_cost,
+    measure,
+)
+
+SHORT = Problem("paper", "settled", duration=0.1)
+
+
+def row(error: float, cost: float, family: str = OURS, method: str = "rk4", problem: str = "paper, settled") -> Row:
+    errors = (0.1 * error, error, 0.5 * error, error)
+    return Row(
+        problem,
+        family,
+        method,
+        f"{cost} us",
+        False,
+        10,
+        20,
+        errors,
+        error,
+        3,
+        0.0,
+        cost,
+        cost,
+        2 * cost,
+        2 * cost,
+        inf,
+        0.002,
+        1.0,
+    )
+
+
+# --- comparing ---------------------------------------------------------------------------------------------------
+
+
+@given(st.lists(st.tuples(st.floats(1e-12, 1.0), st.floats(1.0, 1e6)), max_size=30))
+def test_frontier_is_what_nothing_beats(points: list[tuple[float, float]]) -> None:
+    rows = [row(*point) for point in points]
+    best = frontier(rows)
+    for one in rows:
+        beaten = any(other.scaled <= one.scaled and other.physics <= one.physics for other in best)
+        assert beaten
+    for one in best:
+        assert not any(
+            other.scaled <= one.scaled
+            and other.physics <= one.physics
+            and (other.scaled < one.scaled or other.physics < one.physics)
+            for other in rows
+        )
+    assert [one.physics for one in best] == sorted(one.physics for one in best)
+
+
+def test_costs_between_settings_lie_on_a_line_of_logarithms() -> None:
+    curve = [row(1e-2, 10.0), row(1e-4, 1000.0)]
+    assert cost_at(curve, 1e-3) == pytest.approx(100.0)
+    assert cost_at(curve, 1e-4) == pytest.approx(1000.0)
+
+
+def test_an_error_that_the_cheapest_run_betters_costs_what_that_costs() -> None:
+    assert cost_at([row(1e-2, 10.0), row(1e-4, 1000.0)], 0.1) == 10.0
+
+
+def test_an_error_that_no_run_reaches_has_no_price() -> None:
+    assert cost_at([row(1e-2, 10.0), row(1e-4, 1000.0)], 1e-5) == inf
+    assert cost_at([], 1e-5) == inf
+    assert cost_at([row(inf, 1.0)], 1e-5) == inf
+
+
+def test_a_dearer_run_that_is_worse_is_not_on_the_curve() -> None:
+    assert cost_at([row(1e-2, 10.0), row(1e-1, 50.0), row(1e-4, 1000.0)], 1e-3) == pytest.approx(100.0)
+
+
+def test_least_cost_is_of_the_best_method_and_methods_are_not_mixed() -> None:
+    rows = [row(1e-2, 10.0), row(1e-6, 1e5), row(1e-4, 2000.0, method="dop853"), row(1e-8, 4000.0, method="dop853")]
+    assert least_cost(rows, 1e-3) == pytest.approx(100.0)
+    assert least_cost(rows, 1e-4) == pytest.approx(1000.0)
+    assert least_cost(rows, 1e-6) == pytest.approx(8e6**0.5)
+
+
+def test_ratios_tell_who_is_ahead() -> None:
+    rows = [row(1e-2, 10.0), row(1e-6, 100.0), row(1e-2, 20.0, "peer"), row(1e-8, 50.0, "peer")]
+    comparison = next(one for one in compare(rows) if one.what == "physics")
+    ratios = dict(zip(comparison.errors, comparison.ratios, strict=True))
+    assert ratios[1e-2] == pytest.approx(2.0)
+    assert ratios[1e-6] == pytest.approx(20.0 * 2.5 ** (4 / 6) / 100.0)
+    assert ratios[1e-8] == 0.0
+    assert ratios[1e-12] is None
+    assert not comparison.beaten
+    assert not ratios_parts(compare(rows))[0].holds
+
+
+def test_what_only_we_reach_is_infinitely_cheaper() -> None:
+    comparison = Comparison("paper, settled", "peer", "physics", (1e-2, 1e-3), (1.0, 2.0), (3.0, inf))
+    assert comparison.ratios == (3.0, inf)
+    assert comparison.beaten
+    assert ratios_parts([comparison])[0].holds
+
+
+@pytest.mark.parametrize(
+    ("h", "expected"), [(0.001, (2, 1)), (0.000125, (16, 1)), (0.002, (1, 1)), (0.004, (1, 2)), (0.005, (2, 5))]
+)
+def test_steps_meet_points_of_the_grid(h: float, expected: tuple[int, int]) -> None:
+    assert meeting(h) == expected
+
+
+# --- measuring ---------------------------------------------------------------------------------------------------
+
+
+def test_everybody_has_a_turn_before_anybody_has_the_next() -> None:
+    called: list[str] = []
+    times = in_turns([lambda: called.append("a"), lambda: called.append("b")], 3, inf)
+    changes = [name for i, name in enumerate(called) if i == 0 or called[i - 1] != name]
+    assert changes == ["a", "b"] * 3
+    assert [len(taken) for taken in times] == [called.count("a"), called.count("b")]
+
+
+def test_who_has_spent_the_budget_has_no_further_turn() -> None:
+    called: list[str] = []
+    in_turns([lambda: called.append("a"), lambda: called.append("b")], 10, 0.0)
+    changes = [name for i, name in enumerate(called) if i == 0 or called[i - 1] != name]
+    assert changes == ["a", "b"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("method", "order"), [("euler", 1), ("heun", 2), ("rk4", 4)])
+def test_a_run_is_as_good_as_its_method(method: str, order: int) -> None:
+    reference = make_reference(SHORT, "tight", tight(SHORT))
+    contenders = [one for one in one_step_contenders(SHORT, quick=False) if one.method == method]
+    rows = measure(SHORT, reference, contenders, 1, 0.0)
+    errors = {one.setting: one.scaled for one in rows}
+    slope = log10(errors["1 ms"] / errors["0.25 ms"]) / log10(4.0)
+    assert slope == pytest.approx(order, abs=0.35)
+    assert errors["4 ms"] > errors["2 ms"] > errors["1 ms"] > errors["0.5 ms"] > errors["0.25 ms"]
+    for one in rows:
+        assert one.whole > one.physics > 0.0
+        assert one.physics_median >= one.physics
+        assert one.family == OURS
+        assert one.turns >= 1
+
+
+@pytest.mark.slow
+def test_collocation_is_good_in_long_steps_and_with_short_ones_first() -> None:
+    problem = Problem("paper", "cold", duration=0.3)
+    reference = make_reference(problem, "tight", tight(problem))
+    rows = measure(problem, reference, collocation_contenders(problem, quick=True), 1, 0.0)
+    found = {(one.method, one.setting): one.scaled for one in rows}
+    assert found["collocation 8", "10 ms, tol 1e-14"] < 1e-8
+    assert found["collocation 8", "5 ms, tol 1e-14"] < 1e-10
+    opened = found["collocation 8, short steps first", "5 ms then 50 ms, tol 1e-14"]
+    assert opened < 1e-9 < found["collocation 8", "50 ms, tol 1e-14"]
+
+
+def test_the_exact_method_is_for_level_boards_only() -> None:
+    assert "exact" not in {one.method for one in one_step_contenders(SHORT, quick=False)}
+
+
+# --- the study ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("model", MODELS)
+def test_a_better_hold_is_better_in_every_signal(model: Model) -> None:
+    problem = Problem(model, "settled", duration=1.0)
+    rows = {
+        (one.hold, one.run): np.array(one.errors)
+        for one in hold_rows(problem, make_reference(problem, "tight", tight(problem)))
+    }
+    errors = [
+        next(found for (name, _), found in rows.items() if name == hold) for hold in ("zoh", "cv", "ca", "hermite")
+    ]
+    for worse, better in pairwise(errors):
+        assert (better < worse).all()
+
+
+@pytest.mark.slow
+def test_sampling_is_within_what_is_claimed() -> None:
+    problem = Problem("paper", "settled", duration=1.0)
+    assert holds_part(hold_rows(problem, make_reference(problem, "tight", tight(problem)))).holds
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("skip", SKIPS, ids=lambda skip: f"{skip.name}, {skip.method}")
+def test_what_is_skipped_changes_nothing_else(model: Model, skip: Skip) -> None:
+    assert difference(model, replace(skip, ticks=min(skip.ticks, 1000))) <= SAME
+
+
+@pytest.mark.slow
+def test_a_quick_study_has_all_its_parts(tmp_path: Path) -> None:
+    rows, parts = study(Wanted((Problem("paper", "settled"),), (), quick=True, repeats=1, budget=0.0))
+    names = [part.name for part in parts]
+    assert names[:5] == ["reference", "runs", "steps", "costs-paper-settled", "frontier"]
+    assert {"holds", "tick", "skips"} < set(names)
+    assert all(part.rows for part in parts)
+    assert all(len(line) == len(part.columns) for part in parts for line in part.rows)
+    folder = Folder(tmp_path / "results")
+    folder.write(parts, {})
+    draw(rows, folder)
+    assert {path.suffix for path in folder.path.iterdir()} == {".csv", ".json", ".png", ".svg"}
+
+
+@pytest.mark.slow
+def test_figures_are_written(tmp_path: Path) -> None:
+    rows = [row(1e-2, 10.0), row(1e-4, 100.0), row(inf, 1.0), row(1e-3, 30.0, "peer", "Taylor")]
+    folder = Folder(tmp_path / "figures")
+    draw(rows, folder)
+    assert sorted(path.name for path in folder.path.iterdir()) == [
+        "work-precision-paper-settled-signals.png",
+        "work-precision-paper-settled-signals.svg",
+        "work-precision-paper-settled.png",
+        "work-precision-paper-settled.svg",
+    ]
+    drawn = (folder.path / "work-precision-paper-settled.svg").read_text(encoding="utf-8")
+    assert "netboard rk4" in drawn
+    assert "peer Taylor" in drawn
+
+
+def test_peers_are_known_by_name() -> None:
+    with pytest.raises(ConfigError, match="heyoka, mujoco, scipy"):
+        choose_peers(["octave"], quick=False)
+    assert choose_peers([], quick=False) == ()
+    assert choose_peers(["scipy"], quick=True) == ("scipy",)
+    assert "scipy" in choose_peers(None, quick=True)

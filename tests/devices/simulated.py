@@ -1,0 +1,64 @@
+"""What the tests of the tools share: milliseconds that pass when they are waited for, and devices to be had at once."""
+
+from dataclasses import replace
+
+from netboard.base.config import Config
+from netboard.base.tables.simulated import VirtualDevice
+from netboard.base.tick import TICK_NS
+from netboard.devices.contract.device import Device, DeviceInfo, Reading
+from netboard.devices.simulated.virtual import VirtualTouch
+
+
+class SimulatedTime:
+    """Milliseconds, each a millisecond after the one before."""
+
+    def __init__(self, now_ns: int = 1_000_000_000) -> None:
+        self._now_ns = now_ns
+
+    def now(self) -> int:
+        return self._now_ns
+
+    def wait(self) -> int:
+        self._now_ns += TICK_NS
+        return self._now_ns
+
+
+def configured(held: bool = False, **virtual: float) -> Config:
+    """A rig whose left device is a virtual one."""
+    config = Config(virtual=VirtualDevice(**virtual))
+    left = replace(config.agents.left, options={"held": held})
+    return replace(config, agents=replace(config.agents, left=left))
+
+
+def virtual(config: Config) -> VirtualTouch:
+    """The left device of a rig, open in its own frame."""
+    device = VirtualTouch("left", config)
+    device.open(placed=False)
+    return device
+
+
+class Puppet(Device):
+    """A device that reads what a test wants, and keeps what it is given."""
+
+    def __init__(self, config: Config, *readings: Reading, max_force: float = 3.0) -> None:
+        super().__init__("left", config)
+        self.readings = list(readings)
+        self.forces: list[tuple[float, float, float]] = []
+        self._max_force = max_force
+        self.serial = "puppet"
+
+    def _open(self) -> DeviceInfo:
+        return DeviceInfo("Puppet", self.serial, self._max_force, self._max_force / 3.0, 0.0)
+
+    def _read(self, now_ns: int) -> Reading:
+        reading = self.readings.pop(0) if len(self.readings) > 1 else self.readings[0]
+        return reading._replace(stamp_ns=now_ns)
+
+    def _write(self, fx: float, fy: float, fz: float) -> None:
+        self.forces.append((fx, fy, fz))
+
+    def _close(self) -> None:
+        self.readings = self.readings[-1:]
+
+
+AT_REST = Reading(0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0, True)

@@ -1,0 +1,90 @@
+"""From where a stylus was held to a placement."""
+
+from math import inf
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from simulated import AT_REST, Puppet, SimulatedTime
+
+from netboard.base.config import Config
+from netboard.base.errors import ConfigError, NetboardError
+from netboard.devices.contract.device import Box
+from netboard.devices.contract.profile import Placement
+from netboard.devices.setup import calibration
+from netboard.devices.setup.loop import watch
+
+POINTS = st.tuples(*[st.floats(-0.5, 0.5)] * 3)
+
+
+def held(*places: tuple[float, float, float]) -> calibration.Point:
+    device = Puppet(Config(), *(AT_REST._replace(x=x, y=y, z=z) for x, y, z in places))
+    device.open()
+    return calibration.held_at(watch(device, SimulatedTime(), 0.1))
+
+
+def test_a_place_is_where_it_mostly_was() -> None:
+    assert held(*[(0.1, 0.2, 0.3)] * 60, (0.1, 0.2, 0.301)) == pytest.approx((0.1, 0.2, 0.3), abs=1e-3)
+
+
+def test_a_stylus_that_moved_is_refused() -> None:
+    with pytest.raises(NetboardError, match="moved by 10 mm"):
+        held((0.0, 0.0, 0.0), (0.0, 0.0, 0.01))
+
+
+@given(POINTS, POINTS)
+def test_the_box_has_both_corners(one: calibration.Point, other: calibration.Point) -> None:
+    if min(abs(a - b) for a, b in zip(one, other, strict=True)) < calibration.LEAST_SIDE:
+        with pytest.raises(NetboardError, match="corners"):
+            calibration.box_between(one, other)
+        return
+    box = calibration.box_between(one, other)
+    assert box.holds(*one)
+    assert box.holds(*other)
+    assert box == calibration.box_between(other, one)
+
+
+@given(st.floats(-0.1, 0.1), st.floats(0.01, 0.2), st.floats(0.01, 0.2), st.floats(0.01, 0.2))
+def test_what_the_task_needs_has_room(zero: float, below: float, above: float, needed: float) -> None:
+    box = Box(-inf, -inf, zero - below, inf, inf, zero + above)
+    scale = calibration.scale_for(zero, box, needed)
+    assert scale >= 1.0
+    assert min(below, above) * scale >= needed - 1e-9
+    assert scale == 1.0 or min(below, above) * scale == pytest.approx(needed)
+
+
+def test_a_neutral_height_at_the_edge_is_refused() -> None:
+    with pytest.raises(NetboardError, match="neutral height, 99 mm"):
+        calibration.scale_for(0.099, Box(-1, -1, -0.1, 1, 1, 0.1), 0.05)
+
+
+def test_a_new_zero_leaves_the_rest() -> None:
+    before = Placement(scale=2.0, z_max=0.1)
+    after = calibration.placed(before, (0.01, 0.02, 0.03), None, 0.075, "now")
+    assert (after.zero_x, after.zero_y, after.zero_z) == (0.01, 0.02, 0.03)
+    assert (after.scale, after.z_max, after.calibrated) == (2.0, 0.1, "now")
+
+
+def test_corners_give_box_and_scale() -> None:
+    box = Box(-0.1, -0.1, -0.05, 0.1, 0.1, 0.05)
+    after = calibration.placed(Placement(), (0.0, 0.0, 0.0), box, 0.075, "now")
+    assert after.box == tuple(box)
+    assert after.scale == pytest.approx(1.5)
+
+
+def test_values_by_hand() -> None:
+    after = calibration.with_values(Placement(scale=2.0), {"zero_z": "0.02", "x_max": "0.1"}, "then")
+    assert after == Placement(scale=2.0, zero_z=0.02, x_max=0.1, calibrated="then")
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"zero": "1"}, r"\[placement\] zero: unknown key"),
+        ({"scale": "big"}, r"\[placement\] scale: found big, expected a number"),
+        ({"scale": "100"}, r"\[placement\] scale: found 100.0, expected a number >= 0.1 and <= 10"),
+    ],
+)
+def test_wrong_values_are_named(given: dict[str, str], message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        calibration.with_values(Placement(), given, "then")

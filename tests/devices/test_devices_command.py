@@ -1,0 +1,174 @@
+"""The commands ``netboard devices``, in simulated time where they would take a while."""
+
+import json
+from pathlib import Path
+
+import pytest
+from simulated import SimulatedTime, configured
+from typer.testing import CliRunner, Result
+
+from netboard.base.config import Config
+from netboard.base.errors import NetboardError
+from netboard.devices.contract import profile
+from netboard.devices.contract.device import Device
+from netboard.devices.setup.excitation import Chirp
+from netboard.services import rig
+from netboard.services.cli import app
+
+runner = CliRunner()
+
+
+@pytest.fixture(autouse=True)
+def _empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "200")
+    monkeypatch.setenv("NO_COLOR", "1")
+
+
+def devices(*words: str) -> Result:
+    return runner.invoke(app, ["devices", *words])
+
+
+def test_list() -> None:
+    result = devices("list")
+    assert "virtual" in result.output
+    assert "can be used" in result.output
+    told = json.loads(devices("list", "--json").output)
+    assert {"name": "virtual", "usable": True, "trouble": ""} in told["backends"]
+
+
+def test_a_device_that_may_not_be_opened_is_a_fault(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    at = tmp_path / "sys/bus/usb/devices/1-1"
+    at.mkdir(parents=True)
+    for name, text in {"idVendor": "2988", "idProduct": "0302", "uevent": "DEVNAME=bus/usb/001/002"}.items():
+        (at / name).write_text(text)
+    node = tmp_path / "dev/bus/usb/001/002"
+    node.parent.mkdir(parents=True)
+    node.write_text("")
+    assert rig.show_list(Config(), as_json=False, root=tmp_path) == 0
+    monkeypatch.setattr("netboard.devices.setup.listing.os.access", lambda node, how: False)
+    assert rig.show_list(Config(), as_json=False, root=tmp_path) == 1
+
+
+def test_test(capsys: pytest.CaptureFixture[str]) -> None:
+    code = rig.examine(
+        configured(held=True), "left", seconds=2.0, force=0.0, yes=False, as_json=True, beats=SimulatedTime()
+    )
+    assert code == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["serial"] == "virtual-left"
+    assert len(told["findings"]) == 8
+    config = configured(friction=0.1)
+    assert rig.examine(config, "left", seconds=2.0, force=0.3, yes=True, as_json=True, beats=SimulatedTime()) == 0
+    assert json.loads(capsys.readouterr().out)["findings"][-1]["name"] == "force to movement"
+
+
+def test_identify_writes_a_profile_of_the_device_alone(capsys: pytest.CaptureFixture[str]) -> None:
+    chirp = Chirp(seconds=6.0)
+    common = {"yes": True, "replace_it": False, "as_json": False, "chirp": chirp}
+    held = configured(held=True)
+    assert rig.identify(held, "left", held=True, beats=SimulatedTime(), **common) == 0
+    assert not Path("profiles").exists()
+    assert rig.identify(configured(), "left", held=False, beats=SimulatedTime(), **common) == 0
+    found = profile.load(Path("profiles"), "virtual-left")
+    assert found is not None
+    assert found.mechanics.mass == pytest.approx(0.045, rel=0.1)
+    assert found.mechanics.friction == pytest.approx(0.26, rel=0.1)
+    assert "chirp" in found.mechanics.identified
+    assert "profiles/virtual-left.toml: written" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("words", ["test --side left --force 0.3", "identify --side left"])
+def test_nothing_moves_without_consent(words: str) -> None:
+    result = devices(*words.split())
+    assert result.exit_code == 1
+    assert "agree with --yes" in result.output
+
+
+def test_the_sentence_must_be_typed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
+    rig.ask_consent("this", False, lambda _: f' "{rig.CONSENT}" ')
+    with pytest.raises(NetboardError, match="nothing was moved"):
+        rig.ask_consent("this", False, lambda _: "yes")
+
+
+def test_values_are_set_by_hand_and_the_one_before_is_kept() -> None:
+    result = devices("calibrate", "--side", "left", "--set", "placement.zero_z=0.02", "--set", "agents.left.zero=0.1")
+    assert result.exit_code == 0, result.output
+    assert devices("calibrate", "--side", "left", "--set", "placement.scale=1.5").exit_code == 0
+    found = profile.load(Path("profiles"), "virtual-left")
+    assert found is not None
+    assert (found.placement.zero_z, found.placement.scale) == (0.02, 1.5)
+    assert Path("profiles/virtual-left.toml.bak").exists()
+    result = devices("calibrate", "--side", "left", "--set", "placement.scale=99")
+    assert result.exit_code == 2
+    assert "[placement] scale" in result.output
+    assert devices("calibrate", "--side", "left", "--set", "placement.scale").exit_code == 2
+
+
+class Led:
+    """An operator who holds a device where he is asked to."""
+
+    def __init__(self, *places: tuple[float, float, float]) -> None:
+        self.asked: list[str] = []
+        self._places = list(places)
+        self.place = places[0]
+
+    def __call__(self, words: str) -> str:
+        self.asked.append(words)
+        self.place = self._places.pop(0)
+        return ""
+
+
+def test_calibrate(monkeypatch: pytest.MonkeyPatch) -> None:
+    from simulated import AT_REST, Puppet
+
+    operator = Led((0.01, 0.02, 0.03), (-0.05, -0.06, -0.02), (0.05, 0.06, 0.08))
+
+    class Handled(Puppet):
+        def _read(self, now_ns: int):
+            x, y, z = operator.place
+            return AT_REST._replace(stamp_ns=now_ns, x=x, y=y, z=z)
+
+    def make(side: str, config: Config) -> Device:
+        return Handled(config, AT_REST)
+
+    monkeypatch.setattr("netboard.devices.contract.registry.make", make)
+    common = {"given": {}, "replace_it": False, "ask": operator}
+    assert rig.calibrate(Config(), "left", zero_only=False, yes=False, beats=SimulatedTime(), **common) == 0
+    assert [words.partition(",")[0] for words in operator.asked] == [
+        "hold the stylus at the neutral height",
+        "hold the stylus at the far left corner of the usable space",
+        "hold the stylus at the near right corner",
+    ]
+    found = profile.load(Path("profiles"), "puppet")
+    assert found is not None
+    place = found.placement
+    assert (place.zero_x, place.zero_y, place.zero_z) == (0.01, 0.02, 0.03)
+    assert place.box == (-0.05, -0.06, -0.02, 0.05, 0.06, 0.08)
+    assert place.scale == pytest.approx(1.5)
+    operator.place = (0.0, 0.0, 0.0)
+    assert rig.calibrate(Config(), "left", zero_only=True, yes=True, beats=SimulatedTime(), **common) == 0
+    found = profile.load(Path("profiles"), "puppet")
+    assert found is not None
+    assert (found.placement.zero_z, found.placement.scale) == (0.0, pytest.approx(1.5))
+
+
+def test_the_profile_goes_into_the_agent_s_introduction() -> None:
+    from netboard.devices.simulated.virtual import VirtualTouch
+    from netboard.nodes.agent.agent import introduction
+
+    devices("calibrate", "--side", "left", "--set", "placement.zero_z=0.02")
+    config = configured()
+    with VirtualTouch("left", config) as device:
+        details = introduction("left", config, device.info).details
+        assert details["profile_zero"] == "0.0 0.0 0.02 m"
+        assert details["zero"] == "0.0 m"
+        assert device.read(10**9).z == pytest.approx(-0.02)
+
+
+def test_monitor_in_the_terminal() -> None:
+    result = devices("monitor", "--side", "left", "--text", "--seconds", "0.3")
+    assert result.exit_code == 0, result.output
+    assert "virtual Touch virtual-left (left)" in result.output
+    assert "ready for forces" in result.output

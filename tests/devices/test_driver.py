@@ -1,0 +1,104 @@
+"""Moving a device without a server: through the safety chain, and with zero force on every way out."""
+
+from math import nan
+
+import numpy as np
+import pytest
+from simulated import AT_REST, Puppet, SimulatedTime
+
+from netboard.base.config import Config
+from netboard.base.errors import DeviceError, DeviceLost
+from netboard.base.tables.rig import Safety
+from netboard.devices.contract.device import Reading
+from netboard.devices.safety.chain import Vector
+from netboard.devices.setup import excitation
+from netboard.devices.setup.excitation import Chirp
+from netboard.devices.setup.loop import Driver
+
+
+def driver(*readings: Reading, **limits: float) -> tuple[Puppet, Driver]:
+    device = Puppet(Config(), *readings)
+    device.open()
+    return device, Driver(device, SimulatedTime(), Safety(**limits))
+
+
+def push(t: float, reading: Reading) -> Vector:
+    return 0.0, 0.0, 5.0
+
+
+def test_forces_are_clamped_slewed_and_end() -> None:
+    device, drive = driver(AT_REST, max_force=1.0, max_slew=100.0)
+    track = drive.drive(0.1, push)
+    heights = np.array([force[2] for force in device.forces])
+    assert heights.max() == 1.0
+    assert np.abs(np.diff(heights)).max() <= 0.1 + 1e-9
+    assert device.forces[-1] == (0.0, 0.0, 0.0)
+    assert len(track.force) == 100
+    assert track.force[-1, 2] == 1.0
+
+
+def test_nothing_is_felt_before_it_is_armed() -> None:
+    device, drive = driver(AT_REST, arm_time=0.5)
+    drive.drive(0.05, push)
+    assert not any(map(any, device.forces[:500]))
+
+
+@pytest.mark.parametrize(
+    ("reading", "why"),
+    [
+        (AT_REST._replace(ready=False), "outside of the workspace"),
+        (AT_REST._replace(vz=2.0), r"moved at 2\.00 m/s, the limit is 1 m/s"),
+        (AT_REST._replace(vz=nan), "no numbers"),
+    ],
+)
+def test_what_the_chain_does_not_like_ends_it(reading: Reading, why: str) -> None:
+    device, drive = driver(*[AT_REST] * 1050, reading)
+    with pytest.raises(DeviceError, match=why):
+        drive.drive(1.0, push)
+    assert any(map(any, device.forces))
+    assert device.forces[-1] == (0.0, 0.0, 0.0)
+    device, drive = driver(reading)
+    with pytest.raises(DeviceError, match=why):
+        drive.drive(1.0, push)
+    assert not any(map(any, device.forces))
+
+
+def test_a_device_that_is_lost_is_given_zero() -> None:
+    device, drive = driver(AT_REST)
+
+    def lose(t: float, reading: Reading) -> Vector:
+        if t > 0.01:
+            raise DeviceLost("gone")
+        return push(t, reading)
+
+    with pytest.raises(DeviceLost, match="gone"):
+        drive.drive(1.0, lose)
+    assert device.forces[-1] == (0.0, 0.0, 0.0)
+
+
+# --- the chirp -----------------------------------------------------------------------------------------------------
+
+
+def test_the_chirp_stays_within_its_bounds() -> None:
+    chirp = Chirp()
+    times = np.arange(0.0, chirp.seconds, 1e-3)
+    place = np.array([chirp.lead(t) for t in times])
+    assert np.abs(place).max() <= chirp.swing
+    speed = np.gradient(place, times)
+    assert 0.9 * chirp.speed < np.abs(speed).max() < 1.2 * chirp.speed
+    assert place[0] == 0.0
+    assert abs(place[-1]) < 1e-4
+    assert chirp.lead(-1.0) == chirp.lead(chirp.seconds + 1.0) == 0.0
+
+
+def test_the_rig_s_own_limits_stay_in_force() -> None:
+    limits = excitation.limits_of(Chirp(), Safety(max_force=0.1, max_speed=0.2, arm_gate=0.05))
+    assert (limits.max_force, limits.max_speed, limits.arm_gate) == (0.1, 0.2, 0.05)
+    assert excitation.limits_of(Chirp(), Safety()).max_force == Chirp().max_force
+
+
+def test_a_device_without_motors_cannot_be_identified() -> None:
+    device = Puppet(Config(), AT_REST, max_force=0.0)
+    device.open()
+    with pytest.raises(DeviceError, match="no motors"):
+        excitation.run(device, SimulatedTime(), Chirp(), Safety())

@@ -1,0 +1,165 @@
+"""Which devices there are, on machines that are made up."""
+
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+from simulated import Puppet
+
+from netboard.base.config import Config
+from netboard.base.errors import DeviceNotFound
+from netboard.devices.contract import plugged, registry
+from netboard.devices.contract.device import Device, Found
+from netboard.devices.setup import listing
+from netboard.devices.setup.usb_access import NAMES
+
+RULES = Path(__file__).parents[2] / "deploy" / "udev" / "70-netboard.rules"
+
+
+@pytest.fixture
+def machine(tmp_path: Path) -> Path:
+    """A machine with a hub and a Touch (HID) with the serial number 42."""
+    for name, text in {
+        "usb1/idVendor": "1d6b",
+        "usb1/idProduct": "0002",
+        "1-1/idVendor": "2988",
+        "1-1/idProduct": "0304",
+        "1-1/serial": "42",
+        "1-1/uevent": "DEVNAME=bus/usb/001/004",
+        "1-1/1-1:1.0/0003:2988:0304.0001/hidraw/hidraw3/dev": "242:3",
+    }.items():
+        path = tmp_path / "sys/bus/usb/devices" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(f"{text}\n")
+    for node in ("hidraw3", "bus/usb/001/004"):
+        (tmp_path / "dev" / node).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / "dev" / node).write_text("")
+    return tmp_path
+
+
+class Shown(Puppet):
+    """A device whose library shows two of its kind."""
+
+    @classmethod
+    def present(cls, config: Config) -> tuple[Found, ...]:
+        return Found("Touch (vendor's name)", "42"), Found("Touch (vendor's name)", "43")
+
+
+class Silent(Puppet):
+    """A device whose library is missing."""
+
+    @classmethod
+    def present(cls, config: Config) -> tuple[Found, ...]:
+        raise DeviceNotFound("libHD.so is not there")
+
+
+@pytest.fixture
+def backends(monkeypatch: pytest.MonkeyPatch) -> dict[str, type[Device]]:
+    """The backends there are, to be changed by a test."""
+    known: dict[str, type[Device]] = {}
+    monkeypatch.setattr(registry, "names", lambda: tuple(sorted(known)))
+    monkeypatch.setattr(registry, "find", lambda name: known[name])
+    return known
+
+
+def test_a_device_that_may_be_opened(machine: Path, backends: dict) -> None:
+    (device,) = listing.listing(Config(), machine).devices
+    assert (device.model, device.serial, device.usb, device.place) == ("Touch (HID)", "42", "2988:0304", "1-1")
+    assert (device.shut, device.advice, device.seen_by) == ((), "", ("/sys",))
+
+
+def test_a_device_that_may_not_be_opened_is_named_with_its_rule(
+    machine: Path, backends: dict, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("netboard.devices.setup.listing.os.access", lambda node, how: node.name != "hidraw3")
+    (device,) = listing.listing(Config(), machine).devices
+    assert device.shut == (str(machine / "dev/hidraw3"),)
+    assert "deploy/udev/70-netboard.rules" in device.advice
+    assert 'ATTRS{idVendor}=="2988", ATTRS{idProduct}=="0304", GROUP="netboard"' in device.advice
+
+
+def test_a_device_that_is_known_has_a_rule_in_the_file() -> None:
+    lines = [line for line in RULES.read_text("utf-8").splitlines() if line.startswith("SUBSYSTEM")]
+    for vendor, product in NAMES:
+        assert any(f'=="{vendor}"' in line and product in line for line in lines), (vendor, product)
+
+
+def test_what_a_library_shows_is_joined_by_serial_number(machine: Path, backends: dict) -> None:
+    backends["touch"] = Shown
+    first, second = listing.listing(Config(), machine).devices
+    assert (first.model, first.serial, first.place) == ("Touch (vendor's name)", "42", "1-1")
+    assert first.seen_by == ("/sys", "touch")
+    assert (second.serial, second.place, second.seen_by) == ("43", "", ("touch",))
+
+
+def test_devices_without_a_serial_number_are_never_taken_for_one(backends: dict) -> None:
+    devices = listing.joined([], "one", [Found("A", ""), Found("B", "")])
+    assert [each.model for each in devices] == ["A", "B"]
+
+
+def test_a_backend_that_cannot_be_used_is_told(tmp_path: Path, backends: dict) -> None:
+    (tmp_path / "sys/bus/usb/devices").mkdir(parents=True)
+    backends.update(plain=Puppet, silent=Silent)
+    found = listing.listing(Config(), tmp_path)
+    assert found.devices == ()
+    assert found.backends == (listing.Backend("plain", ""), listing.Backend("silent", "libHD.so is not there"))
+
+
+# --- where there is no /sys ----------------------------------------------------------------------------------------
+
+
+class NoLibusb(Exception):
+    """What pyusb raises without libusb."""
+
+
+def usb_library(*devices: tuple[int, int], missing: bool = False) -> SimpleNamespace:
+    def find(find_all: bool) -> list[SimpleNamespace]:
+        if missing:
+            raise NoLibusb
+        return [SimpleNamespace(idVendor=v, idProduct=p, bus=1, address=k) for k, (v, p) in enumerate(devices)]
+
+    return SimpleNamespace(find=find, NoBackendError=NoLibusb, USBError=OSError)
+
+
+def hid_library(*devices: tuple[int, int, str | None]) -> SimpleNamespace:
+    rows = [{"vendor_id": v, "product_id": p, "serial_number": s} for v, p, s in devices for _ in range(2)]
+    return SimpleNamespace(enumerate=lambda: rows)
+
+
+@pytest.fixture
+def libraries(monkeypatch: pytest.MonkeyPatch):
+    def install(usb: object, hid: object) -> None:
+        monkeypatch.setitem(sys.modules, "usb.core", usb)
+        for name in ("hid", "hidraw"):
+            monkeypatch.setitem(sys.modules, name, hid)
+
+    return install
+
+
+def test_elsewhere_the_two_libraries_are_joined(tmp_path: Path, backends: dict, libraries) -> None:
+    libraries(usb_library((0x2988, 0x0304), (0x0403, 0xCB48), (0x1D6B, 2)), hid_library((0x2988, 0x0304, "42")))
+    found = listing.listing(Config(), tmp_path)
+    assert found.remarks == ()
+    touch, falcon = found.devices
+    assert (touch.model, touch.serial, touch.seen_by) == ("Touch (HID)", "42", ("pyusb", "hidapi"))
+    assert (falcon.model, falcon.serial, falcon.place) == ("Falcon", "", "bus 1 address 1")
+
+
+def test_two_of_a_kind_stay_two(tmp_path: Path, backends: dict, libraries) -> None:
+    ids = (0x2988, 0x0304)
+    libraries(usb_library(ids, ids), hid_library((*ids, "42"), (*ids, "43")))
+    assert [each.serial for each in listing.listing(Config(), tmp_path).devices] == ["42", "43"]
+
+
+def test_libraries_that_are_missing_are_told(tmp_path: Path, backends: dict, libraries) -> None:
+    libraries(None, None)
+    remarks = listing.listing(Config(), tmp_path).remarks
+    assert [remark.split()[0] for remark in remarks] == ["pyusb", "hidapi"]
+    assert all("extra devices" in remark for remark in remarks)
+
+
+def test_pyusb_without_libusb_is_told(libraries) -> None:
+    libraries(usb_library(missing=True), None)
+    with pytest.raises(DeviceNotFound, match="libusb"):
+        plugged.by_pyusb()

@@ -1,0 +1,60 @@
+"""The fixed form: the same messages as the codec's, and nothing else."""
+
+from dataclasses import astuple
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from wire_strategies import messages_of
+
+from netboard.network.protocol import fixed
+from netboard.network.protocol.codec import decode, encode
+from netboard.network.protocol.messages import Message
+from netboard.network.protocol.motion import Beat, Force, Point, Stylus
+
+
+def written(message: Message, form: fixed.Form) -> bytes:
+    """The message in its fixed form."""
+    words = np.zeros(len(form.markers), np.int64)
+    words.view(np.dtype(fixed.fields_of(type(message))))[0] = astuple(message)  # type: ignore[call-overload]
+    frame = np.zeros(form.size, np.uint8)
+    fixed.write(frame, form.head, form.markers, words)
+    return frame.tobytes()
+
+
+@pytest.mark.parametrize(("kind", "form"), [(Stylus, fixed.STYLUS), (Force, fixed.FORCE), (Point, fixed.POINT)])
+def test_the_codec_reads_what_is_written_and_what_is_read_is_what_was_written(kind: type, form: fixed.Form) -> None:
+    @settings(max_examples=100, deadline=None)
+    @given(messages_of(kind))
+    def check(message: Message) -> None:
+        frame = written(message, form)
+        assert len(frame) == form.size
+        assert repr(decode(frame)) == repr(message)
+        words = np.zeros(len(form.markers), np.int64)
+        assert fixed.read(frame, form.head, form.markers, words)
+        record = words.view(np.dtype(fixed.fields_of(kind)))[0]  # type: ignore[call-overload]
+        assert repr(kind(*record.tolist())) == repr(message)
+
+    check()
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.integers(0, fixed.STYLUS.size - 1), st.integers(0, 255), messages_of(Stylus))
+def test_a_frame_with_another_byte_is_read_as_the_codec_reads_it_or_not_at_all(
+    place: int, byte: int, message: Message
+) -> None:
+    frame = bytearray(written(message, fixed.STYLUS))
+    frame[place] = byte
+    words = np.zeros(len(fixed.STYLUS.markers), np.int64)
+    if fixed.read(bytes(frame), fixed.STYLUS.head, fixed.STYLUS.markers, words):
+        record = words.view(np.dtype(fixed.fields_of(Stylus)))[0]
+        assert repr(Stylus(*record.tolist())) == repr(decode(bytes(frame)))
+
+
+def test_other_forms_and_other_messages_are_left_to_the_codec() -> None:
+    stylus = Stylus(1, 2, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0, 0, 0.0, -1, 0, 0, 0, 0)
+    words = np.zeros(len(fixed.STYLUS.markers), np.int64)
+    whole = written(stylus, fixed.STYLUS)
+    for frame in (b"", encode(stylus), encode(Beat(1, 2, 3, 4, True)), whole[:-1], whole + b"\0"):
+        assert not fixed.read(frame, fixed.STYLUS.head, fixed.STYLUS.markers, words)

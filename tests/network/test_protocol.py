@@ -1,0 +1,131 @@
+"""PROTOCOL.md is true and enough: its tables are up to date, and a client written from its text alone makes the frames.
+
+The packer below is such a client: it knows MessagePack, and of the protocol only what the tables say.
+"""
+
+import json
+import re
+import struct
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from wire_golden import EXAMPLES, FRAMES, twin
+from wire_strategies import CLASSES
+from wire_tables import PROTOCOL, documented_fields, renewed
+
+from netboard.network.protocol.codec import decode, encode
+from netboard.network.protocol.messages import PROTOCOL_VERSION
+
+TEXT = PROTOCOL.read_text(encoding="utf-8")
+TABLES = documented_fields(TEXT)
+GOLDEN = sorted(FRAMES.glob("*.bin"))
+
+
+def pack_head(short: int, most: int, wide: tuple[tuple[int, str], ...], count: int) -> bytes:
+    """Header with a length: in the first byte, or after it in the narrowest width there is."""
+    if count < most:
+        return bytes([short | count])
+    code, width = next((code, width) for code, width in wide if count < 256 ** struct.calcsize(width))
+    return bytes([code]) + struct.pack(width, count)
+
+
+def pack_array(items: list[bytes]) -> bytes:
+    return pack_head(0x90, 16, ((0xDC, ">H"), (0xDD, ">I")), len(items)) + b"".join(items)
+
+
+def pack_int(value: int) -> bytes:
+    if -32 <= value < 128:
+        return struct.pack(">b", value)
+    widths = ((0xCC, ">B"), (0xCD, ">H"), (0xCE, ">I"), (0xCF, ">Q"))
+    if value < 0:
+        widths = ((0xD0, ">b"), (0xD1, ">h"), (0xD2, ">i"), (0xD3, ">q"))
+    for code, width in widths:
+        size = 8 * struct.calcsize(width)
+        if (value < 2**size) if value >= 0 else (value >= -(2 ** (size - 1))):
+            return bytes([code]) + struct.pack(width, value)
+    raise AssertionError(value)
+
+
+def pack(kind: str, value: Any) -> bytes:
+    """A JSON value as the type that a table names."""
+    if kind.endswith(" or nil"):
+        return b"\xc0" if value is None else pack(kind.removesuffix(" or nil"), value)
+    if kind.startswith("array of "):
+        return pack_array([pack(kind.removeprefix("array of "), item) for item in value])
+    if kind.startswith("["):
+        return pack_array([pack(part, item) for part, item in zip(kind[1:-1].split(", "), value, strict=True)])
+    return SCALARS[kind](value)
+
+
+def pack_bool(value: bool) -> bytes:
+    return b"\xc3" if value else b"\xc2"
+
+
+def pack_float(value: float | str) -> bytes:
+    return b"\xcb" + struct.pack(">d", float(value))
+
+
+def pack_str(value: str) -> bytes:
+    text = value.encode()
+    return pack_head(0xA0, 32, ((0xD9, ">B"), (0xDA, ">H"), (0xDB, ">I")), len(text)) + text
+
+
+def pack_bin(value: str) -> bytes:
+    data = bytes.fromhex(value)
+    return pack_head(0, 0, ((0xC4, ">B"), (0xC5, ">H"), (0xC6, ">I")), len(data)) + data
+
+
+def pack_map(value: dict[str, str]) -> bytes:
+    head = pack_head(0x80, 16, ((0xDE, ">H"), (0xDF, ">I")), len(value))
+    return head + b"".join(pack_str(key) + pack_str(item) for key, item in value.items())
+
+
+SCALARS: dict[str, Callable[[Any], bytes]] = {
+    "int": pack_int,
+    "float": pack_float,
+    "bool": pack_bool,
+    "str": pack_str,
+    "bin": pack_bin,
+    "map of str to str": pack_map,
+}
+
+
+@pytest.mark.parametrize("path", GOLDEN, ids=lambda path: path.stem)
+def test_a_client_written_from_the_text_makes_the_golden_frame(path: Path) -> None:
+    golden = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
+    name, table = TABLES[golden["kind"]]
+    assert name == golden["message"]
+    assert [field for field, _ in table] == list(golden["fields"])
+    parts = [pack_int(golden["kind"]), *(pack(kind, golden["fields"][field]) for field, kind in table)]
+    assert pack_array(parts).hex() == path.read_bytes().hex()
+
+
+@pytest.mark.parametrize("path", GOLDEN, ids=lambda path: path.stem)
+def test_a_golden_frame_is_still_understood_and_written(path: Path) -> None:
+    frame = path.read_bytes()
+    message = decode(frame)
+    assert encode(message) == frame
+    assert twin(message) == json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
+    assert repr(message) == repr(decode(encode(EXAMPLES[path.stem])))
+
+
+def test_every_message_has_a_golden_frame() -> None:
+    assert {path.stem for path in GOLDEN} == set(EXAMPLES)
+    assert {type(message) for message in EXAMPLES.values()} == set(CLASSES)
+
+
+def test_the_tables_are_up_to_date() -> None:
+    assert renewed(TEXT) == TEXT, "run: python tests/wire/wire_tables.py"
+
+
+def test_the_text_is_about_this_version() -> None:
+    assert re.findall(r"Protocol version (\d+)", TEXT) == [str(PROTOCOL_VERSION)]
+
+
+def test_the_example_in_the_text_is_a_frame() -> None:
+    shown = re.findall(r"^    ((?:[0-9a-f]{2} )+[0-9a-f]{2})  (\w+\(.*\))$", TEXT, flags=re.MULTILINE)
+    assert shown
+    for digits, message in shown:
+        assert repr(decode(bytes.fromhex(digits))) == message

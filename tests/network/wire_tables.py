@@ -1,0 +1,133 @@
+"""The tables of PROTOCOL.md, made from the messages' type hints and docstrings.
+
+Run as a script, this brings the tables in PROTOCOL.md up to date; a test checks that they are.
+"""
+
+import dataclasses
+import inspect
+import re
+import types
+import typing
+from pathlib import Path
+from typing import Any
+
+from netboard.network.protocol import codec
+from netboard.network.protocol.messages import CHOICES, KINDS, Kind, Message
+from netboard.network.protocol.motion import Safeguard
+
+PROTOCOL = Path(codec.__file__).with_name("PROTOCOL.md")
+BEGIN, END = "<!-- tables: begin (made by tests/wire/wire_tables.py) -->", "<!-- tables: end -->"
+
+_SCALARS = {int: "int", float: "float", str: "str", bytes: "bin", bool: "bool"}
+
+
+def wire_type(hint: Any) -> str:
+    """Name of a type as PROTOCOL.md defines it."""
+    origin, arguments = typing.get_origin(hint), typing.get_args(hint)
+    if origin is None:
+        return _SCALARS[hint]
+    if origin is types.UnionType:
+        return f"{wire_type(arguments[0])} or nil"
+    if origin is dict:
+        return f"map of {wire_type(arguments[0])} to {wire_type(arguments[1])}"
+    if arguments[-1] is Ellipsis:
+        return f"array of {wire_type(arguments[0])}"
+    return "[" + ", ".join(map(wire_type, arguments)) + "]"
+
+
+def described(documented: type) -> tuple[str, dict[str, str]]:
+    """Text of a docstring before its attributes, and what it says of each of them."""
+    text, _, attributes = inspect.getdoc(documented).partition("Attributes\n----------\n")  # type: ignore[union-attr]
+    meanings: dict[str, str] = {}
+    names: list[str] = []
+    for line in attributes.splitlines():
+        if line and not line[0].isspace():
+            names = line.partition(" : ")[0].split(", ")
+        elif line:
+            meanings.update({name: f"{meanings.get(name, '')} {line.strip()}".strip() for name in names})
+    return " ".join(text.split()), meanings
+
+
+def _markdown(text: str) -> str:
+    """A docstring's double and single backquotes as code, and None as it is on the wire."""
+    text = re.sub(r"``?([^`]+)``?", r"`\1`", text).replace("|", "\\|")
+    return re.sub(r"\bNone\b", "nil", text)
+
+
+def section(number: int, kind: Kind) -> str:
+    """All about one message."""
+    text, meanings = described(kind.message)
+    hints = typing.get_type_hints(kind.message)
+    limits = f"at most {kind.most_bytes} bytes"
+    if kind.most_items:
+        limits += f", arrays of at most {kind.most_items} items"
+    if kind.most_pairs:
+        limits += f", maps of at most {kind.most_pairs} pairs"
+    lines = [
+        f"### {kind.message.__name__}: kind {number}",
+        "",
+        f"{_markdown(text)} ({limits[0].upper()}{limits[1:]}.)",
+        "",
+    ]
+    names = [field.name for field in dataclasses.fields(kind.message)]
+    if names:
+        lines += ["| # | field | type | meaning |", "| ---: | --- | --- | --- |"]
+    for place, name in enumerate(names, start=1):
+        allowed = CHOICES.get((kind.message, name), ())
+        note = " One of " + ", ".join(f'`"{choice}"`' for choice in allowed) + "." if allowed else ""
+        lines.append(f"| {place} | `{name}` | {wire_type(hints[name])} | {_markdown(meanings[name])}{note} |")
+    return "\n".join(lines).rstrip() + "\n"
+
+
+def safeguards() -> str:
+    """The bits of `Stylus.safeguards`."""
+    text, meanings = described(Safeguard)
+    lines = [
+        "### Bits of `safeguards`",
+        "",
+        _markdown(text),
+        "",
+        "| bit | value | name | meaning |",
+        "| ---: | ---: | --- | --- |",
+    ]
+    for flag in Safeguard:
+        bit = flag.value.bit_length() - 1
+        lines.append(f"| {bit} | {flag.value} | `{flag.name}` | {_markdown(meanings[str(flag.name)])} |")
+    return "\n".join(lines) + "\n"
+
+
+def tables() -> str:
+    """Everything between the two marks of PROTOCOL.md."""
+    return "\n".join([*(section(number, kind) for number, kind in KINDS.items()), safeguards()])
+
+
+def renewed(text: str) -> str:
+    """PROTOCOL.md with its tables up to date."""
+    before, _, rest = text.partition(BEGIN)
+    _, _, after = rest.partition(END)
+    return f"{before}{BEGIN}\n\n{tables()}\n{END}{after}"
+
+
+def documented_fields(text: str) -> dict[int, tuple[str, list[tuple[str, str]]]]:
+    """What PROTOCOL.md says: kind -> (message, [(field, type), ...]). Reads the text, knows no class."""
+    found: dict[int, tuple[str, list[tuple[str, str]]]] = {}
+    for part in re.split(r"^### ", text, flags=re.MULTILINE):
+        heading = re.match(r"(\w+): kind (\d+)", part)
+        if heading:
+            rows = re.findall(r"^\| \d+ \| `(\w+)` \| ([^|]+) \|", part, flags=re.MULTILINE)
+            found[int(heading[2])] = (heading[1], rows)
+    return found
+
+
+def message_classes() -> tuple[type[Message], ...]:
+    """Every class of the union `Message`."""
+    return typing.get_args(Message)
+
+
+def main() -> None:
+    """Bring PROTOCOL.md up to date."""
+    PROTOCOL.write_text(renewed(PROTOCOL.read_text(encoding="utf-8")), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

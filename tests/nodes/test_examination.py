@@ -1,0 +1,224 @@
+"""The whole examination, its report, and the command."""
+
+import json
+import os
+import socket as net
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from netboard.base.config import Config
+from netboard.base.errors import NetboardError
+from netboard.base.finding import Finding
+from netboard.base.tables.rig import Network, Recording
+from netboard.network import keys
+from netboard.network.protocol.joining import Welcome
+from netboard.nodes.doctor import disk, network, software, timing
+from netboard.nodes.doctor.report import Effort, Report, examine
+from netboard.nodes.doctor.timing import Woken
+from netboard.recording.files.provenance import doctor_report_path, provenance
+from netboard.services.cli import app
+
+SHORT = Effort(timer_seconds=0.2, exchanges=5, chunks=2)
+runner = CliRunner()
+
+
+def silent(done: float) -> None:
+    """Follow nothing."""
+
+
+@pytest.fixture(autouse=True)
+def _own_state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    monkeypatch.setenv("QT_QPA_PLATFORM", "offscreen")
+    monkeypatch.setenv("COLUMNS", "200")
+    monkeypatch.chdir(tmp_path)
+
+
+def woken(p999_us: float, scheduling: str = "ok") -> Woken:
+    return Woken({"scheduling": scheduling}, 10.0, 50.0, p999_us, 2 * p999_us)
+
+
+@pytest.mark.parametrize(("p999_us", "colour"), [(120.0, "green"), (800.0, "yellow"), (1500.0, "red")])
+def test_a_loop_is_judged_by_its_late_ticks(p999_us: float, colour: str) -> None:
+    finding = timing.verdict(woken(p999_us))
+    assert finding.colour == colour
+    assert f"p99.9 {p999_us:.0f}" in finding.found
+    assert finding.figures["p999_us"] == p999_us
+    assert timing.comparison(woken(p999_us)).colour == "green"
+
+
+def test_percentiles_are_in_microseconds() -> None:
+    summed = timing.percentiles([1000 * k for k in range(1001)])
+    assert summed == pytest.approx({"p50_us": 500, "p99_us": 990, "p999_us": 999, "max_us": 1000})
+
+
+def test_the_disk_is_where_the_recordings_go(tmp_path: Path) -> None:
+    settings = Recording(directory=str(tmp_path / "not" / "yet" / "there"))
+    assert disk.nearest(Path(settings.directory)) == tmp_path
+    told: list[float] = []
+    finding = disk.speed(settings, 4, told.append)
+    assert told == [0.25, 0.5, 0.75, 1.0]
+    assert 0 < finding.figures["p50_ms"] <= finding.figures["max_ms"]
+    assert disk.space(settings).figures["hours"] > 0
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may write everywhere")
+def test_a_folder_that_may_not_be_written_to_is_red(tmp_path: Path) -> None:
+    tmp_path.chmod(0o500)
+    finding = disk.speed(Recording(directory=str(tmp_path)), 1, silent)
+    tmp_path.chmod(0o700)
+    assert finding.colour == "red"
+
+
+def test_a_disk_that_is_nearly_full_is_red(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Usage:
+        free = 10**9
+
+    monkeypatch.setattr("netboard.nodes.doctor.disk.shutil.disk_usage", lambda folder: Usage)
+    finding = disk.space(Recording(directory=str(tmp_path)))
+    assert finding.colour == "red"
+    assert "1.0 GB free" in finding.found
+
+
+def test_the_clock_of_this_machine_agrees_with_itself() -> None:
+    estimator = network.compare(20, silent)
+    assert estimator.accepted == 20
+    assert estimator.rejected == estimator.restarts == 0
+    assert abs(estimator.offset_ns) <= estimator.bound_ns
+
+
+def test_a_bound_beyond_the_limit_is_red() -> None:
+    finding = network.clock_bound(Network(clock_bound_ms=1e-6), 3, silent)
+    assert finding.colour == "red"
+    assert "armed" in finding.advice
+
+
+def test_ports_in_use_are_told() -> None:
+    with net.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        finding = network.ports(Network(port=taken.getsockname()[1]))
+    assert finding.colour == "yellow"
+    assert "is a server running?" in finding.advice
+
+
+def test_ports_of_another_machine_are_its_own() -> None:
+    finding = network.ports(Network(bind="192.0.2.1"))
+    assert (finding.colour, finding.advice) == ("green", "")
+
+
+OUTSIDE = Network(bind="192.0.2.1", host="192.0.2.1")
+
+
+def test_keys_are_needed_beyond_this_machine(tmp_path: Path) -> None:
+    assert network.secrets(Network()).colour == "green"
+    assert network.secrets(replace(OUTSIDE, curve="off")).colour == "yellow"
+    assert network.secrets(OUTSIDE).colour == "red"
+    keys.init(Path("keys"))
+    keys.add(Path("keys"), "logger", "", Path("keys"))
+    assert network.secrets(OUTSIDE) == Finding("keys", "green", "logger.key, server.key in keys")
+
+
+@pytest.mark.skipif(os.name != "posix", reason="modes of POSIX")
+def test_a_key_that_others_can_read_is_red() -> None:
+    keys.init(Path("keys"))
+    Path("keys/server.key").chmod(0o640)
+    finding = network.secrets(OUTSIDE)
+    assert finding.colour == "red"
+    assert "is open to others (mode 0640)" in finding.found
+
+
+@pytest.mark.parametrize(
+    ("opening", "colour", "found"),
+    [
+        ("print('xcb')", "green", "windows open on xcb"),
+        ("print('offscreen')", "green", "draw off screen"),
+        ("raise SystemExit('no libEGL.so.1')", "yellow", "no display can run here: no libEGL.so.1"),
+        ("import os; os.abort()", "yellow", "no display can run here"),
+    ],
+)
+def test_qt_is_tried_in_a_process_of_its_own(opening: str, colour: str, found: str) -> None:
+    finding = software.qt(opening)
+    assert finding.colour == colour
+    assert found in finding.found
+
+
+# --- the report --------------------------------------------------------------------------------------------------
+
+GREEN, YELLOW, RED = (
+    Finding("a", "green", "fine"),
+    Finding("b", "yellow", "so so", "do this"),
+    Finding("c", "red", "bad"),
+)
+
+
+def report(*findings: Finding) -> Report:
+    return Report("2026-01-02T03:04:05+00:00", {"platform": "made up"}, findings)
+
+
+def test_a_report_in_one_line() -> None:
+    made = report(GREEN, GREEN, YELLOW, timing.verdict(woken(123.4)))
+    assert made.summary == "3 green, 1 yellow, 0 red; timer p99.9 123 us"
+    assert made.fit
+    assert not report(GREEN, RED).fit
+
+
+def test_a_report_goes_into_recordings_with_its_age() -> None:
+    report(GREEN).save(doctor_report_path())
+    report(GREEN, YELLOW).save(doctor_report_path())
+    assert [file.name for file in doctor_report_path().parent.iterdir()] == ["doctor.json"]
+    made = provenance(Welcome("s", 1, 0, ""), Config(), 1, 1_767_323_045_000_000_000 + 5400 * 10**9, 0)
+    assert made["doctor"] == "1 green, 1 yellow, 0 red; 1.5 h before"
+    assert [finding["name"] for finding in json.loads(made["doctor_report"])["findings"]] == ["a", "b"]
+
+
+def test_without_a_report_recordings_say_so() -> None:
+    made = provenance(Welcome("s", 1, 0, ""), Config(), 1, 10**18, 0)
+    assert (made["doctor"], made["doctor_report"]) == ("not asked", "")
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"summary": "x", "utc": "yesterday"}', '{"summary": "x", "utc": 3}'])
+def test_a_report_that_is_none_does_not_stop_a_recording(text: str) -> None:
+    doctor_report_path().parent.mkdir(parents=True)
+    doctor_report_path().write_text(text, encoding="utf-8")
+    made = provenance(Welcome("s", 1, 0, ""), Config(), 1, 10**18, 0)
+    assert made["doctor"].startswith("its report cannot be read")
+
+
+def test_a_report_that_cannot_be_written_is_an_error(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("in the way")
+    with pytest.raises(NetboardError, match="cannot be written"):
+        report(GREEN).save(tmp_path / "file" / "doctor.json")
+
+
+@pytest.mark.slow
+def test_everything_is_looked_at_and_followed() -> None:
+    followed: list[tuple[str, float]] = []
+    made = examine(Config(), SHORT, lambda what, done: followed.append((what, done)))
+    names = [finding.name for finding in made.findings]
+    assert len(set(names)) == len(names)
+    assert {"real-time scheduling", "timer", "clock bound", "disk speed", "disk space", "Qt", "USB devices"} <= set(
+        names
+    )
+    assert all(0 <= done <= 1 for _, done in followed)
+    assert "timer p99.9" in made.summary
+    platform_name = os.uname().nodename if hasattr(os, "uname") else ""
+    assert not platform_name or platform_name not in made.machine.values()
+    parsed = json.loads(made.text())
+    assert parsed["summary"] == made.summary
+    assert all(bool(finding["advice"]) == (finding["colour"] != "green") for finding in parsed["findings"])
+
+
+@pytest.mark.slow
+def test_the_command_prints_and_leaves_a_report(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("netboard.services.doctor.QUICK", SHORT)
+    result = runner.invoke(app, ["doctor", "--quick", "--json", "copy.json", "--set", "realtime.lock_memory=false"])
+    saved = json.loads(doctor_report_path().read_text(encoding="utf-8"))
+    assert result.exit_code == (1 if " 0 red" not in saved["summary"] else 0)
+    assert saved["summary"] in result.output
+    assert "[realtime] lock_memory = true" in result.output
+    assert json.loads((tmp_path / "copy.json").read_text(encoding="utf-8")) == saved

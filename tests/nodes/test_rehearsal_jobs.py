@@ -1,0 +1,56 @@
+"""Blocks are rehearsed by one function: who takes part follows from the dyad, what comes of it not from how."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from netboard.base.config import Config
+from netboard.nodes.rehearsal.jobs import jobs_of, rehearse, rehearse_all
+from netboard.recording.files.reader import Recording
+
+
+def blocks() -> list[Config]:
+    default = Config()
+    dyadic = replace(default.block, trials=1, number=1, blocks=2)
+    bimanual = replace(dyadic, number=2, configuration="bimanual", force="none")
+    return [replace(default, block=block) for block in (dyadic, bimanual)]
+
+
+@pytest.mark.slow
+def test_who_they_are_depends_on_the_dyad() -> None:
+    one, two = (jobs_of(blocks(), 1, dyad, None) for dyad in (1, 2))
+    assert one[0].people == one[1].people
+    assert one[0].people != two[0].people
+    assert rehearse(one[0]).ticks != rehearse(two[0]).ticks
+
+
+def test_a_rehearsal_is_marked_as_no_real_session() -> None:
+    jobs = jobs_of(blocks(), 1, 1, None)
+    assert all(job.config.session.pilot for job in jobs)
+    assert len({job.session for job in jobs}) == 1
+    other = jobs_of(blocks(), 2, 1, None)
+    assert other[0].session != jobs[0].session
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("workers", [1, 2])
+def test_sheets_come_in_the_order_of_the_blocks_and_each_is_told(tmp_path: Path, workers: int) -> None:
+    heard: list[int] = []
+    sheets = rehearse_all(jobs_of(blocks(), 1, 1, tmp_path), workers, lambda sheet: heard.append(sheet.block))
+    assert [sheet.block for sheet in sheets] == [1, 2]
+    assert sorted(heard) == [1, 2]
+    assert all(Path(sheet.recording).is_file() and sheet.factor > 0 for sheet in sheets)
+
+
+@pytest.mark.slow
+def test_a_recording_says_when_it_was_begun(tmp_path: Path) -> None:
+    begun_ns = 1_790_000_000_000_000_000
+    names = ("one", "other")
+    for name in names:
+        (tmp_path / name).mkdir()
+        rehearse(replace(jobs_of(blocks(), 1, 1, tmp_path / name)[0], begun_ns=begun_ns))
+    files = [next((tmp_path / name).iterdir()) for name in names]
+    assert files[0].read_bytes() == files[1].read_bytes()
+    with Recording(files[0]) as recording:
+        assert int(recording.metadata["opened_log_ns"]) == begun_ns

@@ -1,0 +1,76 @@
+"""People differ, stay who they are, and see no more than they may."""
+
+from dataclasses import asdict, replace
+
+import numpy as np
+import pytest
+
+from netboard.base.config import Config
+from netboard.base.tables.simulated import Participant
+from netboard.base.tick import TICK
+from netboard.nodes.rehearsal.closed_loop import Mind, seats_of
+from netboard.nodes.rehearsal.population import person_of
+
+
+def mind(config: Config, station: str, sides: tuple[str, ...]) -> Mind:
+    return Mind(config, config.participant, station, sides, np.random.default_rng(1))
+
+
+def test_a_person_is_the_same_person_whenever_asked() -> None:
+    assert person_of(Participant(), 1, 3, "A") == person_of(Participant(), 1, 3, "A")
+
+
+def test_people_differ_by_seed_dyad_and_letter() -> None:
+    some = [person_of(Participant(), seed, dyad, who) for seed in (1, 2) for dyad in (1, 2) for who in "AB"]
+    assert len({repr(person) for person in some}) == len(some)
+
+
+def test_what_differs_is_spread_about_the_usual() -> None:
+    people = [asdict(person_of(Participant(), 1, dyad, "A")) for dyad in range(1, 401)]
+    for name, usual in asdict(Participant()).items():
+        factors = np.log([person[name] / usual for person in people])
+        assert abs(factors.mean()) < 0.03
+        assert factors.std() < 0.18
+    assert np.std([person["threshold_deg"] for person in people]) > 0.1
+
+
+def test_views_come_as_often_as_the_server_makes_them_and_one_tick_late() -> None:
+    config = Config()
+    left, right = mind(config, "left", ("left",)), mind(config, "right", ("right",))
+    assert [left.shown(tick) for tick in (1, 9, 10, 18, 19)] == [0, 0, 9, 9, 18]
+    assert [right.shown(tick) for tick in (4, 5, 13, 14)] == [-5, 4, 4, 13]
+    slow = replace(config, network=replace(config.network, view_rate_hz=50.0))
+    assert [mind(slow, "left", ("left",)).shown(tick) for tick in (20, 21)] == [0, 20]
+
+
+def test_a_force_tells_something_only_where_all_of_the_board_is_felt() -> None:
+    row = np.zeros(1, TICK)
+    row["phase"], row["trial"] = 2, 3
+
+    def tells(sides: tuple[str, ...] = ("left",), **keys: object) -> bool:
+        config = Config()
+        return mind(replace(config, block=replace(config.block, **keys)), "left", sides)._scale_in(row[0]) > 0.0
+
+    assert tells()
+    assert tells(force_scale=0.5)
+    assert not tells(force="none")
+    assert not tells(force="partner_only")
+    assert not tells(force_scale=0.0)
+    assert not tells(catch=(1, 3))
+    assert not tells(("left", "right"))
+    row["phase"] = 6
+    assert not tells()
+
+
+@pytest.mark.parametrize(
+    ("keys", "seats"),
+    [
+        ({}, (("left", ("left",)), ("right", ("right",)))),
+        ({"right": "still"}, (("left", ("left",)),)),
+        ({"left": "robot"}, (("left", ("left",)), ("right", ("right",)))),
+        ({"configuration": "bimanual", "station": "right"}, (("right", ("left", "right")),)),
+    ],
+)
+def test_who_decides(keys: dict[str, object], seats: object) -> None:
+    config = Config()
+    assert seats_of(replace(config, block=replace(config.block, **keys))) == seats

@@ -1,0 +1,136 @@
+"""A block with simulated people: the same bits in any pieces, done at human speed, by whoever is said to do it."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from netboard.base.config import Config
+from netboard.base.errors import ConfigError
+from netboard.base.tables.simulated import Participant, VirtualDevice
+from netboard.nodes.rehearsal import block as rehearsed
+from netboard.nodes.rehearsal.block import START_TICK, Rehearsal, Summary, person_at
+from netboard.recording.integrity.verification import verify
+from netboard.stage.stage import make_stage
+from netboard.task.trials.state_machine import Cause, Phase
+
+USUAL = {"A": Participant(), "B": Participant()}
+CONDITIONS = [("dyadic", "full"), ("dyadic", "none"), ("bimanual", "full"), ("bimanual", "none")]
+
+
+def with_block(**keys: Any) -> Config:
+    config = Config()
+    return replace(config, block=replace(config.block, **keys))
+
+
+def play(config: Config, size: int = 1000, people: dict[str, Participant] = USUAL) -> tuple[np.ndarray, Summary]:
+    rehearsal = Rehearsal(config, people)
+    rows = np.concatenate([piece.copy() for piece in rehearsal.pieces(size)])
+    return rows, rehearsal.summary()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("size", [1, 7, 10, 64, 100_000])
+def test_pieces_of_any_size_make_the_same_ticks(size: int) -> None:
+    config = with_block(trials=1)
+    assert play(config, size)[0].tobytes() == play(config, 1000)[0].tobytes()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("configuration", "force"), CONDITIONS)
+def test_trials_are_done_at_human_speed(configuration: str, force: str) -> None:
+    rows, summary = play(with_block(configuration=configuration, force=force, trials=15))
+    assert len(summary.completions) == 15
+    assert 2.0 < np.mean(summary.completions) < 8.0
+    assert summary.failures <= 6
+    assert not summary.given_up
+    assert summary.ticks == len(rows)
+    assert rows["event"][-1] == Cause.LAST
+    assert bool(rows["left_force"].any()) == (force == "full")
+
+
+@pytest.mark.slow
+def test_the_ticks_verify_to_the_bit() -> None:
+    config = with_block(trials=2)
+    rows, _ = play(config)
+    verdict = verify(make_stage(config), rows)
+    assert verdict.identical
+    assert (verdict.checked, verdict.gaps) == (len(rows), 0)
+
+
+@pytest.mark.slow
+def test_the_rows_are_those_of_a_punctual_rig() -> None:
+    rows, summary = play(with_block(trials=2))
+    assert (np.diff(rows["tick"]) == 1).all()
+    assert (np.diff(rows["time_ns"]) == 1_000_000).all()
+    assert rows["event"][START_TICK] == Cause.START
+    held = rows["mark_ticks"][rows["event"] == Cause.HELD] * 1e-3
+    assert held == pytest.approx(summary.completions)
+    for side in ("left", "right"):
+        assert (rows[f"{side}_live"] == 1).all()
+        assert (rows[f"{side}_seq"] == rows["tick"]).all()
+        assert (rows["time_ns"] - rows[f"{side}_stamp_ns"] == 250_000).all()
+        assert np.abs(rows[f"{side}_x"]).max() < 0.01
+        assert rows[f"{side}_rendered"][1:] == pytest.approx(rows[f"{side}_force"][:-1])
+
+
+@pytest.mark.slow
+def test_seed_and_number_of_the_block_make_other_ticks() -> None:
+    plain = play(with_block(trials=1))[0]
+    assert play(with_block(trials=1))[0].tobytes() == plain.tobytes()
+    for other in (with_block(trials=1, seed=2), with_block(trials=1, number=2, blocks=2)):
+        assert play(other)[0].tobytes() != plain.tobytes()
+
+
+@pytest.mark.slow
+def test_a_force_that_is_delayed_acts_later() -> None:
+    rows, _ = play(with_block(trials=1, force_delay_ms=20))
+    on = rows["phase"] == Phase.RUNNING
+    late = np.flatnonzero(on)[100:-100]
+    assert rows["left_rendered"][late] == pytest.approx(rows["left_force"][late - 21])
+
+
+@pytest.mark.slow
+def test_a_partner_holds_still_or_is_a_robot() -> None:
+    rows, summary = play(with_block(trials=2, right="still"))
+    assert len(summary.completions) == 2
+    assert not rows["right_sent_z"].any()
+    rows, summary = play(with_block(trials=2, right="robot"))
+    assert len(summary.completions) == 2
+    assert rows["right_sent_z"].any()
+
+
+def test_everybody_has_a_seat() -> None:
+    a, b = Participant(kp=2.0), Participant(kp=3.0)
+    people = {"A": a, "B": b}
+    config = with_block()
+    assert (person_at(config, "left", people), person_at(config, "right", people)) == (a, b)
+    swapped = replace(config, session=replace(config.session, seat_a="right"))
+    assert (person_at(swapped, "left", people), person_at(swapped, "right", people)) == (b, a)
+    alone = with_block(configuration="bimanual", performer="B")
+    assert (person_at(alone, "left", people), person_at(alone, "right", people)) == (b, b)
+    robot = with_block(left="robot", right="still")
+    assert (person_at(robot, "left", people), person_at(robot, "right", people)) == (Participant(), None)
+
+
+@pytest.mark.slow
+def test_who_cannot_do_it_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(rehearsed, "PATIENCE", 1.0)
+    rows, summary = play(with_block(trials=2))
+    assert summary.given_up
+    assert rows["event"][-1] == Cause.STOP
+    assert summary.ticks == START_TICK + 2001
+
+
+@pytest.mark.parametrize(
+    ("config", "what"),
+    [
+        (with_block(force="unrelated", unrelated="x.mcap"), "no recorded forces"),
+        (replace(Config(), virtual=VirtualDevice(read_latency_ms=2.0)), "read_latency_ms: found 2"),
+        (replace(Config(), virtual=VirtualDevice(thermal_time="model")), "thermal_time: found 100"),
+    ],
+)
+def test_what_cannot_be_rehearsed_is_refused(config: Config, what: str) -> None:
+    with pytest.raises(ConfigError, match=what):
+        Rehearsal(config, USUAL)

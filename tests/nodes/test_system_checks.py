@@ -1,0 +1,163 @@
+"""The doctor reads /proc, /sys and /dev: here of machines that are made up."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from netboard.base.finding import Finding
+from netboard.base.process import OFF, OK
+from netboard.devices.setup import usb_access
+from netboard.nodes.doctor import system
+
+
+def write(root: Path, **files: str) -> Path:
+    """Make a machine: the files in it, with ``__`` for ``/``."""
+    for name, text in files.items():
+        path = root / name.replace("__", "/")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(f"{text}\n", encoding="utf-8")
+    return root
+
+
+def test_a_machine_that_offers_nothing_is_no_trouble(tmp_path: Path) -> None:
+    found = [
+        system.throttle(tmp_path),
+        system.governor(tmp_path),
+        system.preemption(tmp_path),
+        system.clock_source(tmp_path),
+        system.core_sleep(False, tmp_path),
+        usb_access.devices(tmp_path),
+    ]
+    assert {finding.colour for finding in found} == {"green"}
+    assert {finding.advice for finding in found} == {""}
+
+
+@pytest.mark.parametrize(
+    ("runtime", "colour"), [("950000", "green"), ("1000000", "green"), ("-1", "yellow"), ("0", "red")]
+)
+def test_the_throttle(tmp_path: Path, runtime: str, colour: str) -> None:
+    write(tmp_path, proc__sys__kernel__sched_rt_runtime_us=runtime, proc__sys__kernel__sched_rt_period_us="1000000")
+    assert system.throttle(tmp_path).colour == colour
+
+
+def test_one_core_with_another_governor_is_told(tmp_path: Path) -> None:
+    governor = "sys__devices__system__cpu__cpu{}__cpufreq__scaling_governor"
+    write(tmp_path, **{governor.format(0): "performance", governor.format(1): "performance"})
+    assert system.governor(tmp_path).colour == "green"
+    write(tmp_path, **{governor.format(1): "powersave"})
+    finding = system.governor(tmp_path)
+    assert (finding.colour, finding.found) == ("yellow", "performance, powersave")
+    assert "performance" in finding.advice
+
+
+DEBIAN = "Linux version 6.12 (gcc 14) #1 SMP PREEMPT_DYNAMIC Debian"
+
+
+@pytest.mark.parametrize(
+    ("files", "colour", "found"),
+    [
+        ({"proc__version": "Linux 6.12 #1 SMP PREEMPT_RT"}, "green", "PREEMPT_RT"),
+        ({"proc__version": "Linux 5.15", "sys__kernel__realtime": "1"}, "green", "PREEMPT_RT"),
+        ({"proc__version": DEBIAN}, "green", "chosen at boot"),
+        ({"proc__version": DEBIAN, "proc__cmdline": "ro preempt=voluntary quiet"}, "yellow", "voluntary"),
+        (
+            {"proc__version": DEBIAN, "sys__kernel__debug__sched__preempt": "none voluntary (full) lazy"},
+            "green",
+            "full",
+        ),
+        ({"proc__version": DEBIAN, "sys__kernel__debug__sched__preempt": "(none) voluntary full"}, "yellow", "none"),
+        ({"proc__version": "Linux 5.10 #1 SMP"}, "yellow", "none"),
+        ({"proc__version": "Linux 5.10 #1 SMP PREEMPT"}, "green", "full"),
+    ],
+)
+def test_preemption(tmp_path: Path, files: dict[str, str], colour: str, found: str) -> None:
+    finding = system.preemption(write(tmp_path, **files))
+    assert (finding.colour, finding.found) == (colour, found)
+
+
+def test_deep_sleep_of_cores_matters_unless_it_is_kept_away(tmp_path: Path) -> None:
+    state = "sys__devices__system__cpu__cpu0__cpuidle__state{}__latency"
+    write(tmp_path, **{state.format(0): "0", state.format(1): "2"})
+    assert system.core_sleep(False, tmp_path).colour == "green"
+    write(tmp_path, **{state.format(2): "133"})
+    assert system.core_sleep(False, tmp_path).colour == "yellow"
+    assert system.core_sleep(False, tmp_path).figures == {"latency_us": 133}
+    assert system.core_sleep(True, tmp_path).colour == "green"
+
+
+@pytest.mark.parametrize(("source", "colour"), [("tsc", "green"), ("hpet", "yellow")])
+def test_clock_source(tmp_path: Path, source: str, colour: str) -> None:
+    write(tmp_path, sys__devices__system__clocksource__clocksource0__current_clocksource=source)
+    assert system.clock_source(tmp_path).colour == colour
+
+
+@pytest.mark.parametrize("judge", [system.scheduling, system.memory])
+def test_what_the_loops_asked_for(judge: object, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert callable(judge)
+    monkeypatch.setattr(sys, "platform", "linux")
+    granted, off, refused = judge(OK), judge(OFF), judge("Operation not permitted")
+    assert (granted.colour, granted.advice) == ("green", "")
+    assert off.colour == "yellow"
+    assert refused.colour in {"yellow", "red"}
+    assert "deploy/limits.d/netboard.conf" in refused.advice
+    monkeypatch.setattr(sys, "platform", "darwin")
+    assert judge("not offered on darwin").colour == "yellow"
+
+
+def test_cpus_that_are_not_there() -> None:
+    assert system.cpus("2", OK).colour == "green"
+    assert system.cpus("64", "Invalid argument") == Finding(
+        "server's CPUs", "yellow", "64: Invalid argument", "name CPUs of the server's machine in [realtime] server_cpus"
+    )
+
+
+# --- USB ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def plugged(tmp_path: Path) -> Path:
+    """A machine with a hub, a Touch (HID) and a Touch (USB)."""
+    at = "sys__bus__usb__devices__"
+    write(
+        tmp_path,
+        **{f"{at}usb1__idVendor": "1d6b", f"{at}usb1__idProduct": "0002"},
+        **{f"{at}1-1__idVendor": "2988", f"{at}1-1__idProduct": "0304", f"{at}1-1__uevent": "DEVNAME=bus/usb/001/004"},
+        **{f"{at}1-1__1-1:1.0__0003:2988:0304.0001__hidraw__hidraw3__dev": "242:3"},
+        **{f"{at}1-2__idVendor": "2988", f"{at}1-2__idProduct": "0302", f"{at}1-2__uevent": "DEVNAME=bus/usb/001/005"},
+        **{f"{at}1-2__1-2:1.0__tty__ttyACM0__dev": "166:0"},
+        dev__hidraw3="",
+        dev__ttyACM0="",
+        dev__bus__usb__001__004="",
+        dev__bus__usb__001__005="",
+    )
+    for node in ("hidraw3", "ttyACM0", "bus/usb/001/004", "bus/usb/001/005"):
+        (tmp_path / "dev" / node).chmod(0o660)
+    return tmp_path
+
+
+def test_devices_that_may_be_opened(plugged: Path) -> None:
+    finding = usb_access.devices(plugged)
+    assert (finding.colour, finding.found) == ("green", "Touch (HID) at 1-1, Touch (USB) at 1-2")
+
+
+def test_a_device_that_may_not_be_opened_is_red(plugged: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("netboard.devices.setup.usb_access.os.access", lambda node, how: node.name != "hidraw3")
+    finding = usb_access.devices(plugged)
+    assert finding.colour == "red"
+    assert "no permission for" in finding.found
+    assert "hidraw3" in finding.found
+    assert "70-netboard.rules" in finding.advice
+
+
+def test_a_device_that_everybody_may_open_is_yellow(plugged: Path) -> None:
+    (plugged / "dev" / "ttyACM0").chmod(0o666)
+    finding = usb_access.devices(plugged)
+    assert finding.colour == "yellow"
+    assert "ttyACM0" in finding.found
+
+
+def test_other_devices_are_nobodys_business(tmp_path: Path) -> None:
+    at = "sys__bus__usb__devices__3-1__"
+    write(tmp_path, **{f"{at}idVendor": "046d", f"{at}idProduct": "c52b"})
+    assert usb_access.devices(tmp_path).found == "no haptic device is plugged in"

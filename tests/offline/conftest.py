@@ -1,6 +1,0 @@
-"""The scenes and the independent equations of tests/physics serve here too."""
-
-import sys
-from pathlib import Path
-
-sys.path.append(str(Path(__file__).parents[1] / "physics"))

@@ -1,0 +1,48 @@
+"""A test's subprocess: print a digest of the bits that each exponential method makes, and of their tables.
+
+Run in another way (without compilation, for another processor) it must print the same digests.
+"""
+
+import hashlib
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+sys.path.append(str(Path(__file__).parents[1] / "physics"))
+
+from independent import waving
+from trajectories import sampled, scene_of, trajectory
+
+from netboard.physics.methods.catalogue import METHODS, NUMBER
+
+HARD: dict[str, Any] = {"model": "lagrangian", "ball_height": 0.02, "b_theta": 0.001}
+SCENES: dict[str, tuple[bool, dict[str, Any]]] = {
+    "paper": (True, {}),
+    "fixed, damped, one hand": (False, {"coupling": "left", "b_theta": 0.001, "balls": 2}),
+    "lagrangian, one hand": (True, {**HARD, "coupling": "right", "balls": 2}),
+    "lagrangian, fixed": (False, HARD),
+    "hinge without balls": (True, {"board": "hinged", "balls": 0}),
+    "level": (True, {"board": "level", "b_z": 0.3, "balls": 2}),
+    "level, lagrangian": (True, {"board": "level", **HARD}),
+}
+START = (0.001, 0.02, 0.3, 0.0, 0.1, 0.2, -0.2, 0.0)
+
+
+def digests() -> dict[str, str]:
+    """Hash of the states of each method in each scene, and of the tables."""
+    found = {}
+    for name, (free, values) in SCENES.items():
+        scene = scene_of(free, **values)
+        start = START[: scene.length] if scene.parts.tilts else (*START[:2], 0.0, 0.0, *START[4 : scene.length])
+        for method in ("etd2rk", "etdrk4") if scene.parts.tilts else ("etdrk4", "exact"):
+            digest = hashlib.sha256(trajectory(scene, start, waving, 1e-3, 60, method).tobytes())
+            digest.update(sampled(scene, start, waving, 2e-3, 60, method, 2).tobytes())
+            tables = METHODS[NUMBER[method]].tables(scene.record, scene.parts, scene.length, 1e-3)
+            digest.update(tables.tobytes())
+            found[f"{method}, {name}"] = digest.hexdigest()
+    return found
+
+
+if __name__ == "__main__":
+    print(json.dumps(digests()))  # noqa: T201

@@ -1,0 +1,110 @@
+"""Lanes compute what floats do, to the bit, and go where they are put."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from netboard.base.compiled import kernel
+from netboard.physics.arithmetic.simd import (
+    applied,
+    gathered,
+    lane,
+    lanes_at,
+    listed,
+    pair_at,
+    put,
+    spread,
+    within,
+    written,
+)
+
+
+@kernel
+def arithmetic(a: Any, b: Any, x: float, out: Any) -> None:
+    one, other = lanes_at(a, 0, 8), lanes_at(b, 8, 8)
+    result = (one + other) * x - one / other
+    result -= 2 * other
+    put(out, 0, -result)
+
+
+@kernel
+def conditional(a: Any, x: float, out: Any) -> None:
+    result = lanes_at(a, 0, 8) if x > 0.0 else x
+    put(out, 0, result)
+
+
+@kernel
+def moved(a: Any, out: Any) -> float:
+    left, right = pair_at(a, 0, 4)
+    put(out, 0, left)
+    put(out, 4, spread(right, 2))
+    put(out, 8, gathered((1.0, lane(right, 1)), 4))
+    return lane(left, 3)
+
+
+@kernel
+def bounded(a: Any, bound: float) -> bool:
+    return within(lanes_at(a, 0, 8), bound)
+
+
+@kernel
+def product(matrix: Any, a: Any, out: Any) -> None:
+    put(out, 0, applied(matrix, 0, lanes_at(a, 0, 4), 8))
+
+
+doubled = written("x, k", lambda n, k: listed([f"{k} * x[{i}]" for i in range(n)]))
+
+
+@kernel
+def twice(x: Any) -> Any:
+    return doubled(x, 2)
+
+
+@pytest.fixture
+def values() -> Any:
+    return np.random.default_rng(5).normal(size=16)
+
+
+def test_arithmetic_is_that_of_floats(values: Any) -> None:
+    out = np.zeros(8)
+    arithmetic(values, values, 0.3, out)
+    for one, other, found in zip(values[:8].tolist(), values[8:].tolist(), out.tolist(), strict=True):
+        assert found == -(((one + other) * 0.3 - one / other) - 2 * other)
+
+
+@pytest.mark.parametrize("x", [1.0, -1.0])
+def test_a_number_can_stand_for_lanes(values: Any, x: float) -> None:
+    out = np.zeros(8)
+    conditional(values, x, out)
+    assert np.array_equal(out, values[:8] if x > 0 else [x] * 8)
+
+
+def test_lanes_come_from_arrays_and_go_there(values: Any) -> None:
+    out = np.zeros(12)
+    assert moved(values, out) == values[6]
+    assert np.array_equal(out, [*values[:8:2], *[values[5]] * 4, 1.0, values[3], 0.0, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("worst", "expected"), [(1.0, True), (-1.0, True), (1.1, False), (-1.1, False), (np.nan, False)]
+)
+def test_a_bound_holds_for_all_or_not(worst: float, expected: bool) -> None:
+    assert bounded(np.array([0.5, -0.2, 0.0, worst, 0.1, 0.3, 0.9, -0.9]), 1.0) is expected
+
+
+def test_a_matrix_by_its_columns_is_applied(values: Any) -> None:
+    matrix, out = np.random.default_rng(6).normal(size=(4, 8)), np.zeros(8)
+    product(matrix, values, out)
+    assert out == pytest.approx(matrix.T @ values[:4], rel=1e-13)
+
+
+def test_an_array_that_is_not_contiguous_is_refused(values: Any) -> None:
+    if hasattr(bounded, "py_func"):
+        with pytest.raises(Exception, match="No implementation"):
+            bounded(values[::2], 1.0)
+
+
+def test_a_text_is_written_for_the_lengths_of_its_arguments() -> None:
+    assert twice((1.0, 2.0, 3.0)) == (2.0, 4.0, 6.0)
+    assert doubled((1.0, 2.0), 3) == (3.0, 6.0)

@@ -1,0 +1,68 @@
+"""The catalogue of a folder says what each file is, whatever is wrong with it."""
+
+from dataclasses import replace
+from datetime import date
+from pathlib import Path
+
+import pytest
+
+import proofs
+from netboard.recording.integrity.catalogue import Filter, entry_of, files_in, in_order, with_check, with_trials
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two dyads: a whole block; and one without its end, one unfinished, one cut."""
+    made = tmp_path_factory.mktemp("catalogue")
+    config, rows = proofs.config(), proofs.rows()
+    other = replace(config, session=replace(config.session, dyad="D02", study="own", pilot=True))
+    whole = proofs.write(made / "whole.mcap", rows)
+    (made / "deep").mkdir()
+    proofs.write(made / "deep" / "early.mcap", rows[:-2000], other, ended="the server began another session")
+    writer = proofs.writer_of(made / "deep" / "left.mcap", other, {})
+    writer.flush(proofs.fill(writer, rows[:500]))
+    writer.abandon()
+    (made / "cut.mcap").write_bytes(whole.read_bytes()[:-100])
+    (made / "junk.mcap").write_bytes(b"junk")
+    (made / "notes.txt").write_text("not of the catalogue")
+    return made
+
+
+def test_every_file_has_an_entry(folder: Path) -> None:
+    entries = {path.name: with_trials(entry_of(path)) for path in files_in(folder)}
+    assert sorted(entries) == ["cut.mcap", "early.mcap", "junk.mcap", "left.mcap.part", "whole.mcap"]
+    whole, early, left = entries["whole.mcap"], entries["early.mcap"], entries["left.mcap.part"]
+    assert (whole.verdict, whole.done, whole.trials, whole.dyad) == ("complete", 2, 2, "D01")
+    assert whole.duration == pytest.approx(len(proofs.rows()) * 0.5e-3, rel=0.01)
+    assert (early.verdict, early.done, early.study) == ("complete with listed losses", 1, "own")
+    assert "the server began another session" in early.why
+    assert (left.kind, left.verdict, left.dyad, left.pilot) == ("unfinished", "damaged", "D02", True)
+    assert (entries["cut.mcap"].verdict, entries["cut.mcap"].dyad) == ("damaged", "D01")
+    assert "not an MCAP file" in entries["junk.mcap"].why
+
+
+def test_the_quick_verdict_is_that_of_the_full_check(folder: Path) -> None:
+    for path in files_in(folder):
+        quick = with_trials(entry_of(path))
+        assert with_check(quick).verdict == quick.verdict
+
+
+def test_filters_take_what_is_asked_for(folder: Path) -> None:
+    entries = [with_trials(entry_of(path)) for path in files_in(folder)]
+
+    def names(wanted: Filter) -> set[str]:
+        return {one.path.name for one in entries if wanted.takes(one) and wanted.likes(one)}
+
+    assert names(Filter(dyad="D02")) == {"early.mcap", "left.mcap.part"}
+    assert names(Filter(study="own", verdict="damaged")) == {"left.mcap.part"}
+    assert names(Filter(verdict="complete")) == {"whole.mcap"}
+    assert names(Filter(pilot=True)) == {"early.mcap", "left.mcap.part"}
+    assert "whole.mcap" in names(Filter(since=date(2026, 9, 1)))
+    assert names(Filter(since=date(2027, 1, 1))) == set()
+
+
+def test_files_are_grouped_by_session(folder: Path) -> None:
+    groups = dict(in_order(entry_of(path) for path in files_in(folder)))
+    assert set(groups) == {("D01", "S01"), ("D02", "S01"), ("", "")}

@@ -1,0 +1,252 @@
+"""A recording proves itself: damaged in each way, it is found out, and what is missing with a word is no damage."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import msgpack
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+
+import proofs
+from netboard.base.config import resolve
+from netboard.network.protocol.records import ClockRecord
+from netboard.recording.files.reader import Recording
+from netboard.recording.format.summary import Attempt
+from netboard.recording.integrity.checking import check
+from netboard.recording.integrity.severity import Grade, Report
+from netboard.recording.recovery.journal_file import journal_path
+from netboard.recording.recovery.recover import recover
+from netboard.task.journal.entries import AttemptBegan, AttemptEnded, BlockBegan, Entry, Header, Opened, line_of
+
+pytestmark = pytest.mark.slow
+
+
+def said(report: Report, grade: Grade = Grade.DAMAGE) -> str:
+    return " | ".join(finding.text for finding in report.findings if finding.grade == grade)
+
+
+@pytest.fixture(scope="module")
+def sound(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return proofs.write(
+        tmp_path_factory.mktemp("proofs") / "sound.mcap", proofs.rows(), clocks=proofs.probes(30), said={"block": "1"}
+    )
+
+
+def test_a_sound_recording_is_complete(sound: Path) -> None:
+    heard: list[int] = []
+    report = check(sound, replay=True, tell=heard.append)
+    assert (report.verdict, said(report), said(report, Grade.LOSS)) == ("complete", "", "")
+    assert report.ticks == len(proofs.rows()) == sum(heard)
+    assert report.replay is not None
+    assert report.replay.identical
+    assert report.replay.checked == report.ticks
+    parts = {finding.part for finding in report.findings}
+    assert parts == {"file", "numbers", "time", "clocks", "configuration", "trials", "replay"}
+
+
+def test_its_counts_are_those_that_other_libraries_read(sound: Path) -> None:
+    with sound.open("rb") as file:
+        messages = make_reader(file, validate_crcs=True).iter_messages(topics=["/ticks"])
+        assert sum(msgpack.unpackb(message.data)["count"] for _, _, message in messages) == check(sound).ticks
+
+
+@pytest.mark.parametrize("share", [0.02, 0.3, 0.6, 0.98])
+def test_a_flipped_bit_is_damage_and_the_rest_recoverable(tmp_path: Path, sound: Path, share: float) -> None:
+    broken = bytearray(sound.read_bytes())
+    broken[int(share * len(broken))] ^= 16
+    path = tmp_path / "flipped.mcap"
+    path.write_bytes(broken)
+    report = check(path)
+    assert report.verdict == "damaged"
+    assert "netboard recover" in said(report)
+    assert "recoverable" in said(report)
+    assert report.ticks > 0.5 * len(proofs.rows())
+    assert [file.name for file in tmp_path.iterdir()] == ["flipped.mcap"]
+
+
+def test_a_cut_file_tells_what_recovery_saves(tmp_path: Path, sound: Path) -> None:
+    path = tmp_path / "cut.mcap"
+    path.write_bytes(sound.read_bytes()[: sound.stat().st_size * 2 // 3])
+    report = check(path)
+    assert "was not finished, or is cut short" in said(report)
+    assert report.ticks == recover(path).messages["/ticks"] > 0
+
+
+def test_a_part_tells_what_recovery_saves(tmp_path: Path) -> None:
+    writer = proofs.writer_of(tmp_path / "a.mcap", proofs.config(), {})
+    writer.flush(proofs.fill(writer, proofs.rows()[:1000]))
+    writer.abandon()
+    report = check(tmp_path / "a.mcap.part")
+    assert (report.verdict, report.ticks) == ("damaged", 1000)
+    assert "recoverable: 1000 ticks, 0 to 999" in said(report)
+
+
+def test_what_is_no_recording_has_nothing_to_recover(tmp_path: Path) -> None:
+    (tmp_path / "a.mcap").write_bytes(b"%PDF-1.4 hello")
+    report = check(tmp_path / "a.mcap")
+    assert report.verdict == "damaged"
+    assert "nothing can be recovered" in said(report)
+
+
+def test_a_changed_configuration_is_found_by_its_checksum(tmp_path: Path) -> None:
+    other = resolve(proofs.config()).replace("k_h = 200.0", "k_h = 201.0")
+    path = proofs.write(tmp_path / "a.mcap", proofs.rows()[:50], text=other, said={"config_sha256": "0" * 64})
+    assert "its configuration is damaged" in said(check(path))
+
+
+def test_a_configuration_of_somebody_else_is_found_by_the_metadata_and_the_replay(tmp_path: Path) -> None:
+    config = proofs.config()
+    other = replace(config, physics=replace(config.physics, k_h=201.0))
+    path = proofs.write(tmp_path / "a.mcap", proofs.rows(), other, said={"dyad": "D99"})
+    report = check(path, replay=True)
+    assert "dyad 'D99', expected 'D01'" in said(report)
+    assert "not identical: tick" in said(report)
+
+
+def test_dropped_ticks_without_a_word_are_damage(tmp_path: Path) -> None:
+    rows = np.delete(proofs.rows(), slice(700, 705))
+    report = check(proofs.write(tmp_path / "a.mcap", rows), replay=True)
+    assert "5 ticks are missing without a word of the logger, from tick 700 on" in said(report)
+    assert report.replay is not None
+    assert (report.replay.identical, report.replay.gaps) == (True, 1)
+
+
+def test_dropped_ticks_that_the_logger_noted_are_a_loss(tmp_path: Path) -> None:
+    rows = proofs.rows()
+    writer = proofs.writer_of(tmp_path / "a.mcap", proofs.config(), {})
+    before = rows[:700]
+    now = proofs.fill(writer, before)
+    assert writer.next_record is not None
+    writer.note_lost(writer.next_record, 5, now)
+    writer.finish(proofs.fill(writer, rows[705:], events=int(np.count_nonzero(before["event"]))))
+    report = check(tmp_path / "a.mcap")
+    assert (report.verdict, said(report)) == ("complete with listed losses", "")
+    assert "5 records were lost after tick 699: the server no longer had them" in said(report, Grade.LOSS)
+
+
+@pytest.mark.parametrize("place", [10, -10])
+def test_swapped_times_are_damage(tmp_path: Path, place: int) -> None:
+    rows = proofs.rows()
+    rows["time_ns"][[place, place + 1]] = rows["time_ns"][[place + 1, place]]
+    report = check(proofs.write(tmp_path / "a.mcap", rows))
+    assert "ticks are not 1 ms after the one before" in said(report)
+
+
+def test_ticks_in_a_wrong_order_are_damage(tmp_path: Path) -> None:
+    rows = proofs.rows()
+    words = rows.view(np.int64).reshape(len(rows), -1)
+    words[[300, 301]] = words[[301, 300]]
+    assert "come after one with the same or a higher number" in said(check(proofs.write(tmp_path / "a.mcap", rows)))
+
+
+def test_a_wrong_number_of_trials_is_damage(tmp_path: Path) -> None:
+    config = proofs.config()
+    for trials in (1, 3):
+        settings = replace(config, block=replace(config.block, trials=trials))
+        report = check(proofs.write(tmp_path / f"{trials}.mcap", proofs.rows(), settings))
+        assert f"2 of {trials} trials done" in said(report)
+
+
+def test_a_block_without_its_end_is_a_loss(tmp_path: Path) -> None:
+    report = check(proofs.write(tmp_path / "a.mcap", proofs.rows()[:-2000], ended="the server began another session"))
+    assert (report.verdict, said(report)) == ("complete with listed losses", "")
+    assert "ends before its session" in said(report, Grade.LOSS)
+    assert "1 of 2 trials done" in said(report, Grade.LOSS)
+
+
+def test_a_target_at_the_wrong_side_is_damage(tmp_path: Path) -> None:
+    config = proofs.config()
+    settings = replace(config, block=replace(config.block, first_target="right"))
+    report = check(proofs.write(tmp_path / "a.mcap", proofs.rows(), settings))
+    assert "have their target at the wrong side: trial 1" in said(report)
+
+
+def test_another_condition_than_was_done_is_damage(tmp_path: Path) -> None:
+    config = proofs.config()
+    for changes in ({"force": "none"}, {"catch": (1,)}):
+        settings = replace(config, block=replace(config.block, **changes))
+        path = proofs.write(tmp_path / f"{next(iter(changes))}.mcap", proofs.rows(), settings)
+        assert "ticks have a force where there is none" in said(check(path))
+
+
+@pytest.mark.parametrize("field", ["theta", "left_force", "right_used_z"])
+def test_the_last_bit_of_a_result_is_found_by_the_replay_alone(tmp_path: Path, field: str) -> None:
+    rows = proofs.rows()
+    rows[field].view()[4321:4322] = np.nextafter(rows[field][4321], np.inf)
+    path = proofs.write(tmp_path / "a.mcap", rows)
+    assert check(path).verdict == "complete"
+    assert f"tick 4321, {field}" in said(check(path, replay=True))
+
+
+def test_a_recovered_file_lists_what_was_lost(tmp_path: Path, sound: Path) -> None:
+    broken = bytearray(sound.read_bytes())
+    broken[len(broken) // 2] ^= 1
+    (tmp_path / "a.mcap").write_bytes(broken)
+    report = check(recover(tmp_path / "a.mcap").output)
+    assert (report.verdict, said(report)) == ("complete with listed losses", "")
+    assert "recovered from a.mcap; lost:" in said(report, Grade.LOSS)
+
+
+Change = Callable[[list[ClockRecord]], None]
+
+
+def _stamped_back(probes: list[ClockRecord]) -> None:
+    probes[4] = replace(probes[4], t3_ns=probes[4].t0_ns - 1)
+
+
+def _tightened(probes: list[ClockRecord]) -> None:
+    probes[4] = replace(probes[4], offset_ns=probes[4].offset_ns + 500_000)
+
+
+def _loosened(probes: list[ClockRecord]) -> None:
+    probes[4] = replace(probes[4], bound_ns=900_000)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [(_stamped_back, "not possible"), (_tightened, "refuted by their own probe"), (_loosened, "refuted")],
+)
+def test_a_clock_that_contradicts_itself_is_damage(tmp_path: Path, change: Change, words: str) -> None:
+    clocks = proofs.probes(30)
+    change(clocks)
+    assert words in said(check(proofs.write(tmp_path / "a.mcap", proofs.rows()[:50], clocks=clocks)))
+
+
+def test_a_journal_that_tells_the_same_is_sound_and_another_is_not(tmp_path: Path) -> None:
+    config = proofs.config()
+    path = proofs.write(tmp_path / "a.mcap", proofs.rows())
+    with Recording(path) as recording:
+        attempts = recording.attempts()
+    _keep_journal(tmp_path, attempts, 0.0)
+    assert "tells the same of all 2 attempts" in said(check(path), Grade.SOUND)
+    journal_path(tmp_path, config).unlink()
+    _keep_journal(tmp_path, attempts, 0.5)
+    assert "contradicts the recording: trial 1, attempt 1 took" in said(check(path))
+
+
+def _keep_journal(folder: Path, attempts: tuple[Attempt, ...], wrong: float) -> None:
+    header = Header(
+        1, "own", "", "", 1, "D01", "S01", 1, ("A", "B"), pilot=True, consent=False, netboard="0", config_digest=""
+    )
+    entries: list[Entry] = [Opened(proofs.SESSION, {}), BlockBegan(1, 1, 1, proofs.SESSION, 0)]
+    for one in attempts:
+        entries += [
+            AttemptBegan(1, one.trial, one.attempt, proofs.SESSION, one.began),
+            AttemptEnded(
+                1,
+                one.trial,
+                one.attempt,
+                "success",
+                one.completion + wrong,
+                (),
+                0,
+                again=False,
+                run=proofs.SESSION,
+                tick=one.stop - 1,
+                block_ticks=one.stop,
+            ),
+        ]
+    lines = [line_of(entry, "now") for entry in (header, *entries)]
+    journal_path(folder, proofs.config()).write_bytes(b"".join(lines))

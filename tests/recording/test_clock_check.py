@@ -1,0 +1,76 @@
+"""Clocks that run evenly pass, and their drift comes out; whatever no clock does is found out."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import proofs
+from netboard.network.protocol.admission import ClockEstimator
+from netboard.network.protocol.records import ClockRecord
+from netboard.recording.integrity.clock_check import check_clocks, contradicts, line_through, stepped
+from netboard.recording.integrity.severity import Grade, worst
+
+
+@pytest.mark.parametrize("drift", [-80.0, -3.0, 0.0, 20.0, 80.0])
+def test_the_drift_of_an_even_clock_is_the_slope_of_the_line(drift: float) -> None:
+    clocks = proofs.probes(50, drift)
+    fit = line_through(clocks)
+    assert fit is not None
+    assert fit.drift_ppm == pytest.approx(drift, abs=0.01)
+    assert (fit.beyond, stepped(clocks)) == (0, 0)
+    assert worst([*check_clocks(clocks, 0.5, None)]) == Grade.SOUND
+
+
+def test_live_estimates_of_a_noisy_clock_are_not_refuted() -> None:
+    generator = np.random.default_rng(7)
+    estimator = ClockEstimator(10_000_000_000)
+    clocks = []
+    for k in range(2000):
+        t0 = 10**12 + k * 200_000_000
+        there, back = (50_000 + generator.exponential(200_000, 2)).astype(int).tolist()
+        offset = 10**9 + round(k * 0.2 * 37e3)
+        t1 = t0 + there + offset
+        t3 = t0 + there + 5_000 + back
+        estimator.add(t0, t1, t1 + 5_000, t3)
+        if k % 5 == 4:  # a server records one probe of five
+            clocks.append(
+                ClockRecord(
+                    len(clocks), "agent.left", t0, t1, t1 + 5_000, t3, estimator.offset_ns, estimator.bound_ns, 0.0
+                )
+            )
+    findings = [*check_clocks(clocks, 0.5, None)]
+    assert worst(findings) == Grade.SOUND, findings
+    assert "drift +3" in findings[0].text
+
+
+def test_a_clock_that_was_stepped_is_a_loss() -> None:
+    clocks = proofs.probes(40)
+    clocks[20:] = [
+        replace(p, t1_ns=p.t1_ns + 10**7, t2_ns=p.t2_ns + 10**7, offset_ns=p.offset_ns + 10**7) for p in clocks[20:]
+    ]
+    assert stepped(clocks) > 0
+    assert worst([*check_clocks(clocks, 0.5, None)]) == Grade.LOSS
+
+
+def test_a_clock_that_runs_away_is_a_loss() -> None:
+    assert stepped(proofs.probes(40, 500.0)) > 0
+    assert stepped(proofs.probes(40, -500.0)) > 0
+
+
+def test_a_wide_bound_matters_for_agents_in_trials() -> None:
+    clocks = proofs.probes(10)
+    during = (clocks[0].t0_ns, clocks[-1].t3_ns)
+    assert worst([*check_clocks(clocks, 0.05, during)]) == Grade.LOSS
+    assert worst([*check_clocks(clocks, 0.05, None)]) == Grade.SOUND
+    assert worst([*check_clocks(clocks, 0.5, during)]) == Grade.SOUND
+    others = [replace(probe, peer="console") for probe in clocks]
+    assert worst([*check_clocks(others, 0.05, during)]) == Grade.SOUND
+
+
+def test_an_estimate_may_be_better_than_its_probe_and_not_worse() -> None:
+    (probe,) = proofs.probes(1)
+    assert not contradicts(probe)
+    assert not contradicts(replace(probe, bound_ns=1000))
+    assert contradicts(replace(probe, bound_ns=probe.bound_ns + 10_000))
+    assert contradicts(replace(probe, offset_ns=probe.offset_ns + 170_000))

@@ -1,0 +1,176 @@
+"""The files are read by other libraries, to the bit; and a result is whole, or not there."""
+
+import csv
+import json
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from exported import ODD, START_NS, UTC_NS, make_rows, same_bits, without_payloads, write
+from scipy.io import loadmat
+from typer.testing import CliRunner
+
+from netboard.base.config import Config
+from netboard.base.errors import ConfigError, RecordingError
+from netboard.base.tick import TICK
+from netboard.recording.export import matlab
+from netboard.recording.export.formats import FORMATS, export, library
+from netboard.recording.export.tables import TABLES, TICKS
+from netboard.recording.files.reader import Recording
+from netboard.recording.importing.table_import import Wishes, import_table
+from netboard.services.cli import app
+
+
+def quiet(what: str, done: int, total: int) -> None:
+    assert 0 <= done <= total
+
+
+@pytest.fixture(scope="module")
+def two(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    folder = tmp_path_factory.mktemp("made")
+    return [write(folder / "S01.mcap", make_rows(1)), write(folder / "S02.mcap", make_rows(2))]
+
+
+def test_parquet_has_all_bits_types_and_units(two: list[Path], tmp_path: Path) -> None:
+    parquet, dataset = pytest.importorskip("pyarrow.parquet"), pytest.importorskip("pyarrow.dataset")
+    export(two, "parquet", tmp_path / "out", quiet)
+    rows = make_rows(2)
+    table = parquet.read_table(tmp_path / "out" / "ticks" / "S02.parquet")
+    assert all(same_bits(table[name].to_numpy(), rows[name]) for name in TICK.names)
+    assert table.schema.field("theta").metadata == {b"unit": b"rad", b"about": b"tilt of the board, + = right end up"}
+    both = dataset.dataset(tmp_path / "out" / "ticks").to_table(columns=["recording", "tick"])
+    assert set(both["recording"].to_pylist()) == {"S01", "S02"}
+    events = parquet.read_table(tmp_path / "out" / "events.parquet").to_pylist()
+    assert [event["recording"] for event in events] == ["S01", "S01", "S02", "S02"]
+    assert json.loads(events[0]["details"]) == {"text": ODD}
+    assert parquet.read_table(tmp_path / "out" / "remarks.parquet").num_rows == 0
+
+
+def test_csv_reads_back_to_the_bit(two: list[Path], tmp_path: Path) -> None:
+    export(two, "csv", tmp_path / "out", quiet)
+    rows = without_payloads(make_rows(1))
+    with (tmp_path / "out" / "ticks" / "S01.csv").open(encoding="utf-8", newline="") as file:
+        read = list(csv.DictReader(file))
+    assert list(read[0]) == [field.name for field in TICKS.fields]
+    for name in TICK.names:
+        number = int if TICK[name].kind == "i" else float
+        assert same_bits(np.array([number(row[name]) for row in read], TICK[name]), rows[name]), name
+    with (tmp_path / "out" / "events.csv").open(encoding="utf-8", newline="") as file:
+        events = list(csv.DictReader(file))
+    assert json.loads(events[2]["details"]) == {"text": ODD}
+    assert int(events[2]["time_ns"]) == START_NS - 1_000_000
+
+
+def test_mat_reads_back_to_the_bit(two: list[Path], tmp_path: Path) -> None:
+    export(two, "mat", tmp_path / "out", quiet)
+    read = loadmat(tmp_path / "out" / "S02.mat", struct_as_record=False, squeeze_me=True)
+    rows = make_rows(2)
+    for name in TICK.names:
+        assert same_bits(getattr(read["ticks"], name), rows[name]), name
+    assert read["trials"].outcome.tolist() == ["fell", "success", "timed_out", "abort", "unfinished"]
+    assert json.loads(read["events"].details[0]) == {"text": ODD}
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {
+        *("S01.mat", "S02.mat", "dictionary.json", "dictionary.csv", "configurations")
+    }
+
+
+@pytest.mark.parametrize(("name", "seed"), [("csv", 3), ("csv", 4), ("parquet", 3), ("parquet", 4)])
+def test_any_bits_come_back_as_a_recording(tmp_path: Path, name: str, seed: int) -> None:
+    if name == "parquet":
+        pytest.importorskip("pyarrow")
+    rows = make_rows(seed)
+    export([write(tmp_path / "S01.mcap", rows)], name, tmp_path / "out", quiet)
+    table = tmp_path / "out" / "ticks" / f"S01.{name}"
+    made = import_table(table, tmp_path, Config(), Wishes(), UTC_NS, lambda *told: None)
+    with Recording(made.path) as recording:
+        expected = without_payloads(rows) if name == "csv" else rows
+        assert recording.ticks().tobytes() == expected.tobytes()
+
+
+OCTAVE = """
+s = load("S01.mat");
+printf("%s %s %s\\n", class(s.ticks.time_ns), class(s.ticks.theta), class(s.trials.outcome));
+printf("%d %d\\n", s.ticks.time_ns(1), s.ticks.time_ns(end) - s.ticks.time_ns(1));
+printf("%s\\n", num2hex(s.ticks.left_z)');
+printf("%s\\n", s.trials.outcome{:});
+printf("%d %d\\n", numel(s.remarks.seq), numel(s.events.details));
+"""
+
+
+@pytest.mark.slow
+def test_octave_reads_mat(two: list[Path], tmp_path: Path) -> None:
+    octave = shutil.which("octave-cli")
+    if octave is None:
+        pytest.skip("GNU Octave is not installed")
+    export(two[:1], "mat", tmp_path / "out", quiet)
+    script = tmp_path / "read.m"
+    script.write_text(OCTAVE, encoding="utf-8")
+    command = [octave, "--quiet", "--no-init-file", str(script)]
+    said = subprocess.run(command, cwd=tmp_path / "out", capture_output=True, text=True, check=True).stdout.split()
+    rows = make_rows(1)
+    assert said[:5] == ["int64", "double", "cell", str(START_NS), "299000000"]
+    assert said[5] == "".join(f"{bits:016x}" for bits in rows["left_z"].view(np.uint64).tolist())
+    assert said[6:] == ["fell", "success", "timed_out", "abort", "unfinished", "0", "2"]
+
+
+def test_ticks_too_many_for_matlab_are_refused(
+    two: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(matlab, "MOST_BYTES", 1000)
+    with pytest.raises(RecordingError, match=r"S01\.mcap: its ticks are .* use --to parquet"):
+        export(two, "mat", tmp_path / "out", quiet)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", sorted(FORMATS))
+def test_every_format_leaves_nothing_of_a_failure(two: list[Path], tmp_path: Path, name: str) -> None:
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(two[0].read_bytes()[:-20])
+    with pytest.raises(RecordingError, match=r"cut\.mcap"):
+        export([two[0], cut], name, tmp_path / "out", quiet)
+    assert list(tmp_path.iterdir()) == [cut]
+
+
+def test_nothing_is_written_over(two: list[Path], tmp_path: Path) -> None:
+    (tmp_path / "out").mkdir()
+    with pytest.raises(RecordingError, match="out: is there already"):
+        export(two, "csv", tmp_path / "out", quiet)
+
+
+def test_a_folder_that_appears_meanwhile_is_left_alone(two: list[Path], tmp_path: Path) -> None:
+    def appear(what: str, done: int, total: int) -> None:
+        (tmp_path / "out").mkdir(exist_ok=True)
+
+    with pytest.raises(RecordingError, match="out: is there already"):
+        export(two, "csv", tmp_path / "out", appear)
+    assert [path.name for path in tmp_path.rglob("*")] == ["out"]
+
+
+def test_an_unknown_format_and_a_missing_library_are_said(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="--to xls: expected one of parquet, csv, mat"):
+        export([], "xls", tmp_path / "out", quiet)
+    with pytest.raises(ConfigError, match=r"this needs nosuch, .* pip install 'netboard\[some\]'"):
+        library("nosuch.module", "some")
+
+
+def test_the_command_takes_folders(two: list[Path], tmp_path: Path) -> None:
+    result = CliRunner().invoke(app, ["export", str(two[0].parent), "--to", "csv", "-o", str(tmp_path / "out")])
+    assert result.exit_code == 0, result.exception
+    assert "2 recordings" in result.output
+    with Recording(two[0]) as recording:
+        kept = (tmp_path / "out" / "configurations" / "S01.toml").read_text(encoding="utf-8")
+        assert kept == recording.config_text
+    for table in TABLES[1:]:
+        assert (tmp_path / "out" / f"{table.name}.csv").is_file()
+
+
+def test_recordings_of_one_name_are_refused(two: list[Path], tmp_path: Path) -> None:
+    other = tmp_path / "S01.mcap"
+    other.write_bytes(two[0].read_bytes())
+    result = CliRunner().invoke(app, ["export", str(two[0]), str(other), "--to", "csv", "-o", str(tmp_path / "out")])
+    assert result.exit_code == 1
+    assert "have the same name" in result.output
+    result = CliRunner().invoke(app, ["export", str(tmp_path / "none"), "--to", "csv", "-o", str(tmp_path / "out")])
+    assert "none: cannot be read" in result.output

@@ -1,0 +1,284 @@
+"""Tables of others become recordings that say what is in the tables, and our own become what they were made of."""
+
+import csv
+import hashlib
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from netboard.base.config import Config, resolve
+from netboard.base.errors import ConfigError, RecordingError
+from netboard.base.tables.simulated import Participant
+from netboard.base.tick import TICK
+from netboard.nodes.rehearsal.block import Rehearsal
+from netboard.recording.export.formats import export
+from netboard.recording.files.offline_writer import Keeper
+from netboard.recording.files.reader import Recording
+from netboard.recording.importing import reading
+from netboard.recording.importing.table_import import Wishes, import_table
+from netboard.recording.integrity.account import account_of, parts_of
+from netboard.recording.integrity.checking import check
+from netboard.recording.integrity.severity import Grade
+from netboard.recording.integrity.verification import verify_recording
+from netboard.services.cli import app
+
+UTC_NS = 1_790_000_000_000_000_000
+CONFIG = replace(Config(), block=replace(Config().block, trials=2))
+
+
+def quiet(what: str, done: int, total: int) -> None:
+    assert 0 < done <= total
+
+
+def write_csv(path: Path, columns: dict[str, Any], separator: str = ",") -> Path:
+    with path.open("x", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, delimiter=separator)
+        writer.writerow(columns)
+        writer.writerows(zip(*columns.values(), strict=True))
+    return path
+
+
+def imported(path: Path, folder: Path, config: Config = CONFIG, **wishes: Any) -> Recording:
+    return Recording(import_table(path, folder, config, Wishes(**wishes), UTC_NS, quiet).path)
+
+
+@pytest.fixture(scope="module")
+def rehearsed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two trials of simulated people."""
+    keeper = Keeper(tmp_path_factory.mktemp("rehearsed"), CONFIG, "0123456789abcdef", UTC_NS)
+    for rows in Rehearsal(CONFIG, {"A": Participant(), "B": Participant()}).pieces():
+        keeper.take(rows)
+    keeper.finish()
+    return keeper.path
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["csv", "parquet"])
+def test_exported_ticks_come_back_to_the_bit(rehearsed: Path, tmp_path: Path, kind: str) -> None:
+    if kind == "parquet":
+        pytest.importorskip("pyarrow")
+    export([rehearsed], kind, tmp_path / "out", lambda *told: None)
+    table = tmp_path / "out" / "ticks" / f"{rehearsed.stem}.{kind}"
+    with imported(table, tmp_path, Config()) as back, Recording(rehearsed) as recording:
+        assert back.ticks().tobytes() == recording.ticks().tobytes()
+        assert back.config_text == recording.config_text
+        assert repr(back.attempts()) == repr(recording.attempts())
+        assert verify_recording(back).identical
+        stage = [event for event in recording.events() if event.tick >= 0]
+        assert [event for event in back.events() if event.tick >= 0][1:] == stage[1:]  # the first says what it is
+        assert (back.metadata["imported"], back.metadata["imported_from"]) == ("ticks", table.name)
+        assert back.metadata["imported_sha256"] == hashlib.sha256(table.read_bytes()).hexdigest()
+        account = account_of(parts_of(back.path))
+    assert not account.unexplained
+    assert not account.unexplained_records
+
+
+@pytest.mark.slow
+def test_hands_alone_have_their_trials_computed(rehearsed: Path, tmp_path: Path) -> None:
+    with Recording(rehearsed) as recording:
+        rows, before = recording.ticks(first=500), recording.attempts()
+    hands = {"ms": range(len(rows)), "left": 1000 * rows["left_used_z"], "right": -100 * rows["right_used_z"]}
+    rates = {"left_vz": rows["left_used_vz"], "right_vz": rows["right_used_vz"]}
+    table = write_csv(tmp_path / "hands.csv", {**hands, **rates}, ";")
+    names = ("time=ms", "left_z=left", "right_z=right")
+    units = ("time=ms", "left_z=mm", "right_z=-cm")
+    with imported(table, tmp_path, names=names, units=units, simulate=True) as found:
+        assert verify_recording(found).identical
+        after, ticks = found.attempts(), found.ticks()
+        assert json.loads(found.metadata["imported_units"]) == list(units)
+    assert ticks["right_sent_z"] == pytest.approx(rows["right_used_z"], rel=1e-15)
+    # The same hands do the same, but for the block's first moments, before which there were others.
+    assert [attempt.outcome for attempt in after] == [attempt.outcome for attempt in before]
+    assert after[1].completion == pytest.approx(before[1].completion, abs=0.005)
+
+
+def task_table(rate: int = 1000) -> dict[str, list[Any]]:
+    """Two trials of a second with a second between them: the first a success, the second not."""
+    time = [k / rate for k in range(4 * rate)]
+    trial = [{1: 1, 3: 2}.get(math.floor(t), 0) for t in time]
+    return {
+        "time": time,
+        "left_z": [0.01 * math.sin(3 * t) for t in time],
+        "right_z": [0.01 * math.cos(3 * t) for t in time],
+        "p": [0.1 * math.sin(t) for t in time],
+        "theta": [0.05 * math.cos(2 * t) for t in time],
+        "trial": ["" if number == 0 else number for number in trial],
+        "outcome": [{1: "success", 2: "fell"}.get(number, "") for number in trial],
+        "target": [-1 if number == 2 else 1 for number in trial],
+    }
+
+
+def test_what_was_measured_is_taken_as_it_is(tmp_path: Path) -> None:
+    columns = task_table()
+    with imported(write_csv(tmp_path / "task.csv", columns), tmp_path) as found:
+        rows, attempts = found.ticks(), found.attempts()
+        assert found.metadata["imported"] == "measured"
+    assert rows["tick"].tolist() == list(range(4000))
+    for name, theirs in (("left_sent_z", "left_z"), ("right_used_z", "right_z"), ("p", "p"), ("theta", "theta")):
+        assert rows[name].tolist() == columns[theirs], name
+    t = np.array(columns["time"])
+    assert rows["left_sent_vz"] == pytest.approx(0.03 * np.cos(3 * t), abs=1e-8)
+    assert rows["vp"][1:-1] == pytest.approx(0.1 * np.cos(t)[1:-1], abs=5e-5)
+    assert rows["omega"][1:-1] == pytest.approx(-0.1 * np.sin(2 * t)[1:-1], abs=5e-5)
+    assert np.isnan(rows["left_force"]).all()
+    assert [(a.trial, a.attempt, a.target, a.outcome, a.tick, a.stop) for a in attempts] == [
+        (1, 1, 1, "success", 1000, 2000),
+        (2, 1, -1, "fell", 3000, 4000),
+    ]
+    assert attempts[0].completion == 1.0
+    assert rows["successes"][[0, 1999, 2000]].tolist() == [0, 0, 1]
+
+
+def test_what_was_imported_whole_is_not_called_damaged(tmp_path: Path) -> None:
+    columns = task_table()
+    assert columns["target"][3500] == -1
+    columns["target"] = [-target for target in columns["target"]]  # their targets followed no rule of ours
+    with imported(write_csv(tmp_path / "task.csv", columns), tmp_path) as found:
+        report = check(found.path)
+    assert report.grade is Grade.SOUND, report
+    assert any("2 attempts, 1 successes, as imported" in finding.text for finding in report.findings)
+
+
+def test_phases_and_completion_times_count_where_they_are_there(tmp_path: Path) -> None:
+    columns = task_table()
+    del columns["trial"]
+    phase = ["holding" if 1.6 <= t < 2 else "running" if 1 <= t < 2 else "" for t in columns["time"]]
+    columns |= {"phase": phase, "outcome": ["success" if word else "" for word in phase]}
+    with imported(write_csv(tmp_path / "phase.csv", columns), tmp_path) as found:
+        (attempt,) = found.attempts()
+    assert (attempt.trial, attempt.outcome, attempt.tick, attempt.stop) == (1, "success", 1000, 2000)
+    assert attempt.completion == pytest.approx(0.6)
+    columns["completion"] = [0.345 if word else "" for word in phase]
+    with imported(write_csv(tmp_path / "told.csv", columns), tmp_path) as found:
+        assert found.attempts()[0].completion == pytest.approx(0.345)
+
+
+def test_gaps_have_no_ticks(tmp_path: Path) -> None:
+    columns = task_table()
+    kept = [k for k in range(4000) if not 2000 <= k < 2500]
+    table = write_csv(tmp_path / "gap.csv", {name: [values[k] for k in kept] for name, values in columns.items()})
+    with imported(table, tmp_path) as found:
+        assert found.ticks()["tick"].tolist() == kept
+        assert len(found.attempts()) == 2
+
+
+def test_a_simulation_goes_on_through_gaps_without_samples(tmp_path: Path) -> None:
+    columns = task_table()
+    kept = [k for k in range(4000) if not 2000 <= k < 2500]
+    hands = {name: [columns[name][k] for k in kept] for name in ("time", "left_z", "right_z")}
+    with imported(write_csv(tmp_path / "gap.csv", hands), tmp_path, simulate=True) as found:
+        rows = found.ticks()
+        assert verify_recording(found).identical
+    assert rows["tick"].tolist() == list(range(4000))
+    assert (np.flatnonzero(rows["left_live"] == 0) == np.arange(2000, 2500)).all()
+    assert set(rows["left_used_z"][2000:2500]) == {rows["left_used_z"][1999]}
+
+
+def test_parquet_of_others_is_read_too(tmp_path: Path) -> None:
+    arrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    columns = task_table()
+    columns["trial"] = [None if number == "" else number for number in columns["trial"]]
+    columns["left_z"] = np.array(columns["left_z"], np.float32)
+    parquet.write_table(arrow.table(columns), tmp_path / "task.parquet")
+    with imported(tmp_path / "task.parquet", tmp_path) as found:
+        rows = found.ticks()
+        assert [attempt.outcome for attempt in found.attempts()] == ["success", "fell"]
+    assert (rows["left_sent_z"] == columns["left_z"].astype(np.float64)).all()
+    assert rows["right_sent_z"].tolist() == columns["right_z"]
+
+
+HEAD = "time,left_z,right_z,p\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("time,left_z,p\n0,0,0\n", r"missing: right_z \[m\]; it has time, left_z, p\. .*--map right_z=THEIRS"),
+        (HEAD + "0,0,0,0\n0.1,x,0,0\n", 'line 3, column left_z: found "x", expected a number'),
+        (HEAD + "0,0,0,0\n0.1,nan,0,0\n", "line 3, column left_z: found nan, expected a number"),
+        (HEAD + "0,0,0,0\n\n0.1,,0,0\n", "line 4, column left_z: found nan"),
+        (HEAD + "0,0,0,0\n0.1,0,0,0\n0.1,0,0,0\n", r"line 4, column time: found 0\.1 s after 0\.1 s"),
+        (HEAD + "0,0,0,0\n0.1,12,0,0\n", r"line 3, column left_z: found 12 m, .*--unit left_z=mm"),
+        (HEAD + "0,0,0,0\n0.1,0,0\n", "line 3: found 3 columns, expected 4"),
+        (HEAD + "0,0,0,0\n", "rows: found 1, expected at least 2"),
+        (HEAD + "0,0,0,0\n5,0,0,0\n", r"no two rows are within 0\.1 s .*--unit time=ms"),
+        (HEAD[:-3] + "\n0,0,0\n0.1,0,0\n", "has hands only, .*--simulate"),
+        ("", "line 1: found nothing"),
+        ("time,left_z,right_z,trial\n0,0,0,1.5\n", 'column trial: found "1.5", expected a whole number'),
+        ("time,left_z,right_z,phase\n0,0,0,up\n0.1,0,0,up\n", 'column phase: found "up", expected one of idle, '),
+        ("time,left_z,right_z,trial,outcome\n0,0,0,1,won\n0.1,0,0,1,won\n", 'column outcome: found "won", expected'),
+        ("time,time,left_z,right_z,p\n0,0,0,0,0\n", "time is there twice"),
+    ],
+)
+def test_what_is_wrong_with_a_table_is_said(tmp_path: Path, text: str, message: str) -> None:
+    table = tmp_path / "table.csv"
+    table.write_text(text, encoding="utf-8")
+    with pytest.raises(ConfigError, match=rf"table\.csv: {message}" if "missing" in message else message) as error:
+        import_table(table, tmp_path / "made", CONFIG, Wishes(), UTC_NS, quiet)
+    assert "table.csv" in str(error.value)
+    assert not (tmp_path / "made").exists()
+
+
+@pytest.mark.parametrize(
+    ("wishes", "message"),
+    [
+        ({"names": ("lefty=z",)}, r"--map lefty=z: netboard has no column lefty; is left_y meant\?"),
+        ({"names": ("left_z",)}, r"--map left_z: expected COLUMN=\.\.\., as in --map left_z=Height1"),
+        ({"names": ("z=height",)}, "--map z=height: .* has no column height; it has time, left_z"),
+        ({"names": ("z=p", "z=p")}, "--map: z is given twice"),
+        ({"units": ("left_z=inch",)}, "--unit left_z=inch: expected one of m, cm, mm, um, with -"),
+        ({"units": ("phase=m",)}, "--unit phase=m: expected one of none"),
+        ({"units": ("vp=m/s",)}, "--unit vp=m/s: .* has no such column"),
+    ],
+)
+def test_what_is_wrong_with_wishes_is_said(tmp_path: Path, wishes: dict[str, Any], message: str) -> None:
+    table = write_csv(tmp_path / "task.csv", task_table())
+    with pytest.raises(ConfigError, match=message):
+        import_table(table, tmp_path, CONFIG, Wishes(**wishes), UTC_NS, quiet)
+
+
+def test_a_table_that_ends_badly_leaves_nothing(
+    rehearsed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(reading, "ROWS", 1000)
+    export([rehearsed], "csv", tmp_path / "out", lambda *told: None)
+    table = tmp_path / "out" / "ticks" / f"{rehearsed.stem}.csv"
+    lines = table.read_text(encoding="utf-8").splitlines(keepends=True)
+    table.write_text("".join([*lines[:-1], lines[5]]), encoding="utf-8")
+    with pytest.raises(ConfigError, match=f"line {len(lines)}, column tick: found 4, expected numbers that increase"):
+        import_table(table, tmp_path / "made", CONFIG, Wishes(), UTC_NS, lambda *told: None)
+    assert list((tmp_path / "made").iterdir()) == []
+
+
+def test_an_import_is_not_written_over(tmp_path: Path) -> None:
+    table = write_csv(tmp_path / "task.csv", task_table())
+    imported(table, tmp_path).close()
+    with pytest.raises(RecordingError, match="exists"):
+        imported(table, tmp_path)
+
+
+def test_the_command_says_what_it_did(tmp_path: Path) -> None:
+    columns = task_table(200)
+    del columns["target"]
+    columns["mood"] = [1] * 800
+    table = write_csv(tmp_path / "task.csv", columns)
+    words = ["import", str(table), "-o", str(tmp_path / "made"), "--set", "session.dyad=D77"]
+    result = CliRunner().invoke(app, words)
+    assert result.exit_code == 0, result.output
+    (path,) = (tmp_path / "made").iterdir()
+    assert path.name.startswith("S01_D77_block01_")
+    said = " ".join(result.output.split())
+    assert "3996 ticks, measured 800 samples, 200 a second columns left out: mood not there, and NaN" in said
+    assert "left_force" in said
+    result = CliRunner().invoke(app, ["info", str(path)])
+    assert result.exit_code == 0, result.output
+    assert "unknown" in result.output  # the target
+    with Recording(path) as found:
+        assert found.config_text == resolve(replace(Config(), session=replace(Config().session, dyad="D77")))
+        assert set(TICK.names) == set(found.ticks().dtype.names)

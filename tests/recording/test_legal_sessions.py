@@ -1,0 +1,212 @@
+"""Whatever a session may do by its rules, its recordings are not called damaged; what contradicts them still is."""
+
+import random
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import legal_sessions
+import proofs
+from legal_sessions import Operated, Session, session_of, write
+from netboard.base.config import Config
+from netboard.base.tables.experiment import Block, Quality, Task
+from netboard.network.protocol.records import EventRecord
+from netboard.recording.integrity.checking import check
+from netboard.recording.integrity.severity import Grade, Report
+from netboard.task.journal.entries import AttemptEnded, Ended, Opened, Resumed
+from netboard.task.trials.state_machine import Cause, Phase
+
+pytestmark = pytest.mark.slow
+
+BLOCK = Block(trials=3, first_target="left", seed=3)
+CONFIG = Config(block=BLOCK)
+
+KINDS = {
+    "plain": CONFIG,
+    "random target": replace(CONFIG, block=replace(BLOCK, first_target="random", seed=9)),
+    "catch trials": replace(CONFIG, block=replace(BLOCK, catch=(2,))),
+    "no force": replace(CONFIG, block=replace(BLOCK, force="none")),
+    "the partner's force, late": replace(CONFIG, block=replace(BLOCK, force="partner_only", force_delay_ms=40)),
+    "so much time": replace(CONFIG, block=replace(BLOCK, trials=100, duration=9.0)),
+    "a time limit": replace(CONFIG, task=Task(time_limit=3.0)),
+    "both hands": replace(CONFIG, block=replace(BLOCK, configuration="bimanual")),
+    "a robot": replace(CONFIG, block=replace(BLOCK, right="robot")),
+    "nobody at the right": replace(CONFIG, block=replace(BLOCK, right="still")),
+    "a strict referee": replace(CONFIG, quality=Quality(start_tilt_deg=0.1, stuck=0.05, shortest=4.0, longest=5.0)),
+}
+
+
+def said(report: Report, grade: Grade = Grade.DAMAGE) -> str:
+    return " | ".join(finding.text for finding in report.findings if finding.grade == grade)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("seed", [0, 1])
+def test_whatever_an_operator_does_is_no_damage(tmp_path: Path, kind: str, seed: int) -> None:
+    chance = random.Random(f"{kind} {seed}")
+    config = KINDS[kind]
+    rows = Operated(config, chance, {}).rows()
+    stopped = chance.choice((len(rows), chance.randrange(600, len(rows))))  # in mid-trial, by the server's end
+    rows = rows[:stopped]
+    made = session_of(config, rows, chance.choice((500, 3000)), chance.choice((0, stopped // 2)))
+    cuts = sorted(chance.sample(range(600, len(made.records)), chance.randrange(3)))
+    for path in write(tmp_path, made, cuts):
+        assert said(check(path)) == "", path
+
+
+def made_of(config: Config = CONFIG, **given: int) -> Session:
+    return session_of(config, Operated(config, None, {}).rows(), **given)
+
+
+def report_on(folder: Path, made: Session) -> Report:
+    (path,) = write(folder, made)
+    return check(path)
+
+
+def test_a_repeat_taken_back_in_the_last_tick_of_a_trial_ends_the_block(tmp_path: Path) -> None:
+    config = replace(CONFIG, block=replace(BLOCK, trials=1))
+    rows = Operated(config, None, {}).rows()
+    succeeded = int(rows["tick"][rows["phase"] == Phase.SUCCEEDED][0])
+    rows = Operated(config, None, {1000: Cause.REPEAT, succeeded: Cause.VETO}).rows()
+    assert (rows["event"][-1], rows["extra"][-1]) == (Cause.LAST, 1)
+    report = report_on(tmp_path, session_of(config, rows))
+    assert (said(report), report.verdict) == ("", "complete")
+    assert "1 of 1 trials done" in said(report, Grade.SOUND)
+
+
+# --- the journal --------------------------------------------------------------------------------------------------
+
+
+def ended(made: Session) -> list[AttemptEnded]:
+    return [entry for entry in made.entries if isinstance(entry, AttemptEnded)]
+
+
+def changed(made: Session, place: int, change: Callable[[AttemptEnded], AttemptEnded]) -> None:
+    """Change one of the attempts that the journal tells of."""
+    entry = ended(made)[place]
+    made.entries[made.entries.index(entry)] = change(entry)
+
+
+def test_frames_reported_too_late_are_a_loss(tmp_path: Path) -> None:
+    report = report_on(tmp_path, made_of(reported_ticks=5000))
+    assert said(report) == ""
+    assert "has another flag for a frozen display" in said(report, Grade.LOSS)
+
+
+def test_the_journal_of_a_killed_server_ends_before_its_recording(tmp_path: Path) -> None:
+    made = made_of()
+    last = ended(made)[-1]
+    del made.entries[made.entries.index(last) :]
+    made.entries.append(Resumed("another run"))
+    made.entries.append(Ended("the session was ended"))
+    report = report_on(tmp_path, made)
+    assert said(report) == ""
+    assert f"ends before: trial {last.trial}, attempt {last.attempt}" in said(report, Grade.LOSS)
+
+
+@pytest.mark.parametrize("place", [0, -1])
+def test_an_attempt_missing_in_a_journal_that_was_ended_is_damage(tmp_path: Path, place: int) -> None:
+    made = made_of()
+    made.entries.remove(ended(made)[place])
+    assert "is in the recording only" in said(report_on(tmp_path, made))
+
+
+def test_an_attempt_missing_in_the_midst_of_a_journal_is_damage(tmp_path: Path) -> None:
+    made = made_of()
+    made.entries.remove(ended(made)[0])
+    made.entries.pop()
+    assert not isinstance(made.entries[-1], Ended)
+    assert "trial 1, attempt 1 is in the recording only" in said(report_on(tmp_path, made))
+
+
+@pytest.mark.parametrize("flags", [("late_ticks",), ("lost_samples", "frozen_display")])
+def test_a_flag_that_the_ticks_do_not_give_is_damage(tmp_path: Path, flags: tuple[str, ...]) -> None:
+    made = made_of()
+    changed(made, 1, lambda entry: replace(entry, flags=flags))
+    assert "trial 2, attempt 1 has the flags" in said(report_on(tmp_path, made))
+
+
+def test_an_attempt_in_two_files_is_judged_by_its_outcome_alone(tmp_path: Path) -> None:
+    made = made_of()
+    first = ended(made)[0]
+    changed(made, 0, lambda entry: replace(entry, flags=("stuck_left",)))
+    cut = first.tick - 300
+    parts = write(tmp_path, made, [cut])
+    assert [said(check(path)) for path in parts] == ["", ""]
+    for path in parts:
+        path.unlink()
+    changed(made, 0, lambda entry: replace(entry, completion=9.0))
+    assert "took 9.0 s there" in said(check(write(tmp_path, made, [cut])[1]))
+
+
+def test_a_run_that_the_journal_does_not_know_is_a_loss(tmp_path: Path) -> None:
+    made = made_of()
+    made.entries[:] = [Opened("another run", {}), Ended("the session was ended")]
+    report = report_on(tmp_path, made)
+    assert said(report) == ""
+    assert "trial 1, attempt 1" in said(report, Grade.LOSS)
+
+
+# --- time and losses ----------------------------------------------------------------------------------------------
+
+
+def test_a_server_that_stood_still_and_said_so_is_a_loss(tmp_path: Path) -> None:
+    report = report_on(tmp_path, made_of(stood_still=2000))
+    assert said(report) == ""
+    assert "the server stood still 1 times, for 30 ms in all" in said(report, Grade.LOSS)
+
+
+@pytest.mark.parametrize("told", [("29", 0), ("31", 0), ("30", 1)])
+def test_a_jump_that_is_not_the_one_told_of_is_damage(tmp_path: Path, told: tuple[str, int]) -> None:
+    made = made_of(stood_still=2000)
+    (event,) = (r for r in made.records if isinstance(r, EventRecord) and r.name == "stood_still")
+    place = made.records.index(event)
+    made.records[place] = replace(event, tick=event.tick + told[1], details={"milliseconds": told[0]})
+    assert "1 ticks are not 1 ms after the one before: 2000" in said(report_on(tmp_path, made))
+
+
+def lossy(folder: Path, losses: tuple[int, ...], noted: int) -> Report:
+    """Check a session whose server stood still at tick 2000, while some records in a row were lost."""
+    made = made_of(stood_still=2000)
+    place = next(k for k, r in enumerate(made.records) if isinstance(r, EventRecord) and r.name == "stood_still")
+    writer = proofs.writer_of(folder / "a.mcap", made.config, {})
+    now = proofs.UTC_NS
+    for number, record in enumerate(made.records[: place - 5]):
+        now += proofs.MS // 2
+        writer.write(record, number, now)
+    number = place - 5
+    for count in losses[:noted]:
+        writer.note_lost(number, count, now)
+        number += count
+    stop = place - 5 + sum(losses)
+    for record in made.records[stop:]:
+        now += proofs.MS // 2
+        writer.write(record, number, now)
+        number += 1
+    writer.finish(now)
+    return check(folder / "a.mcap")
+
+
+@pytest.mark.parametrize("losses", [(10,), (3, 7), (1,) * 10])
+def test_records_lost_one_after_the_other_and_what_was_said_in_them_are_losses(
+    tmp_path: Path, losses: tuple[int, ...]
+) -> None:
+    report = lossy(tmp_path, losses, len(losses))
+    assert said(report) == ""
+    assert "records were lost after tick 1994" in said(report, Grade.LOSS)
+
+
+def test_more_that_is_missing_than_was_noted_is_damage(tmp_path: Path) -> None:
+    assert "ticks are missing without a word of the logger" in said(lossy(tmp_path, (3, 7), 1))
+
+
+def test_all_that_is_tried_here_has_been_done(tmp_path: Path) -> None:
+    """The random operators above do what there is to do."""
+    events: set[int] = set()
+    for seed in range(12):
+        rows = Operated(CONFIG, random.Random(seed), {}).rows()
+        events |= set(np.unique(rows["event"]).tolist())
+    assert events >= set(map(int, legal_sessions.WISHES))

@@ -1,0 +1,24 @@
+"""From a file to what can be played."""
+
+import numpy as np
+import pytest
+
+from made_recordings import recorded, two_trials
+from netboard.base.errors import RecordingError
+from netboard.recording.replay.loading import load
+
+
+def test_a_recording_is_read_and_told_of_on_the_way(tmp_path):
+    told = []
+    path = recorded(tmp_path, two_trials())
+    reel = load(path, told.append)
+    np.testing.assert_array_equal(reel.ticks, two_trials())
+    assert reel.name == path.name
+    assert told[-1] == 10_000
+
+
+def test_what_cannot_be_played_is_said(tmp_path):
+    with pytest.raises(RecordingError, match="no tick"):
+        load(recorded(tmp_path, two_trials()[:0]))
+    with pytest.raises(RecordingError, match="cannot be read"):
+        load(tmp_path / "absent.mcap")

@@ -1,0 +1,110 @@
+"""An NWB export satisfies the NWB inspector and the schema, has two people on one clock, and keeps every bit."""
+
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from dyads import dyad, make_session
+from exported import make_rows, same_bits
+
+pynwb = pytest.importorskip("pynwb")
+
+from netboard.recording.export import nwb  # noqa: E402
+from netboard.recording.files.reader import Recording  # noqa: E402
+
+LEFT_TO_THE_LAB = {"check_experimenter_exists", "check_institution"}
+
+
+def quiet(what: str, done: int, total: int) -> None:
+    assert 0 <= done <= total
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    place = tmp_path_factory.mktemp("nwb")
+    (place / "out").mkdir()
+    nwb.write(make_session(place), place / "out", quiet)
+    return place / "out"
+
+
+def path_of(folder: Path, subject: str, run: int) -> Path:
+    return folder / f"sub-{subject}" / f"sub-{subject}_ses-D07S2_run-{run:02d}_behavior.nwb"
+
+
+def test_there_is_a_file_for_each_person_and_run(folder: Path) -> None:
+    expected = {path_of(folder, "D07A", 1), path_of(folder, "P22", 1), path_of(folder, "P22", 2)}
+    assert set(folder.rglob("*.nwb")) == expected
+
+
+@pytest.mark.slow
+def test_the_inspector_finds_nothing_but_what_only_the_lab_knows(folder: Path) -> None:
+    nwbinspector = pytest.importorskip("nwbinspector")
+    for path in folder.rglob("*.nwb"):
+        found = list(nwbinspector.inspect_nwbfile(nwbfile_path=path))
+        assert {message.check_function_name for message in found} == LEFT_TO_THE_LAB
+        assert all(message.importance.name == "BEST_PRACTICE_SUGGESTION" for message in found)
+
+
+@pytest.mark.slow
+def test_every_file_is_valid_by_the_schema(folder: Path) -> None:
+    for path in folder.rglob("*.nwb"):
+        assert pynwb.validate(path=str(path)) == []
+
+
+def test_each_of_a_dyad_has_the_own_stylus_to_the_bit_and_both_the_board(folder: Path) -> None:
+    rows = make_rows(1)
+    for subject, side, other in (("D07A", "right", "left"), ("P22", "left", "right")):
+        with h5py.File(path_of(folder, subject, 1)) as file:
+            behavior = file["processing/behavior"]
+            place = behavior[f"Position/{side}_stylus/data"][:]
+            for k, field in enumerate(("x", "y", "sent_z")):
+                assert same_bits(place[:, k], rows[f"{side}_{field}"])
+            for name, field in (("vz", "sent_vz"), ("force_on_hand", "force"), ("sample", "seq")):
+                assert same_bits(behavior[f"{side}_stylus/{side}_stylus_{name}/data"][:], rows[f"{side}_{field}"])
+            for name, field in (("board/board_tilt", "theta"), ("ball/ball_position", "p"), ("trial/phase", "phase")):
+                assert same_bits(behavior[f"{name}/data"][:], rows[field])
+            assert f"{other}_stylus" not in behavior
+            assert behavior["board/board_tilt/data"].attrs["unit"] == "radians"
+
+
+def test_the_two_are_on_one_clock_with_its_hole(folder: Path) -> None:
+    starts, times = [], []
+    for subject in ("D07A", "P22"):
+        with pynwb.NWBHDF5IO(path_of(folder, subject, 1), "r") as io:
+            file = io.read()
+            assert file.session_id == "D07S2"
+            assert file.subject.subject_id == subject
+            starts.append(file.session_start_time)
+            times.append(file.processing["behavior"]["board"]["board_z"].timestamps[:])
+    assert starts[0] == starts[1]
+    assert starts[0].utcoffset().total_seconds() == 0
+    assert same_bits(times[0], times[1])
+    assert times[0].tolist() == [k / 1000 for k in range(300) if k != 100]
+
+
+def test_evenly_spaced_rows_have_a_rate(tmp_path: Path) -> None:
+    (tmp_path / "out").mkdir()
+    rows = make_rows(1)[101:]
+    nwb.write([dyad(tmp_path / "a.mcap", rows=rows)], tmp_path / "out", quiet)
+    with pynwb.NWBHDF5IO(path_of(tmp_path / "out", "P22", 1), "r") as io:
+        series = io.read().processing["behavior"]["Position"]["left_stylus"]
+        assert (series.rate, series.starting_time, series.timestamps) == (1000.0, 0.0, None)
+        assert same_bits(series.data[:, 1], rows["left_y"])
+
+
+def test_trials_are_the_attempts(folder: Path, tmp_path: Path) -> None:
+    with Recording(dyad(tmp_path / "same.mcap")) as recording:
+        attempts = recording.attempts()
+    with pynwb.NWBHDF5IO(path_of(folder, "P22", 1), "r") as io:
+        file = io.read()
+        trials, events = file.trials[:], file.events["trial_events"][:]
+        assert file.devices["left stylus"].model.manufacturer == "3D Systems"
+    assert trials["start_time"].tolist() == [attempt.tick / 1000 for attempt in attempts]
+    assert trials["stop_time"].tolist() == [attempt.stop / 1000 for attempt in attempts]
+    assert trials["outcome"].tolist() == [attempt.outcome for attempt in attempts]
+    assert np.array_equal(trials["completion_time"], [np.nan, 0.04, np.nan, np.nan, np.nan], equal_nan=True)
+    assert trials["catch_trial"].tolist() == [False, False, True, True, True]
+    assert set(trials["condition"]) == {"dyadic, force partner_only"}
+    assert events["event"].tolist() == ["fell", "success", "timed_out", "abort"]
+    assert events["timestamp"].tolist() == [0.059, 0.149, 0.199, 0.229]

@@ -1,0 +1,129 @@
+"""What can be asked of a replay, and how it says no."""
+
+from contextlib import suppress
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from made_recordings import reel_of, two_trials
+from netboard.base.errors import NetboardError
+from netboard.network.protocol.control import COMMANDS, REPLAY_COMMANDS
+from netboard.nodes.server.commands import CAUSES
+from netboard.recording.replay.orders import KEYS, KNOWN, Order, in_words, obey
+from netboard.recording.replay.position import Playback
+
+REEL = reel_of(two_trials())
+START = Playback(REEL.length, 2.0)
+NOW = 0.0
+
+
+def after(name, argument="", playback=START):
+    return obey(playback, REEL, NOW, Order(name, argument))
+
+
+@pytest.mark.parametrize(
+    ("name", "argument", "position"),
+    [
+        ("seek", "3.5", 3.5),
+        ("seek", "+2", 4.0),
+        ("seek", "-0.5", 1.5),
+        ("seek", "99", 9.999),
+        ("seek", "trial 2", 4.001),
+        ("seek", "tick 1100", 1.0),
+        ("step", "", 2.001),
+        ("step", "25", 2.025),
+        ("step", "-2", 1.998),
+        ("step", "back", 1.999),
+        ("step", "back 10", 1.99),
+        ("next", "", 4.001),
+        ("next", "failure", 8.0),
+        ("previous", "", 0.501),
+        ("previous", "release", 1.0),
+        ("loop", "trial 2", 4.001),
+        ("loop", "5 6.5", 5.0),
+        ("loop", "1 3", 2.0),
+    ],
+)
+def test_it_goes_where_it_is_told(name, argument, position):
+    assert after(name, argument).at(NOW) == pytest.approx(position)
+
+
+def test_play_pause_speed_and_step():
+    assert after("play").playing
+    assert after("resume").playing
+    playing = START.play(NOW)
+    assert not after("pause", playback=playing).playing
+    assert not after("step", playback=playing).playing, "who steps stands still"
+    assert after("seek", "5", playback=playing).playing
+    assert after("speed", "0.5").speed == 0.5
+
+
+def test_loops_come_and_go():
+    assert after("loop").loop == (0.0, REEL.length)
+    looped = after("loop", "trial 1")
+    assert looped.loop == pytest.approx((0.501, 4.001))
+    for argument in ("", "off"):
+        assert after("loop", argument, looped).loop is None
+    assert after("loop", "on", looped).loop == (0.0, REEL.length)
+
+
+@pytest.mark.parametrize(
+    ("name", "argument", "words"),
+    [
+        ("seek", "", "seconds"),
+        ("seek", "soon", 'found "soon"'),
+        ("seek", "nan", 'found "nan"'),
+        ("seek", "trial 9", "there is no trial 9: made.mcap has trials 1 to 2"),
+        ("seek", "trial two", "whole number"),
+        ("seek", "tick 99999999999999999999", "whole number"),
+        ("speed", "99", "expected 0.1 to 16 times real time"),
+        ("speed", "fast", "expected 0.1 to 16 times real time"),
+        ("step", "half", "whole number"),
+        ("loop", "3 2", "two times within"),
+        ("loop", "sometimes", "on, off, trial N"),
+        ("next", "note", "no note comes after 0:02.0"),
+        ("next", "miracle", "one of its kinds"),
+    ],
+)
+def test_what_cannot_be_done_is_said(name, argument, words):
+    with pytest.raises(NetboardError, match=words.replace("(", r"\(")):
+        after(name, argument)
+
+
+@pytest.mark.parametrize("name", sorted((set(COMMANDS) | set(CAUSES)) - set(KNOWN) - {"take"}))
+def test_what_belongs_to_a_live_session_is_refused_in_words(name):
+    with pytest.raises(NetboardError, match=f"cannot {name}: this is a replay of made.mcap; it knows .*seek"):
+        after(name)
+
+
+def test_every_key_does_something():
+    for key, order in KEYS.items():
+        assert after(order.name, order.argument) != START or order.name == "end", key
+
+
+def test_in_words():
+    assert in_words(START.play(NOW), REEL, 1.0).startswith("playing at 0:03.0 of 0:10.0, 1 times real time, tick 3100")
+    assert "loop 0:00.5 to 0:04.0" in in_words(after("loop", "trial 1"), REEL, 1.0)
+
+
+ARGUMENTS = st.one_of(
+    st.text(max_size=20),
+    st.sampled_from(("", "on", "off", "back", "trial 1", "trial 2", "tick 500", "2 3", "1e308", "-5", "note")),
+    st.floats().map(str),
+    st.integers().map("trial {}".format),
+)
+
+
+ORDERS = st.tuples(st.sampled_from((*REPLAY_COMMANDS, "pause", "next")), ARGUMENTS, st.floats(0, 9))
+
+
+@given(st.lists(ORDERS, max_size=20))
+def test_no_order_leads_out_of_the_recording(orders):
+    playback, now = START, NOW
+    for name, argument, wait in orders:
+        now += wait
+        with suppress(NetboardError):
+            playback = obey(playback, REEL, now, Order(name, argument))
+        assert 0.0 <= playback.at(now) <= REEL.length
+        assert in_words(playback, REEL, now)

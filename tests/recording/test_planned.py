@@ -1,0 +1,77 @@
+"""A block of a study is held against the plan that its journal names, made again."""
+
+import hashlib
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from netboard.base.config import Config
+from netboard.recording.integrity.planned import plan_findings
+from netboard.recording.integrity.severity import Grade
+from netboard.recording.recovery.journal_file import journal_path
+from netboard.task.journal.entries import Header, line_of
+from netboard.task.plans.plan import Plan, config_of, digest, plan_of, seated
+from netboard.task.studies.study import paper_study, resolve_study
+
+STUDY = paper_study()
+
+
+def block(plan: Plan, number: int) -> Config:
+    config = seated(Config(), plan)
+    config = replace(config, session=replace(config.session, dyad="D03"))
+    return config_of(config, plan.sessions[0], number)
+
+
+def keep_journal(folder: Path, plan: Plan, config: Config, plan_digest: str = "") -> Path:
+    study_digest = hashlib.sha256(resolve_study(STUDY).encode()).hexdigest()
+    who = config.session
+    header = Header(
+        1, "paper", study_digest, plan_digest or digest(plan), plan.seed, who.dyad, who.name, 1, ("A", "B"),
+        pilot=who.pilot, consent=True, netboard="0", config_digest="",
+    )  # fmt: skip
+    journal_path(folder, config).write_bytes(line_of(header, "now"))
+    return folder / "a.mcap"
+
+
+@pytest.mark.parametrize("number", [1, 7, 18])
+def test_a_block_as_planned_is_sound(tmp_path: Path, number: int) -> None:
+    plan = plan_of(STUDY, 5, 3)
+    config = block(plan, number)
+    (finding,) = plan_findings(keep_journal(tmp_path, plan, config), config)
+    assert (finding.grade, config.block.label in finding.text) == (Grade.SOUND, True)
+    assert f"block {number} of 18 is that of the plan" in finding.text
+
+
+def test_another_block_than_planned_is_damage(tmp_path: Path) -> None:
+    plan = plan_of(STUDY, 5, 3)
+    config = block(plan, 4)
+    other = replace(config, block=replace(config.block, first_target="random", trials=61))
+    (finding,) = plan_findings(keep_journal(tmp_path, plan, config), other)
+    assert finding.grade == Grade.DAMAGE
+    assert "[block] trials: found 61, planned 60" in finding.text
+    assert "[block] first_target: found 'random'" in finding.text
+
+
+def test_the_short_form_of_a_pilot_run_is_sound(tmp_path: Path) -> None:
+    plan = plan_of(STUDY, 5, 3)
+    config = block(plan, 2)
+    config = replace(
+        config, session=replace(config.session, pilot=True), block=replace(config.block, trials=6, blocks=2)
+    )
+    short = hashlib.sha256(f"{digest(plan)} 2 6".encode()).hexdigest()
+    (finding,) = plan_findings(keep_journal(tmp_path, plan, config, short), config)
+    assert (finding.grade, "is that of the plan" in finding.text) == (Grade.SOUND, True)
+
+
+def test_a_plan_that_cannot_be_proved_is_not_held_against_a_block(tmp_path: Path) -> None:
+    plan = plan_of(STUDY, 5, 3)
+    config = block(plan, 2)
+    (finding,) = plan_findings(tmp_path / "a.mcap", config)
+    assert "no journal beside it" in finding.text
+    (finding,) = plan_findings(keep_journal(tmp_path, plan, config, "0" * 64), config)
+    assert (finding.grade, "not made again" in finding.text) == (Grade.SOUND, True)
+
+
+def test_a_block_without_a_study_has_no_plan(tmp_path: Path) -> None:
+    assert [*plan_findings(tmp_path / "a.mcap", Config())] == []

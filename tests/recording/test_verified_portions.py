@@ -1,0 +1,47 @@
+"""One walk through portions of any size sees what a look at all ticks at once sees."""
+
+import numpy as np
+import pytest
+
+import proofs
+from netboard.recording.format.summary import Gap, find_attempts
+from netboard.recording.integrity.verification import SLICE, verify, verify_portions
+from netboard.recording.integrity.walk import walk
+from netboard.stage.stage import make_stage
+from samples import random_rows
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.mark.parametrize("most", [1, 7, 999, SLICE + 1, 10**6])
+def test_portions_of_any_size_verify_alike(most: int) -> None:
+    rows = np.delete(proofs.rows(), slice(3000, 3010))[: 40 * min(most, 10**4)]
+    portions = [rows[k : k + most] for k in range(0, len(rows), most)]
+    verdict = verify_portions(make_stage(proofs.config()), portions)
+    assert verdict == verify(make_stage(proofs.config()), rows)
+    assert (verdict.identical, verdict.checked, verdict.gaps) == (True, len(rows), int(len(rows) > 3000))
+
+
+def test_a_difference_is_found_where_it_is() -> None:
+    rows = proofs.rows()
+    rows["omega"][SLICE + 5] = np.nextafter(rows["omega"][SLICE + 5], 1.0)
+    verdict = verify_portions(make_stage(proofs.config()), [rows[:1000], rows[1000:]])
+    assert (verdict.tick, verdict.field, verdict.checked) == (SLICE + 5, "omega", SLICE + 6)
+    assert verdict.recorded == rows["omega"][SLICE + 5] != verdict.computed
+
+
+@pytest.mark.parametrize("most", [1, 13, 4000, 10**6])
+def test_a_walk_finds_the_attempts_that_all_ticks_have(most: int) -> None:
+    rows = np.delete(proofs.rows(), slice(3000, 3010))
+    seen = walk([rows[k : k + most] for k in range(0, len(rows), most)], proofs.config().block)
+    assert repr(seen.attempts()) == repr(find_attempts(rows))
+    assert (seen.count, seen.missing, seen.gaps) == (len(rows), 10, [Gap(3000, 10)])
+    assert (seen.first["tick"][0], seen.last["tick"][0]) == (0, rows["tick"][-1])
+    assert (seen.jumps, seen.disordered, seen.force_where_none) == ([], [], 0)
+    assert seen.felt == max(np.abs(rows["left_force"]).max(), np.abs(rows["right_force"]).max())
+    assert sum(len(turn) for turn in seen.turns) < 60
+
+
+def test_a_walk_bears_any_bits() -> None:
+    rows = random_rows(500, seed=9)
+    assert walk([rows[:77], rows[77:77], rows[77:]], None).count == 500

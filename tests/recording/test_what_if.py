@@ -1,0 +1,100 @@
+"""The recorded hands again: with nothing changed to the bit, with changes as closed forms and other parts say."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import proofs
+from netboard.base.config import Config
+from netboard.recording.counterfactual.figure import draw
+from netboard.recording.counterfactual.file import keep
+from netboard.recording.counterfactual.what_if import attempts_of, most_telling, what_if
+from netboard.recording.files.reader import Recording
+from netboard.recording.integrity.checking import check
+from netboard.recording.integrity.verification import verify
+from netboard.stage.stage import make_stage
+
+pytestmark = pytest.mark.slow
+
+
+def changed(**physics: object) -> Config:
+    config = proofs.config()
+    return replace(config, physics=replace(config.physics, **physics))
+
+
+def test_with_nothing_changed_every_tick_is_the_recorded_one_to_the_bit() -> None:
+    rows = np.delete(proofs.rows(), slice(100, 120))
+    found = what_if(rows, make_stage(proofs.config()))
+    assert found.identical
+    assert found.computed.tobytes() == rows.tobytes()
+    assert [one.now.outcome for one in found.comparisons] == ["success", "success"]
+    for one in found.comparisons:
+        assert repr(one.now) == repr(replace(one.then, began=one.then.tick))
+        assert one.common == one.then.stop - one.then.tick
+        assert all(apart == (0.0, 0.0) for apart in one.differences.values())
+        assert not one.changed
+
+
+def test_what_is_felt_changes_no_board() -> None:
+    config = proofs.config()
+    rows = proofs.rows()
+    found = what_if(rows, make_stage(replace(config, block=replace(config.block, force="none"))))
+    for one in found.comparisons:
+        assert not one.changed
+        assert one.differences["theta"] == one.differences["p"] == (0.0, 0.0)
+        then = rows[np.searchsorted(rows["tick"], one.then.tick) :][: one.common]
+        assert one.differences["left_force"].rms == pytest.approx(np.sqrt(np.mean(then["left_force"] ** 2)))
+        assert one.differences["right_force"].largest == np.abs(then["right_force"]).max()
+
+
+def test_half_of_the_force_is_half_of_the_force() -> None:
+    config = proofs.config()
+    found = what_if(proofs.rows(), make_stage(replace(config, block=replace(config.block, force_scale=0.5))))
+    np.testing.assert_array_equal(found.computed["left_force"], 0.5 * found.recorded["left_force"])
+
+
+def test_without_gravity_a_ball_rolls_on_evenly() -> None:
+    found = what_if(proofs.rows(), make_stage(changed(g=0.0)))
+    assert {one.now.outcome for one in found.comparisons} == {"unfinished"}
+    for one in found.comparisons:
+        start = np.searchsorted(found.computed["tick"], one.then.tick)
+        part = found.computed[start : start + one.common]
+        t = np.arange(one.common) * 1e-3
+        np.testing.assert_allclose(part["p"], part["p"][0] + part["vp"][0] * t, rtol=0, atol=1e-12)
+
+
+def test_each_attempt_begins_with_the_recorded_release() -> None:
+    found = what_if(proofs.rows(), make_stage(changed(k_h=400.0)))
+    assert not found.identical
+    for one in found.comparisons:
+        start = np.searchsorted(found.computed["tick"], one.then.tick)
+        for name in ("theta", "omega", "p", "vp", "z", "vz", "trial", "attempt"):
+            assert found.computed[name][start] == found.recorded[name][start]
+
+
+def test_what_is_kept_verifies_and_says_what_it_is(tmp_path: Path) -> None:
+    config, source = changed(model="lagrangian"), proofs.write(tmp_path / "a.mcap", proofs.rows())
+    with Recording(source) as recording:
+        found = what_if(recording.ticks(), make_stage(config))
+        kept = keep(tmp_path / "b.mcap", found, config, recording.metadata, "a.mcap", ["physics.model=lagrangian"])
+    rows = attempts_of(found)
+    assert verify(make_stage(config), rows).identical
+    report = check(tmp_path / "b.mcap", replay=True)
+    assert (report.verdict, report.ticks) == ("complete with listed losses", kept)
+    with Recording(tmp_path / "b.mcap") as recording:
+        assert recording.ticks().tobytes() == rows.tobytes()
+        assert recording.metadata["source_session"] == proofs.SESSION != recording.metadata["session"]
+
+
+def test_the_figure_has_units_on_every_axis(tmp_path: Path) -> None:
+    found = what_if(proofs.rows(), make_stage(changed(k_h=400.0)))
+    figure = draw(found, ["physics.k_h=400"])
+    labels = [axis.get_ylabel() for axis in figure.axes]
+    assert len(labels) == 8
+    assert all(label.endswith(")") for label in labels)
+    shown = most_telling(found.comparisons)
+    assert f"trial {shown.then.trial}" in figure.axes[0].get_title()
+    figure.savefig(tmp_path / "figure.png")
+    assert (tmp_path / "figure.png").read_bytes()[:4] == b"\x89PNG"

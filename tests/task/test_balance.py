@@ -1,0 +1,145 @@
+"""Plans are counted anew: what meets is shown, what does not is refused."""
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from netboard.base.errors import ConfigError
+from netboard.task.plans.balance import Balance, balance_of, require_balance
+from netboard.task.plans.plan import Plan, plan_of
+from netboard.task.studies import library
+from netboard.task.studies.study import Study, parse_study
+
+STUDIES = {name: parse_study(library.text_of(name), name) for name in (*library.NAMES, library.TEMPLATE)}
+EVEN_AFTER = {"paper": 4, "five_forces": 20, "controls": 12, "pilot": 4, "template": 8}
+"""Dyads after which everything is even: orders x rows, two of each for the spare first targets, four for the seats."""
+
+
+def plans(study: Study, dyads: int, seed: int = 1) -> list[Plan]:
+    return [plan_of(study, seed, dyad) for dyad in range(1, dyads + 1)]
+
+
+def counted(text: str, dyads: int = 1) -> Balance:
+    study = parse_study(text)
+    return balance_of(study, plans(study, dyads))
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.sampled_from(sorted(STUDIES)), st.integers(0, 2**40), st.integers(1, 24))
+def test_built_in_studies_meet_their_counts_for_every_seed_and_number_of_dyads(
+    name: str, seed: int, dyads: int
+) -> None:
+    study = STUDIES[name]
+    found = balance_of(study, plans(study, dyads, seed))
+    assert found.problems == ()
+    assert require_balance(study, plan_of(study, seed, dyads)).dyad == dyads
+    if dyads % EVEN_AFTER[name] == 0 and name != "template":
+        assert found.uneven == ()
+
+
+def test_the_papers_eight_dyads() -> None:
+    trials, starts, over, practice = balance_of(STUDIES["paper"], plans(STUDIES["paper"], 8)).tables
+    assert trials.columns == ("dyad", "bimanual on", "bimanual off", "dyadic on", "dyadic off")
+    assert {row[1:] for row in trials.rows} == {("180",) * 4}
+    assert len(trials.rows) == 16
+    assert [row[3:] for row in starts.rows[:2]] == [("on", "off", "on"), ("off", "on", "off")]
+    assert {row[2] for row in over.rows} == {"even"}
+    assert practice.rows[0] == ("bimanual on", "4.50")
+    assert practice.rows[2] == ("dyadic on", "6.50")
+
+
+@pytest.mark.parametrize("order", ["abba", "interleaved"])
+def test_mirrored_orders_do_not_confound_being_two_with_practice(order: str) -> None:
+    text = library.text_of("paper").replace('order = ["paper"]', f'order = ["{order}"]')
+    practice = counted(text, 2).tables[-1]
+    assert {row[1] for row in practice.rows} == {"5.50"}
+
+
+def test_orders_in_turn_are_even_over_dyads() -> None:
+    text = library.text_of("paper").replace('order = ["paper"]', 'order = ["paper", "dyadic_first"]')
+    found = counted(text, 8)
+    assert found.problems == found.uneven == ()
+    assert ("order", "paper 4, dyadic_first 4", "even") in found.tables[2].rows
+    assert "order: paper 3, dyadic_first 2" in counted(text, 5).uneven
+
+
+LEVELS = "[factors.haptics]\nlevels.on = {}\nlevels.off = {}\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        (
+            'orders.main = "3 a"\n[kinds.a]\n' + LEVELS,
+            "dyad 1, participant A, a: trials are not even: on 120 in 2 blocks, off 60 in 1 blocks; expected as many "
+            "in every condition (blocks in multiples of 2)",
+        ),
+        (
+            'orders.main = "a"\n[kinds.a]\n' + LEVELS,
+            "dyad 1, participant A, a: trials are not even: on 60 in 1 blocks, off 0 in 0 blocks; expected as many in "
+            "every condition (blocks in multiples of 2)",
+        ),
+        (
+            'trials_per_condition = 180\norders.main = "4 a"\n[kinds.a]\n' + LEVELS,
+            "dyad 1, participant A, a: trials are on 120 in 2 blocks, off 120 in 2 blocks; expected 180 in every "
+            "condition (trials_per_condition)",
+        ),
+        (
+            'orders.main = "2 a"\n[kinds.a]\n[factors.f]\nlevels.x.block.trials = 9\nlevels.y.block.trials = 8\n',
+            "dyad 1, participant A, a: trials are not even: x 9 in 1 blocks, y 8 in 1 blocks",
+        ),
+        (
+            'orders.main = "2 a"\n[kinds.a]\n[factors.f]\nlevels.x.block.duration = 9\nlevels.y.block.duration = 8\n',
+            "dyad 1, participant A, a: trials are not even",
+        ),
+    ],
+)
+def test_counts_that_do_not_meet_are_refused(text: str, problem: str) -> None:
+    found = counted(text)
+    assert found.problems[0].startswith(problem)
+    assert len(found.problems) == 2
+    study = parse_study(text)
+    with pytest.raises(ConfigError) as raised:
+        require_balance(study, plan_of(study, 1, 1))
+    assert problem in str(raised.value)
+
+
+@settings(deadline=None, max_examples=50)
+@given(st.integers(1, 12), st.integers(2, 4), st.sampled_from(("alternate", "latin", "random")))
+def test_a_study_is_refused_if_and_only_if_its_conditions_do_not_fill_its_blocks(
+    blocks: int, levels: int, order: str
+) -> None:
+    text = f'orders.main = "{blocks} a"\n[kinds.a]\n[factors.f]\norder = "{order}"\n[factors.f.levels]\n'
+    text += "".join(f"x{level} = {{}}\n" for level in range(levels))
+    assert (counted(text).problems == ()) == (blocks % levels == 0)
+
+
+def test_blocks_without_factors_are_not_counted() -> None:
+    assert counted('orders.main = "3 a, 2 b"\n[kinds.a]\nfactors = []\n[kinds.b]\n' + LEVELS).problems == ()
+
+
+def test_a_participant_without_blocks_of_a_kind_is_no_problem() -> None:
+    assert (
+        counted(
+            'orders.main = "2 a, 2 b"\n[kinds.a]\nperformers = "A"\n[kinds.b]\nperformers = "B"\n' + LEVELS
+        ).problems
+        == ()
+    )
+
+
+def test_a_factor_between_dyads_is_counted_over_dyads() -> None:
+    text = (
+        'orders.main = "4 a"\n[kinds.a]\n'
+        + LEVELS
+        + '[factors.group]\norder = "between"\nlevels.x = {}\nlevels.y = {}\n'
+    )
+    found = counted(text, 8)
+    assert found.problems == found.uneven == ()
+    assert ("group", "x 4, y 4", "even") in found.tables[2].rows
+    assert "group: x 2, y 1" in counted(text, 3).uneven
+
+
+def test_blocks_by_the_clock_are_counted_in_seconds() -> None:
+    study = STUDIES["pilot"]
+    trials = balance_of(study, plans(study, 1)).tables[0]
+    assert trials.rows[0] == ("1 A", "120 s", "20", "20")

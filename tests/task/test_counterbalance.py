@@ -1,0 +1,115 @@
+"""What could bias is spread evenly."""
+
+from collections import Counter
+from itertools import pairwise
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from netboard.task.plans.counterbalance import bits, catch_trials, first_sides, rows, shuffled, turn_of
+
+SEEDS = st.integers(0, 2**63)
+
+
+@given(SEEDS, st.integers(0, 200))
+def test_a_shuffle_has_each_number_once_and_is_repeated(seed: int, number: int) -> None:
+    order = shuffled(number, seed, 1)
+    assert sorted(order) == list(range(number))
+    assert shuffled(number, seed, 1) == order
+
+
+def test_the_stream_is_the_one_of_every_year() -> None:
+    assert shuffled(8, 1, 2, 3) == (1, 3, 7, 5, 2, 0, 4, 6)
+    assert bits(2, 0) == (11749869230777074271, 4976686463289251617)
+
+
+def test_shuffles_are_uniform() -> None:
+    found = Counter(shuffled(3, seed) for seed in range(6000))
+    assert len(found) == 6
+    assert all(850 < number < 1150 for number in found.values())
+
+
+@pytest.mark.parametrize("levels", range(2, 9))
+def test_a_latin_square_is_balanced_for_what_follows_what(levels: int) -> None:
+    square = rows(levels, "latin")
+    places = Counter((place, level) for row in square for place, level in enumerate(row))
+    follows = Counter(pair for row in square for pair in pairwise(row))
+    assert len(places) == levels**2
+    assert set(places.values()) == {len(square) // levels}
+    assert len(follows) == levels * (levels - 1)
+    assert set(follows.values()) == {len(square) // levels}
+
+
+def test_alternating_goes_on_in_turn_from_each_level() -> None:
+    assert rows(3, "alternate") == ((0, 1, 2), (1, 2, 0), (2, 0, 1))
+    assert rows(3, "random") == rows(3, "between") == ()
+
+
+PAPER = (1, (), ((2, (0, 1, 0)),))
+
+
+def test_the_first_four_dyads_begin_as_the_paper_is_read_and_eight_with_everything() -> None:
+    starts = [turn_of(dyad, *PAPER).starts[0] for dyad in range(1, 9)]
+    assert starts[:4] == [(0, 1, 0), (1, 0, 1), (0, 1, 1), (1, 0, 0)]
+    assert len(set(starts)) == 8
+
+
+@given(
+    st.integers(1, 60),
+    st.integers(1, 4),
+    st.lists(st.integers(2, 4), max_size=2),
+    st.lists(st.tuples(st.integers(2, 6), st.lists(st.sampled_from((0, 1)), min_size=1, max_size=4)), max_size=2),
+)
+def test_each_digit_is_even_whenever_it_can_be(
+    rounds: int, orders: int, between: list[int], factors: list[tuple[int, list[int]]]
+) -> None:
+    turns = [turn_of(dyad, orders, between, factors) for dyad in range(1, rounds + 1)]
+    assert spread(turn.order for turn in turns) <= 1 or rounds < orders
+    slower = orders
+    for place, levels in enumerate(between):
+        assert spread_of((turn.between[place] for turn in turns), levels) <= slower
+        slower *= levels
+    for place, (number, offsets) in enumerate(factors):
+        for sequence in range(len(offsets)):
+            assert spread_of((turn.starts[place][sequence] for turn in turns), number) <= slower
+        slower *= number
+    assert spread_of((turn.seat for turn in turns), 2) <= 2
+    assert spread_of((turn.seat for turn in turns[: rounds // 4 * 4]), 2) == 0
+
+
+def spread(values: object) -> int:
+    counted = Counter(values)  # type: ignore[call-overload]
+    return max(counted.values()) - min(counted.values()) if counted else 0
+
+
+def spread_of(values: object, levels: int) -> int:
+    counted = Counter(values)  # type: ignore[call-overload]
+    found = [counted[level] for level in range(levels)]
+    return max(found) - min(found)
+
+
+@given(SEEDS, st.integers(0, 50), st.sampled_from((0, 1)))
+def test_first_sides_are_even_but_for_the_spare_one(seed: int, number: int, spare: int) -> None:
+    sides = first_sides(number, spare, seed)
+    assert len(sides) == number
+    assert sides.count(spare) - sides.count(1 - spare) == number % 2
+
+
+@given(SEEDS, st.integers(1, 200), st.integers(0, 50), st.data())
+def test_catch_trials_are_as_many_as_asked_and_never_among_the_first(
+    seed: int, trials: int, after: int, data: st.DataObject
+) -> None:
+    number = data.draw(st.integers(0, max(trials - after, 0)))
+    caught = catch_trials(number, trials, after, seed)
+    assert len(set(caught)) == number
+    assert list(caught) == sorted(caught)
+    assert all(after < trial <= trials for trial in caught)
+    odd = sum(trial % 2 for trial in caught)
+    if number <= (trials - after) // 2:
+        assert abs(odd - (number - odd)) <= 1
+
+
+def test_over_many_seeds_a_spare_catch_trial_has_either_target() -> None:
+    odd = sum(catch_trials(1, 60, 2, seed)[0] % 2 for seed in range(2000))
+    assert 850 < odd < 1150

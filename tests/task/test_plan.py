@@ -1,0 +1,281 @@
+"""A plan follows from study, seed and dyad alone, and each of its blocks is a valid configuration."""
+
+from collections import Counter
+from itertools import pairwise
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from netboard.base.config import Config, parse, resolve
+from netboard.base.errors import ConfigError
+from netboard.base.tables.experiment import Session
+from netboard.base.tables.scene import Geometry, Physics
+from netboard.task.plans.conditions import sequences_of
+from netboard.task.plans.plan import Plan, PlanBlock, config_of, digest, plan_of, seated, to_json
+from netboard.task.studies import library
+from netboard.task.studies.study import paper_study, parse_study
+
+STUDIES = {name: parse_study(library.text_of(name), name) for name in (*library.NAMES, library.TEMPLATE)}
+PAPER = STUDIES["paper"]
+SEEDS = st.integers(0, 2**40)
+DYADS = st.integers(1, 500)
+ANY = st.sampled_from(sorted(STUDIES))
+
+
+def own(plan: Plan, kind: str, performer: str) -> list[PlanBlock]:
+    return [block for block in plan.blocks if (block.kind, block.performer) == (kind, performer)]
+
+
+def level(block: PlanBlock, factor: str = "haptics") -> str:
+    return dict(block.conditions)[factor]
+
+
+def configs(plan: Plan, rig: Config | None = None) -> list[Config]:
+    rig = seated(rig or Config(), plan)
+    return [config_of(rig, session, block.number) for session in plan.sessions for block in session.blocks]
+
+
+# --- the paper's -------------------------------------------------------------------------------------------------
+
+
+@settings(deadline=None, max_examples=40)
+@given(SEEDS, DYADS)
+def test_the_papers_blocks_for_every_seed_and_dyad(seed: int, dyad: int) -> None:
+    plan = plan_of(PAPER, seed, dyad)
+    (session,) = plan.sessions
+    performers = [block.performer for block in session.blocks]
+    assert performers == [*("A", "B") * 4, *["dyad"] * 6, *("A", "B") * 2]
+    assert [block.configuration for block in session.blocks] == ["bimanual"] * 8 + ["dyadic"] * 6 + ["bimanual"] * 4
+    assert {block.count for block in session.blocks} == {60}
+    for sequence in sequences_of(PAPER):
+        along = [level(block) for block in own(plan, *sequence)]
+        assert all(one != other for one, other in pairwise(along)), "haptics flips along each sequence (C1)"
+    for participant in ("A", "B"):
+        trials: Counter[tuple[str, str]] = Counter()
+        for block in plan.blocks:
+            if block.performer in ("dyad", participant):
+                trials[block.configuration, level(block)] += len(block.trials)
+        assert set(trials.values()) == {180}
+        assert len(trials) == 4
+
+
+def test_the_first_four_dyads_start_as_it_is_read_and_eight_with_all_combinations() -> None:
+    starts = [
+        tuple(level(own(plan_of(PAPER, 1, dyad), *sequence)[0]) for sequence in sequences_of(PAPER))
+        for dyad in range(1, 9)
+    ]
+    assert starts[:4] == [("on", "off", "on"), ("off", "on", "off"), ("on", "off", "off"), ("off", "on", "on")]
+    assert len(set(starts)) == 8
+
+
+@settings(deadline=None, max_examples=40)
+@given(SEEDS, DYADS)
+def test_first_targets_are_as_even_as_three_blocks_can_be(seed: int, dyad: int) -> None:
+    plan = plan_of(PAPER, seed, dyad)
+    for sequence in sequences_of(PAPER):
+        blocks = own(plan, *sequence)
+        assert sorted(block.first_target for block in blocks) == ["left"] * 3 + ["right"] * 3
+        for haptics in ("on", "off"):
+            left = sum(block.first_target == "left" for block in blocks if level(block) == haptics)
+            assert left in (1, 2)
+
+
+def test_first_targets_are_not_foreseen() -> None:
+    found = {tuple(block.first_target for block in plan_of(PAPER, seed, 1).blocks) for seed in range(200)}
+    assert len(found) > 150
+
+
+@pytest.mark.parametrize("order", ["dyadic_first", "abba", "interleaved"])
+def test_other_orders_have_the_same_counts(order: str) -> None:
+    study = parse_study(library.text_of("paper").replace('order = ["paper"]', f'order = ["{order}"]'))
+    plan = plan_of(study, 1, 3)
+    assert plan.order == order
+    assert Counter((b.performer, level(b)) for b in plan.blocks) == {
+        (performer, haptics): 3 for performer in ("A", "B", "dyad") for haptics in ("on", "off")
+    }
+
+
+def test_seats_follow_the_dominant_hands_and_are_even_where_they_cannot() -> None:
+    assert plan_of(PAPER, 1, 1, ("left", "right")).seat_a == "left"
+    assert plan_of(PAPER, 1, 1, ("right", "left")).seat_a == "right"
+    for hands in (("right", "right"), ("left", "left")):
+        seats = [plan_of(PAPER, 1, dyad, hands).seat_a for dyad in range(1, 9)]  # type: ignore[arg-type]
+        assert seats.count("left") == seats.count("right") == 4
+
+
+# --- any study ---------------------------------------------------------------------------------------------------
+
+
+@settings(deadline=None, max_examples=40)
+@given(ANY, SEEDS, DYADS)
+def test_the_same_arguments_make_the_same_plan(name: str, seed: int, dyad: int) -> None:
+    plan, again = (plan_of(study, seed, dyad) for study in (STUDIES[name], parse_study(library.text_of(name))))
+    assert plan == again
+    assert digest(plan) == digest(again)
+    assert to_json(plan) == to_json(again)
+
+
+@settings(deadline=None, max_examples=40)
+@given(ANY, SEEDS, DYADS, SEEDS)
+def test_another_seed_makes_another_plan(name: str, seed: int, dyad: int, other: int) -> None:
+    plans = plan_of(STUDIES[name], seed, dyad), plan_of(STUDIES[name], other, dyad)
+    assert (digest(plans[0]) == digest(plans[1])) == (seed == other)
+
+
+def test_the_plan_is_the_one_of_every_year() -> None:
+    assert digest(plan_of(paper_study(), 1, 1)) == "b8a9144456f9bac9e4677415b3a2e833333eed5ec66db9302e545033c7a007c9"
+
+
+def test_a_seed_or_dyad_that_is_none_is_refused() -> None:
+    for seed, dyad in ((-1, 1), (1, 0)):
+        with pytest.raises(ValueError, match="expected a seed from 0 and a dyad from 1"):
+            plan_of(PAPER, seed, dyad)
+
+
+@settings(deadline=None, max_examples=40)
+@given(ANY, SEEDS, DYADS, st.sampled_from(("left", "right")))
+def test_every_block_is_a_valid_configuration(name: str, seed: int, dyad: int, seat: str) -> None:
+    plan = plan_of(STUDIES[name], seed, dyad)
+    rig = Config(session=Session(seat_a=seat, dyad="D07"))  # type: ignore[arg-type]
+    for session in plan.sessions:
+        for block in session.blocks:
+            config = config_of(rig, session, block.number)
+            assert parse(resolve(config)) == config
+            assert config.session == rig.session
+            assert (config.block.number, config.block.blocks) == (block.number, len(session.blocks))
+            assert (config.block.trials, config.block.catch) == (block.count, block.catch)
+            assert (config.block.first_target, config.block.rest) == (block.first_target, block.rest)
+            if config.block.configuration == "bimanual":
+                assert (config.block.station == seat) == (block.performer == "A")
+
+
+def test_the_plan_proposes_the_seat_and_the_form_overrides_it() -> None:
+    plan = plan_of(PAPER, 1, 3)
+    assert seated(Config(), plan).session == Session(study="paper", seat_a="right")
+    first = config_of(Config(session=Session(seat_a="left")), plan.sessions[0], 1)
+    assert (first.block.performer, first.block.station) == ("A", "left")
+
+
+def test_a_robot_takes_the_side_that_the_participant_does_not() -> None:
+    plan = plan_of(STUDIES["controls"], 1, 1)
+    (session,) = plan.sessions
+    for block in session.blocks:
+        config = config_of(Config(session=Session(seat_a="right")), session, block.number)
+        hands = {"A": (block.kind, "person"), "B": ("person", block.kind), "dyad": ("person", "person")}
+        assert (config.block.left, config.block.right) == hands[block.performer]
+        assert config.block.configuration == "dyadic"
+
+
+def test_sessions_and_long_rests() -> None:
+    text = 'orders.main = "2 a / a | a, a"\nlong_rest = 99\nblock.rest = 5\n[kinds.a]\n[questionnaires.q]\ntext = "?"'
+    plan = plan_of(parse_study(text), 1, 1)
+    assert [session.number for session in plan.sessions] == [1, 2]
+    assert [block.rest for block in plan.blocks] == [0.0, 5.0, 99.0, 0.0, 5.0]
+    assert [block.number for block in plan.blocks] == [1, 2, 3, 1, 2]
+    assert [block.questionnaires for block in plan.blocks] == [(), (), (("q", "?"),), (), (("q", "?"),)]
+    asked = [config_of(Config(), plan.sessions[0], number).block.questionnaires for number in (1, 2, 3)]
+    assert asked == ["", "", "q: ?"]
+    assert len({block.seed for block in plan.blocks}) == 5
+
+
+@settings(deadline=None, max_examples=40)
+@given(SEEDS, st.sampled_from(("alternate", "latin", "random")), st.integers(2, 5), st.integers(2, 4))
+def test_crossed_factors_meet_in_all_combinations(seed: int, order: str, slow: int, fast: int) -> None:
+    cells = slow * fast
+    levels = {"slow": slow, "fast": fast}
+    text = f'orders.main = "{2 * cells} a"\n[kinds.a]\nblock.trials = 1\n' + "".join(
+        f'[factors.{name}]\norder = "{order}"\n[factors.{name}.levels]\n'
+        + "".join(f"x{index} = {{}}\n" for index in range(number))
+        for name, number in levels.items()
+    )
+    plan = plan_of(parse_study(text), seed, 5)
+    for half in (plan.blocks[:cells], plan.blocks[cells:]):
+        assert len({block.conditions for block in half}) == cells
+    for cycle in range(2 * slow):
+        assert len({level(block, "fast") for block in plan.blocks[cycle * fast : (cycle + 1) * fast]}) == fast
+
+
+def test_a_factor_between_dyads_has_one_level_in_a_dyad() -> None:
+    text = (
+        'orders.main = "4 a"\n[kinds.a]\n[factors.group]\norder = "between"\n'
+        "levels.light.physics.M = 0.01\nlevels.heavy.physics.M = 0.03\n"
+    )
+    groups = [{config.physics.M for config in configs(plan_of(parse_study(text), 1, dyad))} for dyad in (1, 2, 3)]
+    assert groups == [{0.01}, {0.03}, {0.01}]
+
+
+CATCH = 'orders.main = "8 a"\n[kinds.a]\nblock.trials = 20\ncatch = {}\ncatch_after = 4\n[factors.f]\n{}\n'
+LEVELS = 'levels.on.block.force = "full"\nlevels.off.block.force = "none"'
+
+
+@pytest.mark.parametrize(("catch", "number"), [("0.25", 5), ("3", 3), ("16", 16), ("0", 0)])
+def test_catch_trials_are_where_something_is_felt(catch: str, number: int) -> None:
+    plan = plan_of(parse_study(CATCH.format(catch, LEVELS)), 1, 1)
+    for block in plan.blocks:
+        assert len(block.catch) == (number if level(block, "f") == "on" else 0)
+        assert all(trial > 4 for trial in block.catch)
+        assert [trial.number for trial in block.trials if trial.catch] == list(block.catch)
+    assert number in (0, 16) or len({block.catch for block in plan.blocks}) > 2
+
+
+def test_too_many_catch_trials_are_refused() -> None:
+    with pytest.raises(ConfigError, match=r"\[kinds.a\] catch: 17 catch trials do not fit into 20 trials"):
+        plan_of(parse_study(CATCH.format(17, LEVELS)), 1, 1)
+
+
+def test_instructions_are_in_the_displays_language_part_by_part() -> None:
+    text = (
+        'orders.main = "2 a"\ninstructions.en = "Top."\n[kinds.a]\ninstructions.de = "Art."\n'
+        '[factors.f]\nlevels.one.instructions.en = "One."\nlevels.two = {}\n'
+    )
+    plan = plan_of(parse_study(text), 1, 1)
+
+    def read(language: str) -> list[str]:
+        rig = parse(f'[display]\nlanguage = "{language}"')
+        return [config.block.instructions for config in configs(plan, rig)]
+
+    assert read("en") == ["Top.\n\nOne.", "Top."]
+    assert read("de") == ["Art.\n\nOne.", "Art."]
+    assert read("fr") == read("en")
+
+
+def test_a_level_goes_before_a_kind_and_a_kind_before_the_top() -> None:
+    text = (
+        'orders.main = "2 a"\nphysics.M = 0.1\nphysics.m = 0.1\nphysics.g = 1\n[kinds.a]\nphysics.m = 0.2\n'
+        "physics.g = 2\n[factors.f]\nlevels.one.physics.g = 3\nlevels.two = {}\n"
+    )
+    rig = Config(physics=Physics(k_h=300.0))
+    found = [config.physics for config in configs(plan_of(parse_study(text), 1, 1), rig)]
+    assert found == [Physics(M=0.1, m=0.2, g=g, k_h=300.0) for g in (3.0, 2.0)]
+
+
+def test_the_rigs_own_block_does_not_count() -> None:
+    plan = plan_of(PAPER, 1, 1)
+    rig = parse('[block]\ntrials = 3\nforce = "none"\nseed = 9')
+    assert configs(plan, rig) == configs(plan)
+
+
+def test_what_contradicts_the_rig_is_named_with_its_block() -> None:
+    plan = plan_of(parse_study('orders.main = "a"\n[kinds.a]\ngeometry.target_distance = 0.4'), 1, 1)
+    with pytest.raises(ConfigError) as raised:
+        configs(plan)
+    assert str(raised.value).startswith("block 1 (a): [geometry] target_distance")
+    rig = parse("[geometry]\nboard_length = 1.0\n[task]\nfall_distance = 0.5")
+    assert configs(plan, rig)[0].geometry == Geometry(board_length=1.0, target_distance=0.4)
+
+
+@settings(deadline=None, max_examples=40)
+@given(ANY, SEEDS, DYADS)
+def test_trials_change_sides(name: str, seed: int, dyad: int) -> None:
+    for block in plan_of(STUDIES[name], seed, dyad).blocks:
+        trials = block.trials
+        assert trials[0].target == block.first_target
+        assert all(one.target != other.target for one, other in pairwise(trials))
+        assert [trial.number for trial in trials] == list(range(1, block.count + 1))
+
+
+def test_making_a_plan_changes_no_study() -> None:
+    study = parse_study(library.text_of("template"))
+    plan_of(study, 1, 1)
+    assert study == STUDIES["template"]

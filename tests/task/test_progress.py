@@ -1,0 +1,361 @@
+"""Where a session stands, whatever has happened and wherever its journal was cut."""
+
+import json
+import math
+import random
+from contextlib import suppress
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from netboard.base.errors import RecordingError
+from netboard.base.tables.experiment import Quality
+from netboard.task.journal.entries import (
+    KINDS,
+    AttemptBegan,
+    AttemptEnded,
+    BlockBegan,
+    BlockEnded,
+    Ended,
+    Entry,
+    Header,
+    Lines,
+    Note,
+    Opened,
+    Outcome,
+    Repeat,
+    Resumed,
+    Veto,
+    line_of,
+    read_lines,
+)
+from netboard.task.journal.progress import Progress, progress_of, resume_words
+from netboard.task.journal.same_session import changes, require_same_plan
+from netboard.task.trials.repeats import Repeats, wants_repeat
+from session_model import HEADER, PLAN, Planned, a_run, check
+
+AT = "2026-11-22T18:52:03.123Z"
+SOURCE = "D03_S01.journal.jsonl"
+
+
+def written(entries: list[Entry], header: Header = HEADER) -> bytes:
+    return b"".join(line_of(entry, AT) for entry in (header, *entries))
+
+
+def stands(*entries: Entry, plan: tuple[Planned, ...] = PLAN) -> Progress:
+    return progress_of(HEADER, [Opened("r1", {}), *entries], plan)
+
+
+def began(trial: int, attempt: int = 1, block: int = 1) -> AttemptBegan:
+    return AttemptBegan(block, trial, attempt, "r1", 0)
+
+
+def ended(trial: int, attempt: int = 1, outcome: Outcome = "success", block: int = 1, **more: Any) -> AttemptEnded:
+    completion = 1.5 if outcome == "success" else None
+    said = AttemptEnded(block, trial, attempt, outcome, completion, (), 0, False, "r1", 0, 1000 * trial)
+    return replace(said, **more)
+
+
+BEGAN = BlockBegan(1, 1, 1, "r1", 5)
+
+
+# --- lines -----------------------------------------------------------------------------------------------------------
+
+ONE_OF_EACH: list[Entry] = [
+    Opened("r1", {"dyad": "D03", "remark": 'line\nfeed, "quotes", ü'}),
+    BEGAN,
+    began(1),
+    ended(1, flags=("late_ticks", "clipped"), repeats=2, again=True),
+    Repeat(1, 1),
+    Veto(1, 1),
+    Note("müde", "r1", 77),
+    BlockEnded(1, "stopped"),
+    Resumed("r2"),
+    Ended("the lab closes"),
+]
+
+
+def test_every_entry_is_read_as_it_was_written() -> None:
+    assert {type(entry) for entry in ONE_OF_EACH} == set(KINDS.values()) - {Header}
+    data = written(ONE_OF_EACH)
+    assert read_lines(data, SOURCE) == Lines(HEADER, tuple(ONE_OF_EACH), len(data), b"")
+    assert data.count(b"\n") == 1 + len(ONE_OF_EACH)
+    assert all(json.loads(line)["at"] == AT for line in data.splitlines())
+
+
+def test_what_is_not_finite_is_our_own_mistake() -> None:
+    with pytest.raises(ValueError, match="Out of range"):
+        line_of(ended(1, completion=math.nan), AT)
+
+
+def test_half_a_character_does_not_stop_a_note() -> None:
+    data = written([Note("what \udc80", "r1", 0)])
+    assert read_lines(data, SOURCE).entries == (Note("what ?", "r1", 0),)
+
+
+@pytest.mark.parametrize(
+    "tail", [b'{"entry":"no', b'{"entry":"note","at":"x"', b"\0\0\0\0", b"\xff\xfe", b"\0\0\n", b"[]\n"]
+)
+def test_a_torn_last_line_is_left_out_and_reported(tail: bytes) -> None:
+    data = written(ONE_OF_EACH)
+    assert read_lines(data + tail, SOURCE) == Lines(HEADER, tuple(ONE_OF_EACH), len(data), tail)
+
+
+def test_a_last_line_without_its_end_does_not_count() -> None:
+    data = written(ONE_OF_EACH)
+    lines = read_lines(data[:-1], SOURCE)
+    assert lines.entries == tuple(ONE_OF_EACH[:-1])
+    assert lines.torn == line_of(ONE_OF_EACH[-1], AT)[:-1]
+
+
+@pytest.mark.parametrize(
+    ("number", "line", "words"),
+    [
+        (3, b'{"entry":"attem', "is damaged: found"),
+        (3, b"", "is damaged: found ''"),
+        (3, b'{"entry":"dance"}', "found the entry 'dance', expected one of header, opened"),
+        (3, b'{"at":"x"}', "found the entry None"),
+        (3, b'{"entry":["a"]}', "found the entry ['a']"),
+        (4, b'{"entry":"repeat","block":1}', "repeat: trial: field required"),
+        (4, b'{"entry":"repeat","block":1,"trial":"2"}', "repeat: trial: input should be a valid integer"),
+        (4, b'{"entry":"repeat","block":1,"trial":2,"who":"me"}', "repeat: who: "),
+        (4, b'{"entry":"block_ended","block":1,"how":"well"}', "block_ended: how: input should be 'finished'"),
+        (1, b'{"entry":"header","format":2,"netboard":"0.9.0"}', "has format version 2, this netboard reads version 1"),
+        (1, b'{"entry":"repeat","block":1,"trial":2}', 'found "repeat", expected the header of a journal'),
+        (5, line_of(HEADER, AT)[:-1], "a second header"),
+    ],
+)
+def test_other_damage_names_file_and_line(number: int, line: bytes, words: str) -> None:
+    lines = written(ONE_OF_EACH).split(b"\n")
+    lines[number - 1] = line
+    with pytest.raises(RecordingError) as caught:
+        read_lines(b"\n".join(lines), SOURCE)
+    assert str(caught.value).startswith(f"{SOURCE}, line {number}: ")
+    assert words in str(caught.value)
+
+
+@pytest.mark.parametrize("data", [b"", b'{"entry":"hea', b"\0\0\n"])
+def test_a_journal_without_a_header_says_that_nothing_was_done(data: bytes) -> None:
+    with pytest.raises(RecordingError, match="nothing was done in it: delete it"):
+        read_lines(data, SOURCE)
+
+
+@given(st.integers(0, 2**32), st.integers(0, 400), st.data())
+@settings(max_examples=60, deadline=None)
+def test_one_wrong_byte_raises_nothing_else(seed: int, place: int, data: st.DataObject) -> None:
+    entries = list(a_run(random.Random(seed), "r1", [], Quality()))
+    whole = bytearray(written(entries))
+    whole[place % len(whole)] = data.draw(st.integers(0, 255))
+    with suppress(RecordingError):
+        lines = read_lines(bytes(whole), SOURCE)
+        progress_of(lines.header, lines.entries, PLAN, SOURCE)
+
+
+# --- progress --------------------------------------------------------------------------------------------------------
+
+
+def test_at_the_beginning() -> None:
+    found = stands()
+    assert (found.block, found.trial, found.attempt, found.begun, found.complete) == (1, 1, 1, False, False)
+    assert resume_words(found) == "begins at the start of block 1 of 3"
+
+
+def test_it_goes_on_with_the_trial_after_the_last_that_is_done() -> None:
+    done = [entry for trial in range(1, 23) for entry in (began(trial), ended(trial))]
+    done[6:6] = [began(4, 1), ended(4, 1, "fell"), began(4, 2), ended(4, 2, "fell"), began(4, 3), ended(4, 3, "paused")]
+    done[12:14] = [began(4, 4), ended(4, 4)]
+    now = stands(BEGAN, *done, began(23, 1), ended(23, 1, "timed_out"), began(23, 2), plan=(Planned(1, 60),))
+    assert (now.block, now.trial, now.attempt) == (1, 23, 3)
+    assert (now.successes, now.failures, now.skipped, now.extra, now.block_ticks) == (22, 3, 0, 0, 23_000)
+    assert now.under_way == (1, 23, 2)
+    assert now.incomplete == ((1, 23, 2),)
+    assert now.outcomes[-1][:4] == (1, 23, 2, "incomplete")
+    assert now.best == 1.5
+    assert resume_words(now) == (
+        "goes on at block 1 of 1, trial 23 of 60 (22 done, 3 failed attempts), attempt 3; "
+        "the attempt that was under way is kept as incomplete"
+    )
+
+
+def test_skipped_trials_and_repeats() -> None:
+    plan = (Planned(1, 3),)
+    now = stands(
+        BEGAN,
+        began(1),
+        ended(1, again=True),
+        began(2),
+        ended(2, 1, "paused"),
+        ended(2, 1, "skipped"),
+        Repeat(1, 2),
+        began(3),
+        ended(3),
+        plan=plan,
+    )
+    assert (now.trial, now.successes, now.skipped, now.extra) == (4, 2, 1, 2)
+    assert now.repeats == Repeats(3, (1, 2))
+    assert now.repeats.repeated_by(now.trial) == 1
+    assert resume_words(now) == "goes on at block 1 of 1, trial 4 of 5 (2 done, 1 skipped, 2 trials added)"
+
+
+def test_a_veto_can_end_a_block() -> None:
+    plan = (Planned(1, 1), Planned(2, 1))
+    asked = (BEGAN, began(1), ended(1, again=True))
+    assert stands(*asked, plan=plan).block == 1
+    vetoed = stands(*asked, Veto(1, 1), plan=plan)
+    assert vetoed.done == (1,)
+    assert resume_words(vetoed) == "goes on at the start of block 2 of 2"
+
+
+def test_a_block_whose_end_was_not_noted_is_over_when_all_is_done() -> None:
+    assert stands(BEGAN, began(1), ended(1), plan=(Planned(1, 1),)).complete
+
+
+def test_all_is_done() -> None:
+    now = stands(BEGAN, BlockEnded(1, "given_up"), plan=(Planned(1, 5),))
+    assert now.complete
+    assert resume_words(now) == "nothing is left to be done: all 1 blocks are over"
+
+
+def test_a_stopped_block_goes_on_unless_another_begins() -> None:
+    stopped = (BEGAN, began(1), ended(1), BlockEnded(1, "stopped"))
+    assert (stands(*stopped).block, stands(*stopped).trial) == (1, 2)
+    later = stands(*stopped, BlockBegan(2, 1, 1, "r1", 0))
+    assert (later.done, later.block) == ((1,), 2)
+
+
+def test_what_was_under_way_at_a_crash_stays_incomplete() -> None:
+    now = stands(BEGAN, began(1), Resumed("r2"), BlockBegan(1, 1, 2, "r2", 9), began(1, 2), ended(1, 2))
+    assert [row[:4] for row in now.outcomes] == [(1, 1, 1, "incomplete"), (1, 1, 2, "success")]
+    assert now.under_way is None
+    assert now.runs == ("r1", "r2")
+
+
+@pytest.mark.parametrize(
+    ("entries", "words"),
+    [
+        ([BlockBegan(9, 1, 1, "r1", 0)], "block 9, and the plan has blocks 1 to 3"),
+        ([BlockBegan(2, 1, 1, "r1", 0)], "block 2 begins, and block 1 is not over"),
+        ([BEGAN, BlockEnded(1, "given_up"), BEGAN], "block 1 begins, and it is over already"),
+        ([began(1)], "something of block 1, which is not the one that goes on"),
+        ([BEGAN, began(2)], "trial 2, attempt 1 of block 1, where trial 1, attempt 1 comes next"),
+        ([BEGAN, began(1), ended(1, 1, "fell"), began(1)], "where trial 1, attempt 2 comes next"),
+        ([BEGAN, began(1), ended(1), ended(1)], "where trial 2, attempt 1 comes next"),
+        ([BEGAN, Veto(1, 1)], "a veto of the repeat of trial 1, which nobody has asked for"),
+    ],
+)
+def test_contradictions_name_the_line(entries: list[Entry], words: str) -> None:
+    with pytest.raises(RecordingError) as caught:
+        progress_of(HEADER, entries, PLAN, SOURCE)
+    line = len(entries) + 1
+    assert str(caught.value).startswith(f"{SOURCE}, line {line}: does not fit session S01 of dyad D03: ")
+    assert words in str(caught.value)
+
+
+RULES = st.sampled_from([Quality(), Quality(repeat="flagged")])
+
+
+@given(st.integers(0, 2**32), RULES, st.lists(st.integers(0, 60), max_size=6))
+@settings(max_examples=150, deadline=None)
+def test_however_often_it_crashes_the_counts_are_right(seed: int, rules: Quality, crashes: list[int]) -> None:
+    chance = random.Random(seed)
+    entries: list[Entry] = []
+    for run, written_before in enumerate([*crashes, *[1000] * 20]):
+        for number, entry in enumerate(a_run(chance, f"r{run}", entries, rules)):
+            if number >= written_before:
+                break
+            entries.append(entry)
+            check(entries, progress_of(HEADER, entries, PLAN))
+        if progress_of(HEADER, entries, PLAN).complete:
+            return
+    raise AssertionError("it never came to its end")
+
+
+@given(st.integers(0, 2**32), RULES, st.data())
+@settings(max_examples=100, deadline=None)
+def test_a_journal_cut_at_any_byte_tells_where_the_session_stood_then(
+    seed: int, rules: Quality, data: st.DataObject
+) -> None:
+    entries = list(a_run(random.Random(seed), "r1", [], rules))
+    whole, header = written(entries), len(line_of(HEADER, AT))
+    cut = data.draw(st.integers(header, len(whole)))
+    found = read_lines(whole[:cut], SOURCE)
+    count = len(found.entries)
+    assert list(found.entries) == entries[:count]
+    assert whole.startswith(written(entries[:count]) + found.torn)
+    assert len(whole[:cut]) == found.sound + len(found.torn)
+    now, final = progress_of(HEADER, found.entries, PLAN), progress_of(HEADER, entries, PLAN)
+    check(entries[:count], now)
+    assert final.done[: len(now.done)] == now.done
+    sure = len(now.outcomes) - (now.under_way is not None)
+    assert repr(final.outcomes[:sure]) == repr(now.outcomes[:sure])
+
+
+# --- repeats ---------------------------------------------------------------------------------------------------------
+
+
+def test_the_rule_for_doubtful_trials() -> None:
+    rules, none = Quality(repeat="flagged"), Repeats(60)
+    assert wants_repeat(rules, "success", ("clipped",), 7, none)
+    assert not wants_repeat(Quality(), "success", ("clipped",), 7, none)
+    assert not wants_repeat(rules, "success", (), 7, none)
+    assert not wants_repeat(rules, "fell", ("clipped",), 7, none)
+    assert not wants_repeat(rules, "success", ("clipped",), 7, none.ask(7)), "twice"
+    assert not wants_repeat(rules, "success", ("clipped",), 61, none.ask(7)), "a repeat"
+    assert not wants_repeat(rules, "success", ("clipped",), 7, none.ask(7).veto(7)), "against the operator"
+
+
+def test_which_trial_repeats_which() -> None:
+    asked = Repeats(60).ask(5).ask(9).ask(5)
+    assert asked.extra == 3
+    assert [asked.repeated_by(trial) for trial in (1, 60, 61, 62, 63, 64)] == [0, 0, 5, 9, 5, 0]
+    assert asked.veto(5).asked == (5, 9)
+    assert Repeats(60).ask(5).veto(5).ask(5).vetoed == ()
+
+
+def test_what_operators_are_told() -> None:
+    asked = Repeats(60).ask(5).ask(9)
+    assert asked.why_not_ask(7, 20) == ""
+    assert asked.why_not_ask(5, 20) == "trial 5 will be repeated already"
+    assert asked.why_not_ask(5, 62) == ""
+    assert asked.why_not_ask(20, 20) == "trial 20 cannot be repeated: trials 1 to 19 are done in this block"
+    assert asked.why_not_ask(1, 1) == "trial 1 cannot be repeated: no trial is done in this block"
+    assert asked.why_not_veto(9, 61) == ""
+    assert asked.why_not_veto(5, 61) == "the repeat of trial 5 has begun: skip it, if it is not wanted"
+    assert asked.why_not_veto(8, 61) == "no repeat of trial 8 has been asked for"
+    assert [asked.newest(present) for present in (1, 60, 61, 62)] == [9, 9, 9, 0]
+
+
+# --- the same session ------------------------------------------------------------------------------------------------
+
+
+def test_the_same_plan_is_not_refused() -> None:
+    require_same_plan(HEADER, replace(HEADER, netboard="0.2.0", config_digest="d1", consent=False), SOURCE)
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        ({"dyad": "D04"}, "dyad: it was begun with D03, and this is D04"),
+        ({"seed": 8, "plan_digest": "x"}, "seed: it was begun with 7, and this is 8"),
+        ({"participants": ("P05", "P07")}, "participants: it was begun with P05 and P06, and this is P05 and P07"),
+        ({"pilot": True}, "pilot run: it was begun with no, and this is yes"),
+        ({"study_digest": "x", "plan_digest": "y"}, "the text of the study has changed since"),
+        ({"plan_digest": "y"}, "the same study makes another plan now"),
+    ],
+)
+def test_another_plan_is_refused_in_words(changed: dict[str, Any], words: str) -> None:
+    with pytest.raises(RecordingError) as caught:
+        require_same_plan(HEADER, replace(HEADER, **changed), SOURCE)
+    (line,) = str(caught.value).splitlines()
+    assert line.startswith(f"{SOURCE}: cannot be resumed: {words}")
+
+
+def test_what_else_has_changed_is_told() -> None:
+    assert changes(HEADER, HEADER) == ()
+    assert changes(HEADER, replace(HEADER, netboard="0.2.0", config_digest="d1")) == (
+        "version of netboard: it was begun with 0.1.0, and this is 0.2.0",
+        "the rig's configuration has changed since",
+    )

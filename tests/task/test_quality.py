@@ -1,0 +1,403 @@
+"""The quality of attempts: every word of the rules, in any portions of ticks, and from one release to the next."""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from netboard.base.config import Config, parse
+from netboard.base.tables.experiment import Block, Quality
+from netboard.base.tables.scene import Physics
+from netboard.base.tick import LATE_NS, TICK
+from netboard.network.protocol.motion import Safeguard
+from netboard.recording.format.summary import find_attempts
+from netboard.stage.stage import make_stage
+from netboard.task.trials.quality import (
+    REPORT_TICKS,
+    WORDS,
+    Referee,
+    Verdict,
+    empty_tally,
+    judge,
+    longest_gap,
+    tally,
+)
+from netboard.task.trials.state_machine import Cause, Phase
+
+LEVEL, LENGTH, AFTER = 20, 3000, 10
+NAN = float("nan")
+CLAMPED = int(Safeguard.CLAMPED)
+
+
+def attempt(
+    length: int = LENGTH, cause: Cause = Cause.HELD, trial: int = 1, number: int = 1, tick: int = 0
+) -> np.ndarray:
+    """Rows of an attempt beyond doubt: levelling, running, holding, its end, and what comes after it."""
+    rows = np.zeros(LEVEL + length + AFTER, TICK)
+    rows["tick"] = tick + np.arange(rows.size)
+    rows["trial"], rows["attempt"] = trial, number
+    rows["phase"][:LEVEL] = Phase.LEVELLING
+    rows["event"][LEVEL - 1] = Cause.LEVEL
+    free = slice(LEVEL, LEVEL + length)
+    rows["phase"][free] = Phase.RUNNING
+    rows["run_ticks"][free] = np.arange(length)
+    held = slice(LEVEL + length // 2, LEVEL + length)
+    rows["phase"][held] = Phase.HOLDING
+    rows["event"][held.start - 1] = Cause.ENTERED
+    rows["mark_ticks"][held] = length // 2
+    rows["event"][held.stop - 1] = cause
+    rows["phase"][held.stop :] = Phase.SUCCEEDED
+    for side in ("left", "right"):
+        rows[f"{side}_live"] = 1
+        rows[f"{side}_stamp_ns"] = 10**9 + rows["tick"] * 10**6
+        rows[f"{side}_sent_z"] = 0.01 * np.sin(rows["tick"] / 100)
+        rows[f"{side}_used_z"] = rows[f"{side}_sent_z"]
+    return rows
+
+
+def free(rows: np.ndarray) -> np.ndarray:
+    return rows[LEVEL : LEVEL + LENGTH]
+
+
+def verdicts(rows: np.ndarray, config: Config | None = None, portions: list[int] | None = None) -> list[Verdict]:
+    referee = Referee(config or Config(), CLAMPED)
+    found: list[Verdict] = []
+    first = 0
+    for portion in [*(portions or []), rows.size]:
+        count = min(portion, rows.size - first)
+        found += referee.watch(rows, first, count)
+        first += count
+    return found
+
+
+def flags(rows: np.ndarray, config: Config | None = None) -> tuple[str, ...]:
+    (found,) = verdicts(rows, config)
+    return found.flags
+
+
+def test_an_attempt_beyond_doubt_has_no_flag() -> None:
+    (found,) = verdicts(attempt())
+    assert found == Verdict(1, 1, LEVEL, LEVEL + LENGTH - 1, Cause.HELD, LENGTH / 2 * 1e-3, ())
+    assert found.outcome == "success"
+
+
+@pytest.mark.parametrize(
+    ("cause", "outcome"),
+    [
+        (Cause.FELL, "fell"),
+        (Cause.ABORT, "aborted"),
+        (Cause.STOP, "aborted"),
+        (Cause.PAUSE, "paused"),
+        (Cause.FAULT, "paused"),
+    ],
+)
+def test_what_ends_an_attempt_says_what_it_comes_to(cause: Cause, outcome: str) -> None:
+    (found,) = verdicts(attempt(cause=cause))
+    assert found.outcome == outcome
+    assert np.isnan(found.completion)
+    assert found.flags == ()
+
+
+def test_whatever_else_ends_it_has_skipped_the_trial() -> None:
+    assert Verdict(1, 1, 0, 9, Cause.LAST, NAN, ()).outcome == "skipped"
+
+
+def test_late_ticks() -> None:
+    rows = attempt()
+    free(rows)["late_ns"][:20] = LATE_NS + 1
+    free(rows)["late_ns"][20:] = LATE_NS
+    rows["late_ns"][:LEVEL] = rows["late_ns"][-AFTER:] = LATE_NS + 1
+    assert flags(rows) == ()
+    free(rows)["late_ns"][20] = LATE_NS + 1
+    assert flags(rows) == ("late_ticks",)
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+@pytest.mark.parametrize(
+    ("field", "value", "word", "share"),
+    [
+        ("live", 0, "lost_samples", 0.02),
+        ("stamp_ns", 77, "lost_samples", 0.02),
+        ("safeguards", CLAMPED | int(Safeguard.ARMED), "clipped", 0.05),
+        ("used_z", -0.075, "saturated", 0.05),
+        ("used_z", 0.075, "saturated", 0.05),
+    ],
+)
+def test_shares_of_an_attempt(side: str, field: str, value: float, word: str, share: float) -> None:
+    rows = attempt()
+    rows[f"{side}_safeguards"] = Safeguard.ARMED | Safeguard.SLEWED
+    most = round(share * LENGTH) + (field == "stamp_ns")  # the first sample with another stamp is fresh
+    free(rows)[f"{side}_{field}"][5 : 5 + most] = value
+    rows[f"{side}_{field}"][:LEVEL] = rows[f"{side}_{field}"][-AFTER:] = value
+    assert flags(rows) == ()
+    free(rows)[f"{side}_{field}"][5 + most] = value
+    assert flags(rows) == (word,)
+
+
+def test_a_sample_of_the_tick_before_the_release_is_not_fresh() -> None:
+    rows = attempt()
+    rows["left_stamp_ns"] = 10**9 + rows["tick"] // 2 * 10**6
+    acc = empty_tally()
+    tally(acc, rows, 0, rows.size, 0.075, CLAMPED)
+    assert acc["lost"].tolist() == [[LENGTH // 2, 0]]
+
+
+@pytest.mark.parametrize("tilt_deg", [1.51, -1.51])
+def test_tilt_at_the_release(tilt_deg: float) -> None:
+    rows = attempt()
+    rows["theta"] = np.radians(tilt_deg)
+    free(rows)["theta"][0] = np.radians(1.49)
+    assert flags(rows) == ()
+    free(rows)["theta"][0] = np.radians(tilt_deg)
+    assert flags(rows) == ("start_tilt",)
+    # A recording that begins behind the release does not tell.
+    assert flags(rows[LEVEL + 1 :]) == ()
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_a_stuck_stylus(side: str) -> None:
+    rows = attempt()
+    free(rows)[f"{side}_sent_z"][100 : 100 + 2001] = 0.03
+    assert flags(rows) == ()
+    free(rows)[f"{side}_sent_z"][100 : 100 + 2002] = 0.03
+    assert flags(rows) == (f"stuck_{side}",)
+    # A sample that did not come neither ends nor lengthens that.
+    free(rows)[f"{side}_live"][500] = 0
+    free(rows)[f"{side}_sent_z"][500] = 0.0
+    assert flags(rows) == ()
+    free(rows)[f"{side}_sent_z"][2102] = 0.03
+    assert flags(rows) == (f"stuck_{side}",)
+
+
+def test_a_stylus_that_rested_before_the_release_is_not_stuck_for_that() -> None:
+    rows = np.concatenate([attempt()[:LEVEL]] * 200 + [attempt()[LEVEL:]])
+    rows["left_sent_z"][: 199 * LEVEL + LEVEL + 100] = 0.0
+    rows["tick"] = np.arange(rows.size)
+    assert flags(rows) == ()
+
+
+def test_only_a_persons_stylus_can_be_stuck_and_a_still_hand_lacks_nothing() -> None:
+    rows = attempt()
+    rows["right_sent_z"] = 0.0
+    assert flags(rows) == ("stuck_right",)
+    assert flags(rows, Config(block=Block(right="robot"))) == ()
+    rows["right_live"] = 0
+    assert flags(rows, Config(block=Block(right="robot"))) == ("lost_samples",)
+    assert flags(rows, Config(block=Block(right="still"))) == ()
+
+
+def test_completion_times() -> None:
+    t = empty_tally()[0]
+    for completion, words in ((0.29, ("too_short",)), (0.3, ()), (60.0, ()), (60.1, ("too_long",)), (NAN, ())):
+        assert judge(t, completion, 0.0, Quality(), Block()) == words
+
+
+def test_words_come_in_their_order() -> None:
+    rows = attempt(600)
+    rows["theta"], rows["late_ns"], rows["left_live"] = 1.0, 10**6, 0
+    (found,) = verdicts(rows, Config(quality=Quality(shortest=1.0)))
+    assert found.flags == ("late_ticks", "lost_samples", "start_tilt", "too_short")
+    assert tuple(word for word in WORDS if word in found.flags) == found.flags
+
+
+def test_rules_can_be_set() -> None:
+    rows = attempt()
+    free(rows)["late_ns"] = 10**6
+    assert flags(rows, Config(quality=Quality(late_ticks=LENGTH))) == ()
+
+
+def test_every_attempt_begins_anew() -> None:
+    spoilt, clean = attempt(), attempt(number=2, tick=5000)
+    free(spoilt)["late_ns"] = 10**6
+    free(spoilt)["left_safeguards"] = CLAMPED
+    both = np.concatenate([spoilt, clean])
+    assert [found.flags for found in verdicts(both)] == [("late_ticks", "clipped"), ()]
+    # Even if the ticks between them are lost, and even if the second comes at once.
+    assert [found.flags for found in verdicts(np.concatenate([free(spoilt)[:-7], free(clean)]))] == [()]
+    again = attempt(number=1, tick=5000)
+    assert [found.flags for found in verdicts(np.concatenate([free(spoilt), free(again)]))] == [
+        ("late_ticks", "clipped"),
+        (),
+    ]
+
+
+def test_a_ring_is_read_round() -> None:
+    rows = attempt(600)
+    rows["left_live"][50:90] = 0
+    ring = np.zeros(64, TICK)
+    referee = Referee(Config(), CLAMPED)
+    found: list[Verdict] = []
+    for number, row in enumerate(rows):
+        ring[number % 64] = row
+        if number % 10 == 9:
+            found += referee.watch(ring, number - 9, 10)
+    assert found == verdicts(rows)
+    assert found[0].flags == ("lost_samples",)
+    assert referee.counted["lost"].tolist() == [40, 0]
+
+
+@st.composite
+def streams(draw: st.DrawFn) -> np.ndarray:
+    """Some attempts, with everything that counts at random."""
+    generator = np.random.default_rng(draw(st.integers(0, 2**32)))
+    parts = []
+    for number in range(draw(st.integers(1, 4))):
+        cause = draw(st.sampled_from([Cause.HELD, Cause.FELL, Cause.TIMED_OUT, Cause.PAUSE, Cause.ABORT]))
+        parts.append(attempt(draw(st.integers(2, 60)), cause, number=number + 1))
+    rows = np.concatenate(parts)
+    rows["tick"] = np.arange(rows.size)
+    rows["theta"] = generator.normal(0, 0.02, rows.size)
+    rows["late_ns"] = generator.integers(0, 2 * LATE_NS, rows.size)
+    for side in ("left", "right"):
+        rows[f"{side}_live"] = generator.random(rows.size) < 0.95
+        rows[f"{side}_stamp_ns"] = generator.integers(0, 3, rows.size)
+        rows[f"{side}_sent_z"] = generator.integers(0, 2, rows.size) / 10
+        rows[f"{side}_used_z"] = generator.uniform(-0.08, 0.08, rows.size)
+        rows[f"{side}_safeguards"] = generator.integers(0, 2048, rows.size)
+    return rows
+
+
+@given(streams(), st.lists(st.integers(0, 40), max_size=40))
+@settings(max_examples=50, deadline=None)
+def test_portions_do_not_matter(rows: np.ndarray, portions: list[int]) -> None:
+    rules = Quality(late_ticks=12, lost_share=0.5, saturated_share=0.06, stuck=0.004, shortest=0.01)
+    config = Config(quality=rules)
+    assert repr(verdicts(rows, config, portions)) == repr(verdicts(rows, config))
+    whole, parted = empty_tally(), empty_tally()
+    _take(whole, rows, [rows.size])
+    _take(parted, rows, [*portions, rows.size])
+    assert whole.tobytes() == parted.tobytes()
+
+
+def _take(acc: np.ndarray, rows: np.ndarray, portions: list[int]) -> None:
+    first = 0
+    for count in portions:
+        stop = min(first + count, rows.size)
+        while first < stop:
+            first += tally(acc, rows, first, stop - first, 0.075, CLAMPED)
+
+
+@given(st.integers(0, 2**32))
+@settings(max_examples=50, deadline=None)
+def test_rows_of_anything_do_no_harm(seed: int) -> None:
+    rows = np.frombuffer(np.random.default_rng(seed).bytes(200 * TICK.itemsize), TICK).copy()
+    rows["phase"] = np.random.default_rng(seed).integers(-1, 9, 200)
+    referee = Referee(Config(), CLAMPED)
+    assert all(set(found.flags) <= set(WORDS) for found in referee.watch(rows, 0, 200))
+
+
+def test_it_sees_the_attempts_that_the_stage_makes() -> None:
+    config = parse("[task]\nlevel_time = 0.05\nlevel_rate_deg_s = 300\nlevel_angle_deg = 40\ntime_limit = 1.0")
+    stage = make_stage(config)
+    state = stage.initial()
+    generator = np.random.default_rng(7)
+    rows = np.zeros(20_000, TICK)
+    rows["tick"] = np.arange(rows.size)
+    rows["time_ns"] = 10**9 + rows["tick"] * 10**6
+    rows["command"][10] = Cause.START
+    for tick, cause in ((6000, Cause.PAUSE), (6500, Cause.RESUME), (9000, Cause.ABORT), (15_000, Cause.ABORT)):
+        rows["command"][tick] = cause
+    for side in ("left", "right"):
+        rows[f"{side}_live"] = 1
+        rows[f"{side}_stamp_ns"] = rows["time_ns"]
+        steps = generator.normal(0, 0.02, rows.size // 1000).repeat(1000)
+        rows[f"{side}_sent_z"] = steps
+    stage.advance(state, rows, 0, rows.size)
+    known = [found for found in find_attempts(rows) if found.outcome != "unfinished"]
+    found = verdicts(rows, config)
+    assert len(found) > 5
+    assert [(a.trial, a.attempt, a.tick, a.tick + round(a.duration * 1e3) - 1) for a in known] == [
+        (v.trial, v.attempt, v.release, v.end) for v in found
+    ]
+    for one, other in zip(known, found, strict=True):
+        assert other.outcome == {"abort": "aborted", "pause": "paused"}.get(one.outcome, one.outcome)
+        assert repr(one.completion) == repr(other.completion)
+
+
+# --- displays --------------------------------------------------------------------------------------------------------
+
+
+def frames(first: int, last: int, step: int = 16) -> list[tuple[int, int]]:
+    return [(tick, 5_000_000_000 + tick * 1_000_000) for tick in range(first, last, step)]
+
+
+def test_gaps_between_frames() -> None:
+    release, end = 1000, 4000
+    stop = end - REPORT_TICKS
+    assert longest_gap(frames(0, 5000), release, end) == pytest.approx(0.016)
+    assert longest_gap(frames(0, 2000) + frames(2400, 5000), release, end) == pytest.approx(0.4, abs=0.017)
+    # Nothing at the beginning, nothing at the end, nothing at all.
+    assert longest_gap(frames(1300, 5000), release, end) == pytest.approx(0.3)
+    assert longest_gap(frames(0, 2000), release, end) == pytest.approx((stop - 2000) * 1e-3, abs=0.017)
+    assert longest_gap([], release, end) == pytest.approx((stop - release) * 1e-3)
+    # What the last reports may not have told yet does not count, nor what was before.
+    assert longest_gap(frames(0, stop), release, end) <= 0.016
+    assert longest_gap(frames(release, 5000), release, end) <= 0.016
+    # An attempt that was over before any report says nothing.
+    assert longest_gap([], release, release + REPORT_TICKS) == 0.0
+
+
+def test_a_display_that_painted_late_was_frozen_too() -> None:
+    shown = frames(0, 2000) + [(tick, painted + 300_000_000) for tick, painted in frames(2000, 5000)]
+    assert longest_gap(shown, 1000, 4000) == pytest.approx(0.316)
+
+
+def test_another_display_with_another_clock_is_not_frozen() -> None:
+    later = [(tick, painted + 10**15) for tick, painted in frames(2000, 5000)]  # on another machine
+    assert longest_gap(frames(0, 2000) + later, 1000, 4000) <= 0.034
+    both = sorted(frames(0, 5000) + [(tick + 3, painted - 10**15) for tick, painted in frames(0, 5000)])
+    assert longest_gap(both, 1000, 4000) <= 0.017
+    assert longest_gap(both[::-1], 1000, 4000) == longest_gap(both, 1000, 4000)
+
+
+def watched(config: Config, painted: dict[str, list[tuple[int, int]]]) -> tuple[str, ...]:
+    """The flags of an attempt of which frames are known half a second after they were painted."""
+    rows = attempt()
+    referee = Referee(config, CLAMPED)
+    found: list[Verdict] = []
+    for first in range(0, rows.size, 10):
+        found += referee.watch(rows, first, min(10, rows.size - first))
+        for station, shown in painted.items():
+            for tick, painted_ns in shown:
+                if first <= tick + 500 < first + 10:
+                    referee.paint(station, tick, painted_ns)
+    (verdict,) = found
+    return verdict.flags
+
+
+def test_a_frozen_display() -> None:
+    whole, holed = frames(0, 4000), frames(0, 1000) + frames(1300, 4000)
+    config = Config()
+    assert watched(config, {"left": whole, "right": whole}) == ()
+    assert watched(config, {"left": holed, "right": whole}) == ("frozen_display",)
+    assert watched(config, {"left": whole, "right": holed}) == ("frozen_display",)
+    # A display that was never there is not frozen; one that is gone is.
+    assert watched(config, {"left": whole}) == ()
+    assert watched(config, {"left": whole, "right": frames(0, 100)}) == ("frozen_display",)
+
+
+def test_only_displays_that_somebody_looks_at_count() -> None:
+    whole, holed = frames(0, 4000), frames(0, 1000) + frames(1300, 4000)
+    bimanual = Config(block=Block(configuration="bimanual", station="right"))
+    assert watched(bimanual, {"left": holed, "right": whole}) == ()
+    assert watched(bimanual, {"left": whole, "right": holed}) == ("frozen_display",)
+    alone = Config(block=Block(left="robot"))
+    assert watched(alone, {"left": holed, "right": whole}) == ()
+    assert watched(alone, {"left": whole, "right": holed}) == ("frozen_display",)
+    assert watched(replace(Config(), physics=Physics(balls=0)), {"left": holed, "right": holed}) == ()
+
+
+def test_frames_outside_of_an_attempt_are_not_kept() -> None:
+    referee = Referee(Config(), CLAMPED)
+    for tick, painted_ns in frames(0, 10_000):
+        referee.paint("left", tick, painted_ns)
+    assert referee._frames == {"left": []}
+
+
+def test_the_page_lists_every_word() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "quality.md").read_text(encoding="utf-8")
+    assert re.findall(r"^\| `(\w+)` \|", page, re.MULTILINE) == list(WORDS)

@@ -1,0 +1,258 @@
+"""A server as a console knows it, on a real socket: it answers from a made-up state, and does as it is told.
+
+Run by itself it stays in one state, for screenshots: ``python tests/console/console_server.py running --port 5550``,
+and then ``netboard console --set network.port=5550 --offscreen --screenshot running.png --after 11``.
+"""
+
+import argparse
+import json
+import math
+import time
+from dataclasses import replace
+from functools import partial
+from importlib.metadata import version
+
+from netboard.base.tables.rig import Network
+from netboard.network.protocol.codec import decode, encode
+from netboard.network.protocol.control import (
+    Command,
+    Outcomes,
+    OutcomesRequest,
+    Reply,
+    Status,
+    StatusRequest,
+    Trace,
+    TraceRequest,
+)
+from netboard.network.protocol.joining import HELLO_FIRST, Goodbye, Hello, Refusal, Welcome
+from netboard.network.protocol.messages import PROTOCOL_VERSION, Message
+from netboard.network.protocol.motion import Safeguard
+from netboard.network.transport import channels, sockets
+from netboard.nodes.operator.launcher import free_port
+from netboard.nodes.ports.emergency import LACKING, RELEASE, STOP
+
+ARMED = int(Safeguard.ARMED)
+MINE = version("netboard")
+
+
+def link(side: str) -> tuple[str, str, str, float, float, float, float, float, int]:
+    return (f"agent.{side}", f"lab-{side}:812", MINE, 0.0008, 0.00021, 0.00011, 2.5, 1000.0, 0)
+
+
+RUNNING = Status(
+    session="5c1d",
+    tick=754_321,
+    phase="running",
+    trial=12,
+    trials=60,
+    successes=11,
+    failures=2,
+    completions=(3.2, 2.9),
+    late_ticks=3,
+    waiting_for=(),
+    peers=("agent.left", "agent.right", "display.left", "display.right", "logger", "console"),
+    notice="",
+    links=(
+        link("left"),
+        link("right"),
+        ("logger", "lab0:900", MINE, 0.1, 0.0003, 0.0002, 0.1, 50.0, 0),
+    ),
+    loops=(("agent.left", 0.0019, 0.0085), ("agent.right", 0.0021, 0.0085)),
+    name="S03",
+    dyad="D03",
+    study="paper",
+    pilot=False,
+    consent=True,
+    opened=True,
+    armed=True,
+    commander="",
+    block=3,
+    blocks=18,
+    label="",
+    condition="bimanual, A, full force",
+    rest=0.0,
+    pending="",
+    outcomes=0,
+    recordings=(("S03-block03.mcap", 0.12, 184_200_000, 38_400_000_000),),
+    stations=(("left", 0.0009, ARMED, 0.31, 0, 0), ("right", 0.0011, ARMED, -0.12, 0, 0)),
+    refused=(),
+)
+"""All is well."""
+
+IDLE = replace(
+    RUNNING, phase="idle", trial=1, successes=0, failures=0, armed=False, block=1, condition="dyadic, no force",
+    stations=(("left", 0.0009, 0, 0.0, 0, 0), ("right", 0.0011, 0, 0.0, 0, 0)),
+)  # fmt: skip
+"""Open, and ready for F1 and F2."""
+
+UNARMED_LINK = ("agent.right", "lab-right:77", "0.0.9", 0.004, 0.0012, 0.0006, math.nan, 712.0, 41)
+
+STATES: dict[str, Status] = {
+    "unopened": replace(IDLE, opened=False, consent=False, waiting_for=("the session's form",)),
+    "ready": IDLE,
+    "waiting": replace(
+        IDLE,
+        links=(RUNNING.links[0],),
+        peers=("agent.left", "display.left"),
+        waiting_for=("agent.right", "the logger"),
+        recordings=(),
+        stations=(IDLE.stations[0], ("right", math.nan, 0, 0.0, 0, 0)),
+    ),
+    "running": RUNNING,
+    "holding": replace(RUNNING, phase="holding", pending="pause after this trial"),
+    "troubled": replace(
+        RUNNING,
+        links=(RUNNING.links[0], UNARMED_LINK),
+        loops=(("agent.left", 0.0019, 0.0085), ("agent.right", 0.0061, 0.0085)),
+        late_ticks=9,
+        recordings=(("S03-block03.mcap", 0.4, 184_200_000, 3_100_000_000),),
+        stations=(
+            ("left", 0.0009, ARMED | int(Safeguard.CLAMPED), 3.0, 0, 120),
+            ("right", 0.018, int(Safeguard.STALE), 0.0, 37, 0),
+        ),
+    ),
+    "paused": replace(RUNNING, phase="paused", notice="paused: the right device is lost"),
+    "watched": replace(RUNNING, phase="paused", notice="paused: the right device is lost", commander="lab2:4711"),
+    "stopped": replace(
+        RUNNING,
+        phase="paused",
+        armed=False,
+        waiting_for=(LACKING,),
+        stations=(
+            ("left", 0.0009, int(Safeguard.STOPPED), 0.0, 0, 0),
+            ("right", 0.0011, int(Safeguard.STOPPED), 0.0, 0, 0),
+        ),
+    ),
+    "unrecorded": replace(RUNNING, recordings=()),
+    "rest": replace(IDLE, block=4, rest=83.0, armed=True),
+    "finished": replace(RUNNING, phase="finished", block=18, trial=60, successes=60, armed=False),
+    "pilot": replace(RUNNING, pilot=True, consent=False, name="P01", dyad="D00"),
+}
+"""States to be in."""
+
+FATES = ("success", "success", "fell", "success", "success", "success", "timed_out", "success", "aborted", "success")
+
+
+def attempts(count: int) -> list[tuple[int, int, int, str, float, str, int]]:
+    """Made-up attempts of the third block."""
+    made, trial, number = [], 1, 1
+    for k in range(count):
+        fate = FATES[k % len(FATES)]
+        doubts = "late_ticks,lost" if k == 7 else ""
+        seconds = 2.5 + math.sin(k) if fate == "success" else math.nan
+        made.append((3, trial, number, fate, seconds, doubts, 5 if k == 9 else 0))
+        trial, number = (trial + 1, 1) if fate == "success" else (trial, number + 1)
+    return made
+
+
+def point(tick: int) -> tuple[int, float, float, float, float, float, float, float]:
+    """One made-up point of the trace."""
+    t = tick * 1e-3
+    left, right = 0.02 * math.sin(2.1 * t), 0.018 * math.sin(2.1 * t + 0.7) + 0.004 * math.sin(9 * t)
+    ball = 0.15 * math.sin(0.8 * t)
+    force = 0.5 + 0.4 * math.sin(2.1 * t + 0.2)
+    return (tick, left, right, (left + right) / 2, (right - left) / 0.5, ball, force, 0.9 - force)
+
+
+class ConsoleServer:
+    """The server; `turn` answers what has come, and must be called often."""
+
+    def __init__(self, port: int | None = None, state: str = "running", attempted: int = 0) -> None:
+        self.network = replace(Network(), port=port or free_port())
+        self.heard: list[Command] = []
+        self.refuse: dict[str, str] = {}
+        self.silent = self.forgetful = False
+        self.attempts = attempts(attempted)
+        self.show(state)
+        self._opened = sockets.open_context()
+        context = self._opened.__enter__()
+        self.router = sockets.control_server(context, channels.addresses(self.network).listen(channels.CONTROL))
+        self._peers: dict[bytes, str] = {}
+
+    def show(self, state: str) -> None:
+        self.status = replace(STATES[state], outcomes=len(self.attempts))
+
+    def change(self, **changes: object) -> None:
+        self.status = replace(self.status, **changes)
+
+    def close(self) -> None:
+        self.router.close_after_goodbye()
+        self._opened.__exit__(None, None, None)
+
+    def turn(self) -> None:
+        """Hear and answer everything that has come."""
+        while (received := self.router.receive()) is not None:
+            peer, frame = received
+            message = decode(frame)
+            if isinstance(message, Command) and not self.silent:
+                self.heard.append(message)
+            for answer in () if self.silent else self._answers(peer, message):
+                self.router.send(peer, encode(answer))
+
+    def said(self, *but: str) -> list[tuple[str, str]]:
+        """Commands that have come."""
+        return [(command.name, command.argument) for command in self.heard if command.name not in but]
+
+    def _answers(self, peer: bytes, message: Message) -> list[Message]:
+        match message:
+            case Hello(name=name):
+                self._peers[peer] = name
+                return [Welcome(self.status.session, PROTOCOL_VERSION, 0, "")]
+            case Goodbye():
+                self._peers.pop(peer, None)
+            case _ if peer not in self._peers:
+                return [Refusal(HELLO_FIRST)]
+            case StatusRequest():
+                return [self.status]
+            case OutcomesRequest(first=first):
+                return [Outcomes(first, tuple(self.attempts[first : first + 100]))]
+            case TraceRequest(after=after):
+                newest = self.status.tick - self.status.tick % 5
+                return [Trace(tuple(map(point, range(max(after + 5, newest - 1000), newest + 1, 5))))]
+            case Command(name=name, argument=argument, number=number):
+                return [self._obey(self._peers[peer], name, argument, number)]
+        return []
+
+    def _obey(self, who: str, name: str, argument: str, number: int) -> Reply:
+        if reason := self.refuse.get(name, ""):
+            return Reply(number, False, reason)
+        match name:
+            case _ if name == STOP:
+                self.change(phase="paused", waiting_for=(LACKING,), armed=False)
+                return Reply(number, True, "no device has a force")
+            case _ if name == RELEASE:
+                self.change(waiting_for=())
+            case "take":
+                self.change(commander=who)
+            case "open":
+                form = json.loads(argument)
+                self.change(opened=True, name=form["name"], pilot=form["pilot"], consent=form["consent"])
+            case "arm" | "disarm":
+                self.change(armed=name == "arm")
+            case "start":
+                self.change(phase="levelling")
+        return Reply(number, True, "")
+
+
+def main() -> None:
+    """Stay in one state."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("state", choices=STATES)
+    parser.add_argument("--port", type=int, default=5550)
+    parser.add_argument("--silent-after", type=float, default=math.inf)
+    parser.add_argument("--seconds", type=float, default=60.0)
+    wanted = parser.parse_args()
+    server = ConsoleServer(wanted.port, wanted.state, 0 if wanted.state in ("unopened", "ready", "waiting") else 24)
+    started, first, late = time.monotonic(), server.status, partial(replace, server.status)
+    while (passed := time.monotonic() - started) < wanted.seconds:
+        file = first.recordings[0] if first.recordings else None
+        grown = () if file is None else ((file[0], 0.1 + 0.1 * (passed % 1), file[2] + round(3e5 * passed), file[3]),)
+        server.status = late(tick=first.tick + round(passed * 1000), recordings=grown)
+        server.silent = passed > wanted.silent_after
+        server.turn()
+        time.sleep(0.002)
+    server.close()
+
+
+if __name__ == "__main__":
+    main()

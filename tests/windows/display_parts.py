@@ -1,0 +1,104 @@
+"""Views, ticks, a waiting loop and a small server for the tests of the display."""
+
+import os
+from collections.abc import Callable
+from dataclasses import replace
+
+from netboard.base.clock import now_ns
+from netboard.base.config import Config
+from netboard.base.tables.rig import Display, Network
+from netboard.network.protocol.codec import decode, encode
+from netboard.network.transport import channels, sockets
+from netboard.stage.view import View
+from netboard.windows.participant.language import load_words
+
+WORDS = load_words("en")
+VIEW = View(
+    station="left",
+    tick=1,
+    sent_ns=0,
+    phase="running",
+    z=0.0,
+    theta=0.0,
+    p=-0.15,
+    target=0.15,
+    left=0.0,
+    right=None,
+    trial=4,
+    trials=60,
+    failures=1,
+    completion=None,
+    best=None,
+    notice="",
+    seq=0,
+    share=0.0,
+    block=1,
+    blocks=1,
+    rest=None,
+)
+
+
+PATIENCE = 60.0
+"""What is waited for is there long before, on a busy machine too [s]."""
+
+
+def until(app, true: Callable[[], bool], seconds: float = PATIENCE) -> bool:
+    """Let Qt work until something is true; tell whether it became so."""
+    from PySide6.QtCore import QEventLoop, QTimer
+
+    loop, look, limit = QEventLoop(), QTimer(interval=2), QTimer(singleShot=True)
+    look.timeout.connect(lambda: loop.quit() if true() else None)
+    limit.timeout.connect(loop.quit)
+    look.start()
+    limit.start(round(seconds * 1000))
+    loop.exec()
+    look.stop()
+    return true()
+
+
+def bytes_from(terminal: int, count: int) -> list[int]:
+    """Read so many bytes from a terminal, which hands them on when it gets to it."""
+    came = b""
+    while len(came) < count:
+        came += os.read(terminal, count)
+    return list(came)
+
+
+def local_config(port: int, link_timeout_ms: float = 60_000.0) -> Config:
+    return replace(
+        Config(), network=Network(port=port), display=Display(width=840, height=480, link_timeout_ms=link_timeout_ms)
+    )
+
+
+class SmallServer:
+    """The server as a display knows it: publishes views, hears and answers on the control channel."""
+
+    def __init__(self, port: int) -> None:
+        self.context = context = sockets.Context()
+        where = channels.Addresses("127.0.0.1", "127.0.0.1", port)
+        self.views = sockets.view_publisher(context, where.listen(channels.VIEW["left"]))
+        self.control = sockets.control_server(context, where.listen(channels.CONTROL))
+        self.heard = []
+        self.peer = b""
+        self._seq = 0
+
+    def hear(self, kind: type) -> bool:
+        """Whether a message of a kind has come by now."""
+        while (received := self.control.receive()) is not None:
+            self.peer, frame = received
+            self.heard.append(decode(frame))
+        return any(isinstance(message, kind) for message in self.heard)
+
+    def tell(self, message) -> None:
+        assert self.control.send(self.peer, encode(message))
+
+    def show(self, **changes) -> bool:
+        """Publish a view; always true, so that it can be repeated in a waiting loop."""
+        self.views.send(encode(replace(VIEW, **{"seq": self._seq, "sent_ns": now_ns(), **changes})))
+        self._seq += 1
+        return True
+
+    def close(self) -> None:
+        self.views.close()
+        self.control.socket.close()
+        self.context.term()

@@ -1,0 +1,167 @@
+"""The widget puts the right colours in the right places, and paints only what is new."""
+
+import gc
+import sys
+from dataclasses import replace
+
+import pytest
+from display_parts import VIEW, WORDS
+
+from netboard.base.config import Config
+from netboard.base.errors import NetboardError
+from netboard.base.tables.experiment import Session
+from netboard.base.tables.rig import Display
+from netboard.windows.participant import screens
+from netboard.windows.participant.grip import grip_of
+from netboard.windows.participant.scene import COLOURS, Mood, extent
+
+CONFIG = Config()
+
+
+def compose(view, config=CONFIG, **more):
+    return screens.compose(view, config, WORDS, **more)
+
+
+def colour_at(view, point):
+    """Colour of the pixel at a place in metres, by the size of the widget alone."""
+    width, height = extent(CONFIG)
+    scale = min(view.width() / width, view.height() / height)
+    x, y = view.width() / 2 + point[0] * scale, view.height() / 2 - point[1] * scale
+    return view.grab().toImage().pixelColor(int(x), int(y)).name()
+
+
+@pytest.mark.parametrize("size", [(840, 480), (1200, 400), (500, 700)])
+def test_colours_are_where_the_view_says(app, board, size):
+    view, _ = board
+    view.window().resize(*size)
+    app.processEvents()
+    picture = compose(replace(VIEW, theta=0.1, z=0.02, p=-0.05, left=-0.01))
+    view.show_picture(picture)
+    app.processEvents()
+    target = [sum(corner[i] for corner in picture.target) / 4 for i in (0, 1)]
+    colours = picture.colours
+    assert colour_at(view, picture.ball) == colours.ball
+    assert colour_at(view, target) == colours.target
+    assert colour_at(view, picture.handles[1]) == colours.background
+    assert colour_at(view, (0.0, 0.02)) == colours.board
+    assert colour_at(view, (0.0, -0.05)) == colours.background
+    x, y = picture.cursors[0]
+    assert colour_at(view, (x, y + 0.011)) == colours.cursor
+
+
+@pytest.mark.parametrize("phase", ["holding", "succeeded", "paused"])
+def test_the_mood_colours_the_target(app, board, phase):
+    view, _ = board
+    view.show_picture(compose(replace(VIEW, phase=phase)))
+    app.processEvents()
+    assert colour_at(view, (0.15, 0.0)) == view.picture.colours.target != COLOURS[Mood.RUN].target
+
+
+def test_it_paints_once_a_picture_and_never_for_an_equal_one(app, board):
+    view, paints = board
+    view.show_picture(compose(VIEW))
+    for _ in range(20):
+        app.processEvents()
+    paints.clear()
+    for tick in range(20):
+        assert not view.show_picture(compose(replace(VIEW, tick=tick, sent_ns=tick)))
+        app.processEvents()
+    assert paints == []
+    for step in range(1, 6):
+        assert view.show_picture(compose(replace(VIEW, theta=step * 0.01)))
+        app.processEvents()
+        assert len(paints) == step
+
+
+def test_what_a_sequence_of_pictures_leaves_is_what_the_last_one_paints(app, board):
+    """Only what changes is painted anew, and that leaves nothing of an older picture and misses nothing of the new."""
+    view, _ = board
+    pilot = replace(CONFIG, session=Session(pilot=True), display=Display(patch=True))
+    tilted = replace(VIEW, theta=0.1, z=0.02, p=0.1, left=0.03)
+    sequence = [
+        compose(VIEW),
+        compose(tilted),
+        compose(replace(tilted, phase="holding", share=0.5)),
+        replace(compose(tilted), grip=grip_of(tilted, CONFIG, WORDS, "left", -0.03, 2.0, keys=False)),
+        replace(compose(tilted), grip=grip_of(tilted, CONFIG, WORDS, "left", 0.04, -0.5, keys=False)),
+        compose(replace(VIEW, phase="levelling", theta=-0.05, share=0.4), pilot),
+        compose(replace(VIEW, phase="levelling", share=0.6), pilot),
+        compose(replace(VIEW, phase="idle")),
+        compose(replace(VIEW, p=None)),
+        screens.blank(CONFIG, WORDS, "", lost=True),
+    ]
+    for picture in sequence:
+        view.show_picture(picture)
+        app.processEvents()
+        left_by_parts = app.primaryScreen().grabWindow(view.window().winId()).toImage()
+        assert left_by_parts == view.window().grab().toImage().convertToFormat(left_by_parts.format())
+
+
+def test_blank_leaves_nothing_of_the_board(app, board):
+    view, _ = board
+    view.show_picture(compose(replace(VIEW, phase="levelling", right=0.02)))
+    app.processEvents()
+    view.show_picture(screens.blank(CONFIG, WORDS, "", lost=True))
+    app.processEvents()
+    image = view.grab().toImage()
+    colours = {image.pixelColor(x, y).name() for x in range(0, 840, 5) for y in range(0, 480, 5)}
+    assert colours == {COLOURS[Mood.LOST].background}
+
+
+def test_a_screenshot_is_written_once(app, board, tmp_path):
+    from PySide6.QtGui import QImage
+
+    from netboard.windows.participant.widget import screenshot
+
+    view, _ = board
+    view.show_picture(compose(VIEW))
+    path = tmp_path / "shots" / "left.png"
+    screenshot(view, path)
+    assert QImage(str(path)).width() == 840
+    before = path.read_bytes()
+    with pytest.raises(NetboardError, match="never overwrites"):
+        screenshot(view, path)
+    assert path.read_bytes() == before
+
+
+def test_keys_of_the_window(app):
+    from PySide6.QtCore import Qt
+    from PySide6.QtTest import QTest
+
+    from netboard.windows.participant.window import BoardWindow, screen_of
+
+    window = BoardWindow("netboard: left station")
+    closed = []
+    window.closed.connect(lambda: closed.append(True))
+    window.present(Display(width=640, height=400))
+    assert (window.width(), window.board.height()) == (640, 400)
+    QTest.keyClick(window, Qt.Key.Key_F11)
+    assert window.isFullScreen()
+    assert window.size() == screen_of(window).size()
+    QTest.keyClick(window, Qt.Key.Key_F11)
+    assert not window.isFullScreen()
+    assert (window.width(), window.height()) == (640, 400)
+    QTest.keyClick(window, Qt.Key.Key_Escape)
+    assert closed == [True]
+
+
+def test_the_screen_outlives_the_window(app):
+    from netboard.windows.participant.window import BoardWindow, screen_of
+
+    for _ in range(3):
+        window = BoardWindow("a test")
+        window.present(Display(width=640, height=400))
+        assert screen_of(window).refreshRate() > 0
+        window.close()
+        del window
+        gc.collect()
+    assert app.primaryScreen().size().width() > 0
+
+
+@pytest.mark.skipif(sys.version_info >= (3, 12), reason="None is immortal here and cannot be lost")
+def test_the_qt_binding_does_not_give_none_away(app):
+    """PySide6 6.12.0 drops a reference to None in every call, until Python 3.11 aborts after some thousand of them."""
+    before = sys.getrefcount(None)
+    for _ in range(1000):
+        app.processEvents()
+    assert sys.getrefcount(None) > before - 500

@@ -1,0 +1,278 @@
+"""Lamps, words and commands: from a status to what the operator reads. No Qt."""
+
+import math
+from dataclasses import replace
+
+import pytest
+from console_server import IDLE, MINE, RUNNING, STATES, UNARMED_LINK, attempts
+
+from netboard.base.config import SIDES, Config
+from netboard.network.protocol.control import COMMANDS, REPLAY_COMMANDS, REPLAY_OF, Status
+from netboard.network.protocol.motion import Safeguard
+from netboard.nodes.ports.emergency import LACKING, STOP
+from netboard.windows.operator import words
+from netboard.windows.operator.changes import Memory, Recent, minutes_left
+from netboard.windows.operator.commands import RELEASING, STOP_KEYS, WISHES, refusal
+from netboard.windows.operator.lamps import SESSION_LAMPS, Level, limits_of, session_lamps, shout
+from netboard.windows.operator.stations import STATION_LAMPS, station_lamps
+from netboard.windows.operator.words import Tone
+
+LIMITS = limits_of(Config(), MINE)
+NONE = Recent()
+
+
+def of(lamps, name):
+    return next(lamp for lamp in lamps if lamp.name == name)
+
+
+def left(**changes: object):
+    """Lamps of a left station where something is different."""
+    names = ("what", "name", "version", "heard", "trip", "bound", "drift", "rate", "lost")
+    link = dict(zip(names, RUNNING.links[0], strict=True))
+    station = dict(zip(("side", "age", "bits", "rendered", "missed", "clamped"), RUNNING.stations[0], strict=True))
+    for name, value in changes.items():
+        (link if name in link else station)[name] = value
+    status = replace(RUNNING, links=(tuple(link.values()),), stations=(tuple(station.values()),))
+    return station_lamps(status, NONE, "left", LIMITS)
+
+
+@pytest.mark.parametrize("status", STATES.values(), ids=STATES)
+def test_the_lamps_are_always_the_same(status: Status) -> None:
+    for side in SIDES:
+        lamps = station_lamps(status, NONE, side, LIMITS)
+        assert tuple(lamp.name for lamp in lamps) == STATION_LAMPS
+        assert all(lamp.tip for lamp in lamps)
+        assert all(lamp.words for lamp in lamps if lamp.level is not Level.OFF)
+    lamps = session_lamps(status, 0.0, NONE, LIMITS)
+    assert tuple(lamp.name for lamp in lamps) == SESSION_LAMPS
+
+
+def test_where_all_is_well_all_lamps_are_good() -> None:
+    lamps = [*(lamp for side in SIDES for lamp in station_lamps(RUNNING, NONE, side, LIMITS))]
+    lamps += session_lamps(RUNNING, 0.1, NONE, LIMITS)
+    assert {lamp.level for lamp in lamps} == {Level.GOOD}
+    assert words.worst([("", lamp) for lamp in lamps]).words == ""
+
+
+@pytest.mark.parametrize(
+    ("name", "level", "said", "changes"),
+    [
+        ("Device", Level.BAD, "lost", {"bits": int(Safeguard.DEVICE_LOST)}),
+        ("Device", Level.WATCH, "not ready", {"bits": int(Safeguard.NOT_READY)}),
+        ("Device", Level.WATCH, "v0.0.1", {"version": "0.0.1"}),
+        ("Link", Level.BAD, "silent", {"heard": 0.2}),
+        ("Link", Level.WATCH, "500 Hz", {"rate": 500.0}),
+        ("Round trip", Level.WATCH, "1.20 ms", {"trip": 0.0012}),
+        ("Round trip", Level.WATCH, "unknown", {"trip": math.nan}),
+        ("Clock", Level.BAD, "unknown", {"bound": math.nan}),
+        ("Clock", Level.BAD, "\u00b10.60 ms", {"bound": 0.0006}),
+        ("Clock", Level.WATCH, "\u00b10.30 ms", {"bound": 0.0003}),
+        ("Sample", Level.BAD, "none", {"age": math.nan}),
+        ("Sample", Level.BAD, "60 ms old", {"age": 0.06}),
+        ("Sample", Level.WATCH, "20 ms old", {"age": 0.02}),
+        ("Drops", Level.WATCH, "3 drops", {"missed": 3}),
+        ("Drops", Level.BAD, "500 drops", {"missed": 500}),
+        ("Force", Level.WATCH, "CLAMP +0.31 N", {"bits": int(Safeguard.CLAMPED)}),
+        ("Force", Level.WATCH, "SLEW +0.31 N", {"bits": int(Safeguard.SLEWED)}),
+        ("Force", Level.WATCH, "CLIP +0.31 N", {"clamped": 900}),
+        ("Safety", Level.BAD, "STOPPED", {"bits": int(Safeguard.STOPPED | Safeguard.STALE)}),
+        ("Safety", Level.BAD, "too fast", {"bits": int(Safeguard.TOO_FAST | Safeguard.ARMED)}),
+        ("Safety", Level.WATCH, "arming", {"bits": int(Safeguard.RAMPING | Safeguard.ARMED)}),
+        ("Safety", Level.WATCH, "not armed", {"bits": 0}),
+    ],
+)
+def test_what_is_wrong_at_a_station_is_said(name: str, level: Level, said: str, changes: dict[str, object]) -> None:
+    lamp = of(left(**changes), name)
+    assert (lamp.level, lamp.words) == (level, said)
+
+
+def test_loops_are_judged_by_what_is_stable() -> None:
+    for late, level in ((0.002, Level.GOOD), (0.005, Level.WATCH), (0.009, Level.BAD), (math.nan, Level.OFF)):
+        status = replace(RUNNING, loops=(("agent.left", late, 0.0085),))
+        assert of(station_lamps(status, NONE, "left", LIMITS), "Loop").level is level
+
+
+def test_a_side_that_is_awaited_is_missing_and_another_is_not_needed() -> None:
+    status = STATES["waiting"]
+    assert of(station_lamps(status, NONE, "right", LIMITS), "Device").level is Level.BAD
+    unneeded = replace(status, waiting_for=())
+    assert of(station_lamps(unneeded, NONE, "right", LIMITS), "Device").level is Level.OFF
+
+
+def test_lost_messages_of_late_count_and_old_ones_do_not() -> None:
+    memory = Memory()
+    now = replace(RUNNING, links=(RUNNING.links[0], UNARMED_LINK))
+    recent = memory.remember(100.0, now)
+    assert recent.lost == {"agent.left": 0, "agent.right": 0}
+    more = replace(now, links=(RUNNING.links[0], (*UNARMED_LINK[:8], 45)), late_ticks=7)
+    recent = memory.remember(104.0, more)
+    assert (recent.lost["agent.right"], recent.late_ticks) == (4, 4)
+    assert "4 drops" in of(station_lamps(more, recent, "right", LIMITS), "Drops").words
+    for second in range(105, 130):
+        recent = memory.remember(float(second), more)
+    assert (recent.lost["agent.right"], recent.late_ticks) == (0, 0)
+    assert memory.remember(131.0, replace(more, session="another", late_ticks=0)).late_ticks == 0
+
+
+def test_minutes_left_on_the_disk() -> None:
+    assert minutes_left([(0.0, 0), (60.0, 6_000_000)], 60_000_000) == pytest.approx(10.0)
+    assert minutes_left([(0.0, 9_000_000), (30.0, 1_000_000), (60.0, 2_000_000)], 2_000_000) == pytest.approx(1.0)
+    assert math.isinf(minutes_left([(0.0, 5), (60.0, 5)], 10**9))
+    assert math.isnan(minutes_left([(0.0, 0), (1.0, 10**6)], 10**9))
+    assert math.isnan(minutes_left([], 10**9))
+
+
+def test_the_growth_of_a_recording_is_remembered() -> None:
+    memory = Memory()
+    for second in range(11):
+        grown = (("file", 0.1, 1_000_000 * second, 12 * 60 * 10**6),)
+        recent = memory.remember(float(second), replace(RUNNING, recordings=grown))
+    assert recent.minutes == pytest.approx(12.0)
+    lamp = of(session_lamps(replace(RUNNING, recordings=grown), 0.0, recent, LIMITS), "Disk")
+    assert (lamp.level, lamp.words) == (Level.BAD, "12 min, 720.0 MB")
+    assert math.isnan(memory.remember(12.0, replace(RUNNING, recordings=())).minutes)
+
+
+def test_running_but_not_recording_is_shouted() -> None:
+    stalled = (("file", 4.0, 1000, 10**11),)
+    for phase in ("levelling", "running", "holding", "succeeded", "failed"):
+        for recordings in ((), stalled):
+            status = replace(RUNNING, phase=phase, recordings=recordings)
+            assert "NOT RECORDING" in shout(status, 0.0, NONE, False)
+            assert of(session_lamps(status, 0.0, NONE, LIMITS), "Recording").level is Level.BAD
+    assert shout(RUNNING, 0.0, NONE, False) == ""
+    assert shout(replace(IDLE, recordings=()), 0.0, NONE, False) == ""
+    two = replace(RUNNING, recordings=(*RUNNING.recordings, *stalled))
+    assert shout(two, 0.0, NONE, False) == ""
+    assert of(session_lamps(two, 0.0, NONE, LIMITS), "Recording").level is Level.WATCH
+
+
+def test_what_else_is_shouted() -> None:
+    assert "NO WORD" in shout(RUNNING, 0.9, NONE, False)
+    assert "FULL IN 4" in shout(RUNNING, 0.0, Recent(minutes=4.2), False)
+    assert "EMERGENCY STOP" in shout(STATES["stopped"], 0.0, NONE, False)
+    assert "TAKE THE STYLUSES" in shout(None, math.inf, NONE, True)
+    assert shout(None, math.inf, NONE, False) == ""
+    ended = STATES["finished"]
+    assert shout(ended, 5.0, NONE, False) == ""
+    assert words.headline(ended, 5.0).words == "SESSION OVER"
+
+
+def test_the_server_is_silent_within_a_second() -> None:
+    assert of(session_lamps(RUNNING, 0.99, NONE, LIMITS), "Server").level is Level.BAD
+    assert of(session_lamps(RUNNING, 0.2, NONE, LIMITS), "Server").level is Level.GOOD
+    assert words.headline(RUNNING, 0.99).words == "LINK LOST"
+    assert {lamp.level for lamp in session_lamps(RUNNING, 0.99, NONE, LIMITS)[1:]} == {Level.OFF}
+    assert of(session_lamps(None, math.inf, NONE, LIMITS), "Server").words == "not found"
+
+
+def test_late_ticks_of_now_count() -> None:
+    for recently, level in ((0, Level.GOOD), (3, Level.WATCH), (21, Level.BAD)):
+        assert of(session_lamps(RUNNING, 0.0, Recent(late_ticks=recently), LIMITS), "Late ticks").level is level
+
+
+def test_no_consent_is_wrong_except_in_a_pilot() -> None:
+    unasked = replace(RUNNING, consent=False)
+    assert of(session_lamps(unasked, 0.0, NONE, LIMITS), "Session").level is Level.BAD
+    assert of(session_lamps(STATES["pilot"], 0.0, NONE, LIMITS), "Session").words == "pilot"
+
+
+def test_a_pilot_cannot_be_taken_for_a_real_session() -> None:
+    pilot, real = words.banner(STATES["pilot"]), words.banner(RUNNING)
+    assert pilot.words.startswith("PILOT")
+    assert "REAL" not in pilot.words
+    assert real.words.startswith("REAL")
+    assert "PILOT" not in real.words
+    assert pilot.tone is not real.tone
+    assert words.banner(STATES["unopened"]).words.startswith("not opened")
+
+
+@pytest.mark.parametrize(
+    ("state", "said"),
+    [
+        ("unopened", "NOT OPENED"),
+        ("ready", "READY"),
+        ("waiting", "WAITING"),
+        ("running", "RUNNING"),
+        ("holding", "HOLDING"),
+        ("paused", "PAUSED"),
+        ("stopped", "STOPPED"),
+        ("rest", "REST 1:23"),
+        ("finished", "SESSION FINISHED"),
+    ],
+)
+def test_headlines(state: str, said: str) -> None:
+    assert words.headline(STATES[state], 0.0).words == said
+
+
+def test_what_to_do_next() -> None:
+    assert "F3" in words.advice(STATES["unopened"], "").words
+    assert "F1" in words.advice(IDLE, "").words
+    assert "agent.right, the logger" in words.advice(STATES["waiting"], "").words
+    assert words.advice(STATES["paused"], "").words.endswith("lost; go on: F7")
+    assert "pause after this trial" in words.advice(STATES["holding"], "").words
+    assert "Ctrl+R" in words.advice(STATES["stopped"], "").words
+    assert "lab0:5550" in words.advice(None, "lab0:5550").words
+
+
+def test_attempts_in_words() -> None:
+    cells = [words.attempt_cells(attempt) for attempt in attempts(10)]
+    assert cells[2][3] == "ball fell"
+    assert cells[7][5] == "late ticks, lost"
+    assert cells[9][6] == "trial 5"
+    assert words.attempt_tone(attempts(10)[7]) is Tone.WATCH
+
+
+# --- commands -----------------------------------------------------------------------------------------------------
+
+
+def test_every_key_is_there_once_and_every_command_exists() -> None:
+    rows = [*WISHES, RELEASING]
+    keys = [wish.key for wish in rows] + [*STOP_KEYS]
+    assert len(set(keys)) == len(keys)
+    assert {wish.name for wish in rows} | {STOP} == set(COMMANDS) - {"stop", *REPLAY_COMMANDS}
+
+
+def possible(status: Status | None, own: str = "me") -> set[str]:
+    return {wish.name for wish in (*WISHES, RELEASING) if not refusal(wish, status, own)}
+
+
+def test_what_makes_sense_when() -> None:
+    assert possible(None) == set()
+    assert possible(STATES["unopened"]) == {"open", "note", "arm", "take"}
+    assert {"start", "arm", "next", "end"} <= possible(IDLE)
+    assert "resume" not in possible(RUNNING)
+    running = {"pause", "pause_after_trial", "abort", "skip", "stop_after_block", "disarm", "note"}
+    assert running <= possible(RUNNING)
+    assert {"resume", "skip"} <= possible(replace(RUNNING, phase="paused"))
+    assert "emergency_release" in possible(STATES["stopped"])
+    assert "resume" not in possible(STATES["stopped"])
+    assert "arm" not in possible(replace(IDLE, waiting_for=(LACKING,)))
+    assert "repeat" in possible(replace(RUNNING, outcomes=1))
+
+
+def test_who_watches_may_take_and_note() -> None:
+    assert possible(STATES["watched"], "me") == {"take", "note"}
+    reason = refusal(WISHES[0], STATES["watched"], "me")
+    assert "lab2:4711" in reason
+    assert "T" in reason
+    assert "take" not in possible(STATES["watched"], "lab2:4711")
+
+
+def test_a_replay_cannot_be_taken_for_a_live_session_and_alarms_nobody() -> None:
+    replay = replace(RUNNING, notice=f"{REPLAY_OF}S01.mcap: playing at 0:03.0", recordings=(), consent=False)
+    assert words.banner(replay).words.startswith("REPLAY")
+    assert words.banner(replay).tone not in (Tone.PLAIN, Tone.WATCH), "the looks of real sessions and pilots"
+    assert words.advice(replay, "lab0:5550").words == replay.notice
+    assert "may command a replay" in words.commander(replay, "me").words
+    assert {lamp.level for lamp in session_lamps(replay, 0.0, NONE, LIMITS)[1:]} == {Level.OFF}
+    assert shout(replay, 0.0, NONE, unconfirmed=True) == ""
+    assert "NO WORD FROM THE SERVER" in shout(replay, 60.0, NONE, unconfirmed=False)
+    assert possible(replay) == possible(replace(replay, phase="idle")) == {"pause", "resume", "next", "end"}
+
+
+def test_a_logger_that_has_not_begun_its_file_is_ready_and_nothing_is_wrong_with_its_disk():
+    waiting = replace(IDLE, opened=False, recordings=(("", math.nan, 0, 0),))
+    lamps = session_lamps(waiting, 0.0, NONE, LIMITS)
+    assert (of(lamps, "Recording").level, of(lamps, "Recording").words) == (Level.GOOD, "ready")
+    assert of(lamps, "Disk").level is Level.OFF

@@ -1,0 +1,104 @@
+"""The count of frames adds up."""
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from netboard.network.protocol.codec import decode, encode
+from netboard.windows.participant.frames import MOST_KEPT, FrameTally
+
+MS = 1_000_000
+PERIOD = 16 * MS
+
+
+def test_steady_views_that_are_painted_in_time_lose_nothing():
+    tally = FrameTally("left", PERIOD)
+    for seq in range(63):
+        at = 16 * seq * MS
+        tally.receive(seq, at)
+        tally.wait(16 * seq, at, at)
+        assert tally.paint(at + 2 * MS)
+    assert (tally.painted, tally.dropped) == (63, 0)
+
+
+def test_more_views_than_the_screen_can_show_are_no_drops():
+    tally = FrameTally("left", PERIOD)
+    for seq in range(125):
+        tally.receive(seq, 8 * seq * MS)
+    for seq in range(125, 250, 2):  # every other one was replaced on its way
+        tally.receive(seq, 8 * seq * MS)
+    assert tally.dropped == 0
+
+
+def test_views_that_were_never_sent_are_no_drops():
+    tally = FrameTally("left", PERIOD)
+    for seq in range(20):
+        tally.receive(seq, 50 * seq * MS)
+    assert tally.dropped == 0
+
+
+def test_a_hole_of_three_frames_is_three_drops_and_a_new_count_is_none():
+    tally = FrameTally("left", PERIOD)
+    tally.receive(1000, 0)
+    tally.receive(1004, 4 * PERIOD)
+    assert tally.dropped == 3
+    tally.receive(1006, 14 * PERIOD)  # one view was sent in ten periods, and did not come
+    assert tally.dropped == 4
+    tally.receive(5, 15 * PERIOD)
+    assert tally.dropped == 4
+
+
+def test_replaced_and_late_frames_are_drops():
+    tally = FrameTally("right", PERIOD)
+    tally.wait(1, 0, 0)
+    tally.wait(2, 20 * MS, 20 * MS)
+    assert tally.dropped == 1
+    assert tally.paint(20 * MS + PERIOD + 1)
+    assert tally.dropped == 2
+    tally.wait(3, 0, 100 * MS)
+    tally.paint(100 * MS + 3 * PERIOD)
+    assert tally.dropped == 5
+
+
+def test_a_paint_without_a_waiting_view_is_no_frame():
+    tally = FrameTally("left", PERIOD)
+    assert not tally.paint(5)
+    assert tally.painted == 0
+    assert tally.report() is None
+
+
+@given(st.lists(st.sampled_from("wpc"), max_size=60))
+def test_every_painted_frame_is_reported_once(steps):
+    tally = FrameTally("left", PERIOD)
+    waited, reported = 0, []
+    for i, step in enumerate(steps):
+        if step == "w":
+            tally.wait(i, i, i)
+            waited += 1
+        elif step == "p":
+            tally.paint(i)
+        elif (frames := tally.report()) is not None:
+            assert tally.report() == frames
+            reported += frames.shown
+            tally.clear()
+    last = tally.report()
+    reported += last.shown if last else ()
+    assert len(reported) == tally.painted
+    assert [tick for tick, _, _ in reported] == sorted({tick for tick, _, _ in reported})
+    assert waited - tally.painted - tally.dropped in (0, 1)
+
+
+def test_what_nobody_has_taken_for_long_still_fits_a_report():
+    tally = FrameTally("left", PERIOD)
+    for number in range(2 * MOST_KEPT):
+        tally.receive(number, number)
+        tally.wait(number, -(2**62), 2**62)
+        tally.paint(2**62)
+    for far in (2**63 - 1, -(2**63)) * 100:
+        tally.receive(far, far)
+    told: list[int] = []
+    while (report := tally.report()) is not None:
+        assert decode(encode(report)) == report
+        assert tally.report() == report
+        told += [tick for tick, _, _ in report.shown]
+        tally.clear()
+    assert told == list(range(MOST_KEPT, 2 * MOST_KEPT))

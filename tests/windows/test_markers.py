@@ -1,0 +1,91 @@
+"""Markers: a byte for each event on a serial port (here a pseudo-terminal), and words where there is no outlet."""
+
+import os
+import sys
+
+import pytest
+from display_parts import bytes_from
+
+from netboard.base.errors import ConfigError, NetboardError
+from netboard.task.trials.state_machine import Phase
+from netboard.windows.participant.markers import CODES, NoMarkers, open_markers
+
+needs_serial = pytest.mark.skipif(sys.platform == "win32", reason="serial ports are POSIX's here")
+
+
+def test_every_phase_has_a_code_of_its_own():
+    assert {phase.name.lower() for phase in Phase} | {"away", "blank"} == set(CODES)
+    assert len(set(CODES.values())) == len(CODES)
+    assert all(0 < code < 256 for code in CODES.values())
+
+
+def test_no_outlet_takes_anything():
+    markers = open_markers("none", "left")
+    assert isinstance(markers, NoMarkers)
+    markers.mark("running")
+    markers.close()
+
+
+@needs_serial
+def test_a_serial_port_gets_one_byte_for_each_event():
+    ours, theirs = os.openpty()
+    markers = open_markers(os.ttyname(theirs), "left")
+    for event in CODES:
+        markers.mark(event)
+    assert bytes_from(ours, len(CODES)) == list(CODES.values())
+    markers.close()
+    os.close(theirs)
+    os.close(ours)
+
+
+@needs_serial
+def test_a_port_that_is_gone_is_said():
+    ours, theirs = os.openpty()
+    markers = open_markers(os.ttyname(theirs), "left")
+    os.close(theirs)
+    os.close(ours)
+    with pytest.raises(NetboardError, match="'running' was not sent"):
+        markers.mark("running")
+    markers.close()
+
+
+@needs_serial
+def test_what_is_no_port_is_said(tmp_path):
+    with pytest.raises(ConfigError, match=r"\[display\] markers: found .*nowhere"):
+        open_markers(str(tmp_path / "nowhere"), "left")
+    file = tmp_path / "file"
+    file.write_text("")
+    with pytest.raises(ConfigError, match="is no serial port"):
+        open_markers(str(file), "left")
+
+
+def test_a_missing_library_is_said(monkeypatch):
+    monkeypatch.setitem(sys.modules, "pylsl", None)
+    with pytest.raises(ConfigError, match=r"pip install .netboard\[lsl\]"):
+        open_markers("lsl", "left")
+
+
+def test_the_lab_streaming_layer_gets_the_events_name(monkeypatch):
+    class Library:
+        IRREGULAR_RATE, cf_string = 0.0, 3
+
+        def __init__(self):
+            self.made, self.pushed = [], []
+
+        def StreamInfo(self, *about):
+            self.made.append(about)
+            return about
+
+        def StreamOutlet(self, _about):
+            return self
+
+        def push_sample(self, sample):
+            self.pushed.append(sample)
+
+    library = Library()
+    monkeypatch.setitem(sys.modules, "pylsl", library)
+    markers = open_markers("lsl", "right")
+    markers.mark("running")
+    markers.close()
+    assert library.made == [("netboard.right", "Markers", 1, 0.0, 3, "netboard.right")]
+    assert library.pushed == [["running"]]

@@ -1,0 +1,101 @@
+"""What is drawn between the views: as far as the newest ones carry, and never beyond a phase."""
+
+from dataclasses import replace
+
+import pytest
+from display_parts import VIEW
+from hypothesis import given
+from hypothesis import strategies as st
+
+from netboard.base.config import Config
+from netboard.windows.participant.motion import MOST_TICKS, heard
+
+CONFIG = Config()
+MS = 1_000_000
+TRAVEL = 300_000
+"""How long the quickest view is on its way, with the two clocks apart [ns]."""
+
+
+def moved(*views, travel=TRAVEL):
+    """The motion after some views, each sent at its tick."""
+    motion = None
+    for changes in views:
+        view = replace(VIEW, **changes)
+        view = replace(view, sent_ns=view.tick * MS)
+        motion = heard(motion, view, view.sent_ns + travel)
+    return motion
+
+
+def at(motion, ms):
+    return motion.at(round(ms * MS) + TRAVEL, CONFIG)
+
+
+def test_a_single_view_is_shown_as_it_is():
+    motion = moved({"tick": 100, "z": 0.01})
+    assert motion.settled(0)
+    assert at(motion, 105) == motion.view
+
+
+def test_what_moves_is_carried_on_for_one_interval_and_then_taken_back():
+    motion = moved({"tick": 100, "z": 0.00, "left": 0.01}, {"tick": 108, "z": 0.008, "left": 0.01})
+    assert at(motion, 108).z == pytest.approx(0.008)
+    assert at(motion, 112).z == pytest.approx(0.012)
+    assert at(motion, 118).z == pytest.approx(0.016)
+    assert at(motion, 112).left == 0.01
+    assert not motion.settled(120 * MS)
+    assert motion.settled(130 * MS)
+    assert at(motion, 130).z == 0.008
+
+
+def test_a_view_that_was_held_up_is_not_taken_for_a_slow_hand():
+    motion = moved({"tick": 100, "z": 0.0}, {"tick": 108, "z": 0.008})
+    late = replace(VIEW, tick=116, z=0.016, sent_ns=116 * MS)
+    motion = heard(motion, late, 121 * MS + TRAVEL)
+    assert at(motion, 121).z == pytest.approx(0.021, abs=1e-5)
+
+
+def test_the_clock_of_another_server_is_taken_over():
+    motion = moved({"tick": 100, "z": 0.0}, {"tick": 108, "z": 0.008})
+    other = replace(VIEW, tick=116, z=0.016, sent_ns=10**15)
+    assert heard(motion, other, 130 * MS).origin_ns == 130 * MS - 10**15
+
+
+@pytest.mark.parametrize("change", [{"phase": "levelling"}, {"trial": 5}, {"target": -0.15}, {"failures": 2}])
+def test_nothing_is_carried_across_a_change(change):
+    motion = moved({"tick": 100, "z": 0.0}, {"tick": 108, "z": 0.008, **change})
+    assert motion.settled(109 * MS)
+    assert at(motion, 112).z == 0.008
+
+
+def test_views_far_apart_say_nothing_of_rates():
+    assert moved({"tick": 100, "z": 0.0}, {"tick": 101 + MOST_TICKS, "z": 0.008}).rates is None
+    assert moved({"tick": 100, "z": 0.01}, {"tick": 108, "z": 0.01}).rates is None
+
+
+def test_a_hidden_hand_stays_hidden():
+    motion = moved({"tick": 100, "z": 0.0, "right": None}, {"tick": 108, "z": 0.008, "right": None})
+    assert at(motion, 112).right is None
+
+
+@given(
+    st.sampled_from(("running", "holding", "levelling")),
+    st.floats(-0.35, 0.35),
+    st.floats(-0.35, 0.35),
+    st.floats(0, 1),
+    st.floats(-10, 40),
+)
+def test_the_ball_stays_where_its_phase_has_it(phase, before, now, share, ms):
+    target, half = 0.15, 0.035
+    inside = abs(now - target) <= half
+    phase = "holding" if inside and phase == "running" else "running" if phase == "holding" and not inside else phase
+    motion = moved(
+        {"tick": 100, "phase": phase, "p": before, "share": 0.0},
+        {"tick": 108, "phase": phase, "p": now, "share": share},
+    )
+    seen = at(motion, 108 + ms)
+    assert abs(seen.p) <= CONFIG.task.fall_distance
+    assert 0 <= seen.share <= 1
+    if phase == "holding":
+        assert abs(seen.p - target) <= half + 1e-12
+    if phase == "running":
+        assert abs(seen.p - target) >= half - 1e-12

@@ -1,0 +1,162 @@
+"""The player shows what the participant saw, and obeys keys, clicks and drags."""
+
+import numpy as np
+import pytest
+from display_parts import WORDS, until
+
+from made_recordings import CONFIG, reel_of, two_trials
+from netboard.base.errors import NetboardError
+from netboard.recording.replay.loading import drawable
+from netboard.stage.curtain import make_curtain, view_of
+from netboard.windows.participant.screens import compose
+
+
+class Clock:
+    """A clock that stands still until it is moved."""
+
+    def __init__(self):
+        self.time = 50.0
+
+    def __call__(self):
+        return self.time
+
+
+@pytest.fixture
+def player(app):
+    from netboard.windows.replay.player import PlayerWindow
+
+    clock = Clock()
+    window = PlayerWindow([reel_of(two_trials())], "left", now=clock)
+    window.present(CONFIG.display)
+    app.processEvents()
+    yield window, clock
+    window.close()
+
+
+def test_what_is_not_known_is_drawn_at_zero():
+    ticks = two_trials()
+    assert drawable(ticks) is ticks
+    ticks["theta"][3:] = np.nan
+    ticks["p"][7] = np.inf
+    drawn = drawable(ticks)
+    assert not drawn["theta"][3:].any()
+    assert drawn["p"][7] == 0
+    assert (drawn["p"][8:] == ticks["p"][8:]).all()
+    assert np.isnan(ticks["theta"][3:]).all()
+
+
+def expected(position):
+    ticks = two_trials()
+    index = round(position * 1000)
+    view = view_of(make_curtain(CONFIG), ticks[index], "left", 3.0 if index >= 4000 else None, 0)
+    return compose(view, CONFIG, WORDS)
+
+
+def test_it_begins_where_the_block_does_and_plays_with_the_clock(player):
+    window, clock = player
+    assert window.playback.position == pytest.approx(0.5)
+    window.toggle()
+    clock.time += 2.0
+    window.refresh()
+    assert window.board.picture == expected(2.5)
+    assert window.bar.cursor_line.value() == pytest.approx(2.5)
+    clock.time += 100.0
+    window.refresh()
+    assert not window.playback.playing
+    assert window.board.picture == expected(9.999)
+
+
+def test_keys(player):
+    from PySide6.QtCore import Qt
+    from PySide6.QtTest import QTest
+
+    window, _ = player
+
+    def press(key, modifier=Qt.KeyboardModifier.NoModifier):
+        QTest.keyClick(window, key, modifier)
+        return window.playback
+
+    assert press(Qt.Key.Key_Right).position == pytest.approx(1.5)
+    assert press(Qt.Key.Key_Right, Qt.KeyboardModifier.ShiftModifier).position == pytest.approx(9.999)
+    assert press(Qt.Key.Key_Left).position == pytest.approx(8.999)
+    assert press(Qt.Key.Key_Up).speed == 2.0
+    assert press(Qt.Key.Key_Down).speed == 1.0
+    assert press(Qt.Key.Key_Home).position == pytest.approx(0.5)
+    assert press(Qt.Key.Key_Space).playing
+    assert not press(Qt.Key.Key_Space).playing
+    assert press(Qt.Key.Key_Period).position == pytest.approx(0.501)
+    assert press(Qt.Key.Key_Comma).position == pytest.approx(0.5)
+    assert press(Qt.Key.Key_PageDown).position == pytest.approx(0.501)
+    assert press(Qt.Key.Key_PageDown).position == pytest.approx(4.001)
+    assert press(Qt.Key.Key_PageDown).position == pytest.approx(4.001), "it is the last"
+    assert press(Qt.Key.Key_L, Qt.KeyboardModifier.ShiftModifier).loop == pytest.approx((4.001, 9.999))
+    assert "0:04.0" in window.line.text()
+    assert press(Qt.Key.Key_L).loop is None
+    assert press(Qt.Key.Key_L).loop == pytest.approx((0.0, 9.999))
+    assert press(Qt.Key.Key_PageUp).position == pytest.approx(0.501)
+
+
+def test_a_loop_goes_round(player):
+    window, clock = player
+    window.seek(8.0)
+    window.loop(trial=True)
+    window.toggle()
+    clock.time += 3.0
+    window.refresh()
+    assert window.playback.position == pytest.approx(11.0 - 9.999 + 4.001)
+    assert window.playback.playing
+
+
+def test_what_is_missing_is_named_and_what_was_before_it_is_shown(app):
+    from netboard.windows.replay.player import PlayerWindow
+
+    window = PlayerWindow([reel_of(np.delete(two_trials(), slice(3000, 3200)))], "left", now=Clock())
+    window.seek(3.1)
+    assert "ticks 3100 to 3299 are missing" in window.line.text()
+    assert window.board.picture == expected(2.999)
+    window.close()
+
+
+def test_two_recordings_are_side_by_side_on_one_time_line(app):
+    from netboard.windows.replay.player import PlayerWindow
+
+    later = reel_of(two_trials()[400:], name="later.mcap")
+    window = PlayerWindow([reel_of(two_trials()), later], "left", sync="trial", now=Clock())
+    window.present(CONFIG.display)
+    app.processEvents()
+    window.seek(3.0)
+    assert [pane.board.picture for pane in window.panes] == [expected(3.0), expected(3.0)]
+    assert window.panes[0].board.width() == pytest.approx(window.panes[1].board.width(), abs=2)
+    window.next_trial(back=False)
+    assert window.pairing.at(window.playback.position) == pytest.approx((4.001, 3.601))
+    window.close()
+
+
+def test_dragging_and_clicking_the_time_line_seek(app, player):
+    from PySide6.QtCore import Qt
+    from PySide6.QtTest import QTest
+
+    window, _ = player
+    window.bar.cursor_line.setValue(7.0)
+    window.bar.cursor_line.sigDragged.emit(window.bar.cursor_line)
+    assert window.board.picture == expected(7.0)
+    viewport = window.bar.viewport()
+    middle = viewport.rect().center()
+    middle.setY(20)
+    QTest.mouseClick(viewport, Qt.MouseButton.LeftButton, pos=middle)
+    assert until(app, lambda: window.playback.position != 7.0)
+    assert window.playback.position == pytest.approx(5.0, abs=0.1)
+
+
+def test_a_recording_is_played_until_stopped_or_photographed(app, tmp_path):
+    from netboard.windows.replay.player import run
+
+    reels = [reel_of(two_trials()[:1000])]
+    asked = []
+    run(reels, "right", lambda: len(asked) > 3 or bool(asked.append(True)))
+    assert len(asked) > 3
+    picture = tmp_path / "replay.png"
+    run(reels, "left", lambda: False, picture=picture, at=0.7)
+    assert picture.stat().st_size > 1000
+    with pytest.raises(NetboardError, match="never overwrites"):
+        run(reels, "left", lambda: False, picture=picture)
