@@ -1,7 +1,7 @@
 """How each number of one trial is computed: its traces, with what the measures find in them.
 
-Everything that is marked comes from the same calls that fill the tables (`analysis.extraction`), with the same readings.
-Time is from the release of the ball on.
+Everything that is marked comes from the same calls that fill the tables (`analysis.extraction`), with the same
+readings. Time is from the release of the ball on.
 """
 
 from collections.abc import Callable

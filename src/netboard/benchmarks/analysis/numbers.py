@@ -1,7 +1,7 @@
 """The numbers that the paper reports, of a study, under a name each, so that two readings can be compared.
 
-They are those of `netboard.analysis.results`; what is added are the means of the strategy, the sides of the ellipses, and what
-the last group's spread is of the first one's.
+They are those of `netboard.analysis.results`; what is added are the means of the strategy, the sides of the ellipses,
+and what the last group's spread is of the first one's.
 """
 
 from collections.abc import Callable, Iterator, Mapping
