@@ -13,6 +13,7 @@ from typing import Any
 from netboard.network.protocol import control, joining, motion, records, views
 from netboard.network.protocol.codec import encode
 from netboard.network.protocol.messages import KINDS, Message
+from netboard.stage.view import View
 
 FRAMES = Path(__file__).parent.parent / "data" / "frames"
 SERVER_NS = 81_234_567_890_123
@@ -70,7 +71,7 @@ EXAMPLES: dict[str, Message] = {
     ),
     "beat": motion.Beat(123_460, SERVER_NS + 60_000_000, -1, 0, False),
     "beat-arm": motion.Beat(123_464, SERVER_NS + 64_000_000, 123_462, 301_500, True),
-    "view-dyadic": views.View(
+    "view-dyadic": View(
         station="left",
         tick=123_457,
         sent_ns=SERVER_NS,
@@ -93,7 +94,7 @@ EXAMPLES: dict[str, Message] = {
         blocks=18,
         rest=None,
     ),
-    "view-no-ball": views.View(
+    "view-no-ball": View(
         station="right",
         tick=0,
         sent_ns=SERVER_NS,
