@@ -199,6 +199,20 @@ def test_a_peer_whose_connection_has_ended_makes_room_at_once() -> None:
     assert isinstance(rig.router.heard(b"console")[0], Welcome)
 
 
+def test_every_peer_whose_connection_has_ended_makes_room_at_once() -> None:
+    rig = Control()
+    before = [b"guest %d" % number for number in range(MOST_PEERS)]
+    for name in before:
+        rig.router.say(name, hello("console"))
+        rig.tick()
+    rig.router.gone.update(before)
+    consoles = [b"console %d" % number for number in range(3)]
+    for name in consoles:
+        rig.router.say(name, hello("console"))
+    rig.tick()
+    assert [type(rig.router.heard(name)[0]) for name in consoles] == [Welcome] * 3
+
+
 def test_a_logger_whose_connection_has_ended_makes_room_at_once(tmp_path: Path) -> None:
     rig = Rig(tmp_path)
     for number in range(MOST_LOGGERS):

@@ -23,9 +23,10 @@ from netboard.benchmarks.faults.sites import GUESTS, Setup, Site
 from netboard.benchmarks.harness.results import Value, Verdict
 from netboard.network import keys
 from netboard.network.protocol.codec import decode, encode
-from netboard.network.protocol.joining import Hello, Welcome
+from netboard.network.protocol.joining import Goodbye, Hello, Welcome
 from netboard.network.protocol.messages import PROTOCOL_VERSION
 from netboard.network.transport import channels, sockets
+from netboard.nodes.operator.operator import HELLO_NS
 from netboard.nodes.server.tick_clock import LATE_NS
 
 SECONDS, QUICK_SECONDS = 60.0, 2.0
@@ -139,11 +140,14 @@ def _join(site: Site) -> float:
     with sockets.open_context() as context:
         endpoint = keys.reach(network, "console").reach(channels.CONTROL)
         console = sockets.control_client(context, endpoint, f"console@guest-{now_ns()}")
-        said = False
-        while time.monotonic() - began < PATIENCE_S:
-            said = said or sockets.send(console, hello)
+        again = began
+        while (now := time.monotonic()) - began < PATIENCE_S:
+            if now >= again and sockets.send(console, hello):
+                again = now + HELLO_NS * 1e-9
             frame = sockets.receive(console)
             if frame is not None and isinstance(decode(frame), Welcome):
+                sockets.send(console, encode(Goodbye("joined")))
+                sockets.close_after_goodbye(console)
                 return time.monotonic() - began
             time.sleep(0.002)
     return PATIENCE_S

@@ -259,17 +259,18 @@ class ControlPort:
         self._router.owe(name, self._welcome)
 
     def _make_room(self, role: str, now_ns: int) -> None:
-        """Forget a peer of a role that is silent, or cannot be sent anything, if there are too many."""
+        """If a role has too many peers, forget one that is silent, or else all that have disconnected."""
         same = [name for name, peer in self._peers.items() if peer.hello.role == role]
         if len(same) < MOST_PEERS:
             return
-        gone = next((name for name in same if name in self._silent), None)
-        if gone is None and now_ns - self._tried_ns >= TRY_NS:
+        gone = [name for name in same if name in self._silent][:1]
+        if not gone and now_ns - self._tried_ns >= TRY_NS:
             self._tried_ns, ping = now_ns, encode(Ping(now_ns))
-            gone = next((name for name in same if not self._router.send(name, ping)), None)
-        if gone is None:
+            gone = [name for name in same if not self._router.send(name, ping)]
+        if not gone:
             raise WireError(f"there are {MOST_PEERS} peers like it already")
-        self._forget(gone, now_ns)
+        for name in gone:
+            self._forget(name, now_ns)
 
     def _forget(self, name: bytes, now_ns: int) -> None:
         peer = self._peers.pop(name, None)
