@@ -14,7 +14,7 @@ demo: .venv/.ready-to-run ## a whole session with simulated people; options with
 	$(BIN)/netboard demo $(ARGS)
 
 # A test process that dies is not replaced: pytest-xdist 3.8 gives finished files to the new one and then waits for ever.
-# Tests marked quiet have the machine to themselves, all others run two at a time: docs/how-to/develop.md says why. Files
+# Tests marked quiet have the machine to themselves, all others run two at a time: CONTRIBUTING.md says why. Files
 # in their own order: else those with few tests, which are long, come last, and one core has nothing to do.
 test: lint imports types ## all checks and all tests; options for pytest with ARGS="-k physics"
 	$(BIN)/python docs/generate.py --check

@@ -1,4 +1,4 @@
-"""Draw the pictures of docs/analysis.md: one trial of simulated people, measured as every trial is.
+"""Draw the pictures of docs/reference/measures.md: one trial of simulated people, measured as every trial is.
 
     python docs/measure_pictures.py
 

@@ -5,7 +5,7 @@
     @pytest.mark.evidence("properties", delays, contributions, of=("time", "mirror"))
     @pytest.mark.evidence("disturbance", delays)
 
-The page docs/analysis-evidence.md is made of this, and test_analysis_evidence.py fails where something is missing.
+The page docs/explanation/analysis-evidence.md is made of this, and test_analysis_evidence.py fails where something is missing.
 """
 
 import ast
@@ -178,7 +178,7 @@ def _cell(function: str, kind: str, evidence: list[Evidence]) -> str:
     own = [one for one in evidence if (one.function, one.kind) == (function, kind)]
     if not own:
         return WITHOUT.get((function, kind), "-")
-    return "; ".join(f"{_words(one)}[{_sentence(one.test)}](../tests/analysis/{one.file})" for one in own)
+    return "; ".join(f"{_words(one)}[{_sentence(one.test)}](../../tests/analysis/{one.file})" for one in own)
 
 
 def _words(one: Evidence) -> str:

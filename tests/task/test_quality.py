@@ -399,5 +399,5 @@ def test_frames_outside_of_an_attempt_are_not_kept() -> None:
 
 
 def test_the_page_lists_every_word() -> None:
-    page = (Path(__file__).parents[2] / "docs" / "quality.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[2] / "docs" / "explanation" / "quality.md").read_text(encoding="utf-8")
     assert re.findall(r"^\| `(\w+)` \|", page, re.MULTILINE) == list(WORDS)

@@ -25,7 +25,7 @@ SYMMETRIC = (
     "assumes that differences are symmetric about 0 where there is no effect: "
     "of 8 log-normal ones, which are skewed, it rejects 15 % at .05"
 )
-"""What must be known to read a p of changed signs; docs/analysis-calibration.md has the simulation."""
+"""What must be known to read a p of changed signs; docs/explanation/analysis-calibration.md has the simulation."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,7 +2,7 @@
 
 A difference is quick and rough. CHAI3D's window of 15 ms is smooth and 7.5 ms late; who repeats an experiment that was
 made with CHAI3D damps with it. An alpha-beta filter forgets by the sample instead, and a Kalman filter with constant
-acceleration has no lag where the speed changes evenly. What each costs and gains: docs/velocity.md.
+acceleration has no lag where the speed changes evenly. What each costs and gains: docs/explanation/velocity.md.
 
 Rule 1: the first position gives no velocity, the second one the slope between the two.
 Rule 2: a position whose stamp is not later than that of the newest takes its place.

@@ -8,7 +8,7 @@ one: a force computed here and felt by the board would drive the light board uns
 
 The point is as old as the network makes it. It is moved on by its rate to the time of the reading, but for no longer
 than `REACH`: within that time the board answers its hands, and what it does after is no straight line. A longer reach
-makes a light hand less stable, not more (docs/coupling.md).
+makes a light hand less stable, not more (docs/explanation/coupling.md).
 """
 
 from netboard.devices.contract.device import Reading

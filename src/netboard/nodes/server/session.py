@@ -36,7 +36,7 @@ from netboard.nodes.server.blocks import Programme
 from netboard.nodes.server.commands import Decision, Desk, Situation, form_of, note_of
 from netboard.nodes.server.event_log import Chronicle, change_of
 from netboard.nodes.server.readiness import Readiness
-from netboard.nodes.server.supervision import Watch
+from netboard.nodes.server.supervision import Supervisor
 from netboard.nodes.server.tick_clock import Pace
 from netboard.task.studies.factors import TrialDetails
 from netboard.task.trials.state_machine import STAGE_FAULT, Cause, Phase
@@ -104,7 +104,7 @@ class Session:
         self._programme, self.ledger = programme, ledger
         self.block = programme.block
         self.desk = Desk(opened=False, armed=autostart or not programme.planned)
-        self.watch = Watch(autostart)
+        self.watch = Supervisor(autostart)
         self.rows = np.zeros(RING_ROWS, TICK)
         self._words = self.rows.view(np.int64).reshape(RING_ROWS, -1)
         self.number = 0

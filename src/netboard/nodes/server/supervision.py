@@ -16,7 +16,7 @@ LASTING_TICKS = 100
 
 
 @dataclass
-class Watch:
+class Supervisor:
     """Decides the command of each tick.
 
     Attributes

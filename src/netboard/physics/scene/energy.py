@@ -3,7 +3,7 @@
 The flows add up to the rate of what is stored, exactly. By Lagrange, energy comes from the hands and goes into dampers
 alone. The paper's equations are not quite those of a mechanical system; what they add or take has a flow of its own. A
 stop that turns a ball back takes energy in no time, which no flow has: along a trajectory it is what is missing.
-docs/physics.md derives it all; `netboard.physics.scene.models` has the symbols.
+docs/explanation/physics.md derives it all; `netboard.physics.scene.models` has the symbols.
 """
 
 from collections.abc import Callable

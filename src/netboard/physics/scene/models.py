@@ -1,6 +1,6 @@
 """Forces and accelerations of the scene: the paper's equations and the full Lagrangian ones, in strict arithmetic.
 
-docs/physics.md writes them out and derives them. Rule 1: the same bits on every machine, and in plain Python
+docs/explanation/physics.md writes them out and derives them. Rule 1: the same bits on every machine, and in plain Python
 (``NUMBA_DISABLE_JIT=1``): no ``fastmath``, no fused multiply-add, no math library, one order of operations. Rule 2:
 mirror images to the bit: exchange left and right and the signs of tilt and balls, and every result changes side or sign
 exactly. Rule 3: nothing raises; what is not finite goes in and comes out. Rule 4: what a scene does not need is not
@@ -179,7 +179,7 @@ def solved(a11: float, a12: float, a22: float, force: float, torque: float, part
 
 @inlined
 def _lagrangian(x: State, left: float, right: float, parts: Parts, scene: Any) -> State:
-    """Return the rate of the state by Lagrange's equations of the same scene (docs/physics.md)."""
+    """Return the rate of the state by Lagrange's equations of the same scene (docs/explanation/physics.md)."""
     s, c = turned(x[2], parts)
     omega, g, r = x[3], scene["g"], scene["ball_height"]
     force, turn = _pull(x, left, right, s, c, parts, scene)

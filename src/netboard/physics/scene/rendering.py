@@ -7,7 +7,7 @@ and tilt follow from a linear balance of forces and torques, and the force of a 
 
 with four gains for each hand that depend on the scene alone. The partner's part is the third term; the environment's
 are the others. Nothing else of the partner is in the latter, and nothing else at all in the former: no rate, no
-damping, no motion of the board. docs/forces.md has the equations.
+damping, no motion of the board. docs/explanation/forces.md has the equations.
 
 It knows no trial and no time: whether a hand feels anything now is asked elsewhere.
 """
