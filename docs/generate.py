@@ -269,9 +269,15 @@ GENERATED: dict[str, tuple[str, Callable[[], str]]] = {
     "coupling machine": ("explanation/coupling.md", study_machine("coupling")),
     **{f"coupling-{name}": ("explanation/coupling.md", study_part("coupling", name)) for name in COUPLING},
     "sensitivity machine": ("explanation/analysis-sensitivity.md", study_machine("sensitivity")),
-    **{f"sensitivity-{name}": ("explanation/analysis-sensitivity.md", study_part("sensitivity", name)) for name in SENSITIVITY},
+    **{
+        f"sensitivity-{name}": ("explanation/analysis-sensitivity.md", study_part("sensitivity", name))
+        for name in SENSITIVITY
+    },
     "calibration machine": ("explanation/analysis-calibration.md", study_machine("calibration")),
-    **{f"calibration-{name}": ("explanation/analysis-calibration.md", study_part("calibration", name)) for name in CALIBRATION},
+    **{
+        f"calibration-{name}": ("explanation/analysis-calibration.md", study_part("calibration", name))
+        for name in CALIBRATION
+    },
     "sensitivity-headlines": ("reference/measures.md", study_part("sensitivity", "headlines")),
     "forces conditions": ("explanation/forces.md", study_part("forces", "conditions")),
     "faults machine": ("explanation/faults.md", study_machine("faults")),

@@ -1,4 +1,4 @@
-"""Measure how often the models' intervals hold the truth: the table of docs/explanation/analysis-modern.md, as lines to copy.
+"""Measure how often the models' intervals hold the truth: a table of docs/explanation/analysis-modern.md, to copy.
 
     python docs/model_coverage.py [STUDIES]
 

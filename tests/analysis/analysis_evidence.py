@@ -5,7 +5,8 @@
     @pytest.mark.evidence("properties", delays, contributions, of=("time", "mirror"))
     @pytest.mark.evidence("disturbance", delays)
 
-The page docs/explanation/analysis-evidence.md is made of this, and test_analysis_evidence.py fails where something is missing.
+The page docs/explanation/analysis-evidence.md is made of this, and test_analysis_evidence.py fails where something is
+missing.
 """
 
 import ast

@@ -1,9 +1,9 @@
 """The curtain from outside: everything that comes to the left station's display while two people play, and whether the
 right one's hand is in it.
 
-The board follows both hands, so who sees the board sees much of the partner's hand; docs/explanation/curtain.md says how much. What
-is shown here is that nothing else helps: no number of the partner's comes, and no field, nor the time or the size of a
-frame, tells more of the partner's stylus than the board and the own stylus do.
+The board follows both hands, so who sees the board sees much of the partner's hand; docs/explanation/curtain.md says
+how much. What is shown here is that nothing else helps: no number of the partner's comes, and no field, nor the time or
+the size of a frame, tells more of the partner's stylus than the board and the own stylus do.
 """
 
 import time

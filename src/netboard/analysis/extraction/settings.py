@@ -1,9 +1,9 @@
 """How the paper is read, and what is left out: every choice of an analysis as a named setting with a checked value.
 
 The paper leaves choices open. Each has a default here and its alternatives, in words that are those of the functions in
-`netboard.analysis.measures`; docs/reference/measures.md gives the reasons. `Summaries` decides what is made of the trials and
-`Exclusions` which of them count; all other tables decide what is measured in a trial. All of it is written beside every
-result.
+`netboard.analysis.measures`; docs/reference/measures.md gives the reasons. `Summaries` decides what is made of the
+trials and `Exclusions` which of them count; all other tables decide what is measured in a trial. All of it is written
+beside every result.
 """
 
 from collections.abc import Sequence

@@ -4,7 +4,8 @@ A delay is the time of the left side less that of the right one: positive where 
 between samples, on straight lines.
 
 With one threshold for both sides, as in the paper, the side that moves farther looks earlier, the more so the higher
-the threshold; with a threshold of each side's own peak it does not. How large that bias is, docs/reference/measures.md says.
+the threshold; with a threshold of each side's own peak it does not. How large that bias is, docs/reference/measures.md
+says.
 """
 
 from collections.abc import Sequence

@@ -2,8 +2,8 @@
 
 Trials of one dyad are not independent of each other, and neither are its partners; a study has as many values as it has
 dyads. Every result therefore carries how many units it is made of, and of what kind they are. With few units the
-bootstrap's intervals are too short (docs/explanation/analysis-modern.md has the numbers); those of t are the default elsewhere.
-Tests are in `netboard.analysis.statistics.exact_tests`, sizes of effects in
+bootstrap's intervals are too short (docs/explanation/analysis-modern.md has the numbers); those of t are the default
+elsewhere. Tests are in `netboard.analysis.statistics.exact_tests`, sizes of effects in
 `netboard.analysis.statistics.effect_sizes`.
 
 Nothing here draws a random number but from the generator that it is given.

@@ -5,7 +5,8 @@ chance; the models of counts and shares leave it open and take the spread betwee
 dyad is the unit, and an interval has one degree of freedom less than there are dyads. What cannot be fitted is said in
 the result, with every warning of statsmodels; it is no exception.
 
-Needs statsmodels (extra `analysis`). docs/explanation/analysis-modern.md has the equations, and how often the intervals are right.
+Needs statsmodels (extra `analysis`). docs/explanation/analysis-modern.md has the equations, and how often the intervals
+are right.
 """
 
 from collections.abc import Sequence

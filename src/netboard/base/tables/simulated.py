@@ -13,7 +13,7 @@ OfModel = Literal["model"]
 
 @dataclass(frozen=True, slots=True)
 class VirtualDevice:
-    """The simulated device of the ``virtual`` backend; "model" stands for its model's number (docs/explanation/participants.md)."""
+    """The simulated device of the ``virtual`` backend; "model" stands for its model's number."""
 
     __pydantic_config__ = NO_EXTRAS
     model: Annotated[

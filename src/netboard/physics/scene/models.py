@@ -1,10 +1,10 @@
 """Forces and accelerations of the scene: the paper's equations and the full Lagrangian ones, in strict arithmetic.
 
-docs/explanation/physics.md writes them out and derives them. Rule 1: the same bits on every machine, and in plain Python
-(``NUMBA_DISABLE_JIT=1``): no ``fastmath``, no fused multiply-add, no math library, one order of operations. Rule 2:
-mirror images to the bit: exchange left and right and the signs of tilt and balls, and every result changes side or sign
-exactly. Rule 3: nothing raises; what is not finite goes in and comes out. Rule 4: what a scene does not need is not
-computed: `parts` is a constant wherever this is compiled.
+docs/explanation/physics.md writes them out and derives them. Rule 1: the same bits on every machine, and in plain
+Python (``NUMBA_DISABLE_JIT=1``): no ``fastmath``, no fused multiply-add, no math library, one order of operations. Rule
+2: mirror images to the bit: exchange left and right and the signs of tilt and balls, and every result changes side or
+sign exactly. Rule 3: nothing raises; what is not finite goes in and comes out. Rule 4: what a scene does not need is
+not computed: `parts` is a constant wherever this is compiled.
 
 Symbols: a state x is ``(z, vz, theta, omega)`` and ``(p, vp)`` of each ball: height of the board's centre, tilt (+ =
 right end up), ball along the board (+ = right), and their rates; s, c sine and cosine of the tilt. A hand enters by its

@@ -1,8 +1,8 @@
 """What is known of a scene in closed form: where it rests, and how fast it moves near there.
 
 For tests, documentation and studies, which hold the kernels against it; nothing here runs in a tick. Everything follows
-from the equations in docs/explanation/physics.md, without approximation unless a docstring says "linear". The balls are given by
-where they are: they are held there, or have just been let go (`Parts.free`).
+from the equations in docs/explanation/physics.md, without approximation unless a docstring says "linear". The balls are
+given by where they are: they are held there, or have just been let go (`Parts.free`).
 """
 
 import cmath

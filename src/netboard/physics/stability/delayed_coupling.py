@@ -3,8 +3,8 @@
 One millisecond of the loop is one linear map: the stylus under a force that is held, the estimate of its velocity, the
 samples on their way to the server, the coupling, the board's end, and what is on its way back. Written as a step of a
 state, its matrix is that step of the unit vectors; the loop is stable if no eigenvalue of it is larger than 1. Where
-the coupling is computed is a property of the loop (docs/explanation/coupling.md): on the server, or in both, where the agent
-computes the hand's force itself from the board's end as it was a delay ago.
+the coupling is computed is a property of the loop (docs/explanation/coupling.md): on the server, or in both, where the
+agent computes the hand's force itself from the board's end as it was a delay ago.
 
 Linear: no friction, no encoder steps, no limits of the force. Numpy and scipy, not for a tick.
 """
