@@ -1,8 +1,14 @@
-"""Makes ``tests/fakes.py`` importable from every test, and lets no test of properties fail by the clock."""
+"""Makes ``tests/*.py`` importable from every test, lets no test of properties fail by the clock, and prints the seed."""
 
 from hypothesis import HealthCheck, settings
+
+import daily
 
 # The first example of a test may compile a kernel, and the machine may be busy. It is loaded before any test is
 # imported: what is decorated keeps the profile in force then.
 settings.register_profile("untimed", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("untimed")
+
+
+def pytest_report_header() -> str:
+    return daily.header()
