@@ -1,4 +1,4 @@
-"""Makes ``tests/*.py`` importable from every test, lets no test of properties fail by the clock, and prints the seed."""
+"""Makes ``tests/*.py`` importable, lets no test of properties fail by the clock, and prints the seed of slow tests."""
 
 from hypothesis import HealthCheck, settings
 
