@@ -14,7 +14,7 @@ SCRIPT = """
 import numpy as np
 from netboard.base.config import Physics
 from netboard.physics.methods.march import make_grid, run
-from netboard.physics.scene import pack_scene, parts_of
+from netboard.physics.scene.parameters import pack_scene, parts_of
 parts, scene = parts_of(Physics()), pack_scene(Physics())
 grid = make_grid("euler", np.full(3, 1e-3), np.ones(3, np.int64), parts, 6, scene)
 print(repr(float(run("euler", (0.0,) * 6, np.zeros((3, 8)), grid, parts, scene)[-1, 0])))
@@ -38,7 +38,7 @@ def test_a_changed_kernel_in_another_file_is_not_served_from_the_cache(tmp_path:
 
     before = height()
     assert height() == before
-    models = package / "physics" / "models.py"
+    models = package / "physics" / "scene" / "models.py"
     text = models.read_text()
     assert text.count('scene["M"] * scene["g"]') == 1
     models.write_text(text.replace('scene["M"] * scene["g"]', '0.0 * scene["g"]'))

@@ -591,7 +591,7 @@ import sys
 sys.path.insert(0, {folder!r})
 from test_stage import RIGHT_FIRST, inputs, play, started
 from netboard.base.config import parse
-from netboard.stage import make_stage
+from netboard.stage.stage import make_stage
 heights = 0.02 * np.sin(np.arange(1500) * 4e-3)
 rows = started(inputs(1500, heights, -heights))
 rows["left_live"][700:720] = 0

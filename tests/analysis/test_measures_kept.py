@@ -153,9 +153,15 @@ def test_bytes_name_readings_and_code_do(monkeypatch: pytest.MonkeyPatch) -> Non
 
 def test_the_code_that_measures_is_all_that_it_imports(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     found = fingerprint.sources()
-    for name in ("measuring.recordings", "measuring.modern", "analysis.lags", "experiment.quality", "tick", "config"):
+    for name in (
+        *("analysis.extraction.recordings", "analysis.extraction.modern", "analysis.measures.lags"),
+        *("task.trials.quality", "base.tick", "base.config"),
+    ):
         assert found[f"netboard.{name}"].is_file()
-    for name in ("measuring.study", "measuring.exclusions", "measuring.cache", "findings.results", "figures.picture"):
+    for name in (
+        *("analysis.extraction.study", "analysis.extraction.exclusions", "analysis.extraction.cache"),
+        *("analysis.results.result", "analysis.figures.figure"),
+    ):
         assert f"netboard.{name}" not in found
     before = fingerprint.fingerprint()
     copies = {name: tmp_path / f"{name}.py" for name in found}

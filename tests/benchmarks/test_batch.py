@@ -129,7 +129,7 @@ PLAIN = """
 import numpy as np
 from netboard.base.config import Physics
 from netboard.benchmarks.physics.batch import in_blocks, make_batch, out_of_blocks, scene_blocks
-from netboard.physics.scene import pack_scene, parts_of
+from netboard.physics.scene.parameters import pack_scene, parts_of
 x = np.linspace(-1.0, 1.0, 64 * 6).reshape(64, 6)
 hands = np.linspace(-3.0, 3.0, 64 * 8).reshape(64, 8)
 blocks = in_blocks(x)

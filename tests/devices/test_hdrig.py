@@ -74,8 +74,8 @@ def test_whatever_fails_in_opening_leaves_nothing_behind(
     assert [line for line in said if line in SHUTDOWN][-1] == f"disable {FIRST}"
     assert "unschedule while running" not in said
     assert ("unschedule" in said) == ("schedule" in said)
-    for name in ("device.FIRST_TICK_NS", "rig.SETTLE_NS"):
-        monkeypatch.setattr(f"netboard.openhaptics.{name}", STALL_NS)
+    for name in ("device.FIRST_TICK_NS", "library.SETTLE_NS"):
+        monkeypatch.setattr(f"netboard.devices.touch.{name}", STALL_NS)
     device.open()
     assert device.read(monotonic_ns()).ready
 

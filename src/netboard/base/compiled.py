@@ -34,7 +34,7 @@ UNUSED_S = 24 * 3600.0
 
 def _choose_folder() -> None:
     """Tell numba where to keep kernels, in this process and those it starts; a folder the user has chosen stays."""
-    package = Path(__file__).parent
+    package = Path(__file__).parents[1]
     state = hashlib.sha256()
     for source in sorted(package.rglob("*.py")):
         state.update(source.read_bytes())
