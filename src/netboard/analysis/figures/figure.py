@@ -103,6 +103,10 @@ _written: WeakKeyDictionary[Figure, dict[str, bytes]] = WeakKeyDictionary()
 def as_bytes(figure: Figure, kind: str) -> bytes:
     """Write a picture, once."""
     files = _written.setdefault(figure, {})
+    if not files:  # the layout is computed once, for all kinds
+        with mpl.rc_context(STYLE):
+            figure.draw_without_rendering()
+            figure.set_layout_engine("none")
     if kind not in files:
         files[kind] = _file(figure, kind)
     return files[kind]

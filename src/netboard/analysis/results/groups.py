@@ -100,6 +100,7 @@ class Condition:
         return f"{self.team}, {self.feeling}"
 
 
+@kept
 def conditions(study: Study) -> tuple[Condition, ...]:
     """List the conditions of a study, bimanual ones first, and without haptics first."""
     analysed = study.analysed

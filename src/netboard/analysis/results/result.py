@@ -1,5 +1,6 @@
 """A number that is reported, and the tidy table of all of them: none without its n and its unit of replication."""
 
+from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass
 from functools import wraps
@@ -68,20 +69,20 @@ UNCOMPUTABLE = (ArithmeticError, LookupError, RuntimeError, TypeError, ValueErro
 T = TypeVar("T")
 
 
-def kept(find: Callable[[Study], T]) -> Callable[[Study], T]:
-    """Let a costly finding be computed once for its results and its pictures: that of the newest study is kept.
+MOST_KEPT = 4
+"""Studies whose findings are kept: the one that is reported, and those pooled from it [1]."""
 
-    Parameters
-    ----------
-    find : callable
-        Takes a `Study`, which nobody changes; returns what is found in it.
-    """
-    newest: list[tuple[ref[Study], T]] = []
+
+def kept(find: Callable[[Study], T]) -> Callable[[Study], T]:
+    """Let a costly finding, which nobody changes, be computed once for the results and figures of a study."""
+    newest: deque[tuple[ref[Study], T]] = deque(maxlen=MOST_KEPT)
 
     @wraps(find)
     def once(study: Study) -> T:
-        if not newest or newest[0][0]() is not study:
-            newest[:] = [(ref(study), find(study))]
-        return newest[0][1]
+        for of, found in newest:
+            if of() is study:
+                return found
+        newest.append((ref(study), find(study)))
+        return newest[-1][1]
 
     return once
