@@ -1,5 +1,6 @@
 """Makes ``tests/*.py`` importable, lets no test of properties fail by the clock, and prints the seed of slow tests."""
 
+import pytest
 from hypothesis import HealthCheck, settings
 
 import daily
@@ -12,3 +13,9 @@ settings.load_profile("untimed")
 
 def pytest_report_header() -> str:
     return daily.header()
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    if out := daily.left_out(items):
+        config.hook.pytest_deselected(items=sorted(out, key=items.index))
+        items[:] = [item for item in items if item not in out]

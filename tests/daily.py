@@ -1,15 +1,15 @@
 """Slow tests run a part of their cases, drawn by a seed that changes daily; with NETBOARD_TEST_ALL=1 they run all.
 
-The seed is printed at the head of a run: NETBOARD_TEST_SEED=2026-11-22 draws the same cases again.
+``@pytest.mark.daily(3)`` runs three cases of a test; with ``of="NAME"``, three of all tests that give this name. The seed
+is printed at the head of a run: NETBOARD_TEST_SEED=2026-11-22 draws the same cases again.
 """
 
 import os
 import random
-from collections.abc import Sequence
+from collections import defaultdict
 from datetime import UTC, datetime
-from typing import TypeVar
 
-T = TypeVar("T")
+import pytest
 
 SEED = os.environ.setdefault("NETBOARD_TEST_SEED", datetime.now(UTC).date().isoformat())
 ALL = os.environ.get("NETBOARD_TEST_ALL", "") not in ("", "0")
@@ -20,17 +20,23 @@ def chance(name: str) -> random.Random:
     return random.Random(f"{SEED} {name}")
 
 
-def some(cases: Sequence[T], most: int, name: str = "") -> list[T]:
-    """Draw at most this many cases [1], in their order."""
-    if ALL or len(cases) <= most:
-        return list(cases)
-    return [cases[place] for place in sorted(chance(name).sample(range(len(cases)), most))]
+def left_out(items: list[pytest.Item]) -> set[pytest.Item]:
+    """Draw the cases that are not run today."""
+    groups: dict[str, list[pytest.Item]] = defaultdict(list)
+    most: dict[str, int] = {}
+    for item in items:
+        if (mark := item.get_closest_marker("daily")) is not None:
+            name = mark.kwargs.get("of", item.nodeid.partition("[")[0])
+            groups[name].append(item)
+            most[name] = mark.args[0]
+    return {item for name, cases in groups.items() for item in _drawn(name, cases, len(cases) - most[name])}
+
+
+def _drawn(name: str, cases: list[pytest.Item], count: int) -> list[pytest.Item]:
+    return chance(name).sample(cases, count) if count > 0 and not ALL else []
 
 
 def header() -> str:
     """Say which cases are drawn."""
-    return (
-        "slow tests: all cases"
-        if ALL
-        else f"slow tests: cases of NETBOARD_TEST_SEED={SEED}; NETBOARD_TEST_ALL=1 for all"
-    )
+    drawn = f"cases of NETBOARD_TEST_SEED={SEED}; NETBOARD_TEST_ALL=1 for all"
+    return f"slow tests: {'all cases' if ALL else drawn}"

@@ -106,6 +106,7 @@ def test_the_same_study_gives_the_same_file(
 
 
 @pytest.mark.parametrize("draw", MODERN)
+@pytest.mark.daily(2)
 def test_unusual_studies_are_drawn(draw: Callable[[Study], Picture], unusual: Study) -> None:
     assert as_bytes(figure_of(draw(unusual)), "png").startswith(b"\x89PNG")
 
@@ -120,6 +121,7 @@ def test_what_cannot_be_drawn_says_why(draw: Callable[[Study], Picture], trials:
 
 
 @pytest.mark.parametrize("find", FOUND)
+@pytest.mark.daily(2)
 def test_results_of_unusual_studies_have_a_unit_an_n_and_a_note_where_they_are_missing(
     find: Callable[[Study], object], unusual: Study
 ) -> None:

@@ -149,6 +149,7 @@ def test_all_results_have_an_n_a_unit_and_a_name_of_their_own() -> None:
 
 @pytest.mark.parametrize("forces", [["full"], ["none"], ["partner_only", "unrelated"], FORCES])
 @pytest.mark.parametrize("trials", [1, 2, 7])
+@pytest.mark.daily(3)
 def test_every_study_has_results_however_small(forces: list[str], trials: int) -> None:
     found = results_of(made_study(random_blocks(dyads=1, trials=trials, forces=forces)))
     missing = found[found["value"].isna()]

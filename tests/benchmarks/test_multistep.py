@@ -38,6 +38,7 @@ def states_of(scene: Scene, name: str, n: int, every: int = 1, since: float = 0.
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ORDERS)
+@pytest.mark.daily(1)
 def test_the_error_falls_with_the_order_of_the_method(name: str) -> None:
     """From when the transients of the start are over: they are fast for these steps."""
     scene = scene_of()
@@ -52,6 +53,7 @@ def test_the_error_falls_with_the_order_of_the_method(name: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("values", OTHERS.values(), ids=OTHERS)
 @pytest.mark.parametrize("free", [True, False], ids=["rolling", "fixed"])
+@pytest.mark.daily(2)
 def test_every_scene_can_be_run(free: bool, values: dict[str, Any]) -> None:
     scene = scene_of(free, **values)
     start = start_of(scene)

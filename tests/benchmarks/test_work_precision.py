@@ -209,6 +209,7 @@ def test_sampling_is_within_what_is_claimed() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("model", MODELS)
 @pytest.mark.parametrize("skip", SKIPS, ids=lambda skip: f"{skip.name}, {skip.method}")
+@pytest.mark.daily(6)
 def test_what_is_skipped_changes_nothing_else(model: Model, skip: Skip) -> None:
     assert difference(model, replace(skip, ticks=min(skip.ticks, 1000))) <= SAME
 

@@ -102,6 +102,7 @@ OTHERS = {
 
 
 @pytest.mark.parametrize("settings", OTHERS.values(), ids=OTHERS)
+@pytest.mark.daily(1)
 def test_other_rigs_stopped_in_mid_trial(open_rig: Callable[..., Rig], settings: tuple[str, ...]) -> None:
     rig = open_rig(*settings)
     rig.start_all()

@@ -16,6 +16,7 @@ def block(configuration: str, haptics: bool, seed: int = 1, trials: int = 6, mos
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("configuration", "haptics"), CONDITIONS)
+@pytest.mark.daily(2)
 def test_six_trials_are_done_at_human_speed(configuration: str, haptics: bool) -> None:
     played = block(configuration, haptics)
     assert len(played.completions) == 6

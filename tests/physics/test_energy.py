@@ -120,6 +120,7 @@ def gap(scene: Scene, path: NDArray[np.float64], hand: Hands, h: float) -> tuple
 @pytest.mark.slow
 @pytest.mark.parametrize("free", [True, False])
 @every
+@pytest.mark.daily(4)
 def test_the_balance_closes_to_the_sixth_order_and_to_twelve_digits(values: dict[str, Any], free: bool) -> None:
     scene = scene_of(free, **values)
     start = at_rest(scene, 0.02)

@@ -50,6 +50,7 @@ def start_of(scene: Scene) -> tuple[float, ...]:
     ("kind", "free"), [*((kind, True) for kind in KINDS), ("both hands", False), ("lagrangian", False)]
 )
 @pytest.mark.parametrize("method", ["etd2rk", "etdrk4"])
+@pytest.mark.daily(4)
 def test_the_error_falls_with_the_order_of_the_method(method: str, kind: str, free: bool) -> None:
     scene = scene_of(free, **KINDS[kind])
     start = start_of(scene)
@@ -113,6 +114,7 @@ def linear_end(scene: Scene, start: tuple[float, ...], u: Any, h: float) -> Any:
 @pytest.mark.parametrize("model", ["paper", "lagrangian"])
 @pytest.mark.parametrize("coupling", ["both", "left", "none"])
 @pytest.mark.parametrize("h", [1e-4, 1e-3, 5e-2])
+@pytest.mark.daily(12)
 def test_a_level_board_is_stepped_exactly(h: float, coupling: Any, model: Any, free: bool) -> None:
     scene = scene_of(free, board="level", model=model, coupling=coupling, b_z=0.2, balls=2, ball_height=0.02)
     start = (0.004, -0.1, 0.0, 0.0, 0.1, 0.3, -0.2, 0.4)
@@ -175,6 +177,7 @@ def elsewhere(**environment: str) -> Any:
 
 @pytest.mark.slow
 @pytest.mark.timeout(300)
+@pytest.mark.daily(1, of="plain Python")
 def test_plain_python_gives_the_same_bits() -> None:
     assert elsewhere(NUMBA_DISABLE_JIT="1") == digests()
 
@@ -182,6 +185,7 @@ def test_plain_python_gives_the_same_bits() -> None:
 @pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is compiled")
 @pytest.mark.slow
 @pytest.mark.timeout(300)
+@pytest.mark.daily(1, of="processors")
 def test_another_processor_gives_the_same_bits(tmp_path: Path) -> None:
     """One without AVX or fused multiply-add, where this one has them."""
     plain = {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": "", "NUMBA_CACHE_DIR": str(tmp_path)}

@@ -23,12 +23,14 @@ def elsewhere(**environment: str) -> Any:
 
 
 @pytest.mark.slow
+@pytest.mark.daily(1, of="plain Python")
 def test_plain_python_makes_the_same_steps() -> None:
     assert elsewhere(NUMBA_DISABLE_JIT="1") == digests()
 
 
 @pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is compiled")
 @pytest.mark.slow
+@pytest.mark.daily(1, of="processors")
 def test_another_processor_makes_the_same_steps(tmp_path: Path) -> None:
     """One without AVX or fused multiply-add, where this one has them."""
     plain = {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": "", "NUMBA_CACHE_DIR": str(tmp_path)}

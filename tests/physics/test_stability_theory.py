@@ -236,6 +236,7 @@ def departure(scene: Scene, method: str, h: float, steps: int) -> float:
 @pytest.mark.slow
 @pytest.mark.parametrize("method", [*EXPLICIT, "verlet"])
 @pytest.mark.parametrize("scales", [(1, 1), (10, 1), (100, 1), (1, 10)], ids=str)
+@pytest.mark.daily(8)
 def test_the_full_equations_leave_bounds_where_the_theory_says(method: str, scales: tuple[float, float]) -> None:
     """Within 4 %: no sooner, and hardly later, though the board swings."""
     scene = scaled(*scales, balls=0)

@@ -39,6 +39,7 @@ def here() -> dict[str, str]:
 
 
 @pytest.mark.slow
+@pytest.mark.daily(1, of="plain Python")
 def test_plain_python_gives_the_same_bits(here: dict[str, str]) -> None:
     assert elsewhere(NUMBA_DISABLE_JIT="1") == {"digests": here, "cache": []}
 
@@ -46,6 +47,7 @@ def test_plain_python_gives_the_same_bits(here: dict[str, str]) -> None:
 @needs_compiler
 @pytest.mark.slow
 @pytest.mark.timeout(300)
+@pytest.mark.daily(1, of="processors")
 def test_another_processor_gives_the_same_bits_and_a_second_process_finds_it_compiled(
     here: dict[str, str], tmp_path: Path
 ) -> None:

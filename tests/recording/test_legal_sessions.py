@@ -45,6 +45,7 @@ def said(report: Report, grade: Grade = Grade.DAMAGE) -> str:
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.daily(8)
 def test_whatever_an_operator_does_is_no_damage(tmp_path: Path, kind: str, seed: int) -> None:
     chance = random.Random(f"{kind} {seed}")
     config = KINDS[kind]

@@ -107,6 +107,7 @@ KEYS = [
 
 
 @pytest.mark.parametrize(("key", "name", "state"), KEYS, ids=[name for _, name, _ in KEYS])
+@pytest.mark.daily(5)
 def test_a_key_sends_its_command(
     table: Table, key: str, name: str, state: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -162,6 +163,7 @@ def test_a_refusal_is_shown_with_its_reason(table: Table) -> None:
 
 @pytest.mark.parametrize("state", STATES)
 @pytest.mark.parametrize("key", ["Esc", "Space"])
+@pytest.mark.daily(8)
 def test_the_emergency_stop_works_in_every_state(table: Table, state: str, key: str) -> None:
     table.show(state)
     table.window.fill_in(False)
