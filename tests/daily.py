@@ -1,7 +1,7 @@
 """Slow tests run a part of their cases, drawn by a seed that changes daily; with NETBOARD_TEST_ALL=1 they run all.
 
-``@pytest.mark.daily(3)`` runs three cases of a test; with ``of="NAME"``, three of all tests that give this name. The seed
-is printed at the head of a run: NETBOARD_TEST_SEED=2026-11-22 draws the same cases again.
+``@pytest.mark.daily(3)`` runs three cases of a test; with ``of="NAME"``, three of all tests that give this name. The
+seed is printed at the head of a run: NETBOARD_TEST_SEED=2026-11-22 draws the same cases again.
 """
 
 import os

@@ -29,6 +29,7 @@ def test_a_line_is_found_and_says_how_well_it_fits() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.daily(1, of="whole analyses")
 def test_every_table_is_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(speed_bench, "SHARES", (0.5, 1.0))
