@@ -62,8 +62,7 @@ class Exported:
         return columns
 
     def over(self, factors: Sequence[BlockFactor]) -> dict[str, Any]:
-        """Return the values of the columns in a block; a factor that varies within it has all levels,
-        comma-separated."""
+        """Return the values of the columns in a block; a factor that varies in it has all levels, comma-separated."""
         own = next((one for one in factors if one.name == self.name), None)
         levels = list(dict.fromkeys(own.sequence)) if own else []
         if len(levels) < 2:
