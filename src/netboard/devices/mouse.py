@@ -1,4 +1,4 @@
-"""Backend ``mouse``: the pointer in the display's window, or a finger on its screen, moves the stylus.
+"""Backend ``mouse``: a pointer in the display's window, or a finger on its screen, moves the stylus.
 
 There is no motor, so the force displaces the stylus: a simulated hand holds it with a spring between pointer and
 stylus, and the stylus yields by force over stiffness. The participant sees this on the screen, and lifts against the

@@ -95,8 +95,8 @@ def parse(text: str, source: str) -> Profile:
     ----------
     text : str
         TOML text.
-    File name, for error messages.
-        Name of the file, for error messages.
+    source : str
+        File name, for error messages.
 
     Raises
     ------
@@ -125,7 +125,7 @@ def load(folder: Path, serial: str) -> Profile | None:
     folder : Path
         Folder of the profiles.
     serial : str
-        The device's serial number.
+        Serial number of the device.
 
     Returns
     -------

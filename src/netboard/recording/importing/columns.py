@@ -103,8 +103,8 @@ def mapped(source: str, names: Sequence[str], words: Sequence[str], known: Seque
 
     Returns
     -------
-    The table's name of each column found, by netboard's name.
-        The name there of each column that is there, by netboard's name.
+    dict of str
+        The table's name of each column found, by netboard's name.
 
     Raises
     ------

@@ -40,10 +40,10 @@ class Fit(NamedTuple):
 
     Attributes
     ----------
-    Slope; NaN if the delays of the probes leave it undetermined [1e-6].
-        Its slope; NaN if the ways of the probes leave it open [1e-6].
-    Number of estimates further from the line than their bound and the delays of its probes allow [1].
-        Estimates that are further from it than their bound and the ways of its probes allow [1].
+    drift_ppm : float
+        Slope; NaN if the delays of the probes leave it undetermined [1e-6].
+    beyond : int
+        Number of estimates further from the line than their bound and the delays of its probes allow [1].
     """
 
     drift_ppm: float
