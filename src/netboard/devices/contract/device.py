@@ -303,6 +303,7 @@ class Device(ABC):
         """
         if self._info is None:
             raise ValueError("no force can be written to a closed device")
+        # One test for all three: a NaN or an infinity makes the sum non-finite.
         if not isfinite(fx + fy + fz):
             raise ValueError(f"not a force: ({fx}, {fy}, {fz})")
         self._write(fx, fy, fz)
@@ -318,7 +319,7 @@ class Device(ABC):
         """
         if self._info is None:
             return
-        self._info = None
+        self._info = None  # first, so that a second call does nothing even if the write fails
         try:
             self._write(0.0, 0.0, 0.0)
         finally:

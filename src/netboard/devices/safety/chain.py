@@ -197,6 +197,7 @@ class Safety:
             Force to write.
         """
         dt = 0.0 if self._now_ns is None else max(now_ns - self._now_ns, 0) * 1e-9
+        # A caller whose clock steps back gains no ramp or slew from it.
         self._now_ns = now_ns if self._now_ns is None else max(now_ns, self._now_ns)
         if not all(map(isfinite, (*wanted, *velocity))):
             self._fail(Safeguard.NOT_FINITE)
@@ -244,6 +245,7 @@ class Safety:
         expired = age is None or age > limits.disarm_after_ms
         grown = min(self._vertical_gain, self._lateral_gain) >= 1.0
         gone = self._force == ZERO
+        # In order of priority: a step follows one edge at most.
         present = (
             (Trip.TOO_FAST, too_fast),
             (Trip.EXPIRED, expired),

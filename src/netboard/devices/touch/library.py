@@ -176,7 +176,7 @@ class Rig:
         with self._changing:
             if self._seats.get(seat.handle) is not seat:
                 return True
-            taken = seat.servo is None or self._zero(seat.servo)
+            taken = seat.servo is None or self._zero(seat.servo)  # before the pause: only a running servo writes it
             with self.paused():
                 if seat.scheduled is not None:
                     self.library.calls.hdUnschedule(seat.scheduled)

@@ -128,7 +128,7 @@ class Spill:
         self._wake([])
 
     def batch(self, cursor: int) -> LogBatch | None:
-        """Return the next batch for a logger, or None while it must be read from disk.
+        """Return the next batch for a logger, or None if it must be read from disk first.
 
         Parameters
         ----------
@@ -239,6 +239,7 @@ class Spill:
         if self._file is None:
             self._file = FileIO(self.path, "x+", opener=_for_its_owner)
         place, data = block.offset - _HEAD.size, _block_of(block.frame)
+        # The introduction is written together with the first block: a spill without records leaves no file.
         if place == len(self._introduction):
             place, data = 0, self._introduction + data
         self._file.seek(place)
