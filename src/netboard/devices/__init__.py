@@ -1,7 +1,7 @@
-"""Haptic devices behind one interface, and the safety chain next to the motor.
+"""Device wing: haptic devices behind one interface, and the safety chain next to the motor.
 
-Open `contract/device.py` first: open, read, write, close. `safety` stands between any wanted force and the motor. A
-backend is a room or module of its own: `touch` (OpenHaptics), `falcon`, `spacemouse`, `mouse`, `simulated`;
-`contract/registry.py` finds it by its name. `setup` calibrates, identifies and checks devices. This wing knows no
-server and no socket.
+Start with `contract/device.py`: open, read, write, close. `safety` stands between every wanted force and the motor.
+Each backend is a package or module: `touch` (OpenHaptics), `falcon`, `spacemouse`, `mouse`, `simulated`;
+`contract/registry.py` finds a backend by name. `setup` calibrates, identifies and checks devices. This wing knows no
+server and no sockets.
 """

@@ -1,16 +1,17 @@
-"""Backend ``mouse``: the pointer in the display's window, or a finger on its screen, moves the stylus.
+"""Backend ``mouse``: a pointer in the display's window, or a finger on its screen, moves the stylus.
 
-There is no motor, so the force is put into the stylus' way: a simulated hand holds it with a spring between pointer and
-stylus, and the stylus yields to the force by force over stiffness. Whoever plays sees that on the screen, and lifts
-against the weight of board and ball. Hand and stylus together are a critically damped mass on that spring:
+There is no motor, so the force displaces the stylus: a simulated hand holds it with a spring between pointer and
+stylus, and the stylus yields by force over stiffness. The participant sees this on the screen, and lifts against the
+weight of board and ball. Hand and stylus together are a critically damped mass on that spring:
 
     z'' = w^2 (aim + F / k - z) - 2 w z',    w = 1 / smoothing,    mass k / w^2
 
-which also makes a smooth path of the steps in which a pointer comes, 60 to 125 times a second. It is solved exactly
-from reading to reading. The point it is drawn to moves no faster than the limit and not out of reach, and as the answer
-to an impulse is never negative, nor does the stylus: its speed and its place are averages of those of that point.
+The mass also smooths the steps of the pointer, which arrive 60 to 125 times a second. The equation is solved exactly
+from reading to reading. The point that attracts the stylus obeys the velocity limit and stays within reach. The impulse
+response is never negative, so position and velocity of the stylus are averages of those of that point, and the stylus
+obeys both limits too.
 
-Where the player points, an agent's companion tells it: devices know no network.
+The agent passes on where the player points, because devices know no network.
 
 Options (``agents.<side>.options``): see `Options`.
 """
@@ -24,13 +25,13 @@ from netboard.base.settings import NO_EXTRAS, about
 from netboard.devices.contract.device import Box, Device, DeviceInfo, Reading
 
 SILENT_NS = 1_000_000_000
-"""A window that has said nothing for so long is not there [ns]."""
+"""Timeout after which a silent window counts as gone [ns]."""
 
 MAX_FORCE = 3.3
-"""The simulated motor gives what a Touch gives for a short time, and for ever [N]."""
+"""Force of the simulated motor, peak and continuous: a Touch's peak force [N]."""
 
 ROUNDING = 1e-9
-"""Room for the rounding of a stylus at the end of its reach [m]."""
+"""Tolerance for the rounding of a stylus at the limit of its reach [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,15 +54,15 @@ class Options:
 
 
 def follow(z: float, vz: float, before: float, after: float, dt: float, rate: float) -> tuple[float, float]:
-    """Height and speed of a critically damped mass whose rest point moves evenly for a while: the exact solution.
+    """Return position and velocity of a critically damped mass whose rest point moves uniformly: the exact solution.
 
     Parameters
     ----------
     before, after : float
-        Where the rest point is at the beginning and at the end [m].
+        Position of the rest point at the beginning and at the end [m].
     """
     slope = (after - before) / dt
-    lag = 2.0 * slope / rate  # behind a rest point that has moved evenly for ever
+    lag = 2.0 * slope / rate  # steady-state lag behind a uniformly moving rest point
     off = z - before + lag
     turn = vz - slope + rate * off
     decay = exp(-rate * dt)
@@ -71,12 +72,12 @@ def follow(z: float, vz: float, before: float, after: float, dt: float, rate: fl
 
 @final
 class MouseStylus(Device):
-    """A stylus in the hand of whoever moves a pointer.
+    """A stylus moved by a pointer.
 
     Parameters
     ----------
     config : Config
-        The whole configuration; of it the options of this side's agent.
+        The whole configuration; the device uses the options of this side's agent.
     """
 
     def __init__(self, side: Side, config: Config) -> None:
@@ -87,16 +88,16 @@ class MouseStylus(Device):
 
     @property
     def felt(self) -> float:
-        """Vertical force that the hand yields to now [N]."""
+        """Vertical force that displaces the stylus now [N]."""
         return self._written[2]
 
     def point(self, z: float | None, now_ns: int) -> None:
-        """Hear from the window where the player points.
+        """Receive the pointer position from the window.
 
         Parameters
         ----------
         z : float or None
-            Height of the pointer in the scene's frame; None before the player has pointed anywhere [m].
+            Height of the pointer in the scene's frame; None before the first pointer position [m].
         """
         if z is not None:
             if not isfinite(z):
@@ -106,7 +107,7 @@ class MouseStylus(Device):
         self._heard_ns = now_ns
 
     def _let_go(self) -> None:
-        """Forget the player: the stylus is at rest in the middle."""
+        """Forget the player and rest the stylus in the middle."""
         self._pointer = self._aim = self._z = self._vz = 0.0
         self._in_hand = False
         self._heard_ns = 0
@@ -135,7 +136,7 @@ class MouseStylus(Device):
         return Reading(now_ns, 0.0, 0.0, self._z, 0.0, 0.0, self._vz, 0, ready)
 
     def _live(self, dt: float) -> None:
-        """Let the stylus follow for a while [s]."""
+        """Advance the stylus by a duration [s]."""
         options = self._options
         most = options.max_speed * dt
         wanted = self._in_reach(self._pointer + self._written[2] / options.stiffness)

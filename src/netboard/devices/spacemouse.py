@@ -1,13 +1,13 @@
-"""Backend ``spacemouse``: a 3Dconnexion SpaceMouse as a stylus that cannot be felt, for trying things out.
+"""Backend ``spacemouse``: a 3Dconnexion SpaceMouse as a stylus without haptic feedback, for trying things out.
 
-Its cap is held by springs and moves by a millimetre or two, so it is not where the stylus is. With ``mode = "rate"`` it
-steers: the stylus moves the faster the further the cap is pushed, and stands still when it is let go. With ``mode =
-"position"`` the stylus is displaced by as much, and comes back. A share of the travel in the middle counts as none, so
-that a cap at rest moves nothing.
+Springs hold the cap, which moves by only a millimetre or two, so its displacement is not the stylus position. With
+``mode = "rate"`` the cap controls velocity: the further it is pushed, the faster the stylus moves; on release the
+stylus stops. With ``mode = "position"`` the cap's displacement is scaled to that of the stylus. A dead zone in the
+middle keeps a resting cap from moving the stylus.
 
-Reports are read through hidapi, all that have come, at each reading. Their axes are x right, y towards the person and z
-down, and so are put into the scene's frame: out of the screen is y, right is x, up is z turned round. Rotations are not
-used. The protocol is that of PySpaceMouse's table of devices; see docs/how-to/spacemouse.md.
+Each reading takes all pending reports through hidapi. The axes of a report are x right, y towards the person and z
+down; they become y, x and inverted z of the scene's frame. Rotations are not used. The report format is that of
+PySpaceMouse's device table; see docs/how-to/spacemouse.md.
 """
 
 import contextlib
@@ -24,34 +24,34 @@ from netboard.devices.contract.device import Box, Device, DeviceInfo, Found, Rea
 from netboard.devices.contract.usb_ids import SPACEMOUSE
 
 FULL_SCALE = 350
-"""What an axis reports at the end of its travel, about [1]."""
+"""Approximate axis value at the end of the travel [1]."""
 
 MOTION, BUTTONS, LAMP = 1, 3, 4
-"""Reports: translation (of some models with rotation), buttons; and to the device, its lamp."""
+"""Report numbers: translation (with rotation on some models), buttons, and the lamp (output)."""
 
 MOTION_SIZE = 7
-"""A translation has so many bytes, with its number [B]."""
+"""Size of a translation report, with its number [B]."""
 
 BUTTON_BYTES = 4
-"""No model has more buttons than these hold [B]."""
+"""Largest size of the button mask of any model [B]."""
 
 LARGEST_REPORT = 64
-"""Room for a report [B]."""
+"""Buffer size for a report [B]."""
 
 MOST_REPORTS = 64
-"""Reports that are taken at one reading; a cap sends one or two in eight milliseconds [1]."""
+"""Limit of reports per reading; a cap sends one or two in eight milliseconds [1]."""
 
 MULTI_AXIS = (0x01, 0x08)
-"""HID usage of the interface that reports the cap, where hidapi knows usages at all."""
+"""HID usage of the cap's interface, on systems where hidapi reports usages."""
 
 CATCH_UP_NS = 50_000_000
-"""After a longer pause between two readings the stylus moves for only so much of it [ns]."""
+"""Longest simulated time per reading; a longer pause between readings is cut to this [ns]."""
 
 LET_GO_NS = 500_000_000
-"""A push that has not been reported again for so long has ended: a cap that is pushed keeps reporting [ns]."""
+"""Timeout after which a push counts as released; a pushed cap keeps reporting [ns]."""
 
 LAG = 0.02
-"""Time constant with which the stylus follows in position mode: reports come in steps [s]."""
+"""Time constant of the stylus in position mode, which smooths the steps of the reports [s]."""
 
 AT_REST = (0.0, 0.0, 0.0)
 Vector = tuple[float, float, float]
@@ -75,7 +75,7 @@ class Options:
 
 @final
 class SpaceMouse(Device):
-    """A SpaceMouse."""
+    """A SpaceMouse as a device."""
 
     def __init__(self, side: Side, config: Config) -> None:
         super().__init__(side, config)
@@ -85,12 +85,12 @@ class SpaceMouse(Device):
 
     @classmethod
     def present(cls, config: Config) -> tuple[Found, ...]:
-        """See that the library is there; what is plugged in, the USB tells as well as it does."""
+        """Check that the library is present; the USB listing already shows the devices."""
         _hidapi()
         return ()
 
     def _rest(self) -> None:
-        """Put the stylus into the middle, with the cap let go."""
+        """Centre the stylus, with the cap released."""
         self._push = self._place = AT_REST
         self._buttons = 0
         self._time_ns: int | None = None
@@ -127,7 +127,7 @@ class SpaceMouse(Device):
         )
 
     def _find(self, there: list[dict[str, Any]]) -> dict[str, Any]:
-        """Choose a device; a device with several interfaces is in the list several times."""
+        """Select a device; one with several interfaces appears several times in the list."""
         mice = [one for one in there if (one["vendor_id"], one["product_id"]) in SPACEMOUSE]
         caps = [one for one in mice if (one["usage_page"], one["usage"]) == MULTI_AXIS]
         mice = caps or [one for one in mice if one["usage_page"] == 0]
@@ -156,7 +156,7 @@ class SpaceMouse(Device):
         return Reading(now_ns, *self._place, vx, vy, vz, self._buttons, True)
 
     def _take(self, report: bytes, now_ns: int) -> None:
-        """Take what the device reports; what it reports besides is of no use here."""
+        """Process a report; ignore unknown ones."""
         if report[0] == MOTION and len(report) >= MOTION_SIZE:
             right, towards, down = (int.from_bytes(report[k : k + 2], "little", signed=True) for k in (1, 3, 5))
             self._push = (self._share(towards), self._share(right), self._share(-down))
@@ -165,14 +165,14 @@ class SpaceMouse(Device):
             self._buttons = int.from_bytes(report[1 : 1 + BUTTON_BYTES], "little")
 
     def _share(self, count: int) -> float:
-        """How far an axis is pushed, -1 to 1, beyond the dead zone and bent by expo."""
+        """Return the deflection of an axis, -1 to 1, after dead zone and expo curve."""
         dead, expo = self._options.dead_zone, self._options.expo
         push = min(abs(count) / FULL_SCALE, 1.0)
         beyond = max(push - dead, 0.0) / (1.0 - dead)
         return copysign((1.0 - expo) * beyond + expo * beyond**3, count)
 
     def _moved(self, now_ns: int) -> Vector:
-        """Move the stylus up to now; its velocity."""
+        """Advance the stylus to now and return its velocity."""
         dt = 0.0 if self._time_ns is None else min(max(now_ns - self._time_ns, 0), CATCH_UP_NS) * 1e-9
         self._time_ns = now_ns
         step = self._steer if self._options.mode == "rate" else self._follow
@@ -181,29 +181,29 @@ class SpaceMouse(Device):
         return vx, vy, vz
 
     def _steer(self, at: float, push: float, dt: float) -> tuple[float, float]:
-        """Move one axis at the speed of the push, to the wall of the workspace; where it is then, and its speed."""
+        """Move one axis at the commanded velocity, up to the workspace limit; return position and velocity."""
         wall = self._options.workspace
         speed = push * self._options.speed
         there = min(max(at + speed * dt, -wall), wall)
         return there, 0.0 if abs(there) == wall and there * speed > 0.0 else speed
 
     def _follow(self, at: float, push: float, dt: float) -> tuple[float, float]:
-        """Move one axis towards the displacement of the push; where it is then, and its speed."""
+        """Move one axis towards the commanded displacement; return position and velocity."""
         wall = self._options.workspace
         goal = min(max(push * self._options.reach, -wall), wall)
         there = goal + (at - goal) * exp(-dt / LAG)
         return there, (goal - there) / LAG
 
     def _write(self, fx: float, fy: float, fz: float) -> None:
-        """There are no motors."""
+        """Ignore the force: there are no motors."""
 
     def _close(self) -> None:
-        with contextlib.suppress(OSError):  # one that is gone has no lamp
+        with contextlib.suppress(OSError):  # a disconnected device has no lamp
             self._light(on=False)
         self._hid.close()
 
     def _light(self, on: bool) -> None:
-        """Switch the lamp; a model without one does not mind."""
+        """Switch the lamp; models without one ignore this."""
         if self._options.lamp:
             self._hid.write([LAMP, int(on)])
 
@@ -222,11 +222,11 @@ def _hidapi() -> Any:
 
 
 def _described(found: dict[str, Any]) -> str:
-    """Say which device this is, for whoever has to choose one."""
+    """Describe a device for an operator who has to select one."""
     name = SPACEMOUSE[found["vendor_id"], found["product_id"]]
     return f"{name}, serial {found['serial_number']!r}, path {_path_of(found)!r}"
 
 
 def _path_of(found: dict[str, Any]) -> str:
-    """Path of a device as text."""
+    """Return the path of a device as text."""
     return bytes(found["path"]).decode(errors="replace")

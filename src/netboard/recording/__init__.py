@@ -1,7 +1,8 @@
-"""Recordings: written, read, recovered, checked, replayed, exported and imported.
+"""Recording wing: write, read, recover, check, replay, export and import recordings.
 
-Open `format/FORMAT.md`, then `files/reader.py` (`Recording`): streams as arrays. `recovery` makes whole recordings of
-broken ones, `integrity` proves that a recording is complete and bit-exact, `replay` moves through one in time,
-`counterfactual` replays the hands against another scene. Files are written once, under a `.part` name until they are
-whole, and never overwritten. This wing knows no socket, no session that runs, and no analysis.
+Start with `format/FORMAT.md`, then `files/reader.py` (`Recording`), which gives each stream as an array. `recovery`
+rebuilds complete recordings from broken ones. `integrity` checks that a recording is complete and bit-exact. `replay`
+moves through a recording in time; `counterfactual` replays the recorded hand movements in another scene. A file keeps
+the suffix ``.part`` until it is complete, and is never overwritten. This wing knows no sockets, no live session and no
+analysis.
 """

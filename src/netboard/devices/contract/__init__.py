@@ -1,1 +1,1 @@
-"""The device interface, the registry of backends, USB identification, profiles, and velocity from encoder positions."""
+"""The device interface, the backend registry, USB ids, device profiles and velocity estimators."""

@@ -1,10 +1,10 @@
-"""What every haptic device is to netboard: open, read, write, close.
+"""The interface of every haptic device: open, read, write, close.
 
-Rule 1: a backend implements the four ``_`` methods in its device's own frame; everything else is decided here, once.
-Rule 2: positions handed out are in the scene's frame (x out of the screen, y right, z up), in SI units: moved and
-scaled as the profile of the device says, if it has one, then lowered by the agent's ``zero``.
-Rule 3: zero force is written before a device is released, on every path, and `Device.close` may be called twice.
-Rule 4: a device limits nothing but what its motors cannot give; the limits that protect people are in
+Rule 1: a backend implements the four ``_`` methods in its device's own frame; this module decides everything else.
+Rule 2: `Device.read` returns positions in the scene's frame (x out of the screen, y right, z up), in SI units. They are
+shifted and scaled by the device's profile, if it has one, then lowered by the agent's ``zero``.
+Rule 3: zero force is written before a device is released, on every path. `Device.close` may be called twice.
+Rule 4: a device limits forces only to what its motors can deliver; the limits that protect people are in
 `netboard.devices.safety.chain`.
 """
 
@@ -25,14 +25,14 @@ O = TypeVar("O")  # noqa: E741
 
 
 class Box(NamedTuple):
-    """Part of space in which a stylus is used, in the scene's frame.
+    """Box-shaped workspace of a stylus, in the scene's frame.
 
     Attributes
     ----------
     x_min, y_min, z_min : float
-        Its near, left, lower corner: out of the screen, right, up [m].
+        Near, left, lower corner: out of the screen, right, up [m].
     x_max, y_max, z_max : float
-        The opposite one [m].
+        Opposite corner [m].
     """
 
     x_min: float
@@ -43,25 +43,25 @@ class Box(NamedTuple):
     z_max: float
 
     def holds(self, x: float, y: float, z: float) -> bool:
-        """Whether a point is in it; one that is no number is not."""
+        """Return True if the point is inside; NaN coordinates never are."""
         return self.x_min <= x <= self.x_max and self.y_min <= y <= self.y_max and self.z_min <= z <= self.z_max
 
     def within(self, other: "Box | None") -> "Box":
-        """Make the part of it that is in another one too; None stands for all of space."""
+        """Return the intersection with another box; None stands for all of space."""
         if other is None:
             return self
         return Box(*map(max, self[:3], other[:3]), *map(min, self[3:], other[3:]))
 
 
 class Found(NamedTuple):
-    """A device that is there, whether or not it is open.
+    """A connected device, open or not.
 
     Attributes
     ----------
     model : str
-        Maker's name of it.
+        Manufacturer's name of the model.
     serial : str
-        Serial number, empty if it cannot be told without opening the device.
+        Serial number; empty if reading it would require opening the device.
     """
 
     model: str
@@ -70,30 +70,30 @@ class Found(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class DeviceInfo:
-    """What a device says of itself.
+    """Properties of a device.
 
     Attributes
     ----------
     model : str
-        Maker's name of it.
+        Manufacturer's name of the model.
     serial : str
-        Serial number, by which the two devices of a rig are told apart.
+        Serial number, which tells the two devices of a rig apart.
     max_force : float
-        Largest force the motors give for a short time, 0 for a device that cannot be felt [N].
+        Peak force of the motors; 0 for a device without haptic feedback [N].
     continuous_force : float
-        Largest force they give for ever [N].
+        Force that the motors can deliver continuously [N].
     resolution : float
-        Smallest change of position it can tell, 0 for none known [m].
+        Smallest measurable change of position; 0 if unknown [m].
     workspace : Box or None
-        Where its forces can be trusted, counted from the device's own origin; None if it does not say. Once it is open:
-        inside of what its profile says.
+        Region in which forces are reliable, relative to the device's own origin; None if unknown. For an open device:
+        intersected with the workspace in its profile.
     details : mapping of str to str
-        Whatever else it says that is worth recording, such as its firmware, with units. Once it is open: with what of
-        its profile is in force.
+        Other properties worth recording, such as the firmware, with units. For an open device: includes the profile in
+        force.
     mass : float or None
-        Apparent mass at the stylus, if its profile knows it [kg].
+        Apparent mass at the stylus, if the profile has it [kg].
     damping : float or None
-        Viscous damping of its mechanism, likewise [N s/m].
+        Viscous damping of the mechanism, if the profile has it [N s/m].
     """
 
     model: str
@@ -108,20 +108,20 @@ class DeviceInfo:
 
 
 class Reading(NamedTuple):
-    """One reading of a stylus.
+    """One sample of a stylus.
 
     Attributes
     ----------
     stamp_ns : int
-        Time the position belongs to, on the clock of the ``now_ns`` handed in [ns].
+        Time of the position, on the clock of the ``now_ns`` argument [ns].
     x, y, z : float
         Position: out of the screen, right, up [m].
     vx, vy, vz : float
-        Velocity, as the device or its backend estimates it [m/s].
+        Velocity, as estimated by the device or its backend [m/s].
     buttons : int
         Bit mask of pressed buttons [1].
     ready : bool
-        True if forces may be rendered: calibrated, taken in hand, inside the usable workspace.
+        True if forces may be rendered: the device is calibrated, held by a hand and inside the usable workspace.
     """
 
     stamp_ns: int
@@ -136,19 +136,19 @@ class Reading(NamedTuple):
 
 
 class Device(ABC):
-    """One haptic device. Backends derive from this class and are final themselves.
+    """A haptic device. Backends derive from this class and are final.
 
     Parameters
     ----------
     side : {"left", "right"}
-        Whose device it is.
+        Side of the device.
     config : Config
-        The whole configuration; ``config.agents.<side>.options`` is the backend's own.
+        The whole configuration; ``config.agents.<side>.options`` belongs to the backend.
 
     Attributes
     ----------
     profile : Profile or None
-        What has been measured of it; None until it is open, and for a device that has none.
+        Measured properties of the device; None before `open`, and for a device without a profile.
     """
 
     def __init__(self, side: Side, config: Config) -> None:
@@ -162,24 +162,24 @@ class Device(ABC):
 
     @final
     def read_options(self, cls: type[O]) -> O:
-        """Read the backend's own options, ``agents.<side>.options`` of the configuration.
+        """Read the backend's own options, ``agents.<side>.options`` in the configuration.
 
         Parameters
         ----------
         cls : type
-            Frozen dataclass whose fields are annotated with `netboard.base.settings.about`; by convention the class
-            ``Options`` of the backend's module, from which the documentation is made.
+            Frozen dataclass whose fields are annotated with `netboard.base.settings.about`. By convention it is the
+            class ``Options`` of the backend's module, from which the documentation is generated.
 
         Raises
         ------
         ConfigError
-            If an option is unknown, of the wrong type or out of range.
+            If an option is unknown, has the wrong type or is out of range.
         """
         return settings.check(cls, dict(self.agent.options), ("agents", self.side, "options"))
 
     @classmethod
     def present(cls, config: Config) -> tuple[Found, ...]:
-        """Tell which of its devices the backend's own library shows; no force is rendered.
+        """List the connected devices that the backend's own library shows, without rendering force.
 
         Parameters
         ----------
@@ -189,38 +189,38 @@ class Device(ABC):
         Returns
         -------
         tuple of Found
-            Empty for a backend that cannot tell more than the USB does.
+            Empty for a backend that knows no more than the USB listing.
 
         Raises
         ------
         DeviceError
-            If its library is not there, or does not answer.
+            If the library is missing or does not answer.
         """
         return ()
 
     @final
     def open(self, *, placed: bool = True) -> DeviceInfo:
-        """Find the device and start it, with no force; read its profile.
+        """Find the device, start it with zero force and read its profile.
 
         Parameters
         ----------
         placed : bool
-            False: readings stay in the device's own frame, and the profile's workspace does not count. For those who
-            measure the device.
+            False: readings stay in the device's own frame, and the profile's workspace is ignored. For calibration and
+            identification.
 
         Returns
         -------
         DeviceInfo
-            What it says of itself.
+            Properties of the device.
 
         Raises
         ------
         DeviceNotFound
-            If it is not there, or its driver is not.
+            If the device or its driver is missing.
         ConfigError
-            If its profile cannot be read.
+            If its profile is invalid.
         ValueError
-            If it is open already.
+            If the device is open already.
         """
         if self._info is not None:
             raise ValueError("the device is open already")
@@ -238,7 +238,7 @@ class Device(ABC):
     @property
     @final
     def info(self) -> DeviceInfo:
-        """What the open device says of itself.
+        """Properties of the open device.
 
         Raises
         ------
@@ -251,22 +251,22 @@ class Device(ABC):
 
     @final
     def read(self, now_ns: int) -> Reading:
-        """Where the stylus is.
+        """Return the current sample of the stylus.
 
         Parameters
         ----------
         now_ns : int
-            The time [ns].
+            Current time [ns].
 
         Returns
         -------
         Reading
-            In the scene's frame.
+            Sample in the scene's frame.
 
         Raises
         ------
         DeviceLost, DeviceTimeout
-            If it does not answer.
+            If the device does not answer.
         ValueError
             If the device is closed.
         """
@@ -287,7 +287,7 @@ class Device(ABC):
 
     @final
     def write(self, fx: float, fy: float, fz: float) -> None:
-        """Set the force on the hand, to be held until the next one.
+        """Set the force on the hand; the device holds it until the next call.
 
         Parameters
         ----------
@@ -297,28 +297,29 @@ class Device(ABC):
         Raises
         ------
         DeviceLost, DeviceTimeout
-            If the device does not take it.
+            If the device does not accept the force.
         ValueError
             If the device is closed or a force is not finite.
         """
         if self._info is None:
             raise ValueError("no force can be written to a closed device")
+        # One test for all three: a NaN or an infinity makes the sum non-finite.
         if not isfinite(fx + fy + fz):
             raise ValueError(f"not a force: ({fx}, {fy}, {fz})")
         self._write(fx, fy, fz)
 
     @final
     def close(self) -> None:
-        """Write zero force and release the device; nothing happens if that has been done.
+        """Write zero force and release the device; do nothing if it is closed.
 
         Raises
         ------
         DeviceLost, DeviceTimeout
-            If the device did not take the zero force; it is released all the same.
+            If the device did not accept the zero force; it is released nevertheless.
         """
         if self._info is None:
             return
-        self._info = None
+        self._info = None  # first, so that a second call does nothing even if the write fails
         try:
             self._write(0.0, 0.0, 0.0)
         finally:
@@ -334,23 +335,23 @@ class Device(ABC):
 
     @abstractmethod
     def _open(self) -> DeviceInfo:
-        """Find and start the device; leave nothing behind if that fails."""
+        """Find and start the device; on failure, release everything."""
 
     @abstractmethod
     def _read(self, now_ns: int) -> Reading:
-        """Read the open device; z counts from the device's own origin."""
+        """Read the open device, in its own frame."""
 
     @abstractmethod
     def _write(self, fx: float, fy: float, fz: float) -> None:
-        """Set the force of the motors, limited to what they can give [N]."""
+        """Set the motor force, limited to what the motors can deliver [N]."""
 
     @abstractmethod
     def _close(self) -> None:
-        """Release the device; its force is zero already, if it could be reached."""
+        """Release the device; its force is already zero unless it was unreachable."""
 
 
 def _restricted(info: DeviceInfo, known: Profile | None) -> DeviceInfo:
-    """Put what a profile says into what a device says of itself."""
+    """Add the properties in a profile to those of the device."""
     if known is None:
         return info
     workspace, like = Box(*known.placement.box).within(info.workspace), known.mechanics
@@ -360,7 +361,7 @@ def _restricted(info: DeviceInfo, known: Profile | None) -> DeviceInfo:
 
 
 def _mapped(reading: Reading, place: profile.Placement) -> Reading:
-    """Bring a reading from the device's own frame to the scene's."""
+    """Transform a reading from the device's own frame to the scene's."""
     s = place.scale
     return reading._replace(
         x=(reading.x - place.zero_x) * s,

@@ -1,12 +1,12 @@
-"""More ways to velocity from encoder positions, beside adaptive windowing: what other systems do, to compare with.
+"""Velocity estimators of other systems, for comparison with adaptive windowing.
 
-A difference is quick and rough. CHAI3D's window of 15 ms is smooth and 7.5 ms late; who repeats an experiment that was
-made with CHAI3D damps with it. An alpha-beta filter forgets by the sample instead, and a Kalman filter with constant
-acceleration has no lag where the speed changes evenly. What each costs and gains: docs/explanation/velocity.md.
+A first difference is fast and noisy. CHAI3D's window of 15 ms is smooth but 7.5 ms late; choose it to reproduce an
+experiment that used CHAI3D. An alpha-beta filter has exponential memory, and a Kalman filter with constant acceleration
+has no lag while the acceleration is constant. docs/explanation/velocity.md compares their costs and benefits.
 
-Rule 1: the first position gives no velocity, the second one the slope between the two.
-Rule 2: a position whose stamp is not later than that of the newest takes its place.
-Rule 3: after a gap longer than `GAP_NS` a filter starts anew, from the slope over the gap.
+Rule 1: the first position gives zero velocity, the second one the slope between the two.
+Rule 2: a position whose time stamp is not later than the newest one replaces it.
+Rule 3: after a gap longer than `GAP_NS` a filter restarts from the slope over the gap.
 """
 
 from typing import final
@@ -21,37 +21,39 @@ WINDOW_NS = 15_000_000
 """CHAI3D's window [ns]."""
 
 CAPACITY = 64
-"""Positions a window can hold: enough for a reading every 0.25 ms [1]."""
+"""Capacity of the window in positions: enough for a reading every 0.25 ms [1]."""
 
 GAP_NS = 20_000_000
-"""A longer time between two positions is too long for a filter to predict over [ns]."""
+"""Longest gap over which a filter predicts [ns]."""
 
 SHORTEST = 0.5 * TICK_SECONDS
-"""Two positions that are closer together correct a filter as if they were so far apart: an encoder step within a few
-microseconds is no speed [s]."""
+"""Shortest sample interval in a filter's correction [s].
+
+An encoder step within a few microseconds is not a velocity.
+"""
 
 FORGET = 0.6
-"""What an alpha-beta filter leaves of an error from one sample to the next, in position and in velocity [1]."""
+"""Fraction of an error that an alpha-beta filter keeps from one sample to the next, in position and velocity [1]."""
 
 JERK = 100.0
-"""Spectral density of a hand's jerk that the Kalman filter reckons with: some 20 m/s3 for 0.1 s [m2/s5]."""
+"""Spectral density of the hand's jerk in the Kalman filter: some 20 m/s3 for 0.1 s [m2/s5]."""
 
 FINEST = 1e-6
-"""Smallest encoder step that the Kalman filter reckons with [m]."""
+"""Smallest encoder step that the Kalman filter assumes [m]."""
 
 _MOTION = np.array([[1.0, 1.0, 0.5], [0.0, 1.0, 1.0], [0.0, 0.0, 1.0]])
-"""A tick of movement with constant acceleration: position, velocity and acceleration, all in metres per tick."""
+"""State transition of one tick at constant acceleration, with all states in metres per tick."""
 
 _STIR = np.array([[1 / 20, 1 / 8, 1 / 6], [1 / 8, 1 / 3, 1 / 2], [1 / 6, 1 / 2, 1.0]])
-"""Covariance of what white jerk of density 1 makes of that in a tick."""
+"""Process noise covariance of one tick for white jerk of density 1."""
 
 
 @final
 class Window:
-    """Slope over a fixed window: the newest position less the one at its far end.
+    """Slope over a fixed window, from its oldest position to the newest.
 
-    The far end is the newest position that is at least `span_ns` older, or the oldest one there is. With a span of no
-    time it is the position before: a first difference.
+    The window starts at the newest position that is at least `span_ns` older than the latest, or at the oldest stored
+    one. With a span of 0 it starts at the previous position, which gives a first difference.
 
     Parameters
     ----------
@@ -66,12 +68,12 @@ class Window:
         self._count = 0
 
     def update(self, stamp_ns: int, x: float, y: float, z: float) -> tuple[float, float, float]:
-        """Take a position and estimate the velocity.
+        """Add a position and return the velocity estimate.
 
         Parameters
         ----------
         stamp_ns : int
-            When the position was read; one not later than the newest known replaces it [ns].
+            Time of the position; one not later than the newest replaces it [ns].
         """
         self._count, vx, vy, vz = _windowed(
             self._stamps_ns, self._places, self._count, self._span_ns, stamp_ns, (x, y, z)
@@ -88,7 +90,7 @@ def _windowed(
     stamp_ns: int,
     place: tuple[float, ...],
 ) -> tuple[int, float, float, float]:
-    """Take a position into the ring; how many were taken, and the slope over the window along each axis."""
+    """Add a position to the ring buffer; return the number of positions and the slope along each axis."""
     size = len(stamps)
     last = (count - 1) % size
     if count == 0 or stamp_ns > stamps[last]:
@@ -109,15 +111,15 @@ def _windowed(
 
 @final
 class Observer:
-    """A filter that predicts with constant acceleration and corrects by gains: alpha-beta-gamma.
+    """Alpha-beta-gamma filter: predicts with constant acceleration and corrects by fixed gains.
 
-    Its memory is counted in samples: gains are shares of what the prediction missed, whatever the time between two.
+    Its memory is a number of samples, not a duration: the gains do not depend on the sample interval.
 
     Parameters
     ----------
     gains : tuple of float
-        Share of what was missed that goes into position, velocity and acceleration, over one, the first and the second
-        power of the time between two samples; the last may be 0, for a constant velocity [1].
+        Fractions of the prediction error added to position, velocity and acceleration; the last two are divided by the
+        sample interval and its square. The last gain may be 0, for constant velocity [1].
     """
 
     def __init__(self, gains: tuple[float, float, float]) -> None:
@@ -127,12 +129,12 @@ class Observer:
         self._count = 0
 
     def update(self, stamp_ns: int, x: float, y: float, z: float) -> tuple[float, float, float]:
-        """Take a position and estimate the velocity.
+        """Add a position and return the velocity estimate.
 
         Parameters
         ----------
         stamp_ns : int
-            When the position was read; one not later than the newest known replaces it [ns].
+            Time of the position; one not later than the newest replaces it [ns].
         """
         self._count, vx, vy, vz = _observed(
             self._stamps_ns, self._states, self._count, self._gains, stamp_ns, (x, y, z)
@@ -149,7 +151,7 @@ def _observed(
     stamp_ns: int,
     place: tuple[float, ...],
 ) -> tuple[int, float, float, float]:
-    """Predict from the state before (row 0) and correct into the one now (row 1); how many positions there were."""
+    """Predict from the previous state (row 0), correct into the current one (row 1); return the count and velocity."""
     if count == 0 or stamp_ns > stamps[1]:
         stamps[0], states[0] = stamps[1], states[1]
         stamps[1] = stamp_ns
@@ -172,28 +174,28 @@ def _observed(
 
 
 def alpha_beta_gains(forget: float = FORGET) -> tuple[float, float, float]:
-    """Gains of an alpha-beta filter that forgets position and velocity alike (critically damped).
+    """Return the gains of a critically damped alpha-beta filter.
 
-    In the steady state of a constant acceleration its velocity is ``alpha / beta - 1/2`` samples late.
+    Under constant acceleration its velocity estimate lags by ``alpha / beta - 1/2`` samples.
 
     Parameters
     ----------
     forget : float
-        What it leaves of an error from one sample to the next [1].
+        Fraction of an error that remains after one sample [1].
     """
     return 1.0 - forget * forget, (1.0 - forget) ** 2, 0.0
 
 
 def kalman_gains(resolution: float, jerk: float = JERK) -> tuple[float, float, float]:
-    """Gains of the steady Kalman filter for constant acceleration, white jerk and a reading each tick.
+    """Return the steady-state gains of a Kalman filter for constant acceleration, white jerk and one reading per tick.
 
-    What an encoder step hides counts as white noise of variance ``resolution**2 / 12``. The Riccati equation is
-    iterated until it no longer moves.
+    Quantisation by the encoder counts as white noise of variance ``resolution**2 / 12``. The Riccati equation is
+    iterated to convergence.
 
     Parameters
     ----------
     resolution : float
-        Size of one encoder step, 0 for none; at least `FINEST` is reckoned with [m].
+        Size of one encoder step, 0 for none; `FINEST` is the lower bound [m].
     """
     hidden = max(resolution, FINEST) ** 2 / 12.0
     stir = jerk * TICK_SECONDS**5 / hidden * _STIR
@@ -208,20 +210,20 @@ def kalman_gains(resolution: float, jerk: float = JERK) -> tuple[float, float, f
 
 
 def difference() -> Window:
-    """First difference: the newest position less the one before."""
+    """Return a first-difference estimator: the slope between the last two positions."""
     return Window(0)
 
 
 def chai3d() -> Window:
-    """CHAI3D's estimate."""
+    """Return CHAI3D's estimator."""
     return Window(WINDOW_NS)
 
 
 def alpha_beta() -> Observer:
-    """An alpha-beta filter."""
+    """Return an alpha-beta filter."""
     return Observer(alpha_beta_gains())
 
 
 def kalman(resolution: float) -> Observer:
-    """The steady Kalman filter of a device."""
+    """Return the steady-state Kalman filter for a device."""
     return Observer(kalman_gains(resolution))

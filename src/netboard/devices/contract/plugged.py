@@ -1,7 +1,7 @@
-"""What pyusb and hidapi show of the devices that are plugged in: presence only; nothing is opened.
+"""Connected devices as seen by pyusb and hidapi: presence only; no device is opened.
 
-On Linux /sys tells more than both (see `netboard.devices.setup.listing`); elsewhere they are all there is. Either may
-be missing. Serial numbers come from hidapi alone: to read one, pyusb would have to open the device.
+On Linux, /sys gives more details (see `netboard.devices.setup.listing`); on other systems these libraries are the only
+source. Either may be missing. Serial numbers come from hidapi only, because pyusb would have to open the device.
 """
 
 import sys
@@ -13,12 +13,12 @@ from netboard.base.errors import DeviceNotFound
 
 
 class Plugged(NamedTuple):
-    """A device that is plugged in.
+    """A connected device.
 
     Attributes
     ----------
     place : str
-        Where it is plugged in, in the words of who found it.
+        Connection, as named by the library that found it.
     """
 
     vendor: str
@@ -28,7 +28,7 @@ class Plugged(NamedTuple):
 
 
 def by_pyusb() -> tuple[Plugged, ...]:
-    """Tell what is on the USB."""
+    """List the devices on the USB."""
     core = _library("usb.core", "pyusb")
     try:
         devices = tuple(core.find(find_all=True))
@@ -43,21 +43,21 @@ def by_pyusb() -> tuple[Plugged, ...]:
 
 
 def by_hidapi() -> tuple[Plugged, ...]:
-    """Tell which HID devices there are, each once."""
-    # On Linux the module hid goes through libusb and opens every device to read its name; hidraw asks udev.
+    """List the HID devices, each once."""
+    # On Linux the module hid uses libusb and opens every device to read its name; hidraw asks udev.
     module = _library("hidraw" if sys.platform == "linux" else "hid", "hidapi")
     return tuple(dict.fromkeys(_hid_devices(module)))
 
 
 def _hid_devices(module: Any) -> Iterator[Plugged]:
-    """All interfaces of all devices, by their devices."""
+    """Yield a device for each HID interface."""
     for each in module.enumerate():
         serial = each.get("serial_number") or ""
         yield Plugged(f"{each['vendor_id']:04x}", f"{each['product_id']:04x}", serial, "HID")
 
 
 def _library(module: str, package: str) -> Any:
-    """Import what may be missing."""
+    """Import an optional library."""
     try:
         return import_module(module)
     except (ImportError, OSError) as error:

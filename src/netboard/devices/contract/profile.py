@@ -1,10 +1,10 @@
-"""What has been measured of one device: its mechanics, and how its own frame becomes the scene's.
+"""Device profiles: measured mechanics of a device, and the transform from its own frame to the scene's.
 
-A profile belongs to a serial number, not to a side: it stays true when the two devices of a rig change places. It is a
-TOML file in the folder ``agents.profiles``, named after the serial number, written by ``netboard devices identify`` and
-``netboard devices calibrate`` and read whenever the device is opened. A device without a profile is taken as it is.
+A profile belongs to a serial number, not to a side, so it stays valid when two devices swap places. It is a TOML file
+in the folder ``agents.profiles``, named after the serial number. ``netboard devices identify`` and ``netboard devices
+calibrate`` write it, and it is read whenever the device is opened. A device without a profile is used unchanged.
 
-A file is never half written: the new text goes to another name first, and the file before it is kept as ``.bak``.
+Files are replaced atomically: the new text goes to a temporary name first. The previous file is kept as ``.bak``.
 """
 
 import os
@@ -21,12 +21,12 @@ from netboard.base.errors import ConfigError
 from netboard.base.settings import NO_EXTRAS, about, read, write
 
 REACH = 1.0
-"""No device's workspace reaches further from its origin [m]."""
+"""Upper bound for the distance of any workspace from the device's origin [m]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Identity:
-    """Whose profile it is."""
+    """Identity of the profiled device."""
 
     __pydantic_config__ = NO_EXTRAS
     model: Annotated[str, about("maker's name of the device")] = ""
@@ -35,7 +35,7 @@ class Identity:
 
 @dataclass(frozen=True, slots=True)
 class Mechanics:
-    """What the hand feels of the device when its motors rest, with half the width of the 95 % confidence intervals."""
+    """Mechanics that the hand feels with the motors off, with half-widths of the 95 % confidence intervals."""
 
     __pydantic_config__ = NO_EXTRAS
     mass: Annotated[float, about("apparent mass at the stylus", "kg", ge=0)] = 0.0
@@ -49,7 +49,7 @@ class Mechanics:
 
 @dataclass(frozen=True, slots=True)
 class Placement:
-    """How the device's own frame becomes the scene's: scene = (device - zero) * scale, inside the box."""
+    """Transform from the device's own frame to the scene's: scene = (device - zero) * scale, inside the box."""
 
     __pydantic_config__ = NO_EXTRAS
     zero_x: Annotated[float, about("the scene's origin, out of the screen", "m", ge=-REACH, le=REACH)] = 0.0
@@ -66,13 +66,13 @@ class Placement:
 
     @property
     def box(self) -> tuple[float, float, float, float, float, float]:
-        """The workspace: least x, y, z, then the largest ones [m]."""
+        """Workspace: minimum x, y, z, then maximum x, y, z [m]."""
         return self.x_min, self.y_min, self.z_min, self.x_max, self.y_max, self.z_max
 
 
 @dataclass(frozen=True, slots=True)
 class Profile:
-    """What is known of one device, all positions in its own frame: x out of the screen, y right, z up."""
+    """Profile of one device. All positions are in the device's frame: x out of the screen, y right, z up."""
 
     __pydantic_config__ = NO_EXTRAS
     device: Identity = field(default_factory=Identity)
@@ -84,24 +84,24 @@ ADAPTER: TypeAdapter[Profile] = TypeAdapter(Profile)
 
 
 def file_of(folder: Path, serial: str) -> Path:
-    """File of a device's profile: another one for every serial number, whatever its characters."""
+    """Return the path of a device's profile; serial numbers with any characters map to distinct files."""
     return folder / f"{quote(serial, safe='')}.toml"
 
 
 def parse(text: str, source: str) -> Profile:
-    """Read a profile.
+    """Parse a profile.
 
     Parameters
     ----------
     text : str
         TOML text.
     source : str
-        Name of the file, for error messages.
+        File name, for error messages.
 
     Raises
     ------
     ConfigError
-        If a key is unknown or wrong, an end of the workspace is beyond its other end, or the zero is not within it.
+        If a key is unknown or wrong, a lower bound of the workspace exceeds its upper bound, or the zero is outside.
     """
     profile = read(ADAPTER, Profile, text, source)
     for axis in ("x", "y", "z"):
@@ -118,24 +118,24 @@ def parse(text: str, source: str) -> Profile:
 
 
 def load(folder: Path, serial: str) -> Profile | None:
-    """Read the profile of a device.
+    """Load the profile of a device.
 
     Parameters
     ----------
     folder : Path
-        Where profiles are.
+        Folder of the profiles.
     serial : str
-        The device's serial number.
+        Serial number of the device.
 
     Returns
     -------
     Profile or None
-        None if it has none.
+        None if the device has no profile.
 
     Raises
     ------
     ConfigError
-        If the file cannot be read, is wrong, or belongs to another device.
+        If the file is unreadable or invalid, or belongs to another device.
     """
     path = file_of(folder, serial)
     try:
@@ -153,26 +153,26 @@ def load(folder: Path, serial: str) -> Profile | None:
 
 
 def save(folder: Path, profile: Profile, *, replace: bool = False) -> Path:
-    """Write the profile of a device.
+    """Save the profile of a device.
 
     Parameters
     ----------
     folder : Path
-        Where profiles are; made if it is not there.
+        Folder of the profiles; created if missing.
     profile : Profile
-        What to write.
+        Profile to save.
     replace : bool
-        Keep nothing of the profile before; otherwise it is kept beside the new one, as ``.bak``.
+        Replace the previous profile without keeping it as ``.bak``.
 
     Returns
     -------
     Path
-        The file.
+        Path of the file.
 
     Raises
     ------
     ConfigError
-        If what is to be written is no valid profile, or cannot be written.
+        If the profile is invalid or the file cannot be written.
     """
     path = file_of(folder, profile.device.serial)
     text = write(profile)
@@ -193,7 +193,7 @@ def save(folder: Path, profile: Profile, *, replace: bool = False) -> Path:
 
 
 def in_words(profile: Profile) -> Mapping[str, str]:
-    """Say what of a profile is in force, with units, for the record.
+    """Describe the values in force of a profile, with units, for the recording's metadata.
 
     Parameters
     ----------

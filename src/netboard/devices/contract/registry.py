@@ -1,7 +1,7 @@
-"""From the name of a backend in the configuration to its class.
+"""Registry of backends: from a name in the configuration to a class.
 
-A backend is imported only when it is asked for, so a missing vendor library matters only to those who use it. Other
-packages add theirs to the entry-point group ``netboard.devices``.
+A backend is imported only when it is used, so a missing vendor library does not affect the others. Other packages
+register backends in the entry-point group ``netboard.devices``.
 """
 
 from importlib import import_module
@@ -22,16 +22,16 @@ BACKENDS = {
     "spacemouse": "netboard.devices.spacemouse:SpaceMouse",
     "virtual": "netboard.devices.simulated.virtual:VirtualTouch",
 }
-"""Backends that come with netboard: name to module and class."""
+"""Built-in backends: name to module and class."""
 
 
 def names() -> tuple[str, ...]:
-    """Names of all backends there are, sorted."""
+    """Return the names of all backends, sorted."""
     return tuple(sorted({*BACKENDS, *_plugins()}))
 
 
 def find(name: str) -> type[Device]:
-    """Class of a backend."""
+    """Return the class of a backend."""
     plugins = _plugins()
     if name not in BACKENDS and name not in plugins:
         raise DeviceNotFound(f"there is no device backend {name!r}; there are: {', '.join(names())}")
@@ -47,7 +47,7 @@ def find(name: str) -> type[Device]:
 
 
 def make(side: Side, config: Config) -> Device:
-    """Device of one side, not yet open."""
+    """Create the device of one side, not yet open."""
     agent = config.agents.left if side == "left" else config.agents.right
     return find(agent.device)(side, config)
 

@@ -1,11 +1,10 @@
-"""USB ids of the devices that people hold: what the backends look for and the doctor knows by name.
+"""USB ids of the supported devices, for the backends and the doctor.
 
-Everything that must know them reads them here; deploy/udev/70-netboard.rules, which cannot, has the same, and a test
-compares the two.
+deploy/udev/70-netboard.rules repeats these ids, because udev cannot import them; a test compares the two.
 """
 
 Ids = tuple[int, int]
-"""Vendor and product of a USB device."""
+"""Vendor and product id of a USB device."""
 
 TOUCH: dict[Ids, str] = {
     (0x2988, 0x0302): "Touch (USB)",
@@ -15,7 +14,7 @@ TOUCH: dict[Ids, str] = {
 """Devices of the Touch family."""
 
 FALCON: Ids = (0x0403, 0xCB48)
-"""The Novint Falcon, or rather the FTDI chip in it."""
+"""Novint Falcon (id of its FTDI chip)."""
 
 SPACEMOUSE: dict[Ids, str] = {
     (0x046D, 0xC625): "SpacePilot",
@@ -32,7 +31,7 @@ SPACEMOUSE: dict[Ids, str] = {
     (0x256F, 0xC641): "SpaceMouse USB",
     (0x256F, 0xC652): "SpaceMouse (Universal Receiver)",
 }
-"""3Dconnexion's devices with six axes."""
+"""3Dconnexion devices with six axes."""
 
 DEVICES: dict[Ids, str] = {**TOUCH, FALCON: "Falcon", **SPACEMOUSE}
-"""All of them."""
+"""All supported devices."""

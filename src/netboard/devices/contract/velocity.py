@@ -1,12 +1,13 @@
 """Velocity from encoder positions: first-order adaptive windowing (Janabi-Sharifi, Hayward, Chen 2000).
 
-The velocity is the slope from the newest position back to the oldest one for which all positions between lie within
-one encoder step of the straight line. So a fast movement is judged over few samples, with little delay, and a slow one
-over many, with little noise. The estimate is late by half the window it used. The longest window is a compromise: at
-1 kHz `SAMPLES` readings make a single encoder step of a Touch look like 7 mm/s, which no longer shakes the paper's
-light board, and the estimate is late by 4 ms at most, which leaves the virtual spring the delay it can stand (CHAI3D's
-15 ms window would halve that). The other kinds there are, for comparison, are in
-`netboard.devices.contract.estimators`.
+The velocity is the slope from the newest position back to the oldest one for which all positions in between lie within
+one encoder step of the straight line. Fast movements therefore use few samples, with little delay; slow ones use many,
+with little noise. The estimate lags by half the window.
+
+The longest window is a compromise. At 1 kHz, `SAMPLES` readings turn a single encoder step of a Touch into 7 mm/s,
+which no longer shakes the paper's light board. The estimate is at most 4 ms late, which leaves the virtual coupling its
+delay margin (CHAI3D's 15 ms window would halve it). `netboard.devices.contract.estimators` has other estimators for
+comparison.
 """
 
 from collections.abc import Callable, Mapping
@@ -19,31 +20,31 @@ from numpy.typing import NDArray
 from netboard.devices.contract import estimators
 
 SAMPLES = 9
-"""Positions remembered, so one more than the longest window [1]."""
+"""Number of stored positions, one more than the intervals in the longest window [1]."""
 
 SLACK = 1.01
-"""Width of the band in encoder steps; a little more than one, for rounding [1]."""
+"""Width of the band in encoder steps, slightly more than one to allow for rounding [1]."""
 
 
 @numba.njit(cache=True)
 def slope(times: NDArray[np.float64], values: NDArray[np.float64], count: int, band: float) -> float:
-    """Slope over the longest window in which a straight line explains all values.
+    """Return the slope over the longest window in which a straight line fits all values.
 
     Parameters
     ----------
     times : ndarray, shape (n,)
-        When the values were read, newest first [s].
+        Sample times, newest first [s].
     values : ndarray, shape (n,)
-        What was read, newest first.
+        Sampled values, newest first.
     count : int
-        How many of them are there [1].
+        Number of valid samples [1].
     band : float
-        How far a value may be off the line, in the unit of the values.
+        Largest deviation from the line, in the unit of the values.
 
     Returns
     -------
     float
-        In the unit of the values per second; 0 with fewer than two values.
+        Slope, in the unit of the values per second; 0 with fewer than two values.
     """
     best = 0.0
     for last in range(1, count):
@@ -64,27 +65,27 @@ def taken(
     stamp_ns: int,
     place: tuple[float, ...],
 ) -> tuple[int, float, float, float]:
-    """Take a position into the memory; how many there are now, and the slope along each axis.
+    """Add a position to the stored ones; return their number and the slope along each axis.
 
     Parameters
     ----------
     stamps : ndarray of int64, shape (SAMPLES,)
-        When the positions were read, newest first [ns]; changed in place.
+        Sample times, newest first [ns]; changed in place.
     places : ndarray, shape (3, SAMPLES)
-        The positions [m]; changed in place.
+        Positions [m]; changed in place.
     count : int
-        How many of them are there [1].
+        Number of valid positions [1].
     band : float
-        How far a position may be off the line [m].
+        Largest deviation of a position from the line [m].
     stamp_ns : int
-        When the new one was read; one not later than the newest known replaces it [ns].
+        Time of the new position; one not later than the newest replaces it [ns].
     place : tuple of float
-        The new position x, y, z [m].
+        New position x, y, z [m].
 
     Returns
     -------
     tuple of int and float
-        How many positions there are now [1], and the velocity x, y, z [m/s].
+        Number of positions [1] and velocity x, y, z [m/s].
     """
     if count == 0 or stamp_ns > stamps[0]:
         for k in range(SAMPLES - 1, 0, -1):
@@ -101,14 +102,14 @@ def taken(
 
 
 class Estimator(Protocol):
-    """Makes velocities of positions."""
+    """Estimator of velocity from positions."""
 
     def update(self, stamp_ns: int, x: float, y: float, z: float) -> tuple[float, float, float]:
-        """Take a position and estimate the velocity [m/s]."""
+        """Add a position and return the velocity estimate [m/s]."""
 
 
 class Velocimeter:
-    """Velocity of a stylus from its positions.
+    """Adaptive-windowing estimator of stylus velocity.
 
     Parameters
     ----------
@@ -123,19 +124,19 @@ class Velocimeter:
         self._count = 0
 
     def update(self, stamp_ns: int, x: float, y: float, z: float) -> tuple[float, float, float]:
-        """Take a position and estimate the velocity.
+        """Add a position and return the velocity estimate.
 
         Parameters
         ----------
         stamp_ns : int
-            When the position was read; one not later than the newest known replaces it [ns].
+            Time of the position; one not later than the newest replaces it [ns].
         x, y, z : float
-            The position [m].
+            Position [m].
 
         Returns
         -------
         tuple of float
-            Velocity x, y, z; 0 before the second position [m/s].
+            Velocity x, y, z; 0 until the second position [m/s].
         """
         self._count, vx, vy, vz = taken(self._stamps_ns, self._places, self._count, self._band, stamp_ns, (x, y, z))
         return vx, vy, vz
@@ -148,22 +149,22 @@ KINDS: Mapping[str, Callable[[float], Estimator]] = {
     "alpha_beta": lambda resolution: estimators.alpha_beta(),
     "kalman": estimators.kalman,
 }
-"""What makes an estimator of each kind, for an encoder step."""
+"""Constructor of each kind of estimator, called with the encoder step [m]."""
 
 
 def make(kind: str, resolution: float) -> Estimator | None:
-    """Estimator of a kind that the configuration names.
+    """Create the estimator that the configuration names.
 
     Parameters
     ----------
     kind : str
-        As in ``agents.<side>.velocity``.
+        Value of ``agents.<side>.velocity``.
     resolution : float
         Size of one encoder step, 0 for none [m].
 
     Returns
     -------
     Estimator or None
-        None for ``device``: its own estimate stands.
+        None for ``device``, which uses the device's own estimate.
     """
     return None if kind == "device" else KINDS[kind](resolution)

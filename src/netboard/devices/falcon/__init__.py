@@ -1,1 +1,1 @@
-"""The Novint Falcon over USB, without its maker's driver."""
+"""The Novint Falcon over USB, without the manufacturer's driver."""

@@ -1,20 +1,20 @@
-"""Backend ``falcon``: the Novint Falcon over USB, without its maker's driver.
+"""Backend ``falcon``: the Novint Falcon over USB, without the manufacturer's driver.
 
-Written from what is known of its protocol and tried on a simulated one only; see docs/how-to/falcon.md.
+Written from published knowledge of the protocol and tested only on a simulated device; see docs/how-to/falcon.md.
 
-The scene's axes: out of the screen is the Falcon's z (towards the person), right its x, up its y; the origin is
-`netboard.devices.falcon.kinematics.CENTRE`. Each force is sent at once, and the Falcon's answer to it, with its
-encoders, is collected at the next reading; the reading's stamp is the time the frame was sent.
+Scene axes: out of the screen is the Falcon's z (towards the person), right its x, up its y. The origin is
+`netboard.devices.falcon.kinematics.CENTRE`. Each force is sent at once. The Falcon's answer, with its encoder counts,
+is read at the next reading, whose time stamp is the time at which the frame was sent.
 
-A motor's command is the torque about its arm's axis times `Options.torque_scale`, with its sign turned. 10000 per N m
-is the scale with which libnifalcon's authors got the commands of the maker's own library, which takes newtons; they
-capped a command at 4095, here `LARGEST_COMMAND`. Ten centimetres in front of the base that is a lateral force of 8.7
-to 8.9 N, and the maker promises 8.9 N (two pounds): so both are plausible, and a spring balance will tell. (The
-present libnifalcon has a limit of 30 N m instead, a command of 300000, which no frame can carry.) Where the cap is
-reached all three commands are scaled, so that the force keeps its direction.
+A motor command is the torque about its arm's axis times `Options.torque_scale`, with inverted sign. The scale of 10000
+per N m is the one with which libnifalcon's authors reproduced the commands of the manufacturer's library, which takes
+newtons. They capped a command at 4095, here `LARGEST_COMMAND`. Ten centimetres in front of the base this cap is a
+lateral force of 8.7 to 8.9 N; the manufacturer specifies 8.9 N (two pounds). Both values are therefore plausible, but
+need a test with a spring balance. (The present libnifalcon has a limit of 30 N m instead, a command of 300000, which no
+frame can carry.) If a command exceeds the cap, all three are scaled, so that the force keeps its direction.
 
-Until the grip has been pulled out and pushed in, its encoders do not know their zero: the lamp is red, the device is
-not ready, and gives no force.
+The encoders have no zero until the grip has been pulled out and pushed in. Until then the lamp is red, the device is
+not ready, and it renders no force.
 """
 
 import contextlib
@@ -35,16 +35,16 @@ from netboard.devices.falcon.serial_protocol import GREEN, HOME, RED, Answer, Li
 NAME = "Falcon"
 
 MAX_FORCE = 8.9
-"""What the maker promises: two pounds [N]."""
+"""Peak force that the manufacturer specifies: two pounds [N]."""
 
 ROUNDING = 0.01
-"""Whole commands may add so much to a force; the motors are asked for less by it [N]."""
+"""Margin for the rounding to whole commands; the motors render this much less than `MAX_FORCE` [N]."""
 
 CONTINUOUS_SHARE = 0.25
-"""Continuous to largest force: the maker gives none, this is a Touch's, rounded down [1]."""
+"""Ratio of continuous to peak force. The manufacturer specifies none; this is a Touch's, rounded down [1]."""
 
 LARGEST_COMMAND = 4095
-"""Largest command of a motor [1]."""
+"""Largest motor command [1]."""
 
 REST: Vector = (0.0, 0.0, 0.0)
 
@@ -63,7 +63,7 @@ class Options:
 
 @final
 class Falcon(Device):
-    """A Novint Falcon."""
+    """A Novint Falcon as a device."""
 
     def __init__(self, side: Side, config: Config) -> None:
         super().__init__(side, config)
@@ -72,7 +72,7 @@ class Falcon(Device):
 
     @classmethod
     def present(cls, config: Config) -> tuple[Found, ...]:
-        """See that the libraries are there; what is plugged in, the USB tells as well as they do."""
+        """Check that the libraries are present; the USB listing already shows the devices."""
         ftdi.plugged_in(FALCON)
         return ()
 
@@ -90,7 +90,7 @@ class Falcon(Device):
         return self._described(serial, loaded)
 
     def _start(self) -> None:
-        """Forget where the grip was, and ask for the first time."""
+        """Reset the grip's position and request the first answer."""
         self._force = REST
         self._place, self._angles = CENTRE, kinematics.inverse(CENTRE)
         self._encoders: tuple[int, int, int] | None = None
@@ -104,7 +104,7 @@ class Falcon(Device):
         self._locate(self._link.answer())
 
     def _warm(self) -> None:
-        """Compile (or load) what is used each millisecond, so that the first one is not late."""
+        """Compile (or load) the kernels of the 1 kHz loop, so that the first tick is not late."""
         kinematics.forward(self._angles, CENTRE)
         kinematics.torques(self._angles, CENTRE, REST)
         Velocimeter(self._resolution).update(0, *CENTRE)
@@ -150,7 +150,7 @@ class Falcon(Device):
             self._chip = None
 
     def _locate(self, answer: Answer) -> None:
-        """Take the encoders for what they mean; while they mean nothing the grip counts as where it was."""
+        """Compute the grip's position from the encoders; keep the previous one if they give no valid pose."""
         if answer.homed != self._homed:
             self._homed = answer.homed
             self._velocimeter = Velocimeter(self._resolution)
@@ -161,7 +161,7 @@ class Falcon(Device):
         self._ready = self._found and self._homed
 
     def _search(self, angles: Vector) -> bool:
-        """Find the grip, from where it was or else from the middle; False if no pose has such angles."""
+        """Find the grip, starting at the previous position, then at the centre; False if no pose fits."""
         for guess in (self._place, CENTRE):
             place = kinematics.forward(angles, guess)
             if isfinite(place[0]):
@@ -170,14 +170,14 @@ class Falcon(Device):
         return False
 
     def _ask(self) -> None:
-        """Send the force, and so ask for the encoders."""
+        """Send the force, which requests the encoders."""
         if self._ready:
             self._link.send(self._commands(), GREEN)
         else:
             self._link.send((0, 0, 0), RED if self._homed else RED | HOME)
 
     def _commands(self) -> tuple[int, int, int]:
-        """Return what the motors are told for the force to be felt where the grip is."""
+        """Return the motor commands that render the force at the grip's position."""
         size = hypot(*self._force)
         share = min(1.0, (MAX_FORCE - ROUNDING) / size) if size > 0.0 else 1.0
         a, b, c = kinematics.torques(self._angles, self._place, self._force)

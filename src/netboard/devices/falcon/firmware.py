@@ -1,7 +1,7 @@
-"""Loading the program into a Novint Falcon, which forgets it when it loses its power.
+"""Firmware upload to a Novint Falcon, which loses its firmware when powered off.
 
-The program is Novint's, and its licence lets nobody pass it on: whoever owns a Falcon has it on its disc, and names the
-file. The Falcon echoes each block. Loading is known to fail now and then, so it is tried up to `ATTEMPTS` times.
+The firmware belongs to Novint, and its licence forbids redistribution. Owners of a Falcon have it on their disc, and
+name the file in the options. The Falcon echoes each block. Uploads fail occasionally, so up to `ATTEMPTS` are made.
 """
 
 from pathlib import Path
@@ -11,34 +11,34 @@ from netboard.devices.falcon import ftdi
 from netboard.devices.falcon.serial_protocol import Link
 
 ATTEMPTS = 10
-"""Times that loading is tried [1]."""
+"""Largest number of uploads [1]."""
 
 LARGEST = 1_000_000
-"""A file larger than this is not the program [B]."""
+"""Largest plausible size of the firmware file [B]."""
 
 LATENCY_MS = 16
-"""Latency timer of the chip while loading [ms]."""
+"""Latency timer of the FTDI chip during upload [ms]."""
 
 PATIENCE_MS = 100
-"""Longest wait for a packet while loading [ms]."""
+"""Timeout of a packet during upload [ms]."""
 
 QUIET = 30
-"""Packets without a byte of the echo after which a block counts as lost [1]."""
+"""Number of packets without echo after which a block counts as lost [1]."""
 
 SLOW_BAUD = 0x4138
 """Divisor of 3 MHz for 9600 baud: 312.5."""
 
 LOADING_BAUD = 0x15
-"""Divisor of 3 MHz for about 140 kbaud, at which the program is sent."""
+"""Divisor of 3 MHz for about 140 kbaud, the rate of the upload."""
 
 CALL, REPLY = b"\n\x43\r", b"\n\x44\x2c\r"
-"""How the loader is called, and what it replies."""
+"""Call to the boot loader, and its reply."""
 
 CALLS = 100
-"""Times that it is called [1]."""
+"""Number of calls [1]."""
 
 READY = b"\x41"
-"""What is said before the program, and echoed."""
+"""Byte sent before the firmware, and echoed."""
 
 NO_FIRMWARE = (
     "the Falcon has no program in it: give the file with Novint's firmware as the option firmware; "
@@ -47,7 +47,7 @@ NO_FIRMWARE = (
 
 
 def image_of(name: str) -> bytes:
-    """Read the file with the program."""
+    """Read the firmware file."""
     try:
         image = Path(name).expanduser().read_bytes()
     except OSError as error:
@@ -58,7 +58,7 @@ def image_of(name: str) -> bytes:
 
 
 def ensure(chip: ftdi.Chip, link: Link, name: str) -> str:
-    """See to it that the program runs."""
+    """Make sure that the firmware runs, and return how it was loaded."""
     chip.purge()
     link.begin()
     if link.is_answered():
@@ -76,7 +76,7 @@ def ensure(chip: ftdi.Chip, link: Link, name: str) -> str:
 
 
 def _load(chip: ftdi.Chip, image: bytes) -> str:
-    """Load the program once; why that failed, empty if it did not."""
+    """Upload the firmware once; return the reason of a failure, or an empty string."""
     try:
         if not _call(chip):
             return "the Falcon does not reply: is its power supply plugged in?"
@@ -95,7 +95,7 @@ def _load(chip: ftdi.Chip, image: bytes) -> str:
 
 
 def _call(chip: ftdi.Chip) -> bool:
-    """Reset the Falcon into its loader and call that until it replies."""
+    """Reset the Falcon into its boot loader and call it until it replies."""
     chip.purge()
     chip.request(ftdi.LATENCY, LATENCY_MS)
     chip.request(ftdi.BAUD, SLOW_BAUD)
@@ -109,12 +109,12 @@ def _call(chip: ftdi.Chip) -> bool:
         chip.send(CALL)
         heard += chip.receive(PATIENCE_MS)
         if REPLY in heard:
-            return any(not chip.receive(PATIENCE_MS) for _ in range(CALLS))  # replies to earlier calls are on their way
+            return any(not chip.receive(PATIENCE_MS) for _ in range(CALLS))  # drain replies to earlier calls
     return False
 
 
 def _echoes(chip: ftdi.Chip, block: bytes) -> bool:
-    """Send a block; whether it comes back as it is."""
+    """Send a block; return True if the echo is identical."""
     chip.send(block)
     heard, quiet = b"", 0
     while len(heard) < len(block) and quiet < QUIET:

@@ -1,10 +1,10 @@
-"""An FTDI serial chip, as a device on USB has one, through pyusb.
+"""An FTDI serial chip on USB, through pyusb.
 
-It knows the chip's requests and packets, and puts whatever goes wrong on the bus into words: a device that was not
-found, may not be opened or is in use is `DeviceNotFound`, one that has gone since is `DeviceLost`. It does not know
-what is said over the serial line.
+This module knows the chip's requests and packets, and turns bus errors into messages. A device that is missing, in use
+or not permitted raises `DeviceNotFound`; one that has disappeared since raises `DeviceLost`. The module does not know
+the protocol on the serial line.
 
-pyusb needs the library libusb-1.0 of the system; both are looked for only when a device is opened.
+pyusb needs the system library libusb-1.0; both are looked up only when a device is opened.
 """
 
 import contextlib
@@ -16,18 +16,18 @@ from typing import Any
 from netboard.base.errors import DeviceLost, DeviceNotFound, DeviceTimeout
 
 PACKET = 64
-"""Size of a packet; the first two bytes of each that comes in are the state of the line [B]."""
+"""Size of a packet; the first two bytes of a received packet are the line state [B]."""
 
 PAYLOAD = PACKET - 2
-"""What a packet that comes in can carry [B]."""
+"""Largest payload of a received packet [B]."""
 
 INTERFACE = 0
 OUT, IN = 0x02, 0x81
 VENDOR_OUT = 0x40
 REQUEST_MS = 1000
-"""Longest time a request may take [ms]."""
+"""Timeout of a request [ms]."""
 
-# Requests, and their values.
+# Requests and their values.
 RESET, MODEM, FLOW, BAUD, DATA, LATENCY = 0, 1, 2, 3, 4, 9
 PURGE_RECEIVED, PURGE_SENT = 1, 2
 DTR_LOW, DTR_HIGH, RTS_LOW = 0x0100, 0x0101, 0x0200
@@ -38,7 +38,7 @@ EIGHT_BITS = 8
 RULES = (
     "install deploy/udev/70-netboard.rules, join the group netboard, plug it in again; see docs/how-to/two-stations.md"
 )
-"""What to do where a device may not be opened."""
+"""Advice for a device that may not be opened."""
 
 
 def _pyusb() -> Any:
@@ -52,7 +52,7 @@ def _pyusb() -> Any:
 
 
 def plugged_in(ids: tuple[int, int]) -> list[Any]:
-    """Devices on the bus, none of them opened."""
+    """List the devices on the bus without opening them."""
     usb = _pyusb()
     try:
         return list(usb.core.find(find_all=True, idVendor=ids[0], idProduct=ids[1]))
@@ -79,16 +79,16 @@ def find(ids: tuple[int, int], serial: str, what: str) -> Any:
 
 
 def serial_of(device: Any) -> str:
-    """Serial number of a device; empty where it has none or may not be asked for it."""
+    """Return the serial number of a device; empty if it has none or cannot be read."""
     usb = _pyusb()
     try:
         return device.serial_number or ""
-    except (usb.core.USBError, ValueError):  # pyusb's ValueError: it could not read which languages there are
+    except (usb.core.USBError, ValueError):  # pyusb raises ValueError if it cannot read the languages of the device
         return ""
 
 
 class Chip:
-    """The chip of one device, claimed; closing it gives it back to the driver that had it."""
+    """The chip of one device, claimed for this process; closing it returns it to its previous driver."""
 
     def __init__(self, device: Any, what: str) -> None:
         self._usb = _pyusb()
@@ -103,15 +103,15 @@ class Chip:
             raise DeviceNotFound(self._refused(error)) from error
 
     def _claim(self) -> None:
-        """Take the interface, from the kernel's serial driver if that has it."""
-        with contextlib.suppress(NotImplementedError):  # systems without such drivers
+        """Claim the interface, detaching the kernel's serial driver if necessary."""
+        with contextlib.suppress(NotImplementedError):  # systems without kernel drivers
             if self._device.is_kernel_driver_active(INTERFACE):
                 self._device.detach_kernel_driver(INTERFACE)
                 self._had_driver = True
         self._usb.util.claim_interface(self._device, INTERFACE)
 
     def _refused(self, error: OSError) -> str:
-        """Say why the device could not be opened, and what to do."""
+        """Explain why the device could not be opened, and what to do."""
         if error.errno == errno.EACCES:
             return f"no permission to open the {self._what}: {RULES}"
         if error.errno == errno.EBUSY:
@@ -120,7 +120,7 @@ class Chip:
 
     @contextlib.contextmanager
     def _spoken(self) -> Iterator[None]:
-        """Put what goes wrong on the bus into words."""
+        """Convert bus errors into device errors with a message."""
         try:
             yield
         except self._usb.core.USBTimeoutError as error:
@@ -129,32 +129,32 @@ class Chip:
             raise DeviceLost(f"the {self._what} is gone: {error}; was its USB plug pulled out?") from error
 
     def request(self, request: int, value: int) -> None:
-        """Set something of the chip."""
+        """Set a parameter of the chip."""
         with self._spoken():
             self._device.ctrl_transfer(VENDOR_OUT, request, value, 0, None, REQUEST_MS)
 
     def purge(self) -> None:
-        """Forget what was received and what has not been sent yet."""
+        """Discard received data and data not yet sent."""
         self.request(RESET, PURGE_RECEIVED)
         self.request(RESET, PURGE_SENT)
 
     def send(self, data: bytes, patience_ms: int = REQUEST_MS) -> None:
-        """Send bytes down the line."""
+        """Send bytes over the line."""
         with self._spoken():
             taken = self._device.write(OUT, data, patience_ms)
         if taken != len(data):
             raise DeviceTimeout(f"the {self._what} took {taken} of {len(data)} bytes")
 
     def receive(self, patience_ms: int) -> bytes:
-        """Receive what has come: the payload of one packet.
+        """Receive the payload of one packet.
 
-        Without anything to say the chip sends an empty packet each time its latency timer runs out, so this seldom
-        takes longer than that.
+        An idle chip sends an empty packet whenever its latency timer expires, so the call seldom takes longer than
+        that.
 
         Returns
         -------
         bytes
-            What came, at most `PAYLOAD`; empty for an empty packet, or none.
+            Received bytes, at most `PAYLOAD`; empty for an empty packet or none.
         """
         try:
             with self._spoken():
@@ -164,7 +164,7 @@ class Chip:
         return self._room[2:size].tobytes()
 
     def close(self) -> None:
-        """Give the device back. One that is gone need not be given back, so nothing is raised."""
+        """Release the device; ignore errors of a disconnected one."""
         with contextlib.suppress(self._usb.core.USBError):
             self._usb.util.release_interface(self._device, INTERFACE)
             if self._had_driver:

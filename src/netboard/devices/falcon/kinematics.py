@@ -1,15 +1,15 @@
-"""Geometry of the Novint Falcon: from its three encoders to the grip's position, and from a force to three torques.
+"""Kinematics of the Novint Falcon: encoder counts to grip position, and force to arm torques.
 
 The Falcon is a delta robot: three arms swing about axes fixed to the base, and each carries a parallelogram that holds
-the grip. Seen along its own axis an arm is a two-link chain whose second link gets shorter the further the grip is out
-of the arm's plane. The names of the lengths are those of Stamper's thesis (University of Maryland, 1997, PhD 97-4), to
-which the Falcon adds the offsets f and s; their values, and those of the encoders, are those of libnifalcon.
+the grip. Seen along its own axis an arm is a two-link chain whose second link appears shorter the further the grip is
+out of the arm's plane. The lengths are named as in Stamper's thesis (University of Maryland, 1997, PhD 97-4), to which
+the Falcon adds the offsets f and s. Their values, and those of the encoders, are those of libnifalcon.
 
-Everything here is in the Falcon's own frame: x right, y up, z towards the person who holds the grip [m].
+All quantities are in the Falcon's own frame: x right, y up, z towards the person who holds the grip [m].
 
-The inverse has a closed form. The forward problem has none, because of the offsets d and e, and is solved by Newton's
-method from the position before; nothing converges to a point that the arms could only reach with their elbows
-turned inside out.
+The inverse kinematics have a closed form. The forward kinematics have none, because of the offsets d and e, and are
+solved by Newton's method from the previous position. The search rejects poses that the arms could only reach with
+inverted elbows.
 """
 
 from math import acos, atan2, cos, hypot, isfinite, nan, pi, radians, sin, sqrt
@@ -18,7 +18,7 @@ import numba
 
 Vector = tuple[float, float, float]
 
-# The lengths of the mechanism [m].
+# Lengths of the mechanism [m].
 A = 0.060  # arm, from its axis to the elbow
 B = 0.1025  # long side of the parallelogram
 C = 0.01443  # from the grip's centre to its joints, along the arm
@@ -28,45 +28,44 @@ R = 0.0400  # from the centre of the base to an arm's axis, along the arm
 S = -0.02309  # the same, across the arm
 
 TILT = pi / 12
-"""The arms stand at 90, -30 and -150 degrees, all turned by so much [rad]."""
+"""The arms stand at 90, -30 and -150 degrees, all rotated by this angle [rad]."""
 
 _COS = (cos(pi / 2 + TILT), cos(-pi / 6 + TILT), cos(-5 * pi / 6 + TILT))
 _SIN = (sin(pi / 2 + TILT), sin(-pi / 6 + TILT), sin(-5 * pi / 6 + TILT))
 
 COUNTS = 320 * 4
-"""Encoder counts in a turn of a motor: 320 slots, of which each gives four edges [1]."""
+"""Encoder counts per motor turn: 320 slots with four edges each [1]."""
 
 GEAR = 0.01425 / 0.110
-"""Turns of an arm for a turn of its motor: diameter of the shaft over that of the arm's drum, round which a cable
-runs [1]."""
+"""Arm turns per motor turn: diameter of the motor shaft over that of the arm's cable drum [1]."""
 
 ANGLE_PER_COUNT = 2 * pi / COUNTS * GEAR
-"""An arm turns by so much for one encoder count: 0.0364 degrees [rad]."""
+"""Arm angle per encoder count: 0.0364 degrees [rad]."""
 
 ANGLE_AT_ZERO = radians(35.0)
 """Angle of an arm whose homed encoder reads zero [rad]."""
 
 CENTRE: Vector = (0.0, 0.0, 0.115)
-"""Middle of the largest cube in which the mechanism is far from singular [m]."""
+"""Centre of the largest cube in which the mechanism is far from singular [m]."""
 
 REACH = 0.04
-"""Half the side of that cube: within it no direction takes more than 6.4 times the torque of another [m]."""
+"""Half the side of that cube; inside it, torques for the same force differ by a factor of at most 6.4 [m]."""
 
 LARGEST_ANGLE = radians(120.0)
-"""No arm swings further than this, either way, so what the encoders say then is nonsense [rad]."""
+"""Largest arm angle in either direction; larger ones mean invalid encoder values [rad]."""
 
 TOLERANCE = 1e-13
-"""A Newton step shorter than this ends the search; a count moves the grip by 4e-5 m [m]."""
+"""Newton step below which the search ends; one count moves the grip by 4e-5 m [m]."""
 
 MOST_STEPS = 30
-"""Newton steps after which a position counts as not found; from the position before, three are usual [1]."""
+"""Limit of Newton steps; three are usual when starting from the previous position [1]."""
 
 LONGEST_STEP = 0.02
-"""A Newton step is no longer than this [m]."""
+"""Longest Newton step [m]."""
 
 
 def angles_of(encoders: tuple[int, int, int]) -> Vector:
-    """Angles of the three arms, from their homed encoders.
+    """Return the angles of the three arms from their homed encoders.
 
     Returns
     -------
@@ -82,26 +81,26 @@ def angles_of(encoders: tuple[int, int, int]) -> Vector:
 
 
 def encoders_at(angles: Vector) -> tuple[int, int, int]:
-    """Read three homed encoders whose arms are at these angles [1]; the inverse of `angles_of`, to a whole count."""
+    """Return the three homed encoder counts at these arm angles [1]; the inverse of `angles_of`, rounded."""
     first, second, third = (round((angle - ANGLE_AT_ZERO) / ANGLE_PER_COUNT) for angle in angles)
     return first, second, third
 
 
 @numba.njit(cache=True)
 def inverse(place: Vector) -> Vector:
-    """Angles at which the arms must be for the grip to be somewhere.
+    """Return the arm angles for a grip position.
 
     Returns
     -------
     tuple of float
-        Angles of the three arms; not a number where an arm does not reach [rad].
+        Angles of the three arms; NaN where an arm does not reach [rad].
     """
     return _swing(0, place), _swing(1, place), _swing(2, place)
 
 
 @numba.njit(cache=True)
 def _swing(leg: int, place: Vector) -> float:
-    """Angle of one arm: of its two-link chain's two solutions, the one with the elbow outside."""
+    """Return the angle of one arm: of the two solutions of its chain, the one with the elbow outside."""
     x, y, z = place
     along = _COS[leg] * x + _SIN[leg] * y - R + C
     across = _COS[leg] * y - _SIN[leg] * x - S + F
@@ -120,10 +119,10 @@ def _swing(leg: int, place: Vector) -> float:
 
 @numba.njit(cache=True)
 def _closure(leg: int, angle: float, place: Vector) -> tuple[float, float, float, float, float]:
-    """How far one chain is from being closed, and how that changes with x, y, z and with the arm's angle.
+    """Return the closure error of one chain and its derivatives by x, y, z and the arm's angle.
 
-    The elbow and the grip's joint are the second link's length apart; what is returned is half the difference of the
-    squares [m2], its gradient [m] and its derivative by the angle [m2/rad].
+    The distance of elbow and grip joint must equal the second link's length. The error is half the difference of the
+    squares [m2]; also returned are its gradient [m] and its derivative by the angle [m2/rad].
     """
     x, y, z = place
     across = _COS[leg] * y - _SIN[leg] * x - S + F
@@ -147,12 +146,12 @@ def _cross(a: Vector, b: Vector) -> Vector:
 
 @numba.njit(cache=True)
 def forward(angles: Vector, guess: Vector) -> Vector:
-    """Position of the grip for three angles of the arms, by Newton's method.
+    """Return the grip position for three arm angles, by Newton's method.
 
     Returns
     -------
     tuple of float
-        Position; not a number if none was found from there [m].
+        Position; NaN if the search from `guess` failed [m].
     """
     lost = (nan, nan, nan)
     if max(abs(angles[0]), abs(angles[1]), abs(angles[2])) > LARGEST_ANGLE:
@@ -184,15 +183,15 @@ def forward(angles: Vector, guess: Vector) -> Vector:
 
 @numba.njit(cache=True)
 def jacobian(angles: Vector, place: Vector) -> tuple[Vector, Vector, Vector]:
-    """How the grip moves when one arm turns, for each arm: the columns of the Jacobian.
+    """Return the columns of the Jacobian: motion of the grip per arm angle.
 
-    Each chain stays closed, so gradient times motion plus derivative times turn is zero for each arm; solved by cross
-    products. It is as large as one likes near a singular pose.
+    Each chain stays closed, so for each arm gradient times motion plus derivative times turn is zero. The system is
+    solved by cross products. The values grow without bound near a singular pose.
 
     Returns
     -------
     tuple of tuple of float
-        For each arm the derivative of the position by its angle [m/rad].
+        Derivative of the position by the angle of each arm [m/rad].
     """
     _, ax, ay, az, t1 = _closure(0, angles[0], place)
     _, bx, by, bz, t2 = _closure(1, angles[1], place)
@@ -205,12 +204,12 @@ def jacobian(angles: Vector, place: Vector) -> tuple[Vector, Vector, Vector]:
 
 @numba.njit(cache=True)
 def torques(angles: Vector, place: Vector, force: Vector) -> Vector:
-    """Torques about the arms' axes that together are a force at the grip: the transposed Jacobian times the force.
+    """Return the arm torques equivalent to a force at the grip: the transposed Jacobian times the force.
 
     Returns
     -------
     tuple of float
-        Torque of each arm, positive where its angle grows [N m].
+        Torque of each arm, positive in the direction of increasing angle [N m].
     """
     a, b, c = jacobian(angles, place)
     return (

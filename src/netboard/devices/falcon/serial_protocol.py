@@ -1,11 +1,11 @@
-"""What is said between us and a Novint Falcon that runs its program: one frame there, one frame back.
+"""Serial protocol of a Novint Falcon with running firmware: one frame out, one frame back.
 
-Both have 16 bytes: ``<``, three signed 16-bit numbers in nibbles from low to high, a byte of flags, a spare one, ``>``.
-0x41 is added to everything within, so the two brackets occur nowhere else and a reader who has lost his place finds it
-again. Commands for the motors go there, encoder counts come back; nothing comes that was not asked for by a frame.
+Both frames have 16 bytes: ``<``, three signed 16-bit numbers as nibbles from low to high, a byte of flags, a spare
+byte, ``>``. 0x41 is added to every byte inside, so the brackets occur nowhere else and a receiver can resynchronise.
+Motor commands go out, encoder counts come back; the Falcon sends only in response to a frame.
 
-A frame is sent and its answer is collected at the next reading, a millisecond later. So no one waits for the bus, and
-nothing is answered later than a force is applied.
+A frame is sent, and its answer is read at the next reading, a millisecond later. So no call waits for the bus, and the
+encoder counts arrive no later than the force is applied.
 """
 
 from collections.abc import Iterator
@@ -20,41 +20,41 @@ OFFSET = 0x41
 BEGIN, END = 0x3C, 0x3E
 
 HOME = 0x01
-"""Flag of a frame: the encoders shall find their zero."""
+"""Frame flag: home the encoders."""
 
 GREEN, BLUE, RED = 0x02, 0x04, 0x08
-"""Flags of a frame: lamps."""
+"""Frame flags: lamps."""
 
 HOMED, BUTTONS = 0x70, 0x0F
-"""Flags of an answer: which encoders know their zero, and which of the grip's buttons are pressed."""
+"""Answer flags: homed encoders, and pressed buttons of the grip."""
 
 NUMBERS = range(OFFSET, OFFSET + 0x10)
-"""What a byte of a number may be."""
+"""Valid bytes of a number."""
 
 FLAGS_LOW, FLAGS_HIGH = OFFSET, OFFSET + 0x7F
-"""What the byte of flags of an answer may be."""
+"""Valid range of the flags byte in an answer."""
 
 LATENCY_MS = 1
-"""Latency timer of the chip: an empty packet comes so often [ms]."""
+"""Latency timer of the chip: interval of empty packets [ms]."""
 
 BAUD = 0x2
 """Divisor of 3 MHz for 1.5 Mbaud."""
 
 PATIENCE_MS = 5
-"""Longest wait for a packet [ms]."""
+"""Timeout of a packet [ms]."""
 
 QUIET = 8
-"""Empty packets in a row after which a frame, or its answer, counts as lost [1]."""
+"""Number of consecutive empty packets after which a frame or its answer counts as lost [1]."""
 
 MOST = 100
-"""Packets, of whatever, after which it does [1]."""
+"""Number of packets of any kind after which a frame or its answer counts as lost [1]."""
 
 ATTEMPTS = 4
-"""Frames that may be lost in a row before the Falcon counts as silent [1]."""
+"""Number of consecutive lost frames after which the Falcon counts as silent [1]."""
 
 
 class Answer(NamedTuple):
-    """What the Falcon says of itself.
+    """Decoded answer of the Falcon.
 
     Attributes
     ----------
@@ -68,13 +68,13 @@ class Answer(NamedTuple):
 
 
 def frame_of(commands: tuple[int, int, int], flags: int) -> bytes:
-    """Write what the Falcon is told."""
+    """Encode a frame for the Falcon."""
     nibbles = [(command >> shift & 0xF) + OFFSET for command in commands for shift in (0, 4, 8, 12)]
     return bytes((BEGIN, *nibbles, flags + OFFSET, OFFSET, END))
 
 
 def answer_in(frame: bytes) -> Answer | None:
-    """Read what the Falcon says."""
+    """Decode an answer; None if it is invalid."""
     if frame[-1] != END or not FLAGS_LOW <= frame[13] <= FLAGS_HIGH or not all(byte in NUMBERS for byte in frame[1:13]):
         return None
     flags = frame[13] - OFFSET
@@ -83,19 +83,19 @@ def answer_in(frame: bytes) -> Answer | None:
 
 
 def _number(nibbles: bytes) -> int:
-    """Read a signed number from four nibbles, low to high."""
+    """Decode a signed number from four nibbles, low to high."""
     a, b, c, d = nibbles
     value = (a - OFFSET) | (b - OFFSET) << 4 | (c - OFFSET) << 8 | (d - OFFSET) << 12
     return value - 0x10000 if value & 0x8000 else value
 
 
 class Link:
-    """The line to a Falcon's program.
+    """The serial line to a running Falcon.
 
     Attributes
     ----------
     sent_ns : int
-        When the last frame was sent, on the monotonic clock [ns].
+        Time at which the last frame was sent, on the monotonic clock [ns].
     """
 
     def __init__(self, chip: ftdi.Chip) -> None:
@@ -106,18 +106,18 @@ class Link:
         self.awaited = 0
 
     def begin(self) -> None:
-        """Set the chip up for talking to the program."""
+        """Configure the chip for the running firmware."""
         self._chip.request(ftdi.LATENCY, LATENCY_MS)
         self._chip.request(ftdi.BAUD, BAUD)
         self._forget()
 
     def send(self, commands: tuple[int, int, int], flags: int) -> None:
-        """Tell the Falcon something, which it answers."""
+        """Send a frame, which the Falcon answers."""
         self._frame = frame_of(commands, flags)
         self._send()
 
     def answer(self) -> Answer:
-        """Collect the newest answer; a frame that is not answered is sent again."""
+        """Return the newest answer; resend a frame that was not answered."""
         for _ in range(ATTEMPTS):
             if not self.awaited:
                 self._send()
@@ -128,7 +128,7 @@ class Link:
         raise DeviceTimeout("the Falcon does not answer any more: is its power supply plugged in?")
 
     def is_answered(self) -> bool:
-        """Whether there is a program at the other end: with no force, whether a frame is answered."""
+        """Return True if the firmware answers a frame with zero force."""
         self._frame = frame_of((0, 0, 0), 0)
         try:
             self.answer()
@@ -142,13 +142,13 @@ class Link:
         self.awaited += 1
 
     def _forget(self) -> None:
-        """Forget all that was said, so that the next answer belongs to the next frame."""
+        """Discard all previous data, so that the next answer belongs to the next frame."""
         self._chip.purge()
         self._heard.clear()
         self.awaited = 0
 
     def _collect(self) -> Answer | None:
-        """Receive until as many answers have come as are awaited; the last one."""
+        """Receive until all expected answers have arrived; return the last one."""
         newest, quiet = None, 0
         for _ in range(MOST):
             more = self._chip.receive(PATIENCE_MS)
@@ -163,7 +163,7 @@ class Link:
         return newest
 
     def _frames(self) -> Iterator[Answer]:
-        """Take the whole frames out of what was heard; what cannot be part of one is dropped."""
+        """Extract complete frames from the received bytes; drop bytes that belong to none."""
         heard = self._heard
         while True:
             begin = heard.find(BEGIN)

@@ -1,4 +1,4 @@
-"""Between any wanted force and the motor.
+"""Safety between every wanted force and the motor.
 
-The safety chain, passivity control, the local virtual coupling, the lateral fixture.
+Contains the safety chain, passivity control, the local virtual coupling and the lateral fixture.
 """

@@ -1,20 +1,20 @@
-"""The safety chain: what stands between any wanted force and the motor. Pure; time is an argument.
+"""The safety chain between every wanted force and the motor. Pure; time is an argument.
 
-It trusts nobody: not the server, not the network, not the device's readings, not the caller. Its state is one of
-`Guard`, its changes are the edges of `TABLE`, and only three of the states let a force through.
+The chain does not trust the server, the network, the device's readings or the caller. Its state is a `Guard`, its
+transitions are the edges of `TABLE`, and only three states let a force through.
 
-Rule 1: the force is never larger than the clamp, and never changes faster than the slew limit; a late step earns no
-larger change than one of `LONGEST_STEP_NS`.
-Rule 2: the one exception to the slew limit is a fault. When a number is not finite or the device is lost, neither the
-numbers nor the device can be trusted with a way down, and the force is zero at once.
-Rule 3: what has been cut comes back only by the ramp. After a short outage the ramp starts from what had not yet faded;
-after a speed cut it starts from zero, behind the gate; after a long outage, a fault or a disarming only `Safety.arm`
+Rule 1: the force never exceeds the clamp, and never changes faster than the slew limit. A late step allows no larger
+change than a step of `LONGEST_STEP_NS`.
+Rule 2: a fault is the only exception to the slew limit. If a number is not finite or the device is lost, neither can be
+trusted with a gradual decrease, so the force is zero at once.
+Rule 3: a force that was cut returns only by the ramp. After a short outage the ramp starts from the remaining gain.
+After a velocity cut it starts from zero, behind the gate. After a long outage, a fault or disarming, only `Safety.arm`
 starts it.
-Rule 4: staleness concerns the vertical force, which comes over the network. The lateral force is the agent's own; it is
-ramped, clamped, slewed and cut like the other, but it does not fade while the network is silent.
-Rule 5: the mean of the force over some `MEAN_TIME` is never larger than what the motors give for ever. As it comes
-near, the clamp comes down to that: a force that went on would burn them, or end in the driver's own cut.
-Rule 6: the gate asks only for a small vertical force. The lateral one is a spring the hand is brought to gently.
+Rule 4: staleness affects only the vertical force, which comes over the network. The agent computes the lateral force
+itself. That force is ramped, clamped, slewed and cut like the other, but it does not fade while the network is silent.
+Rule 5: the mean force over about `MEAN_TIME` never exceeds the motors' continuous force. As the mean approaches that
+limit, the clamp decreases towards it. A larger force would overheat the motors or trigger the driver's own cutoff.
+Rule 6: the gate requires only a small vertical force. The lateral force is a spring that is ramped up gently.
 """
 
 from enum import IntEnum
@@ -25,15 +25,15 @@ from netboard.base.tables.rig import Safety as Limits
 from netboard.network.protocol.motion import Safeguard
 
 LONGEST_STEP_NS = 2_000_000
-"""Steps further apart than this count as this long where the force may grow [ns]."""
+"""Upper bound of the step duration wherever the force may grow [ns]."""
 
 MEAN_TIME = 10.0
-"""The mean force forgets by this time constant [s]."""
+"""Time constant of the mean force [s]."""
 
 MARGIN = 0.1
-"""The clamp comes down while the mean is so near to the largest one, as a share of that [1]."""
+"""The clamp decreases while the mean is within this fraction of its limit [1]."""
 
-# Plain integers: arithmetic with flags costs more than all the rest of a step.
+# Plain integers: arithmetic with enum flags costs more than the rest of a step.
 _NONE = 0
 _ARMED, _RAMPING, _CLAMPED, _SLEWED = map(
     int, (Safeguard.ARMED, Safeguard.RAMPING, Safeguard.CLAMPED, Safeguard.SLEWED)
@@ -49,28 +49,28 @@ class Guard(IntEnum):
     """State of the safety chain."""
 
     DISARMED = 0  # no force
-    WAITING = 1  # armed, no force yet: until the wanted force is small, fresh and the stylus slow
-    RAMPING = 2  # force grows to what is wanted
-    ARMED = 3  # force is what is wanted, within the limits
+    WAITING = 1  # armed, no force yet: waits for a small, fresh wanted force and a slow stylus
+    RAMPING = 2  # the force grows towards the wanted force
+    ARMED = 3  # the force is the wanted force, within the limits
     HOLDING = 4  # the vertical force is stale and fades
-    RELEASING = 5  # force goes to zero at the slew limit, then disarmed
-    FAULT = 6  # no force; must be disarmed before it can be armed
+    RELEASING = 5  # the force decreases to zero at the slew limit, then disarmed
+    FAULT = 6  # no force; disarm before arming again
 
 
 class Trip(IntEnum):
-    """What makes the chain change its state."""
+    """Triggers of a state change."""
 
     NONE = 0
-    ARM = 1  # asked for
-    DISARM = 2  # asked for
+    ARM = 1  # requested
+    DISARM = 2  # requested
     FAULT = 3  # a number was not finite, the device is lost, or an emergency stop
-    TOO_FAST = 4  # the stylus is
-    EXPIRED = 5  # no fresh force for too long
-    STALE = 6  # no fresh force for a while
-    FRESH = 7  # a fresh force again
-    CALM = 8  # fresh, small and slow, and nothing left of an earlier force
-    FULL = 9  # the ramp is at its end
-    GONE = 10  # the force has come down to zero
+    TOO_FAST = 4  # the stylus exceeds the velocity limit
+    EXPIRED = 5  # no fresh force for longer than the disarm time
+    STALE = 6  # no fresh force for longer than the stale time
+    FRESH = 7  # fresh forces again
+    CALM = 8  # fresh, small and slow, and no earlier force remains
+    FULL = 9  # the ramp is complete
+    GONE = 10  # the force has reached zero
 
 
 TABLE: dict[Guard, dict[Trip, Guard]] = {
@@ -101,21 +101,21 @@ TABLE: dict[Guard, dict[Trip, Guard]] = {
     Guard.RELEASING: {Trip.GONE: Guard.DISARMED, Trip.FAULT: Guard.FAULT},
     Guard.FAULT: {Trip.DISARM: Guard.DISARMED},
 }
-"""Every change of state there is."""
+"""All state transitions."""
 
 LIVE = (Guard.RAMPING, Guard.ARMED, Guard.HOLDING)
 """States in which a wanted force reaches the motor."""
 
 
 class Limited(NamedTuple):
-    """What may be written to the device.
+    """A limited force, ready for the device.
 
     Attributes
     ----------
     fx, fy, fz : float
         Force on the hand [N].
     safeguards : int
-        What was done to it, and the state of the chain: `Safeguard` bits.
+        Actions and state of the chain: `Safeguard` bits.
     """
 
     fx: float
@@ -130,11 +130,11 @@ class Safety:
     Parameters
     ----------
     limits : netboard.base.tables.rig.Safety
-        The limits.
+        Configured limits.
     max_device_force : float
-        Largest force the device itself allows; the smaller one of the two is the clamp [N].
+        Peak force of the device; the smaller of this and the configured limit is the clamp [N].
     lasting_device_force : float
-        Largest force it can give for ever; the smaller one of this and the limit is the largest mean [N].
+        Continuous force of the device; the smaller of this and the configured limit bounds the mean [N].
     """
 
     def __init__(self, limits: Limits, max_device_force: float, lasting_device_force: float) -> None:
@@ -155,47 +155,49 @@ class Safety:
         return self._guard
 
     def arm(self) -> bool:
-        """Ask for forces.
+        """Request forces.
 
         Returns
         -------
         bool
-            True if the chain is armed now: it waits for the gate, then ramps. False in any other state than disarmed.
+            True if the chain is now armed: it waits for the gate, then ramps. False unless it was disarmed.
         """
         return self._trip(Trip.ARM)
 
     def disarm(self) -> None:
-        """Take the force away, by the slew limit; acknowledges a fault. Only `arm` brings it back."""
+        """Reduce the force to zero at the slew limit and acknowledge a fault. Only `arm` enables it again."""
         self._trip(Trip.DISARM)
 
     def stop(self) -> None:
-        """Stop in an emergency; the force is zero at once."""
+        """Perform an emergency stop; the force is zero at once."""
         self._fail(Safeguard.STOPPED)
 
     def device_lost(self) -> None:
-        """Report that the device does not answer any more; the force is zero at once."""
+        """Report a lost device; the force is zero at once."""
         self._fail(Safeguard.DEVICE_LOST)
 
     def step(self, now_ns: int, wanted: Vector, fresh_ns: int | None, velocity: Vector) -> Limited:
-        """Limit one force.
+        """Limit one wanted force.
 
         Parameters
         ----------
         now_ns : int
-            The time [ns].
+            Current time [ns].
         wanted : tuple of float
-            Wanted force x, y, z: the fixture's, and the last one that came from the server [N].
+            Wanted force x, y, z: the fixture's force and the latest commanded force of the server [N].
         fresh_ns : int or None
-            When the server's last force, or word that there is none, was received; None before the first [ns].
+            Reception time of the server's latest force or of its message that there is none; None before the first
+            [ns].
         velocity : tuple of float
             Velocity of the stylus [m/s].
 
         Returns
         -------
         Limited
-            The force to write.
+            Force to write.
         """
         dt = 0.0 if self._now_ns is None else max(now_ns - self._now_ns, 0) * 1e-9
+        # A caller whose clock steps back gains no ramp or slew from it.
         self._now_ns = now_ns if self._now_ns is None else max(now_ns, self._now_ns)
         if not all(map(isfinite, (*wanted, *velocity))):
             self._fail(Safeguard.NOT_FINITE)
@@ -210,7 +212,7 @@ class Safety:
         return self._render(dt, wanted, velocity[2], bits)
 
     def _render(self, dt: float, wanted: Vector, vz: float, bits: int) -> Limited:
-        """Scale, clamp and slew the force, as the state allows."""
+        """Scale, clamp and slew-limit the force, as the state allows."""
         if self._guard in LIVE:
             bits |= _ARMED
             if self._guard is Guard.RAMPING:
@@ -230,19 +232,20 @@ class Safety:
         return Limited(*self._force, bits)
 
     def _most(self) -> float:
-        """Largest force now: the clamp, or less where the mean is near its limit [N]."""
+        """Return the current force limit: the clamp, or less while the mean is near its limit [N]."""
         if self._mean <= (1.0 - MARGIN) * self._lasting:
             return self._clamp
         share = max(self._lasting - self._mean, 0.0) / (MARGIN * self._lasting)
         return self._lasting + (self._clamp - self._lasting) * share
 
     def _watch(self, age: float | None, too_fast: bool, fz: float) -> None:
-        """Take the first edge that the present gives cause to, if any."""
+        """Follow the first edge of the table that the current conditions trigger, if any."""
         limits = self._limits
         stale = age is None or age > limits.stale_after_ms
         expired = age is None or age > limits.disarm_after_ms
         grown = min(self._vertical_gain, self._lateral_gain) >= 1.0
         gone = self._force == ZERO
+        # In order of priority: a step follows one edge at most.
         present = (
             (Trip.TOO_FAST, too_fast),
             (Trip.EXPIRED, expired),
@@ -257,7 +260,7 @@ class Safety:
                 return
 
     def _trip(self, trip: Trip) -> bool:
-        """Follow the edge of the table, if there is one."""
+        """Follow the edge of the table for a trigger, if there is one; return True if there is."""
         then = TABLE[self._guard].get(trip)
         if then is None:
             return False
@@ -269,13 +272,13 @@ class Safety:
         return True
 
     def _fail(self, cause: int) -> None:
-        """Cut to zero at once."""
+        """Enter the fault state with zero force at once."""
         self._cause |= cause
         self._trip(Trip.FAULT)
         self._force = ZERO
 
     def _fade_or_grow(self, dt: float) -> None:
-        """Move the gains: down while stale, up otherwise."""
+        """Update the gains: decrease the vertical gain while stale, otherwise increase both."""
         limits = self._limits
         if self._guard is Guard.HOLDING:
             self._vertical_gain = max(0.0, self._vertical_gain - dt / (limits.fade_ms * 1e-3))
@@ -285,9 +288,9 @@ class Safety:
         self._lateral_gain = min(1.0, self._lateral_gain + growth)
 
     def _scaled(self, wanted: Vector, vz: float) -> Vector:
-        """Wanted force under the gains; with damping while the vertical force fades.
+        """Return the wanted force under the gains; while the vertical force fades, add damping.
 
-        The damping is never larger than the force it accompanies: where nothing was felt nothing is, and both end
+        The damping never exceeds the force that it accompanies. So it adds no force where there was none, and both end
         together.
         """
         fx, fy, fz = self._lateral_gain * wanted[0], self._lateral_gain * wanted[1], self._vertical_gain * wanted[2]
@@ -297,7 +300,7 @@ class Safety:
         return fx, fy, fz
 
     def _slew(self, dt: float, target: Vector) -> int:
-        """Go towards the target, no faster than the slew limit."""
+        """Move the force towards the target, within the slew limit."""
         most = self._limits.max_slew * min(dt, LONGEST_STEP_NS * 1e-9)
         change = (target[0] - self._force[0], target[1] - self._force[1], target[2] - self._force[2])
         size = hypot(*change)

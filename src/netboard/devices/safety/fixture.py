@@ -1,7 +1,7 @@
-"""The lateral fixture: a spring-damper that holds the stylus in the vertical line x = y = 0.
+"""The lateral fixture: a spring-damper that holds the stylus on the vertical line x = y = 0.
 
-It is computed by the agent from its own reading, so it needs no network, and it is the same in all blocks (reading
-B9). Its force goes through the safety chain like any other.
+The agent computes it from its own reading, so it needs no network. It is the same in all blocks (reading B9). Its force
+passes the safety chain like any other.
 """
 
 import numba
@@ -11,18 +11,18 @@ from netboard.devices.contract.device import Reading
 
 
 def lateral_force(reading: Reading, fixture: Fixture) -> tuple[float, float]:
-    """Force of the fixture on the hand."""
+    """Return the lateral force x, y of the fixture on the hand [N]."""
     k, c = fixture.stiffness, fixture.damping
     return drawn_in(k, c, reading.x, reading.vx), drawn_in(k, c, reading.y, reading.vy)
 
 
 @numba.njit(cache=True)
 def drawn_in(k: float, c: float, place: float, rate: float) -> float:
-    """Force of the fixture along one axis.
+    """Return the force of the fixture along one axis [N].
 
     Parameters
     ----------
     place, rate : float
-        How far the stylus is from the line, and how fast it goes away [m, m/s].
+        Distance of the stylus from the line, and its rate of change [m, m/s].
     """
     return -k * place - c * rate

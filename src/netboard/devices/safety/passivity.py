@@ -1,22 +1,24 @@
-"""Time-domain passivity control: a force that comes over a delay must not make energy. Pure; one step a millisecond.
+"""Time-domain passivity control of forces that arrive with delay. Pure; one step per millisecond.
 
 B. Hannaford, J.-H. Ryu, Time-domain passivity control of haptic interfaces, IEEE Trans. Robotics and Automation 18
 (2002); for two ports with a delay between them, J.-H. Ryu, J. Artigas, C. Preusche, Mechatronics 20 (2010).
 
-What comes back to the hand was done to the hand as it was a round trip ago. Both are known here: the force, and by its
-sample's number the height it answers. So the agent keeps the network's account without a word more on the wire: what
-the server's end of the coupling gave, force times way of the answered samples, less what this end handed to the hand,
-force times way of the stylus. A partner who moves the board gives at the server's end, so that work is no debt. A delay
-alone makes one, as large as that of a negative damper of stiffness times round trip.
+A delayed force answers the stylus position of one round trip ago, so a spring over a network can generate energy. The
+agent knows the force and, by the number of the answered sample, the height that it answers. It can therefore observe
+the energy of the network without additional messages: the work at the server's end (force times displacement of the
+answered samples) minus the work on the hand (force times displacement of the stylus). Work of a partner who moves the
+board enters at the server's end and causes no deficit. A delay alone causes a deficit as large as that of a negative
+damper of stiffness times round trip.
 
-Rule 1: while the account is below zero the hand is damped, by as much as is missing and `MOST_DAMPING` at most.
-Rule 2: while more than `STORED` is missing, no force may push the stylus the way it moves. So however wrong the damping
-or the velocity is, a tick can add no more to the debt than what the stylus moved otherwise than it seemed to.
-Rule 3: at most `STORED` is kept as credit: energy saved in calm times must not feed an oscillation later.
-Rule 4: no force is withheld from a stylus slower than `SLOW`: there is next to no power in that, and a debt must not
-keep it away from where it is pulled for ever.
+Rule 1: while the energy is below zero, damping dissipates the deficit, up to `MOST_DAMPING`.
+Rule 2: while the deficit exceeds `STORED`, forces in the direction of motion are withheld. So even with a wrong damping
+or velocity, a tick increases the deficit only by motion that the velocity estimate missed.
+Rule 3: the stored energy is at most `STORED`: energy saved in calm periods must not feed an oscillation later.
+Rule 4: no force is withheld from a stylus slower than `SLOW`. The power is negligible there, and a deficit must not
+keep the stylus from its equilibrium for ever.
 
-A stylus moved on by the server (``physics.hold``) is taken where it was: that errs on the safe side.
+If the server extrapolates the stylus (``physics.hold``), the observer uses the sampled position: this errs on the safe
+side.
 """
 
 from math import isfinite
@@ -24,25 +26,25 @@ from math import isfinite
 from netboard.base.tick import TICK_SECONDS
 
 STORED = 2e-3
-"""So much may be owed before forces are withheld, and so much may be saved [J]."""
+"""Largest deficit before forces are withheld, and largest stored energy [J]."""
 
 MOST_DAMPING = 5.0
-"""The hand is damped by at most so much; a device of 45 g with a velocity 4 ms late stands it [N s/m]."""
+"""Maximum damping; a device of 45 g with a velocity estimate 4 ms late remains stable with it [N s/m]."""
 
 SLOW = 0.005
-"""As good as at rest: less than one encoder step in the longest window of the velocity [m/s]."""
+"""Speed below which the stylus counts as at rest: less than one encoder step in the longest velocity window [m/s]."""
 
 REMEMBERED = 256
-"""Samples whose height is remembered [1]."""
+"""Number of samples whose height is stored [1]."""
 
 
 class Passivity:
-    """The account of one hand, and what follows from it.
+    """Passivity observer and controller of one hand.
 
     Attributes
     ----------
     energy : float
-        What the network has taken less what it has given: below zero it has made energy [J].
+        Energy into the network minus energy out of it; below zero the network has generated energy [J].
     """
 
     def __init__(self) -> None:
@@ -50,50 +52,50 @@ class Passivity:
         self.reset()
 
     def reset(self) -> None:
-        """Begin a new account: nothing is felt just now."""
+        """Restart at zero energy, at a time without force."""
         self.energy = 0.0
         self._force = self._answered = self._height = 0.0
         self._open = False
 
     def remember(self, seq: int, height: float) -> None:
-        """Note where the stylus was in a sample.
+        """Store the height of the stylus in a sample.
 
         Parameters
         ----------
         seq : int
-            Its number [1].
+            Sample number [1].
         height : float
             Height of the stylus [m].
         """
         self._heights[seq % REMEMBERED] = height
 
     def step(self, force: float, seq: int, height: float, velocity: float, rendered: float) -> float:
-        """Limit one force.
+        """Limit one force of the server.
 
         Parameters
         ----------
         force : float
-            The newest one of the server's [N].
+            Latest commanded force from the server [N].
         seq : int
-            Number of the sample that it answers [1].
+            Number of the sample that the force answers [1].
         height : float
             Height of the stylus now [m].
         velocity : float
-            Its rate [m/s].
+            Vertical velocity of the stylus [m/s].
         rendered : float
-            Force on the hand since the step before [N].
+            Force on the hand since the previous step [N].
 
         Returns
         -------
         float
-            The force to be wanted [N].
+            Wanted force for the safety chain [N].
         """
         answered = self._heights[seq % REMEMBERED]
         if self._open:
             given = 0.5 * (force + self._force) * (answered - self._answered)
             self.energy = min(self.energy + given - rendered * (height - self._height), STORED)
         if not isfinite(self.energy):
-            self.reset()  # what is not finite is the safety chain's business
+            self.reset()  # the safety chain handles non-finite values
         self._force, self._answered, self._height, self._open = force, answered, height, True
         if self.energy >= 0.0:
             return force

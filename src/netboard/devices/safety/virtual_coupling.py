@@ -1,30 +1,30 @@
-"""The agent's own copy of the coupling: spring and damper from the stylus to the board's control point. Pure.
+"""The agent's own copy of the virtual coupling between the stylus and the board's control point. Pure.
 
-With ``physics.coupling_at = "both"`` the server says where the control point was and what couples it to the stylus, and
-each side computes the force for itself: the server that on the board, from the stylus as it last knew it, the agent
-that on the hand, from the point as it last knew it. So the hand's own loop has no network in it, and no force crosses
-one: a force computed here and felt by the board would drive the light board unstable
+With ``physics.coupling_at = "both"`` the server sends the state of the control point and the coupling parameters, and
+each end computes its own force from the other end's last known state. The server computes the force on the board, the
+agent the force on the hand. The hand's own loop then contains no network, and no force crosses the network. A force
+computed here and applied to the board would make the light board unstable
 (docs/decisions/0007-coupling-on-the-server.md).
 
-The point is as old as the network makes it. It is moved on by its rate to the time of the reading, but for no longer
-than `REACH`: within that time the board answers its hands, and what it does after is no straight line. A longer reach
-makes a light hand less stable, not more (docs/explanation/coupling.md).
+The control point is as old as the network delay. It is extrapolated at constant velocity to the time of the reading, by
+at most `REACH`: beyond that time the board has responded to the hands, and its motion is no longer a straight line. A
+longer extrapolation makes a light hand less stable, not more (docs/explanation/coupling.md).
 """
 
 from netboard.devices.contract.device import Reading
 from netboard.network.protocol.motion import Point
 
 REACH = 0.005
-"""The control point is moved on by its rate over at most this time [s]."""
+"""Longest extrapolation of the control point [s]."""
 
 
 def hand_force(point: Point, heard_ns: int, reading: Reading) -> float:
-    """Force of the coupling on the hand.
+    """Return the force of the virtual coupling on the hand [N].
 
     Parameters
     ----------
     heard_ns : int
-        When that was received, which counts where the server does not know the time here [ns].
+        Reception time of the point, used if the server does not know the agent's clock [ns].
     """
     age = (reading.stamp_ns - (point.stamp_ns or heard_ns)) * 1e-9
     ahead = min(max(age, -REACH), REACH)

@@ -1,1 +1,1 @@
-"""Tools for the devices of a rig: list, calibrate, identify, check."""
+"""Device setup: list, calibrate, identify and check the devices of a rig."""

@@ -1,7 +1,7 @@
-"""From where an operator held the stylus to how the device's frame becomes the scene's. Pure.
+"""Calibration: from held stylus positions to the transform from the device's frame to the scene's. Pure.
 
-The zero is where the stylus is at the neutral height. The workspace is the box between two of its corners. Lengths stay
-true to size wherever the box has room for the heights the task needs; where it has not, the scale makes up for it.
+The zero is the stylus position at the neutral height. The workspace is the box between two opposite corners. The scale
+is 1 if the box has room for the heights that the task needs; otherwise the scale enlarges the movement.
 """
 
 from collections.abc import Mapping
@@ -16,16 +16,16 @@ from netboard.devices.contract.profile import Placement
 from netboard.devices.setup.loop import Track
 
 STILL = 5e-3
-"""A stylus that moves further than this was not held still [m]."""
+"""Largest movement of a stylus that counts as held still [m]."""
 
 LEAST_SIDE = 0.01
-"""A workspace with a shorter side is a mistake [m]."""
+"""Shortest plausible side of a workspace [m]."""
 
 Point = tuple[float, float, float]
 
 
 def held_at(track: Track) -> Point:
-    """Where the stylus was held: the medians."""
+    """Return the position at which the stylus was held: the median along each axis."""
     moved = float(np.ptp(track.place, axis=0).max())
     if moved > STILL:
         raise NetboardError(
@@ -37,7 +37,7 @@ def held_at(track: Track) -> Point:
 
 
 def box_between(one: Point, other: Point) -> Box:
-    """Make the box that has these two corners opposite each other."""
+    """Return the box with these opposite corners."""
     low, high = np.minimum(one, other), np.maximum(one, other)
     for axis, side in zip("xyz", high - low, strict=True):
         if side < LEAST_SIDE:
@@ -49,12 +49,12 @@ def box_between(one: Point, other: Point) -> Box:
 
 
 def scale_for(zero_z: float, box: Box, needed: float) -> float:
-    """Scale with which the heights that the task needs have room.
+    """Return the scale at which the heights that the task needs fit into the box [1].
 
     Parameters
     ----------
     needed : float
-        Height above and below the neutral one that the task needs, ``task.stylus_range`` [m].
+        Height above and below neutral that the task needs, ``task.stylus_range`` [m].
     """
     room = min(zero_z - box.z_min, box.z_max - zero_z)
     if room < 0.5 * LEAST_SIDE:
@@ -66,14 +66,14 @@ def scale_for(zero_z: float, box: Box, needed: float) -> float:
 
 
 def placed(before: Placement, zero: Point, box: Box | None, needed: float, words: str) -> Placement:
-    """Make a placement of what was measured.
+    """Return the placement that follows from the measured positions.
 
     Parameters
     ----------
     before : Placement
-        What there was; without a box, workspace and scale stay as they were.
+        Previous placement; without a box, its workspace and scale are kept.
     needed : float
-        Height above and below the neutral one that the task needs [m].
+        Height above and below neutral that the task needs [m].
     """
     x, y, z = zero
     after = replace(before, zero_x=x, zero_y=y, zero_z=z, calibrated=words)
@@ -83,12 +83,12 @@ def placed(before: Placement, zero: Point, box: Box | None, needed: float, words
 
 
 def with_values(before: Placement, given: Mapping[str, str], words: str) -> Placement:
-    """Make a placement of values that were given by hand.
+    """Return a placement with values that were entered by hand.
 
     Parameters
     ----------
     given : mapping of str to str
-        Names of keys of a profile's table ``placement``, and their values as written.
+        Keys of a profile's table ``placement``, with their values as text.
     """
     values: dict[str, object] = {**asdict(before), "calibrated": words}
     for key, word in given.items():

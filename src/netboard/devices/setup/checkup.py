@@ -1,7 +1,7 @@
-"""Is a device well? What its readings, and how it answers to a push, tell. Pure: tracks in, findings out.
+"""Device checkup: findings from the readings of a device and its response to pulses. Pure: tracks in, findings out.
 
-The marks are those of a 1 kHz haptic loop: a period of at most 1.2 ms in 99 and 2 ms in 99.9 of 100 cases, and never
-longer than 4 ms; a reading within half a millisecond; noise of less than two encoder steps.
+The criteria are those of a 1 kHz haptic loop. The period is at most 1.2 ms in 99 % and 2 ms in 99.9 % of cases, and
+never longer than 4 ms. A reading takes at most half a millisecond. The noise is below two encoder steps.
 """
 
 from collections.abc import Sequence
@@ -19,45 +19,45 @@ from netboard.devices.setup.loop import Floats, Track
 
 AXES = ("x", "y", "z")
 PERIOD_MS = (1.2, 2.0, 4.0)
-"""Longest good period in 99 of 100 cases, in 99.9, and ever [ms]."""
+"""Limits of the period: 99th percentile, 99.9th percentile, maximum [ms]."""
 
 ANSWER_MS = 0.5
-"""A reading should take no longer, in 99 of 100 cases [ms]."""
+"""Limit of the reading time, 99th percentile [ms]."""
 
 LEAST_HZ = 900.0
-"""A device should give so many new positions a second [Hz]."""
+"""Lowest good rate of new positions [Hz]."""
 
 QUIET = 1.0
-"""Noise is judged in the quietest time of this length [s]."""
+"""Length of the quietest window, in which noise is measured [s]."""
 
 NOISY = 2.0
-"""A device at rest whose positions spread by more encoder steps than that (standard deviation) is noisy [1]."""
+"""Limit of the standard deviation at rest, in encoder steps [1]."""
 
 TOUCHED = 5e-3
-"""A stylus that has not been moved so far tells nothing of its resolution and range [m]."""
+"""Movement below which resolution and range cannot be judged [m]."""
 
 PULSE, APART, PULSES = 0.03, 0.5, 6
-"""Length of a push, time from one to the next [s], and how many there are [1]."""
+"""Length of a pulse [s], interval between pulses [s], and number of pulses [1]."""
 
 BEFORE = 100
-"""Readings before a push that tell where the stylus would be without it, and after it in which it must move [1]."""
+"""Readings before a pulse that predict the position without it, and after it in which the stylus must move [1]."""
 
 PUSHING = APART * (PULSES + 0.5)
-"""Time that all pushes take [s]."""
+"""Duration of the whole pulse sequence [s]."""
 
 LATE_MS = 10.0
-"""A force that is felt later makes the virtual spring shake [ms]."""
+"""Latency above which the virtual coupling oscillates [ms]."""
 
 
 class Pushes(NamedTuple):
-    """How a device answers to pushes.
+    """Response of a device to force pulses.
 
     Attributes
     ----------
     delays : tuple of float
-        From handing a push over to the first reading in which the stylus has moved; one each that moved it [s].
+        Times from writing a pulse to the first reading with movement, one for each pulse that moved the stylus [s].
     mechanical : float
-        What of it the mass needs for that way at least, nan if the device has not been identified [s].
+        Minimum part of that time due to the stylus mass; NaN without identified mechanics [s].
     """
 
     delays: tuple[float, ...]
@@ -66,7 +66,7 @@ class Pushes(NamedTuple):
 
 
 def examine(track: Track, info: DeviceInfo) -> tuple[Finding, ...]:
-    """Judge the readings of a device."""
+    """Check the readings of a device."""
     return (
         _rate(track),
         _answer(track),
@@ -80,7 +80,7 @@ def examine(track: Track, info: DeviceInfo) -> tuple[Finding, ...]:
 
 
 def push_force(level: float, t: float) -> Vector:
-    """Force of the pushes at a time: short, up and down in turn."""
+    """Return the force of the pulse sequence at a time: short pulses, alternately up and down."""
     turn, since = divmod(t - 0.5 * APART, APART)
     if 0.0 <= turn < PULSES and since < PULSE:
         return 0.0, 0.0, level if turn % 2 == 0 else -level
@@ -88,7 +88,7 @@ def push_force(level: float, t: float) -> Vector:
 
 
 def pushes(track: Track, info: DeviceInfo, mechanics: Mechanics | None) -> Pushes:
-    """Find how late the stylus moves after each push."""
+    """Measure the latency from each pulse to the movement of the stylus."""
     fz, height = track.force[:, 2], track.place[:, 2]
     starts = np.flatnonzero((np.abs(fz[1:]) > 0.0) & (fz[:-1] == 0.0)) + 1
     delays = []
@@ -107,7 +107,7 @@ def pushes(track: Track, info: DeviceInfo, mechanics: Mechanics | None) -> Pushe
 
 
 def judge_pushes(found: Pushes) -> Finding:
-    """Judge how a device answers to pushes."""
+    """Check the response of a device to pulses."""
     name = "force to movement"
     if len(found.delays) < max(1, found.tried // 2):
         return Finding(
@@ -129,7 +129,7 @@ def judge_pushes(found: Pushes) -> Finding:
 
 
 def _mechanical(way: float, level: float, mechanics: Mechanics | None) -> float:
-    """Time in which a push moves a stylus so far from rest [s]."""
+    """Return the time in which a pulse moves a stylus from rest by a distance [s]."""
     if mechanics is None or not mechanics.identified:
         return np.nan
     net = level - mechanics.friction
@@ -137,13 +137,13 @@ def _mechanical(way: float, level: float, mechanics: Mechanics | None) -> float:
 
 
 def _percentiles(values: Floats) -> tuple[float, float, float, float]:
-    """Median, 99 %, 99.9 %, largest; in milliseconds for seconds."""
+    """Return median, 99th and 99.9th percentile and maximum, in milliseconds for values in seconds."""
     a, b, c, d = np.percentile(values, (50.0, 99.0, 99.9, 100.0)) * 1e3
     return float(a), float(b), float(c), float(d)
 
 
 def _spread(values: Floats) -> tuple[str, dict[str, float]]:
-    """A spread of times in words, and as figures."""
+    """Describe a distribution of times in words and as values."""
     p50, p99, p999, most = _percentiles(values)
     text = f"{p50:.3f} / {p99:.3f} / {p999:.3f} / {most:.3f} ms (50 / 99 / 99.9 / 100 %)"
     return text, {"p50_ms": p50, "p99_ms": p99, "p999_ms": p999, "largest_ms": most}
@@ -218,13 +218,13 @@ def _ready(track: Track) -> Finding:
 
 
 def smallest_step(values: Floats) -> float:
-    """Smallest difference between two values that were seen; infinite if there was but one."""
+    """Return the smallest difference between the observed values; infinite if there is only one."""
     steps = np.diff(np.unique(values))
     return float(steps[steps > 1e-9].min(initial=inf))
 
 
 def noise_at_rest(track: Track) -> tuple[NDArray[np.float64], float]:
-    """Standard deviations of the positions, and of the speed, in the quietest second."""
+    """Return the standard deviations of the positions and of the speed in the quietest second."""
     size = min(round(QUIET * 1e3), len(track.time))
     starts: Sequence[int] = range(0, len(track.time) - size + 1, max(size // 4, 1))
     best = min(starts, key=lambda k: float(track.place[k : k + size].std(axis=0).max()))

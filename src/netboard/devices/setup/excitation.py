@@ -1,9 +1,9 @@
-"""The run from which a stylus is identified: a soft spring leads it up and down, slowly first, then faster.
+"""Excitation run for identification: a soft spring moves the stylus up and down in a chirp.
 
-The other end of the spring moves in a chirp, so the stylus stays about where it was, whatever its mass and friction,
-and feels every speed up to the limit at some time: slow movements tell friction, fast ones mass, those between damping.
-Each turn of the chirp is larger or smaller than the one before, for otherwise friction and damping look alike. Across,
-a spring as soft keeps it where it was.
+The far end of the spring moves in the chirp, so the stylus stays near its starting point, whatever its mass and
+friction, and passes through all speeds up to the limit. Slow movements reveal friction, fast ones mass, intermediate
+ones damping. The amplitude varies from cycle to cycle, because otherwise friction and damping could not be separated.
+An equally soft spring holds the stylus laterally.
 """
 
 from dataclasses import dataclass, replace
@@ -19,29 +19,29 @@ from netboard.devices.setup.identification import Identified, Motion, identify
 from netboard.devices.setup.loop import Beats, Driver, Progress, Track
 
 AXIS = 2
-"""The axis of the task: up and down [1]."""
+"""Axis of the task: vertical [1]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Chirp:
-    """How the stylus is led.
+    """Parameters of the chirp.
 
     Attributes
     ----------
     seconds : float
-        For how long [s].
+        Duration [s].
     slowest, fastest : float
-        Frequency at its begin and at its end [Hz].
+        Frequency at the start and at the end [Hz].
     swing : float
-        Largest movement to either side [m].
+        Largest amplitude [m].
     speed : float
-        Largest speed of the leading end [m/s].
+        Largest speed of the spring's far end [m/s].
     stiffness, damping : float
-        Of the spring [N/m, N s/m].
+        Stiffness and damping of the spring [N/m, N s/m].
     max_force : float
-        Limit of the force [N].
+        Force limit [N].
     max_speed : float
-        Speed of the stylus above which the force is cut [m/s].
+        Speed limit of the stylus, above which the force is cut [m/s].
     """
 
     seconds: float = 12.0
@@ -55,7 +55,10 @@ class Chirp:
     max_speed: float = 1.0
 
     def lead(self, t: float) -> float:
-        """Where the leading end is [m] at a time [s]; the phase is that of a logarithmic sweep (Farina 2000)."""
+        """Return the position of the spring's far end [m] at a time [s].
+
+        The phase is a logarithmic sweep (Farina 2000).
+        """
         if not 0.0 <= t <= self.seconds:
             return 0.0
         rate = log(self.fastest / self.slowest) / self.seconds
@@ -68,7 +71,7 @@ class Chirp:
 
 
 def limits_of(chirp: Chirp, own: Limits) -> Limits:
-    """Make the limits of the run: the chirp's, or the rig's own where those are tighter."""
+    """Return the safety limits of the run: the chirp's, or the rig's where those are tighter."""
     most = min(chirp.max_force, own.max_force)
     return replace(
         own,
@@ -79,12 +82,12 @@ def limits_of(chirp: Chirp, own: Limits) -> Limits:
 
 
 def run(device: Device, beats: Beats, chirp: Chirp, own: Limits, progress: Progress = lambda _: None) -> Track:
-    """Lead the stylus of an open device along the chirp.
+    """Move the stylus of an open device along the chirp.
 
     Raises
     ------
     DeviceError
-        If the device has no motors, has no room, or fails; or if the safety chain takes the force away.
+        If the device has no motors, has too little room or fails; or if the safety chain cuts the force.
     """
     if device.info.max_force <= 0.0:
         raise DeviceError(f"the {device.info.model} cannot be identified: it has no motors")
@@ -106,7 +109,7 @@ def run(device: Device, beats: Beats, chirp: Chirp, own: Limits, progress: Progr
 
 
 def _check_room(device: Device, home: Vector, chirp: Chirp) -> None:
-    """Refuse where the stylus would be led out of the workspace."""
+    """Raise an error if the chirp would leave the workspace."""
     box = device.info.workspace
     room = 2.0 * chirp.swing
     x, y, z = home
@@ -118,11 +121,11 @@ def _check_room(device: Device, home: Vector, chirp: Chirp) -> None:
 
 
 def motion_of(track: Track, axis: int = AXIS) -> Motion:
-    """One axis of a run; positions that were read twice count once."""
+    """Return one axis of a run without repeated readings."""
     fresh = np.concatenate([[True], np.diff(track.time) > 0.0])
     return Motion(track.time[fresh], track.place[fresh, axis], track.written, track.force[:, axis])
 
 
 def identified(track: Track, held: bool) -> Identified:
-    """Identify the stylus from a run."""
+    """Identify the stylus mechanics from a run."""
     return identify(motion_of(track), held)

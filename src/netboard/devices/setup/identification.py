@@ -1,16 +1,16 @@
-"""What a stylus is like to move: mass, damping, friction, from a run in which its motors moved it. Pure.
+"""System identification of a stylus: mass, damping and friction from a run with motor forces. Pure.
 
-The model is m a + b v + fc sign(v) + k x = F(t - delay) + load, with k = 0 for a stylus that nobody holds. The load is
-what pulls at it all the time; the delay is that from handing a force over to its effect, and of the position read.
+The model is m a + b v + fc sign(v) + k x = F(t - delay) + load, with k = 0 if no hand holds the stylus. The load is a
+constant force. The delay is the time from writing a force to its effect, plus that of the position reading.
 
-The fit is of the output-error kind (Ljung, System Identification, 2nd ed. 1999, section 7.3): the model is simulated
-under the forces that were rendered, from window to window, and all parameters are moved until the simulated positions
-are as close to the read ones as they can be. No position is ever differentiated, so encoder steps do no harm. Where
-each window begins, and how fast, is fitted with it. The first guess comes from the same equation in its weak form,
-multiplied by smooth functions of time and integrated by parts (Shinbrot 1957), which is linear in the parameters.
+The method is output-error identification (Ljung, System Identification, 2nd ed. 1999, section 7.3). The model is
+simulated under the rendered forces, window by window, and all parameters are optimised for the least squared position
+error. Positions are never differentiated, so quantisation does no harm. The initial state of each window is fitted too.
+The initial guess solves the weak form of the equation, multiplied by smooth test functions and integrated by parts
+(Shinbrot 1957), which is linear in the parameters.
 
-Confidence intervals treat each window as one observation (a cluster-robust covariance: Liang and Zeger 1986), so that
-what is slow, such as the tremor of a hand, does not make them too narrow.
+The 95 % confidence intervals treat each window as one observation (cluster-robust covariance: Liang and Zeger 1986), so
+that slow disturbances, such as hand tremor, do not make them too narrow.
 """
 
 from dataclasses import dataclass
@@ -32,49 +32,49 @@ WINDOW = 0.4
 """Length of a window [s]."""
 
 EVERY = 4
-"""Of the positions every so manyth is compared; those between tell next to nothing more [1]."""
+"""Decimation of the compared positions; those in between add almost no information [1]."""
 
 SMOOTHED = 31
-"""Samples over which positions are smoothed for the first guess [1]."""
+"""Samples in the smoothing window of the initial guess [1]."""
 
 BUMP = 0.12
-"""Length of the smooth functions of the weak form [s]."""
+"""Length of the test functions in the weak form [s]."""
 
 SLOW = 0.004
-"""A stylus slower than this may stick: such moments do not count for the first guess [m/s]."""
+"""Speed below which the stylus may stick; such samples are left out of the initial guess [m/s]."""
 
 LONGEST_DELAY = 0.02
-"""No device is later than this [s]."""
+"""Upper bound of the delay [s]."""
 
 NAMES = ("mass", "damping", "friction", "load", "delay", "stiffness")
-"""The parameters, in their order."""
+"""Parameter names, in order."""
 
 SCALES = np.array([0.05, 0.5, 0.1, 0.1, 1e-3, 50.0])
-"""How large each is, roughly, in its own unit."""
+"""Typical size of each parameter, in its unit."""
 
 STEPS = np.array([1e-4, 1e-3, 1e-4, 1e-4, 1e-5, 1e-2])
-"""Steps of the differences by which the fit feels its way, in the same units."""
+"""Steps of the finite differences, in the same units."""
 
 GOOD, MOST_ROUNDS = 1e-5, 60
-"""The fit ends when a round changes less than this share, or after so many rounds [1]."""
+"""Convergence tolerance (relative change per iteration), and limit of iterations [1]."""
 
 CONFIDENCE = 0.95
-"""Of the intervals [1]."""
+"""Level of the confidence intervals [1]."""
 
 
 class Motion(NamedTuple):
-    """A run along one axis.
+    """One axis of a run.
 
     Attributes
     ----------
     time : ndarray, shape (n,)
-        When each position was read [s].
+        Time of each position [s].
     place : ndarray, shape (n,)
-        Where the stylus was [m].
+        Position of the stylus [m].
     written : ndarray, shape (n,)
-        When each force was handed over, which acts until the next one [s].
+        Time at which each force was written; it acts until the next one [s].
     force : ndarray, shape (n,)
-        The force [N].
+        Force [N].
     """
 
     time: Floats
@@ -84,12 +84,12 @@ class Motion(NamedTuple):
 
 
 class Estimate(NamedTuple):
-    """One parameter.
+    """Estimate of one parameter.
 
     Attributes
     ----------
     half_width : float
-        Half the width of its 95 % confidence interval, in the same unit.
+        Half-width of the 95 % confidence interval, in the unit of the value.
     """
 
     value: float
@@ -98,16 +98,16 @@ class Estimate(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Identified:
-    """What a stylus is like.
+    """Identified mechanics of a stylus.
 
     Attributes
     ----------
     mass, damping, friction, load, delay, stiffness : Estimate
-        The parameters [kg, N s/m, N, N, s, N/m].
+        Parameter estimates [kg, N s/m, N, N, s, N/m].
     misfit : float
-        Root mean square of what the model leaves unexplained of the positions [m].
+        Root mean square of the position residuals [m].
     travel : float
-        Way between the extreme positions of the run [m].
+        Distance between the extreme positions of the run [m].
     """
 
     mass: Estimate
@@ -122,12 +122,12 @@ class Identified:
 
 
 def identify(motion: Motion, held: bool) -> Identified:
-    """Find mass, damping and friction.
+    """Estimate mass, damping and friction.
 
     Parameters
     ----------
     held : bool
-        A hand holds the stylus: it has a stiffness, and mass and damping are those of both.
+        True if a hand holds the stylus: then stiffness is estimated too, and mass and damping include the hand's.
     """
     windows = _Windows(motion)
     travel = float(np.ptp(motion.place))
@@ -168,7 +168,7 @@ def identify(motion: Motion, held: bool) -> Identified:
 
 
 class _Windows:
-    """A run cut into windows, and the model simulated in all of them at once."""
+    """A run cut into windows, and the simulation of the model in all of them at once."""
 
     def __init__(self, motion: Motion) -> None:
         step = float(np.median(np.diff(motion.time)))
@@ -187,16 +187,16 @@ class _Windows:
         self._knots = np.append(motion.written, motion.written[-1] + gaps[-1])
 
     def _forces(self, delay: float) -> Floats:
-        """Mean force between the readings of each window, delayed."""
+        """Return the mean delayed force between the readings of each window."""
         impulse = np.interp(self._times - delay, self._knots, self._impulse)
         return np.asarray(np.diff(impulse, axis=1) / np.diff(self._times, axis=1))
 
     def simulate(self, parameters: Floats, start: Floats) -> Floats:
-        """Positions in each window, shape (windows, samples)."""
+        """Return the simulated positions in each window, shape (windows, samples)."""
         return self._run(parameters[:, None], start, self._forces(parameters[4]))
 
     def slopes(self, parameters: Floats, start: Floats, free: NDArray[np.bool_]) -> csr_array:
-        """Derivatives of all positions by the free parameters, then by where and how fast each window starts."""
+        """Return the Jacobian of all positions by the free parameters and each window's initial state."""
         n, lanes = self.count, [int(i) for i in np.flatnonzero(free)]
         many = np.repeat(parameters[:, None], n * (len(lanes) + 3), axis=1)
         starts = np.tile(start, len(lanes) + 3)
@@ -218,9 +218,9 @@ class _Windows:
         return csr_array((changes.ravel(), place), shape=(len(rows), len(lanes) + 2 * n))
 
     def _run(self, parameters: Floats, start: Floats, forces: Floats) -> Floats:
-        """Simulate lanes by the implicit midpoint rule; friction as the largest force against the movement it can be.
+        """Simulate all windows in parallel by the implicit midpoint rule with Coulomb friction.
 
-        A stylus that friction can hold is held; otherwise friction takes its part off the velocity (Moreau 1999).
+        Friction stops a stylus that it can hold; otherwise it reduces the velocity by its share (Moreau 1999).
         """
         m, b, fc, load, _, k = parameters
         lanes, samples = forces.shape
@@ -240,7 +240,7 @@ class _Windows:
 
 
 def _half_widths(residuals: Floats, slopes: csr_array, shared: int, windows: int) -> Floats:
-    """Half widths of the confidence intervals of the parameters that all windows share."""
+    """Return the half-widths of the confidence intervals of the parameters that all windows share."""
     size = len(residuals) // windows
     inner, outer = np.zeros((shared, shared)), np.zeros((shared, shared))
     for w in range(windows):
@@ -257,7 +257,7 @@ def _half_widths(residuals: Floats, slopes: csr_array, shared: int, windows: int
 
 
 def _first_guess(motion: Motion, held: bool) -> Floats:
-    """Solve the weak form of the equation, a line for each smooth function of time."""
+    """Return the solution of the weak form, with one equation per test function."""
     step = float(np.median(np.diff(motion.time)))
     times = np.arange(motion.time[0], motion.time[-1], step)
     place = np.interp(times, motion.time, motion.place)
@@ -287,13 +287,13 @@ def _first_guess(motion: Motion, held: bool) -> Floats:
 
 
 def _smoothed(motion: Motion) -> tuple[Floats, Floats]:
-    """Positions and velocities by a short moving cubic (Savitzky and Golay 1964)."""
+    """Return positions and velocities smoothed by a moving cubic (Savitzky and Golay 1964)."""
     step = float(np.median(np.diff(motion.time)))
     smooth = savgol_filter(motion.place, SMOOTHED, 3)
     return smooth, savgol_filter(motion.place, SMOOTHED, 3, deriv=1, delta=step)
 
 
 def _grain(place: Floats) -> float:
-    """Smallest step between positions."""
+    """Return the smallest step between positions."""
     steps = np.diff(np.unique(place))
     return float(steps[steps > 1e-9].min(initial=np.inf)) if len(steps) else np.inf

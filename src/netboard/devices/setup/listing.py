@@ -1,7 +1,7 @@
-"""Which devices there are: what the USB shows, what the backends' libraries show, and the two joined by serial number.
+"""Device listing: USB devices and devices shown by the backends' libraries, joined by serial number.
 
-On Linux the USB is read from /sys, which opens nothing and needs no right; elsewhere pyusb and hidapi are asked. A
-device that is plugged in and may not be opened is named with the udev rule that puts it right.
+On Linux the USB is read from /sys, which opens no device and needs no permissions; elsewhere pyusb and hidapi are
+asked. A device that may not be opened is listed with the udev rule that permits it.
 """
 
 import os
@@ -23,14 +23,14 @@ ROOT = Path("/")
 
 @dataclass(frozen=True, slots=True)
 class Listed:
-    """One device.
+    """A listed device.
 
     Attributes
     ----------
     model, serial : str
-        What it is, and its serial number if it is known.
+        Model, and serial number if known.
     usb : str
-        USB vendor and product, empty for what is not on the USB.
+        USB vendor and product; empty for other devices.
     """
 
     model: str
@@ -42,7 +42,7 @@ class Listed:
 
     @property
     def advice(self) -> str:
-        """What to do about a device that may not be opened; empty if it may."""
+        """Advice for a device that may not be opened; empty if it may."""
         if not self.shut:
             return ""
         vendor, _, product = self.usb.partition(":")
@@ -50,7 +50,7 @@ class Listed:
 
 
 class Backend(NamedTuple):
-    """One device backend."""
+    """A device backend and its state."""
 
     name: str
     trouble: str
@@ -58,7 +58,7 @@ class Backend(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Listing:
-    """All of it."""
+    """All devices and backends."""
 
     devices: tuple[Listed, ...]
     backends: tuple[Backend, ...]
@@ -66,13 +66,13 @@ class Listing:
 
 
 def udev_rule(vendor: str, product: str) -> str:
-    """Write the udev rule that lets the group netboard, and whoever sits at the machine, open a device."""
+    """Return the udev rule that lets the group netboard and the local user open a device."""
     where = f'ATTRS{{idVendor}}=="{vendor}", ATTRS{{idProduct}}=="{product}"'
     return f'SUBSYSTEM=="usb|tty|hidraw", {where}, GROUP="netboard", MODE="0660", TAG+="uaccess"'
 
 
 def listing(config: Config, root: Path = ROOT) -> Listing:
-    """Look at everything."""
+    """List all devices and backends."""
     devices, remarks = [], []
     if (root / "sys/bus/usb/devices").is_dir():
         devices = by_sysfs(root)
@@ -89,7 +89,7 @@ def listing(config: Config, root: Path = ROOT) -> Listing:
 
 
 def by_sysfs(root: Path = ROOT) -> list[Listed]:
-    """Known devices that Linux shows, and which of their files are shut."""
+    """List known devices in Linux's /sys, with their files that may not be opened."""
     found = []
     for device in sorted((root / "sys/bus/usb/devices").iterdir()):
         vendor, product = text_of(device / "idVendor"), text_of(device / "idProduct")
@@ -103,12 +103,12 @@ def by_sysfs(root: Path = ROOT) -> list[Listed]:
 
 
 def joined(devices: list[Listed], backend: str, found: Iterable[Found]) -> list[Listed]:
-    """Join what a backend's library shows with what is there already, by serial number.
+    """Merge the devices that a backend's library shows into the list, by serial number.
 
     Returns
     -------
     list of Listed
-        Each device once; the library's word for the model goes before ours.
+        Each device once; the library's model name takes precedence.
     """
     out = list(devices)
     for model, serial in found:
@@ -123,7 +123,7 @@ def joined(devices: list[Listed], backend: str, found: Iterable[Found]) -> list[
 def _joined_usb(
     devices: list[Listed], source: str, ask: Callable[[], tuple[Plugged, ...]]
 ) -> tuple[list[Listed], list[str]]:
-    """Join what one more library shows of the USB; one that knows no serial number means any of that kind."""
+    """Merge another library's USB devices; one without serial number matches any of its kind."""
     try:
         shown = ask()
     except DeviceNotFound as error:
@@ -144,7 +144,7 @@ def _joined_usb(
 
 
 def _ask_backend(name: str, config: Config) -> tuple[str, tuple[Found, ...]]:
-    """Why a backend cannot be used, and the devices it shows."""
+    """Return why a backend cannot be used (empty if it can), and its devices."""
     try:
         return "", registry.find(name).present(config)
     except DeviceError as error:

@@ -1,8 +1,8 @@
-"""A device in a loop of its own, without a server: watched without a force, or moved through the safety chain.
+"""Runs one device in a loop without a server: reads it without force, or drives it through the safety chain.
 
-Time comes from `Beats`, so that a test can run a virtual device in simulated time. What was read and rendered is kept
-in a `Track`. Rule 1: without a force nothing is ever written. Rule 2: every force goes through the safety chain, and on
-every way out it goes to zero before anything else happens.
+Time comes from `Beats`, so that a test can run a virtual device in simulated time. Readings and rendered forces are
+stored in a `Track`. Rule 1: a run without force writes nothing. Rule 2: every force passes the safety chain, and on
+every exit path the force goes to zero first.
 """
 
 from collections.abc import Callable
@@ -23,56 +23,56 @@ from netboard.devices.safety.chain import ZERO, Guard, Safety, Vector
 
 Floats = NDArray[np.float64]
 Progress = Callable[[float], None]
-"""Is told which share of a run is done [1]."""
+"""Callback for the completed fraction of a run [1]."""
 
 ARMING_SECONDS = 15.0
-"""A chain that is not armed after so long will not be [s]."""
+"""Timeout for arming the safety chain [s]."""
 
 
 class Beats(Protocol):
-    """The milliseconds of a loop."""
+    """Clock of a 1 kHz loop."""
 
     def now(self) -> int:
-        """Time now [ns]."""
+        """Current time [ns]."""
 
     def wait(self) -> int:
-        """Sleep until the next one is due; the time then [ns]."""
+        """Sleep until the next tick is due and return the time then [ns]."""
 
 
 class RealTime:
-    """Milliseconds as they pass."""
+    """Clock in real time."""
 
     def __init__(self) -> None:
         self._pacer = Pacer(clock.now_ns() + TICK_NS)
 
     def now(self) -> int:
-        """Time now [ns]."""
+        """Current time [ns]."""
         return clock.now_ns()
 
     def wait(self) -> int:
-        """Sleep until the next millisecond is due; the time then [ns]."""
+        """Sleep until the next tick is due and return the time then [ns]."""
         self._pacer.wait()
         return clock.now_ns()
 
 
 @dataclass(frozen=True, slots=True)
 class Track:
-    """What was read of a device, and what it was given.
+    """Readings and forces of a run.
 
     Attributes
     ----------
     begun : ndarray, shape (n,)
-        When each reading was asked for [s].
+        Time at which each reading was requested [s].
     took : ndarray, shape (n,)
-        How long the device took to answer [s].
+        Duration of each reading [s].
     time : ndarray, shape (n,)
-        What time each position belongs to [s].
+        Time stamp of each position [s].
     place, velocity : ndarray, shape (n, 3)
-        Where the stylus was, and how fast, in the device's own frame [m, m/s].
+        Position and velocity of the stylus, in the device's own frame [m, m/s].
     written : ndarray, shape (n,)
-        When each force was handed over [s].
+        Time at which each force was written [s].
     force : ndarray, shape (n, 3)
-        The force rendered from then on [N].
+        Force rendered from that time on [N].
     """
 
     begun: Floats
@@ -87,11 +87,11 @@ class Track:
 
 
 Row = tuple[int, int, Reading, int, Vector]
-"""When a reading was begun and ended, the reading, when a force was written, the force."""
+"""Start and end of a reading, the reading, time of writing the force, the force."""
 
 
 def track_of(rows: list[Row]) -> Track:
-    """Make arrays of what a loop has kept; times count from its first reading."""
+    """Convert the rows of a loop to arrays; time starts at the first reading."""
     zero = rows[0][0] if rows else 0
     begun, ended, readings, written, forces = zip(*rows, strict=True) if rows else ((), (), (), (), ())
 
@@ -112,7 +112,7 @@ def track_of(rows: list[Row]) -> Track:
 
 
 def watch(device: Device, beats: Beats, seconds: float, progress: Progress = lambda _: None) -> Track:
-    """Read a device each millisecond, and give it nothing."""
+    """Read a device each millisecond without writing force."""
     rows: list[Row] = []
     total = round(seconds * 1e9 / TICK_NS)
     for k in range(total):
@@ -126,7 +126,7 @@ def watch(device: Device, beats: Beats, seconds: float, progress: Progress = lam
 
 
 class Driver:
-    """Moves a device through the safety chain."""
+    """Drives a device through the safety chain."""
 
     def __init__(self, device: Device, beats: Beats, limits: Limits) -> None:
         self._device, self._beats = device, beats
@@ -136,12 +136,12 @@ class Driver:
     def drive(
         self, seconds: float, force: Callable[[float, Reading], Vector], progress: Progress = lambda _: None
     ) -> Track:
-        """Arm the device, give it forces for a while, take them away.
+        """Arm the device, render forces for a duration, then release them.
 
         Parameters
         ----------
         force : callable
-            Wanted force on the hand for the time since then [s] and a reading [N].
+            Wanted force on the hand [N], called with the time since arming [s] and a reading.
         """
         rows: list[Row] = []
         total = round(seconds * 1e9 / TICK_NS)
@@ -159,7 +159,7 @@ class Driver:
         return track_of(rows)
 
     def _arm(self) -> None:
-        """Pass the gate and the ramp, with no force wanted."""
+        """Pass gate and ramp with zero wanted force."""
         self._safety.arm()
         for _ in range(round(ARMING_SECONDS * 1e9 / TICK_NS)):
             reading = self._step(lambda _: ZERO)[2]
@@ -170,13 +170,13 @@ class Driver:
         raise DeviceError(self._why(reading))
 
     def _release(self) -> None:
-        """Let the force go to zero by the slew limit."""
+        """Reduce the force to zero at the slew limit."""
         self._safety.disarm()
         while self._safety.guard is Guard.RELEASING:
             self._step(lambda _: ZERO)
 
     def _step(self, force: Callable[[Reading], Vector]) -> Row:
-        """Read, limit, write."""
+        """Read, limit and write once."""
         begun = self._beats.wait()
         reading = self._device.read(begun)
         ended = self._beats.now()
@@ -188,7 +188,7 @@ class Driver:
         return begun, ended, reading, self._beats.now(), (limited.fx, limited.fy, limited.fz)
 
     def _why(self, reading: Reading) -> str:
-        """Say why there is no force."""
+        """Explain why there is no force."""
         if not reading.ready:
             return (
                 "the device takes no force: its stylus is outside of the workspace, or the device is not calibrated; "

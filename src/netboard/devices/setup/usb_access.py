@@ -1,6 +1,6 @@
-"""Haptic devices that are plugged in, and whether this user may open them: by his group, not by everybody's right.
+"""Checks whether connected haptic devices may be opened by this user through a group, not by world permissions.
 
-Presence is read from /sys; no device is opened, because that would fight with the library that drives it.
+Presence is read from /sys. No device is opened, because that would interfere with the library that drives it.
 """
 
 import os
@@ -12,13 +12,13 @@ from netboard.devices.contract.usb_ids import DEVICES
 ROOT = Path("/")
 
 NAMES = {(f"{vendor:04x}", f"{product:04x}"): name for (vendor, product), name in DEVICES.items()}
-"""Devices that people hold, by vendor and product as /sys writes them."""
+"""Known devices, by vendor and product as in /sys."""
 
 ADVICE = "install deploy/udev/70-netboard.rules and join the group netboard; see docs/how-to/two-stations.md"
 
 
 def devices(root: Path = ROOT) -> Finding:
-    """Which known devices are plugged in, and whether they can be opened."""
+    """Check which known devices are connected and may be opened."""
     name = "USB devices"
     plugged = root / "sys/bus/usb/devices"
     if not plugged.is_dir():
@@ -40,7 +40,7 @@ def devices(root: Path = ROOT) -> Finding:
 
 
 def device_nodes(device: Path, root: Path) -> list[Path]:
-    """Files in /dev through which a device is driven: raw USB, HID or serial."""
+    """Return the files in /dev that drive a device: raw USB, HID or serial."""
     nodes = [root / "dev" / line[8:] for line in text_of(device / "uevent").splitlines() if line.startswith("DEVNAME=")]
     nodes += [root / "dev" / at.name for at in device.glob("**/hidraw/hidraw*")]
     nodes += [root / "dev" / at.name for at in device.glob("**/tty/tty*")]

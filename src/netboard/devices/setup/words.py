@@ -1,4 +1,4 @@
-"""What the tools for devices found, for people and as plain values for JSON."""
+"""Formats the results of the device tools, as tables and as plain values for JSON."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict
@@ -15,11 +15,11 @@ from netboard.devices.setup.identification import Estimate, Identified
 from netboard.devices.setup.listing import Listing
 
 UNITS = {"mass": "kg", "damping": "N s/m", "friction": "N", "load": "N", "delay": "ms", "stiffness": "N/m"}
-"""Unit of each estimate, as shown."""
+"""Displayed unit of each estimate."""
 
 
 def listing_tables(found: Listing) -> RenderableType:
-    """Tables of devices and backends, with what to do below each device that may not be opened."""
+    """Format devices and backends as tables, with advice below each device that may not be opened."""
     devices = FittedTable("device", "serial", "USB", "at", "seen by", title="Devices")
     for each in found.devices:
         model = Text(each.model)
@@ -35,7 +35,7 @@ def listing_tables(found: Listing) -> RenderableType:
 
 
 def plain_listing(found: Listing) -> Mapping[str, object]:
-    """A listing for JSON."""
+    """Convert a listing for JSON."""
     return {
         "devices": [{**asdict(each), "advice": each.advice} for each in found.devices],
         "backends": [{"name": name, "usable": not trouble, "trouble": trouble} for name, trouble in found.backends],
@@ -44,7 +44,7 @@ def plain_listing(found: Listing) -> Mapping[str, object]:
 
 
 def findings_table(title: str, findings: Iterable[Finding]) -> FittedTable:
-    """Lay findings out, with what to do below each that is not green."""
+    """Format findings as a table, with advice below each one that is not green."""
     table = FittedTable("", "", "", title=title, header=False)
     for finding in findings:
         found = Text(finding.found)
@@ -55,7 +55,7 @@ def findings_table(title: str, findings: Iterable[Finding]) -> FittedTable:
 
 
 def identified_table(title: str, found: Identified) -> FittedTable:
-    """Estimates with their intervals, and how well the model fits."""
+    """Format estimates with their 95 % confidence intervals and the misfit of the model."""
     table = FittedTable("", *numbers("estimate", "+- (95 %)"), "", title=title)
     for name, value, half_width, unit in _estimates(found):
         digits = max(0, 1 - floor(log10(half_width))) if half_width > 0.0 else 4
@@ -65,7 +65,7 @@ def identified_table(title: str, found: Identified) -> FittedTable:
 
 
 def plain_identified(info: DeviceInfo, found: Identified) -> Mapping[str, object]:
-    """Estimates for JSON, in SI units."""
+    """Convert estimates for JSON, in SI units."""
     estimates = {name: {"value": value, "half_width": half} for name, (value, half) in _by_name(found).items()}
     return {
         "model": info.model,
@@ -78,7 +78,7 @@ def plain_identified(info: DeviceInfo, found: Identified) -> Mapping[str, object
 
 
 def placement_table(title: str, place: Placement) -> FittedTable:
-    """Where the scene's origin, the workspace and the scale are, in millimetres."""
+    """Format origin, workspace and scale, in millimetres."""
     table = FittedTable("", *numbers("x", "y", "z"), "", title=title)
     rows = {
         "zero": (place.zero_x, place.zero_y, place.zero_z),
@@ -92,7 +92,7 @@ def placement_table(title: str, place: Placement) -> FittedTable:
 
 
 def reading_table(title: str, reading: Reading) -> FittedTable:
-    """One reading, as the scene has it."""
+    """Format one reading in the scene's frame."""
     table = FittedTable("", *numbers("x", "y", "z"), "", title=title)
     table.add_row("position", *(f"{value * 1e3:8.2f}" for value in (reading.x, reading.y, reading.z)), "mm")
     table.add_row("velocity", *(f"{value * 1e3:8.1f}" for value in (reading.vx, reading.vy, reading.vz)), "mm/s")
@@ -106,7 +106,7 @@ def _by_name(found: Identified) -> Mapping[str, Estimate]:
 
 
 def _estimates(found: Identified) -> Iterable[tuple[str, float, float, str]]:
-    """Estimates that were made, in the units in which they are shown."""
+    """Yield the estimates that were made, in displayed units."""
     for name, (value, half_width) in _by_name(found).items():
         times = 1e3 if name == "delay" else 1.0
         if value or half_width:

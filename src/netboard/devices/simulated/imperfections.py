@@ -1,25 +1,25 @@
-"""What a real device does and an ideal one does not: its motors get warm, and its readings come late.
+"""Imperfections of real devices: motor heating and delayed readings.
 
-Both are parts of the simulated device that are made only where the configuration asks for them.
+The simulated device creates them only if the configuration asks for them.
 """
 
 from collections import deque
 from math import exp
 
 COOL = 0.8
-"""Warm motors are ready again below this temperature, as a share of the one at which they are warm [1]."""
+"""Hot motors recover below this temperature, as a fraction of the limit [1]."""
 
 
 class Heat:
-    """Temperature of motors: of first order, driven by the square of the force.
+    """Motor temperature as a first-order system driven by the squared force.
 
-    It is counted from that of the room, in units of what the motors bear: the continuous force, held for ever, brings
-    it to 1. Above that they are warm, until they have cooled down to `COOL`.
+    Temperature is relative to the room, in units of the motors' limit: the continuous force, held indefinitely, brings
+    it to 1. Above 1 the motors are hot until they have cooled to `COOL`.
 
     Parameters
     ----------
     continuous : float
-        Force that the motors give for ever [N].
+        Continuous force of the motors [N].
     time : float
         Time constant [s].
     """
@@ -31,19 +31,19 @@ class Heat:
         self._time = time
 
     def live(self, seconds: float, force: float) -> None:
-        """Let time pass under a constant force."""
+        """Advance the time under a constant force."""
         end = (force / self._continuous) ** 2
         self.temperature = end + (self.temperature - end) * exp(-seconds / self._time)
         self.warm = self.temperature > (COOL if self.warm else 1.0)
 
 
 class Late:
-    """Positions as they were a while ago: on the line between the two that were taken before and after.
+    """Delay line for positions, with linear interpolation between samples.
 
     Parameters
     ----------
     delay_ns : int
-        How long ago [ns].
+        Delay [ns].
     """
 
     def __init__(self, delay_ns: int) -> None:
@@ -51,7 +51,7 @@ class Late:
         self._taken: deque[tuple[int, tuple[float, float, float]]] = deque()
 
     def take(self, now_ns: int, place: tuple[float, float, float]) -> tuple[float, float, float]:
-        """Take the position now and give the one of then; before the first one, that."""
+        """Store the current position and return the delayed one; at the start, return the first position."""
         taken, then_ns = self._taken, now_ns - self._delay_ns
         if not taken or now_ns > taken[-1][0]:
             taken.append((now_ns, place))

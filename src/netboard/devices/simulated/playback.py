@@ -1,8 +1,8 @@
-"""Backend ``playback``: a stylus that was recorded, moving as it did then. Nobody holds it and it cannot be felt.
+"""Backend ``playback``: replays a recorded stylus. No hand holds it, and it has no haptic feedback.
 
-For a partner who does not react to the other one, for rehearsals without hardware and for tests. It starts with the
-first reading, rests where the file begins until ``delay`` is over, and rests where it ends afterwards: then it is not
-ready any more, so that no block goes on with a partner who has stopped, unless it is to start again (``loop``).
+Use it as a partner that does not react, for rehearsals without hardware, and for tests. Playback starts with the first
+reading. The stylus rests at the start of the file until ``delay`` is over, and at its end afterwards. It is then no
+longer ready, so that no block continues with a partner who has stopped; with ``loop`` it starts again.
 
 Options (``agents.<side>.options``): see `Options`; the files are those of `netboard.devices.simulated.trajectory`.
 """
@@ -38,7 +38,7 @@ class Options:
 
 @final
 class Playback(Device):
-    """A recorded stylus."""
+    """A recorded stylus as a device."""
 
     def __init__(self, side: Side, config: Config) -> None:
         super().__init__(side, config)
@@ -80,7 +80,7 @@ class Playback(Device):
         return Reading(now_ns, x, y, z, vx, vy, vz, buttons, when <= duration)
 
     def _write(self, fx: float, fy: float, fz: float) -> None:
-        """Nobody feels it."""
+        """Ignore the force: no hand feels it."""
 
     def _close(self) -> None:
         self._track = None

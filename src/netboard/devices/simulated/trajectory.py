@@ -1,8 +1,8 @@
-"""A stylus' way through time, from a recording or a CSV file, and where it was at any moment of it.
+"""The trajectory of a stylus, from a recording or a CSV file, interpolated at any time.
 
-A recording gives what the server took for the stylus' samples, with the heights' rates; across the line only positions
-are recorded. A CSV file has the columns ``time,x,y,z`` and perhaps ``vx,vy,vz`` and ``buttons``, in any order. Whatever
-is wrong with a file is said with file, line and column; nothing is repaired silently.
+A recording provides the stylus samples as the server received them, with vertical velocities; laterally it has
+positions only. A CSV file has the columns ``time,x,y,z`` and optionally ``vx,vy,vz`` and ``buttons``, in any order. An
+invalid file raises an error with file, line and column; nothing is repaired silently.
 """
 
 import csv
@@ -22,26 +22,26 @@ from netboard.recording.files.reader import Recording
 NEEDED = ("time", "x", "y", "z")
 RATES = ("vx", "vy", "vz")
 UNITS = {"time": "s", "x": "m", "y": "m", "z": "m", "vx": "m/s", "vy": "m/s", "vz": "m/s", "buttons": "1"}
-"""Columns of a CSV file: those that must be there, those that may be, all together; and their units."""
+"""Columns of a CSV file (required, optional, all) and their units."""
 
 FARTHEST = 1.0
-"""No stylus is farther away [m]."""
+"""Largest plausible coordinate of a stylus [m]."""
 
 Vector = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
 class Track:
-    """Positions of a stylus, in the scene's frame.
+    """Trajectory of a stylus, in the scene's frame.
 
     Attributes
     ----------
     times : ndarray, shape (n,)
-        When, from 0 on, increasing [s].
+        Sample times, from 0, increasing [s].
     places : ndarray, shape (n, 3)
-        Where [m].
+        Positions [m].
     rates : ndarray, shape (n, 3)
-        Velocities; NaN along axes where none is known [m/s].
+        Velocities; NaN along axes where they are unknown [m/s].
     """
 
     times: NDArray[np.float64]
@@ -51,19 +51,19 @@ class Track:
 
     @property
     def duration(self) -> float:
-        """Time from the first position to the last [s]."""
+        """Time from the first to the last position [s]."""
         return float(self.times[-1])
 
     def scaled(self, scale: float) -> "Track":
-        """Return the same way, so many times as large [1]."""
+        """Return the trajectory scaled by a factor [1]."""
         return replace(self, places=scale * self.places, rates=scale * self.rates)
 
     def at(self, when: float) -> tuple[Vector, Vector, int]:
-        """Tell where the stylus is, how fast it moves and which buttons are pressed.
+        """Return position, velocity and buttons at a time.
 
-        Between two positions it is on the cubic that has their velocities, and its velocity on the line between the
-        two; where no velocities are known it is on the straight line, at that line's speed. Before the first and after
-        the last it rests.
+        Between two samples the position follows the cubic Hermite curve through both positions and velocities, and the
+        velocity is interpolated linearly. Where velocities are unknown, the position is interpolated linearly and the
+        velocity is the slope. Before the first sample and after the last one the stylus rests.
         """
         if when < 0.0 or when > self.duration:
             end = 0 if when < 0.0 else -1
@@ -79,7 +79,7 @@ class Track:
 
 
 def _between(share: float, span: float, x: float, then: float, v: float, rate: float) -> tuple[float, float]:
-    """Position and velocity a share of the way along one axis, by the values at both ends [m, m/s]."""
+    """Interpolate position and velocity along one axis from the values at both ends [m, m/s]."""
     slope = (then - x) / span
     if isnan(v) or isnan(rate):
         return x + share * (then - x), slope
@@ -88,12 +88,12 @@ def _between(share: float, span: float, x: float, then: float, v: float, rate: f
 
 
 def read_track(path: Path, side: Side, trial: int) -> Track:
-    """Read a file, by its ending.
+    """Read a trajectory; the file suffix determines the format.
 
     Parameters
     ----------
     trial : int
-        Which trial of a recording; 0 for all of it [1].
+        Trial of a recording; 0 for all trials [1].
     """
     if not path.is_file():
         raise DeviceNotFound(f"{path}: there is no such file to play back")
@@ -106,12 +106,12 @@ def read_track(path: Path, side: Side, trial: int) -> Track:
 
 
 def read_recording(path: Path, side: Side, trial: int) -> Track:
-    """Read a stylus of a recording: each sample once, when it was read by the server's clock.
+    """Read a stylus trajectory from a recording: each sample once, at its server time.
 
     Parameters
     ----------
     trial : int
-        Only this trial, with all attempts at it; 0 for all [1].
+        Use only this trial, with all its attempts; 0 for all [1].
     """
     with Recording(path) as recording:
         rows = recording.ticks()
@@ -130,7 +130,7 @@ def read_recording(path: Path, side: Side, trial: int) -> Track:
 
 
 def _track(rows: NDArray[Any], side: Side) -> Track:
-    """Make a track of rows with one sample each."""
+    """Make a trajectory from rows with one sample each."""
     unknown = np.full(len(rows), np.nan)
     return Track(
         (rows[f"{side}_stamp_ns"] - rows[f"{side}_stamp_ns"][0]) * 1e-9,
@@ -141,12 +141,12 @@ def _track(rows: NDArray[Any], side: Side) -> Track:
 
 
 def read_csv(path: Path) -> Track:
-    """Read a CSV file.
+    """Read a trajectory from a CSV file.
 
     Raises
     ------
     ConfigError
-        If it is not a table of a stylus: the first thing that is wrong, with line and column.
+        If the file is invalid; the message gives the first error, with line and column.
     """
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
@@ -169,7 +169,7 @@ def read_csv(path: Path) -> Track:
 
 
 def _check_names(path: Path, names: Sequence[str]) -> None:
-    """Refuse a head that does not name the columns."""
+    """Raise an error if the header does not name the columns."""
     expected = f"{','.join(NEEDED)}, and {', '.join(name for name in UNITS if name not in NEEDED)} if they are known"
     missing = [name for name in NEEDED if name not in names]
     unknown = [name for name in names if name not in UNITS]
@@ -181,7 +181,7 @@ def _check_names(path: Path, names: Sequence[str]) -> None:
 
 
 def _numbers(path: Path, names: Sequence[str], reader: Any) -> Iterator[list[float]]:
-    """Read the rows, and refuse the first that is wrong."""
+    """Yield the rows as numbers; raise an error at the first invalid one."""
     before = -np.inf
     for row in reader:
         if not row:
@@ -200,7 +200,7 @@ def _numbers(path: Path, names: Sequence[str], reader: Any) -> Iterator[list[flo
 
 
 def _number(where: str, name: str, word: str) -> float:
-    """Read one number."""
+    """Convert one field to a number."""
     try:
         value = float(word)
     except ValueError:

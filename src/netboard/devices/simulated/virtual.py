@@ -1,15 +1,15 @@
-"""Backend ``virtual``: a device that does not exist, a Touch if nothing else is said, held by a simulated hand.
+"""Backend ``virtual``: a simulated device, by default a Touch, held by a simulated hand.
 
-Reading it lets the hand's mechanics run up to the time asked for, under the force written last; so it needs no thread
-and is as repeatable as the times and forces it is given. Whoever has no time for that when the stylus is to be read
-calls `VirtualTouch.live` right after each force: that one acts from then on, and a reading within the same millisecond
-only carries the hand on at its speed. What the device reports is what such a device would: a position in
-whole encoder steps, and the velocity that `netboard.devices.contract.velocity` makes of such positions. Its motors
-saturate at their largest force, like real ones.
+Each reading simulates the hand's mechanics up to the requested time, under the last written force. The device therefore
+needs no thread and is deterministic in its times and forces. A caller with no time for that at the reading calls
+`VirtualTouch.live` right after each force. The force then acts from that time on, and a reading within the same
+millisecond only extrapolates the hand at its velocity. The device reports what real hardware would: positions in whole
+encoder steps, and the velocity that `netboard.devices.contract.velocity` estimates from them. Its motors saturate at
+their largest force.
 
-Which device it stands for, and which of a real one's flaws it has beside these, is the table ``virtual`` of the
-configuration: cables that give (`netboard.participants.cable`), motors that get warm, readings and forces that take
-their time. A flaw that is not asked for is not there, and costs nothing.
+The configuration table ``virtual`` selects the device model and further imperfections of real hardware: cable
+compliance (`netboard.participants.cable`), motor heating, delayed readings and forces. An imperfection that is not
+configured is absent and costs no time.
 
 Options (``agents.<side>.options``): see `Options`.
 """
@@ -35,10 +35,10 @@ from netboard.participants.hand import STEP, STEP_NS, hold
 from netboard.participants.submovement import Submovement
 
 CATCH_UP_NS = 50_000_000
-"""After a longer pause between two readings the hand lives through only so much of it [ns]."""
+"""Longest simulated time per reading; a longer pause between readings is cut to this [ns]."""
 
 MS_NS = 1_000_000
-"""A millisecond [ns]."""
+"""One millisecond [ns]."""
 
 Vector = tuple[float, float, float]
 
@@ -53,7 +53,7 @@ class Options:
 
 @numba.njit(cache=True)
 def encoded(state: Any, rest: float, step: float) -> tuple[float, float, float]:
-    """Return where a hand is so long after its state, in whole encoder steps."""
+    """Return the hand's position a given time after its state, in whole encoder steps."""
     s = state[0]
     x, y, z = s["x"] + rest * s["vx"], s["y"] + rest * s["vy"], s["z"] + rest * s["vz"]
     if step == 0.0:
@@ -78,7 +78,8 @@ class VirtualTouch(Device):
     Parameters
     ----------
     config : Config
-        The whole configuration; of it the tables ``virtual``, ``participant`` and ``agents`` and the block's seed.
+        The whole configuration; the device uses the tables ``virtual``, ``participant`` and ``agents`` and the block's
+        seed.
     """
 
     def __init__(self, side: Side, config: Config) -> None:
@@ -100,26 +101,26 @@ class VirtualTouch(Device):
 
     @property
     def felt(self) -> float:
-        """Vertical force the motors exert on the hand now [N]."""
+        """Vertical force of the motors on the hand [N]."""
         return self._acting[2] if self._write_delay_ns else self._written[2]
 
     @property
     def tip(self) -> tuple[float, float, float]:
-        """Where the stylus is in truth, in the device's own frame: without encoders, cables and latency [m]."""
+        """True position of the stylus in the device's own frame, without encoder, cable and latency effects [m]."""
         return self._hand.tip
 
     @property
     def temperature(self) -> float:
-        """Temperature of the motors, 1 where they are warm; 0 where they stay cool [1]."""
+        """Motor temperature: 1 at the limit, always 0 without heating [1]."""
         return 0.0 if self._heat is None else self._heat.temperature
 
     def command(self, moves: Iterable[Submovement]) -> None:
-        """Let the hand do something.
+        """Command movements of the hand.
 
         Parameters
         ----------
         moves : iterable of Submovement
-            Movements of this side's hand, timed in seconds of the clock that `read` is given.
+            Movements of this side's hand, timed on the clock of `read`, in seconds.
         """
         mine = tuple(moves)
         if any(move.side != self.side for move in mine):
@@ -127,17 +128,17 @@ class VirtualTouch(Device):
         self._hand.plan(mine)
 
     def put(self, z: float) -> None:
-        """Take the stylus to a height and let it go there, at rest: what a study of releases begins with."""
+        """Place the stylus at a height, at rest, and release it there: the start of a release study."""
         self._hand.put(z)
 
     def live(self, now_ns: int) -> None:
-        """Let the hand's mechanics run up to now; the force written last acts from then on."""
+        """Simulate the hand's mechanics up to now; the last written force acts from then on."""
         self._live_until(now_ns)
         self._hand_over(now_ns)
 
     def _open(self) -> DeviceInfo:
         own = self._device
-        reach = own.workspace + own.resolution  # the stops, in whole encoder steps
+        reach = own.workspace + own.resolution  # the end stops, in whole encoder steps
         return DeviceInfo(
             model=f"virtual {own.name}",
             serial=f"virtual-{self.side}",
@@ -167,14 +168,14 @@ class VirtualTouch(Device):
         self._acting = self._written
 
     def _hand_over(self, at_ns: int) -> None:
-        """Let the force written last act from a time on, or as much later as it takes its time."""
+        """Apply the last written force from a given time on, plus the actuation delay."""
         if self._write_delay_ns == 0:
             self._acting = self._written
         else:
             self._coming.append((at_ns + self._write_delay_ns, self._written))
 
     def _live_until(self, now_ns: int) -> None:
-        """Let the hand's mechanics run up to now, under the force that acts, and those that come to act."""
+        """Simulate the hand's mechanics up to now, under the current force and any delayed ones that become due."""
         if self._time_ns is None:
             self._time_ns = now_ns
         self._time_ns = max(self._time_ns, now_ns - CATCH_UP_NS)
@@ -185,7 +186,7 @@ class VirtualTouch(Device):
         self._time_ns = self._lived(self._time_ns, now_ns)
 
     def _lived(self, time_ns: int, until_ns: int) -> int:
-        """Run in whole steps under the force that acts; the time that is reached [ns]."""
+        """Simulate whole steps under the current force; return the time reached [ns]."""
         steps = (until_ns - time_ns) // STEP_NS
         if steps <= 0:
             return time_ns
@@ -195,7 +196,7 @@ class VirtualTouch(Device):
         return time_ns + steps * STEP_NS
 
     def _warm_up(self, heat: Heat, seconds: float) -> None:
-        """Let the motors get warm or cool; warm ones give no more than the continuous force."""
+        """Update the motor temperature; hot motors deliver no more than the continuous force."""
         heat.live(seconds, hypot(*self._acting))
         self._limit = self._device.continuous_force if heat.warm else self._device.max_force
         if heat.warm:
@@ -203,7 +204,7 @@ class VirtualTouch(Device):
             self._written = within(self._limit, *self._written)
 
     def _encoder(self, now_ns: int) -> Vector:
-        """Position now, moved on from the last whole step, in encoder steps; or as it was, if readings are late [m]."""
+        """Return the encoder position extrapolated from the last whole step, or the delayed one [m]."""
         rest = max(now_ns - (self._time_ns or now_ns), 0) * 1e-9
         step = self._device.resolution
         if self._late is None:
@@ -212,7 +213,7 @@ class VirtualTouch(Device):
         return (x, y, z) if step == 0.0 else (round(x / step) * step, round(y / step) * step, round(z / step) * step)
 
     def _details(self) -> dict[str, str]:
-        """Numbers of the device, with its flaws where it has them."""
+        """Return the parameters of the device and its configured imperfections."""
         own = self._device
         said = {
             "mass": f"{own.mass!r} kg",

@@ -1,1 +1,1 @@
-"""Touch, Touch X, Phantom and their kin, through the vendor's OpenHaptics library."""
+"""Touch, Touch X, Phantom and related devices, through the vendor's OpenHaptics library."""

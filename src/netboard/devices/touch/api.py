@@ -1,12 +1,13 @@
-"""The vendor's haptic device library (3D Systems OpenHaptics, HDAPI) as it looks from outside, called by ctypes.
+"""ctypes interface of the vendor's haptic device library (3D Systems OpenHaptics, HDAPI).
 
-It is loaded when a device is opened, from where the vendor's installer has put it or from where the options say;
-netboard ships no part of it. Every function has its types set, and every constant its name without the ``HD_``.
+The library is loaded when a device is opened, from the vendor's install path or the path in the options; netboard ships
+no part of it. Every function has its types declared. Constants are named without the prefix ``HD_``.
 
-Rule 1: what may block is called through `Library.calls`, which lets other Python threads run meanwhile.
-Rule 2: a callback of the servo thread uses `Library.ticks`, which does not: giving the interpreter away and asking for
-it again costs up to a thread switch interval, and there are nine calls in a tick. No other thread may use it.
-Rule 3: the library reads numbers from its own files by the C locale, so that is set first: a decimal comma spoils them.
+Rule 1: functions that may block are called through `Library.calls`, which releases the interpreter lock (GIL).
+Rule 2: a callback of the servo thread uses `Library.ticks`, which keeps the lock: releasing and reacquiring it costs up
+to a thread switch interval, and a tick makes nine calls. No other thread may use it.
+Rule 3: the library parses numbers in its own files by the C locale, and a decimal comma breaks them. So the locale is
+set first.
 """
 
 import ctypes
@@ -21,19 +22,19 @@ from typing import Any, NamedTuple
 from netboard.base.errors import DeviceNotFound
 
 STDCALL = sys.platform == "win32" and ctypes.sizeof(c_void_p) == 4
-"""The library's functions clear the stack themselves: on 32-bit Windows only."""
+"""True where the library uses the stdcall convention: on 32-bit Windows only."""
 
 INVALID_HANDLE = 0xFFFFFFFF
 """Handle of no device."""
 
 MAX_PRIORITY, DEFAULT_PRIORITY, MIN_PRIORITY = 65535, 32767, 0
-"""Priorities of callbacks: within a tick, high ones run first."""
+"""Priorities of callbacks; within a tick, higher ones run first."""
 
 USER_STATUS_LIGHT_MASK = 7
-"""Bits of the status light that say what it does."""
+"""Bits of the status light that select its mode."""
 
 MOST_ERRORS = 64
-"""So many errors are taken off the stack at a time; a library that has more to say is not listened to for ever [1]."""
+"""Limit of errors taken off the stack at a time, in case the library never stops reporting [1]."""
 
 
 class Error(IntEnum):
@@ -64,7 +65,7 @@ class Error(IntEnum):
 
 
 class Parameter(IntEnum):
-    """What can be read of a device, and some of it set. Lengths are in mm, times in s, torques in N mm."""
+    """Readable parameters of a device, some of them writable. Lengths are in mm, times in s, torques in N mm."""
 
     CURRENT_BUTTONS = 0x2000
     CURRENT_SAFETY_SWITCH = 0x2001
@@ -131,7 +132,7 @@ class Parameter(IntEnum):
 
 
 class Capability(IntEnum):
-    """What can be switched on and off; the last three are parameters as well."""
+    """Capabilities that can be enabled and disabled; the last three are parameters as well."""
 
     FORCE_OUTPUT = 0x4000
     MAX_FORCE_CLAMPING = 0x4001
@@ -144,7 +145,7 @@ class Capability(IntEnum):
 
 
 class Calibration(IntEnum):
-    """State of a device's calibration."""
+    """Calibration state of a device."""
 
     CALIBRATION_OK = 0x5000
     CALIBRATION_NEEDS_UPDATE = 0x5001
@@ -152,7 +153,7 @@ class Calibration(IntEnum):
 
 
 class Style(IntFlag):
-    """Ways to calibrate."""
+    """Calibration methods."""
 
     CALIBRATION_ENCODER_RESET = 1
     CALIBRATION_AUTO = 2
@@ -160,7 +161,7 @@ class Style(IntFlag):
 
 
 class Button(IntFlag):
-    """Buttons of a stylus."""
+    """Stylus buttons."""
 
     DEVICE_BUTTON_1 = 1
     DEVICE_BUTTON_2 = 2
@@ -169,7 +170,7 @@ class Button(IntFlag):
 
 
 class Light(IntEnum):
-    """What the status light does."""
+    """Modes of the status light."""
 
     LED_STATUS_FAST_GRNYEL = 0
     LED_STATUS_SLOW_YEL = 1
@@ -182,14 +183,14 @@ class Light(IntEnum):
 
 
 class After(IntEnum):
-    """What becomes of a callback when it has run."""
+    """Return value of a callback: run again or not."""
 
     CALLBACK_DONE = 0
     CALLBACK_CONTINUE = 1
 
 
 class Wait(IntEnum):
-    """Whether to wait for a callback's end."""
+    """Whether to wait for the end of a callback."""
 
     WAIT_CHECK_STATUS = 0
     WAIT_INFINITE = 1
@@ -236,21 +237,21 @@ PROTOTYPES: dict[str, tuple[Any, ...]] = {
     "hdWaitForCompletion": (c_ubyte, c_ulong, c_uint32),
     "hdGetSchedulerTimeStamp": (c_double,),
 }
-"""Every function: what it returns, and what it takes."""
+"""Return type and argument types of every function."""
 
 OPTIONAL = {"hdUpdateCalibrationMessage", "hdScaleGimbalAngles", "hdDeploymentLicense"}
-"""Functions that some versions lack, and that netboard does not call."""
+"""Functions that some versions lack and netboard does not call."""
 
 HELP = "install 3D Systems' Touch driver and OpenHaptics, or name the file in the option library; docs/how-to/touch.md"
 
 
 class Fault(NamedTuple):
-    """One error off the library's stack.
+    """One error from the library's stack.
 
     Attributes
     ----------
     code, internal : int
-        Code of the library, and of what is below it [1].
+        Error code of the library, and of the layer below it [1].
     """
 
     code: int
@@ -269,13 +270,13 @@ class Library:
     Parameters
     ----------
     path : str
-        Its file, or a name by which the system finds it.
+        Path of the library, or a name by which the system finds it.
     """
 
     def __init__(self, path: str) -> None:
         self.path = path
         how = getattr(ctypes, "WinDLL") if STDCALL else ctypes.CDLL  # noqa: B009
-        self.calls: ctypes.CDLL = how(path, winmode=0)  # 0: Windows also looks in PATH
+        self.calls: ctypes.CDLL = how(path, winmode=0)  # 0: Windows also searches PATH
         self.ticks: ctypes.CDLL = self.calls if STDCALL else ctypes.PyDLL(path, winmode=0)
         for library in (self.calls, self.ticks):
             for name, (returns, *takes) in PROTOTYPES.items():
@@ -285,41 +286,41 @@ class Library:
                 function.restype, function.argtypes = returns, takes
 
     def address(self, name: str) -> c_void_p:
-        """Address of a function."""
+        """Return the address of a function."""
         return ctypes.cast(getattr(self.calls, name), c_void_p)
 
     def drain(self) -> list[Fault]:
-        """Take all errors off the stack, the newest first."""
+        """Take all errors off the stack, newest first."""
         faults: list[Fault] = []
         while len(faults) < MOST_ERRORS and (info := self.calls.hdGetError()).code != Error.SUCCESS:
             faults.append(self.fault(info.code, info.internal, info.handle))
         return faults
 
     def fault(self, code: int, internal: int, handle: int) -> Fault:
-        """Make an error readable."""
+        """Convert an error to a `Fault` with its message."""
         text: bytes | None = self.calls.hdGetErrorString(code)
         return Fault(code, internal, handle, (text or b"no description").decode(errors="replace"))
 
     def doubles(self, what: Parameter, count: int) -> tuple[float, ...]:
-        """Read so many numbers of the current device."""
+        """Read this many numbers from the current device."""
         room = (c_double * count)()
         self.calls.hdGetDoublev(what, room)
         return tuple(room)
 
     def integer(self, what: Parameter) -> int:
-        """Read a whole number of the current device."""
+        """Read an integer from the current device."""
         room = c_int32()
         self.calls.hdGetIntegerv(what, room)
         return room.value
 
     def string(self, what: Parameter) -> str:
-        """Read a text of the current device."""
+        """Read a string from the current device."""
         text: bytes | None = self.calls.hdGetString(what)
         return (text or b"").decode(errors="replace").strip()
 
 
 def places() -> list[str]:
-    """Where the library is looked for: by the system's own rules, then where the vendor's variable points."""
+    """Return the search paths of the library: the system's own rules, then the vendor's environment variable."""
     name = "HD.dll" if sys.platform == "win32" else "libHD.so"
     base = os.environ.get("OH_SDK_BASE")
     return [name, *((str(Path(base, "lib", name)),) if base else ())]
@@ -331,7 +332,7 @@ def load(path: str = "") -> Library:
     Raises
     ------
     DeviceNotFound
-        If it is not there, or is not what it should be; the message says where it was looked for, and what to install.
+        If the library is missing or invalid; the message says where it was searched for and what to install.
     """
     use_plain_numbers()
     why = []
@@ -344,5 +345,5 @@ def load(path: str = "") -> Library:
 
 
 def use_plain_numbers() -> None:
-    """Let the C library of this process read and write numbers with a point, whatever the user's language."""
+    """Set the C library's decimal separator to a point, whatever the user's locale."""
     locale.setlocale(locale.LC_NUMERIC, "C")

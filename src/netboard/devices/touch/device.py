@@ -1,11 +1,12 @@
-"""Backend ``openhaptics``: Touch, Touch X, Phantom and their kin, through the vendor's own library.
+"""Backend ``openhaptics``: Touch, Touch X, Phantom and related devices, through the vendor's library.
 
-The vendor's servo thread reads the stylus and renders the force once in a millisecond (`netboard.devices.touch.servo`);
-the device reads what it saw last, and puts the force it renders next. Axes and units are turned here, and nowhere else:
-the vendor has x right, y up, z towards the user, in mm; the scene has x out of the screen, y right, z up, in m.
+The vendor's servo thread reads the stylus and renders the force once per millisecond (`netboard.devices.touch.servo`).
+The device returns the servo's latest reading and sets its next force. Only this module converts axes and units: the
+vendor has x right, y up, z towards the user, in mm; the scene has x out of the screen, y right, z up, in m.
 
-A device is ready while its stylus is out of the inkwell, no motor has complained for a while and no force has been cut.
-Whatever the library reports is named: what a hand or a warm motor causes takes the readiness, all else is the end.
+A device is ready while its stylus is out of the inkwell, no motor has reported an error recently and no force has been
+cut. Every reported error is named in a message. Errors caused by a hand or a hot motor make the device temporarily not
+ready; all others mean that it is lost.
 
 Options (``agents.<side>.options``): see `Options`. How to set it up: docs/how-to/touch.md.
 """
@@ -29,16 +30,16 @@ from netboard.devices.touch.shim import ShimServo
 log = logging.getLogger(__name__)
 
 STALL_NS = 50_000_000
-"""A servo that has not ticked for so long stands still [ns]."""
+"""Timeout after which a servo without ticks counts as stalled [ns]."""
 
 FIRST_TICK_NS = 1_000_000_000
-"""A servo that was started gets so long for its first tick [ns]."""
+"""Timeout of a started servo's first tick [ns]."""
 
 REST_NS = 1_000_000_000
-"""After motors have complained, the device is not ready for so long [ns]."""
+"""Time for which the device is not ready after a motor error [ns]."""
 
 SAID_AGAIN_NS = 1_000_000_000
-"""The same complaint is logged again after so long without it [ns]."""
+"""Quiet time after which the same error is logged again [ns]."""
 
 TIRED = frozenset(
     {
@@ -49,10 +50,10 @@ TIRED = frozenset(
         Error.FORCE_ERROR,
     }
 )
-"""Errors after which the library takes the force away for a while, and goes on."""
+"""Errors after which the library disables the force temporarily and continues."""
 
 LATE = frozenset({Error.TIMER_ERROR})
-"""Errors that mean that the servo does not keep its time; all others mean that the device is lost."""
+"""Errors that mean servo deadline misses; all others mean that the device is lost."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,12 +75,12 @@ class Options:
 
 
 SERVOS: dict[str, type[PythonServo] | type[ShimServo]] = {"python": PythonServo, "c": ShimServo}
-"""What can run in the servo thread, by the option ``servo``."""
+"""Implementations of the servo, by the option ``servo``."""
 
 
 @final
 class OpenHaptics(Device):
-    """A device of OpenHaptics."""
+    """An OpenHaptics device."""
 
     def __init__(self, side: Side, config: Config) -> None:
         super().__init__(side, config)
@@ -94,7 +95,7 @@ class OpenHaptics(Device):
 
     @classmethod
     def present(cls, config: Config) -> tuple[Found, ...]:
-        """Tell which devices the vendor's library shows, of those that no program uses; no force is rendered."""
+        """List the devices that the vendor's library shows and no program uses, without rendering force."""
         mine = [agent.options for agent in (config.agents.left, config.agents.right) if agent.device == "openhaptics"]
         rig = rig_of(next((str(options["library"]) for options in mine if options.get("library")), ""))
         names = [str(options["name"]) for options in mine if options.get("name")]
@@ -122,7 +123,7 @@ class OpenHaptics(Device):
         return replace(info, details={**info.details, "servo": self._options.servo, **limits})
 
     def _first_ticks(self, rig: Rig, servo: Servo, seat: Seat) -> None:
-        """Wait until the servo runs, and look for what it complains of."""
+        """Wait until the servo runs, and check its errors."""
         running = wait_ticks(servo, 2, FIRST_TICK_NS)
         self._judge(rig.faults(seat), monotonic_ns())
         if not running:
@@ -135,7 +136,7 @@ class OpenHaptics(Device):
         since_ns = self._rig.since_ns
         shot = self._servo.shot()
         self._judge(self._rig.faults(self._seat), now_ns)
-        assert shot is not None  # there was one when the device was opened
+        assert shot is not None  # open() waited for the first one
         if since_ns is not None and now_ns - max(shot.stamp_ns, since_ns) > STALL_NS:
             self._lost = True
             late_ms = (now_ns - shot.stamp_ns) * 1e-6
@@ -165,12 +166,12 @@ class OpenHaptics(Device):
             raise DeviceLost("the haptic device was not seen to take the zero force before it was released")
 
     def _release(self) -> bool:
-        """Let the device go, if there is one; whether it was seen to take a zero force."""
+        """Release the device, if there is one; return whether it is known to have taken a zero force."""
         seat, self._seat, self._servo = self._seat, None, None
         return seat is None or self._rig is None or self._rig.release(seat)
 
     def _judge(self, faults: list[Fault], now_ns: int) -> None:
-        """Take what the library complains of: the device is not ready for a while, or it is lost."""
+        """Process errors of the library: make the device not ready for a while, or report it lost."""
         fatal = [fault for fault in faults if fault.code not in TIRED]
         for fault in faults:
             if now_ns - self._said.get(fault.code, -SAID_AGAIN_NS) >= SAID_AGAIN_NS:

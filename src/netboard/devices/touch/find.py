@@ -1,8 +1,8 @@
-"""Which of the vendor's devices it is, what it says of itself, and whether it is calibrated.
+"""Finds a vendor device by name or serial number, reads its properties and calibrates it.
 
-The library knows devices by the names that the vendor's set-up tool has given them, and a name may mean another device
-tomorrow. A serial number does not: so where one is wanted, the devices are initialised by one name after the other,
-with no force, until one of them has it.
+The library knows devices by names from the vendor's setup tool, and a name may refer to another device later. A serial
+number does not change. To find one, the devices are initialised name by name, without force, until the serial number
+matches.
 """
 
 import logging
@@ -24,13 +24,13 @@ T = TypeVar("T")
 log = logging.getLogger(__name__)
 
 USUAL_NAMES = ("Default Device", "Default PHANToM", "")
-"""Names of a rig's only device, in the order in which they are tried; the last is the library's own choice."""
+"""Usual names of a rig's only device, in the order of trial; the empty name lets the library choose."""
 
 OTHER_NAMES = ("Left Device", "Right Device", "Phantom2", "Phantom3", "Phantom4")
-"""Names that second devices often have."""
+"""Frequent names of second devices."""
 
 CALIBRATE_S = 2.0
-"""The library gets so long to calibrate a device [s]."""
+"""Time limit for the library to calibrate a device [s]."""
 
 ASK_AGAIN_S = 0.02
 
@@ -41,7 +41,7 @@ LIMITS = (
     Capability.SOFTWARE_VELOCITY_LIMIT,
     Capability.SOFTWARE_FORCE_IMPULSE_LIMIT,
 )
-"""The library's own safeguards, beneath netboard's; all of them are switched on."""
+"""The library's own safeguards beneath netboard's; all are enabled."""
 
 TEXTS = {
     "hd_version": Parameter.VERSION,
@@ -58,7 +58,7 @@ NUMBERS = {
     "impulse_limit": (Parameter.SOFTWARE_FORCE_IMPULSE_LIMIT, 1, "N/ms"),
     "ramping_rate": (Parameter.FORCE_RAMPING_RATE, 1, "N/s"),
 }
-"""What is recorded of a device as it says it, in the vendor's frame: how many numbers, in which unit."""
+"""Recorded properties in the vendor's frame, with count and unit of their values."""
 
 MANUAL = {
     Style.CALIBRATION_INKWELL: "put the stylus into its inkwell, and start the agent again",
@@ -67,17 +67,17 @@ MANUAL = {
         "calibrate it with the vendor's tool, with the arm in its reset position, and start the agent again"
     ),
 }
-"""What an operator has to do, by the way in which a device is calibrated."""
+"""Instructions to the operator, by calibration method."""
 
 
 def candidates(name: str) -> list[str]:
-    """Return the names by which a device may be known, the likeliest first."""
+    """Return the possible names of a device, likeliest first."""
     configured = sorted(at.stem for folder in config_folders() if folder.is_dir() for at in folder.iterdir())
     return list(dict.fromkeys([*([name] if name else []), *USUAL_NAMES, *configured, *OTHER_NAMES]))
 
 
 def config_folders() -> list[Path]:
-    """Return where the vendor's driver keeps a file for each device."""
+    """Return the folders in which the vendor's driver stores a file per device."""
     home = os.environ.get("GTDD_HOME")
     if home:
         return [Path(home, "config")]
@@ -87,12 +87,13 @@ def config_folders() -> list[Path]:
 
 
 def find(rig: Rig, serial: str, name: str) -> Seat:
-    """Initialise the wanted device, while the scheduler is paused; it is the current one then.
+    """Initialise the wanted device and make it current, while the scheduler is paused.
 
     Parameters
     ----------
     name : str
-        Its name. With a serial number, it is tried first; without, it is the only one tried. Empty for the usual ones.
+        Name of the device. With a serial number, it is tried first; without, it is the only one tried. Empty for the
+        usual ones.
     """
     tried: dict[str, str] = {}
     there: dict[str, str] = {}
@@ -123,12 +124,12 @@ def find(rig: Rig, serial: str, name: str) -> Seat:
 
 
 def present(rig: Rig, names: list[str]) -> tuple[Found, ...]:
-    """Initialise and let go of one device after the other, with no servo and no force.
+    """Initialise and release the devices one by one, with no servo and no force.
 
     Parameters
     ----------
     names : list of str
-        By which devices may be known; one that another program uses is not seen.
+        Possible names of devices; a device in use by another program is not found.
     """
     found: dict[str, Found] = {}
     with rig.paused():
@@ -145,12 +146,12 @@ def present(rig: Rig, names: list[str]) -> tuple[Found, ...]:
 
 
 def describe(library: Library, seat: Seat, resolution: float) -> DeviceInfo:
-    """Return what the current device says of itself, while the scheduler is paused.
+    """Return the properties of the current device, while the scheduler is paused.
 
     Parameters
     ----------
     resolution : float
-        Size of one encoder step, which the library does not tell [m].
+        Size of one encoder step, which the library does not report [m].
     """
     must = (Parameter.DEVICE_SERIAL_NUMBER, Parameter.DEVICE_MODEL_TYPE)
     serial, model = (_required(library, what, library.string) for what in must)
@@ -169,19 +170,19 @@ def describe(library: Library, seat: Seat, resolution: float) -> DeviceInfo:
 
 
 def workspace(corners: tuple[float, ...]) -> Box:
-    """Return a workspace in the scene's frame.
+    """Convert a workspace to the scene's frame.
 
     Parameters
     ----------
     corners : tuple of float
-        The two corners in the vendor's frame: right, up, towards the user, the small ones first [mm].
+        Minimum and maximum corner in the vendor's frame: right, up, towards the user [mm].
     """
     right, up, near, most_right, most_up, most_near = (0.001 * value for value in corners)
     return Box(near, right, up, most_near, most_right, most_up)
 
 
 def _required(library: Library, what: Parameter, read: Callable[[Parameter], T]) -> T:
-    """Read what must be known; an empty text is not known."""
+    """Read a required parameter; raise an error if it is missing or empty."""
     value = read(what)
     faults = library.drain()
     if faults or value == "":
@@ -190,7 +191,7 @@ def _required(library: Library, what: Parameter, read: Callable[[Parameter], T])
 
 
 def _details(library: Library) -> Mapping[str, str]:
-    """Return what else is worth recording; what the device does not tell says why."""
+    """Return further properties worth recording; for a missing one, the reason."""
     details: dict[str, str] = {}
     for key, text in TEXTS.items():
         details[key] = _told(library, library.string(text))
@@ -202,7 +203,7 @@ def _details(library: Library) -> Mapping[str, str]:
 
 
 def _told(library: Library, value: str) -> str:
-    """Return a value, or why there is none."""
+    """Return a value, or the reason why it is missing."""
     faults = library.drain()
     return f"not told: {_listed(faults)}" if faults else value
 
@@ -212,7 +213,7 @@ def _listed(faults: list[Fault]) -> str:
 
 
 def calibrate(rig: Rig, seat: Seat, pause: Callable[[float], None] = time.sleep) -> None:
-    """Make sure that a device is calibrated, while its servo runs and it has no force."""
+    """Make sure that a device is calibrated, while its servo runs without force."""
     hd = rig.library.ticks
     state = _state(rig, seat)
     styles = Style(rig.ask(seat, "asking how it is calibrated", lambda: _style(rig.library)))
@@ -231,19 +232,19 @@ def calibrate(rig: Rig, seat: Seat, pause: Callable[[float], None] = time.sleep)
 
 
 def _state(rig: Rig, seat: Seat) -> int:
-    """Ask for the state of a calibration."""
+    """Return the calibration state."""
     return rig.ask(seat, "asking whether it is calibrated", rig.library.ticks.hdCheckCalibration)
 
 
 def _style(library: Library) -> int:
-    """Ways in which the current device can be calibrated, as bits; asked in the servo thread."""
+    """Return the calibration methods of the current device as bits; called in the servo thread."""
     room = c_int32()
     library.ticks.hdGetIntegerv(Parameter.CALIBRATION_STYLE, byref(room))
     return room.value
 
 
 def enable(rig: Rig, seat: Seat) -> dict[str, str]:
-    """Switch on the force and the library's own safeguards, while the scheduler is paused."""
+    """Enable force output and the library's own safeguards, while the scheduler is paused."""
     hd = rig.library
     hd.calls.hdMakeCurrentDevice(seat.handle)
     came = {}

@@ -1,12 +1,12 @@
-"""The vendor's library as a process has it: one scheduler, one error stack, and the devices that use them.
+"""The vendor's library within a process: one scheduler, one error stack, and the devices that share them.
 
-Usually a process has one device. Where it has two they share the scheduler, which stands still while a device is added
-or taken away: a `Rig` is the register of the open devices, and the only one who starts and stops it.
+Most processes have one device. Two devices share the scheduler, which is stopped while a device is added or removed. A
+`Rig` registers the open devices; nothing else starts or stops the scheduler.
 
-Rule 1: a device is let go in this order, on every path, also at the interpreter's exit: zero force, scheduler stopped,
-callback unscheduled, device disabled.
-Rule 2: what is asked of a device while its servo runs is asked in the servo thread, where no other device is current.
-Rule 3: no wait is for ever, though the servo may stand still.
+Rule 1: a device is released in this order, on every path, including the interpreter's exit: zero force, scheduler
+stopped, callback unscheduled, device disabled.
+Rule 2: while a device's servo runs, the device is queried only in the servo thread, where no other device is current.
+Rule 3: every wait has a timeout, because the servo may have stalled.
 """
 
 import atexit
@@ -35,20 +35,20 @@ from netboard.devices.touch.servo import SETTLE_TICKS, Entry, Servo, wait_ticks
 log = logging.getLogger(__name__)
 
 SETTLE_NS = 50_000_000
-"""A zero force gets so long to reach the motors, then the scheduler is stopped all the same [ns]."""
+"""Timeout for a zero force to reach the motors, after which the scheduler is stopped anyway [ns]."""
 
 ANSWER_S = 1.0
-"""The servo thread gets so long for what is asked of it [s]."""
+"""Timeout of a query in the servo thread [s]."""
 
 
 @dataclass
 class Seat:
-    """One initialised device.
+    """An initialised device.
 
     Attributes
     ----------
     name : str
-        By which the library knows it; empty for its default device.
+        Name in the library; empty for its default device.
     """
 
     name: str
@@ -59,12 +59,12 @@ class Seat:
 
 
 class Rig:
-    """The devices of a process, and their scheduler.
+    """The open devices of a process, and their scheduler.
 
     Attributes
     ----------
     since_ns : int or None
-        Since when the scheduler runs; None while it stands still [ns].
+        Time at which the scheduler was started; None while it is stopped [ns].
     """
 
     def __init__(self, library: Library) -> None:
@@ -77,12 +77,12 @@ class Rig:
         atexit.register(self.clear)
 
     def uses(self, name: str) -> bool:
-        """Whether a device of that name is in use here."""
+        """Return True if a device with this name is open here."""
         return any(seat.name == name for seat in tuple(self._seats.values()))
 
     @contextmanager
     def paused(self) -> Iterator[None]:
-        """While entered, the scheduler stands still; no other thread adds a device or takes one away."""
+        """Stop the scheduler within the context, and keep other threads from adding or removing devices."""
         with self._changing:
             self._stop()
             self._paused += 1
@@ -93,12 +93,12 @@ class Rig:
                 self._start()
 
     def init(self, name: str) -> Seat:
-        """Initialise a device, while the scheduler is paused; it is the current one then.
+        """Initialise a device and make it current, while the scheduler is paused.
 
         Parameters
         ----------
         name : str
-            By which the library knows it; empty for its default device.
+            Name in the library; empty for its default device.
         """
         hd = self.library
         self._note(hd.drain())
@@ -115,12 +115,12 @@ class Rig:
         return seat
 
     def schedule(self, seat: Seat, servo: Servo, entry: Entry | None = None) -> None:
-        """Let a device's callback run in the servo thread from the end of the present pause on.
+        """Schedule a device's callback in the servo thread, starting at the end of the current pause.
 
         Parameters
         ----------
         entry : Entry or None
-            What to schedule in its place, such as a watch over it.
+            Callback to schedule in place of the servo's, such as a watch around it.
         """
         with self.paused():
             function, data = entry or servo.entry
@@ -129,12 +129,12 @@ class Rig:
             seat.servo, seat.scheduled = servo, scheduled
 
     def check(self, what: str) -> None:
-        """Raise if anything is on the error stack, while the scheduler is paused."""
+        """Raise an error if the error stack is not empty, while the scheduler is paused."""
         if faults := self.library.drain():
             raise DeviceError(f"{what} failed: {'; '.join(map(str, faults))}")
 
     def ask(self, seat: Seat, what: str, work: Callable[[], int]) -> int:
-        """Have something done in the servo thread, with this device as the current one."""
+        """Run a function in the servo thread, with this device as the current one."""
         hd, done = self.library, threading.Event()
         found: list[int] = []
         faults: list[Fault] = []
@@ -158,7 +158,7 @@ class Rig:
         return found[0]
 
     def faults(self, seat: Seat) -> list[Fault]:
-        """Take the errors that are for a device; those of the others are kept for them."""
+        """Return the errors of a device; those of other devices are kept for them."""
         with self._routing:
             for other in tuple(self._seats.values()):
                 if other.servo is not None:
@@ -166,17 +166,17 @@ class Rig:
         return [seat.faults.popleft() for _ in range(len(seat.faults))]
 
     def release(self, seat: Seat) -> bool:
-        """Let a device go; nothing happens if that has been done.
+        """Release a device; do nothing if it is released.
 
         Returns
         -------
         bool
-            Whether it was seen to take a zero force; also true if it never had one.
+            True if the device is known to have taken a zero force, or never had a force.
         """
         with self._changing:
             if self._seats.get(seat.handle) is not seat:
                 return True
-            taken = seat.servo is None or self._zero(seat.servo)
+            taken = seat.servo is None or self._zero(seat.servo)  # before the pause: only a running servo writes it
             with self.paused():
                 if seat.scheduled is not None:
                     self.library.calls.hdUnschedule(seat.scheduled)
@@ -190,17 +190,17 @@ class Rig:
             return taken
 
     def clear(self) -> None:
-        """Let all devices go."""
+        """Release all devices."""
         for seat in tuple(self._seats.values()):
             self.release(seat)
 
     def _zero(self, servo: Servo) -> bool:
-        """Put a zero force, and wait until it is in the motors; whether it is."""
+        """Set zero force and wait until it has reached the motors; return whether it has."""
         servo.put((0.0, 0.0, 0.0), monotonic_ns())
         return self.since_ns is not None and wait_ticks(servo, SETTLE_TICKS, SETTLE_NS)
 
     def _note(self, faults: list[Fault]) -> None:
-        """Give errors to the devices they are for: to all, where the library does not know."""
+        """Assign errors to their devices; an error of unknown origin goes to all."""
         for fault in faults:
             owner = self._seats.get(fault.handle)
             for seat in [owner] if owner else tuple(self._seats.values()):
@@ -213,7 +213,7 @@ class Rig:
             self._note(self.library.drain())
 
     def _start(self) -> None:
-        """Start the scheduler, if anyone needs it and nobody wants it to stand still."""
+        """Start the scheduler if a callback is scheduled and no pause is active."""
         if self._paused or not any(seat.scheduled is not None for seat in self._seats.values()):
             return
         self.library.calls.hdStartScheduler()
@@ -226,10 +226,10 @@ _making = threading.Lock()
 
 
 def rig_of(path: str) -> Rig:
-    """Return what this process has of a library; it is loaded once."""
+    """Return the rig of a library in this process; the library is loaded once."""
     library = load(path)
     with _making:
-        known = library.calls._handle  # the same for the same library, however it was named
+        known = library.calls._handle  # identical for the same library under any name
         if known not in _rigs:
             _rigs[known] = Rig(library)
         return _rigs[known]

@@ -1,13 +1,13 @@
-"""What runs in the vendor's servo thread for one device, once in a millisecond: read, take the force, write it.
+"""The servo callback of one device, run by the vendor once per millisecond: read, take the force, write it.
 
-A servo knows the vendor's frame only (x right, y up, z towards the user; mm). It publishes a `Shot` in each tick and
-renders the force put last, through a slot each way; nobody waits for anybody.
+A servo knows only the vendor's frame (x right, y up, z towards the user; mm). It publishes a `Shot` in each tick and
+renders the force that was set last, through one slot in each direction. Neither side waits.
 
-Rule 1: a force older than the time-out is cut to zero. It stays cut, and every shot says so, until a zero force has
-been put: so it cannot come back with a jump.
-Rule 2: errors are taken off the vendor's stack in every tick, to the last one, and kept for whoever asks. The stack
-knows all devices of the process, so they may be another device's.
-Rule 3: a shot is published last, so whoever sees it can have the errors of its tick too.
+Rule 1: a force older than the timeout is cut to zero. It stays cut, and every shot reports this, until a zero force is
+set; so the force cannot return with a step.
+Rule 2: each tick empties the vendor's error stack and keeps the errors for `faults`. The stack is shared by all devices
+of the process, so an error may belong to another one.
+Rule 3: a shot is published last, so that the errors of its tick are available with it.
 """
 
 import time
@@ -20,23 +20,23 @@ from netboard.devices.touch.api import CALLBACK, MOST_ERRORS, After, Library, Pa
 
 Vector = tuple[float, float, float]
 Raw = tuple[int, int, int]
-"""An error as it comes off the stack: code, internal code, handle."""
+"""An error from the stack: code, internal code, handle."""
 
 SETTLE_TICKS = 2
-"""After so many more ticks what was put before them is in the motors [1]."""
+"""Number of ticks after which a force that was set has reached the motors [1]."""
 
 KEPT_FAULTS = 256
 
 
 class Shot(NamedTuple):
-    """What a tick saw.
+    """Result of one tick.
 
     Attributes
     ----------
     stamp_ns : int
-        When the position was read [ns].
+        Time at which the position was read [ns].
     position, velocity : tuple of float
-        In the vendor's frame [mm, mm/s].
+        Position and velocity in the vendor's frame [mm, mm/s].
     """
 
     tick: int
@@ -49,36 +49,36 @@ class Shot(NamedTuple):
 
 
 class Entry(NamedTuple):
-    """A callback as it is scheduled; whoever made it keeps it alive."""
+    """A callback for the scheduler; its owner must keep it alive."""
 
     function: Any
     data: c_void_p
 
 
 class Servo(Protocol):
-    """The callback of one device, and its slots."""
+    """The callback of one device, and its two slots."""
 
     @property
     def entry(self) -> Entry:
-        """What is to be scheduled."""
+        """Callback to schedule."""
 
     def put(self, force: Vector, stamp_ns: int) -> None:
-        """Render this force [N], in the vendor's frame, from the next tick on; it is of this time [ns]."""
+        """Set the force from the next tick on [N], in the vendor's frame, with its time stamp [ns]."""
 
     def shot(self) -> Shot | None:
-        """What the newest tick saw; None before the first."""
+        """Return the latest shot; None before the first tick."""
 
     def faults(self) -> list[Raw]:
-        """Errors that have come off the stack since the last call, the oldest tick's first."""
+        """Return the errors since the last call, oldest tick first."""
 
 
 class PythonServo:
-    """The callback in Python. It needs the interpreter: another busy thread of the process delays it.
+    """Callback in Python. It needs the interpreter lock, so another busy thread of the process delays it.
 
     Parameters
     ----------
     timeout_ns : int
-        An older force is cut to zero [ns].
+        Age above which a force is cut to zero [ns].
     """
 
     def __init__(self, library: Library, handle: int, timeout_ns: int) -> None:
@@ -99,23 +99,23 @@ class PythonServo:
 
     @property
     def entry(self) -> Entry:
-        """What is to be scheduled."""
+        """Callback to schedule."""
         return self._entry
 
     def put(self, force: Vector, stamp_ns: int) -> None:
-        """Render this force [N], in the vendor's frame, from the next tick on; it is of this time [ns]."""
+        """Set the force from the next tick on [N], in the vendor's frame, with its time stamp [ns]."""
         self._force = (force, stamp_ns)
 
     def shot(self) -> Shot | None:
-        """What the newest tick saw; None before the first."""
+        """Return the latest shot; None before the first tick."""
         return self._shot
 
     def faults(self) -> list[Raw]:
-        """Errors that have come off the stack since the last call, the oldest tick's first."""
+        """Return the errors since the last call, oldest tick first."""
         return [self._faults.popleft() for _ in range(len(self._faults))]
 
     def _tick(self, data: int | None) -> int:
-        """Be the callback. Nothing here waits, and the library is called without giving the interpreter away."""
+        """Run one tick. It never waits, and calls the library without releasing the interpreter lock."""
         self._begin(self._handle)
         stamp_ns = monotonic_ns()
         position, velocity = self._position, self._velocity
@@ -145,7 +145,7 @@ class PythonServo:
         return After.CALLBACK_CONTINUE
 
     def _chosen(self, at_ns: int) -> Vector:
-        """Return the newest force; nothing once it was too old, until a zero has been put."""
+        """Return the force to render: the latest one, or zero from a timeout until a zero force is set."""
         force, stamp_ns = self._force
         if not any(force):
             self._cut = False
@@ -155,7 +155,7 @@ class PythonServo:
 
 
 def wait_ticks(servo: Servo, count: int, patience_ns: int) -> bool:
-    """Wait until a servo has ticked so often."""
+    """Wait for a number of ticks; return False at the timeout."""
     until_ns = monotonic_ns() + patience_ns
     first = ticks_of(servo)
     while ticks_of(servo) < first + count:
@@ -166,6 +166,6 @@ def wait_ticks(servo: Servo, count: int, patience_ns: int) -> bool:
 
 
 def ticks_of(servo: Servo) -> int:
-    """How often a servo has ticked [1]."""
+    """Return the number of ticks of a servo so far [1]."""
     shot = servo.shot()
     return 0 if shot is None else shot.tick

@@ -1,11 +1,11 @@
 /* The servo callback in C, so that no Python runs in the servo thread, and a watch over any servo callback.
 
-   It knows the vendor's library by the addresses of the functions it is given; it needs none of the vendor's files. What
-   it does in a tick is what PythonServo of servo.py does: read, take the force, write it, take errors, publish.
+   It calls the vendor's functions by addresses that it is given, so compiling it needs none of the vendor's files. A
+   tick does the same as PythonServo in servo.py: read, take the force, write it, take errors, publish.
 
-   Samples go from the servo thread to Python, forces from Python to the servo thread, each through a ring of slots with
-   one writer: the newest slot is read, and read again if the writer has come round meanwhile. So neither side ever
-   waits for the other, whatever the scheduler does with their threads. */
+   Samples go from the servo thread to Python, forces from Python to the servo thread, each through a ring buffer with
+   one writer. The reader takes the newest slot, and reads again if the writer has overwritten it meanwhile. So neither
+   side ever waits for the other, whatever the scheduler does with their threads. */
 
 #include <stdatomic.h>
 #include <stddef.h>
@@ -29,7 +29,7 @@ struct error_info {
     uint32_t handle;
 };
 
-struct library { /* of addresses; Calls in shim.py */
+struct library { /* function addresses; Calls in shim.py */
     void (*begin_frame)(uint32_t);
     void (*end_frame)(uint32_t);
     void (*get_doubles)(uint32_t, double *);
@@ -55,7 +55,7 @@ struct force {
 };
 
 struct ring {
-    _Atomic uint64_t newest; /* number of the newest content, from 1; 0 for none */
+    _Atomic uint64_t newest; /* number of the newest entry, from 1; 0 if empty */
     _Atomic uint64_t words[SLOTS][WORDS];
 };
 
@@ -65,7 +65,7 @@ struct servo {
     int64_t timeout_ns;
     int64_t ticks;
     int cut;
-    struct force force; /* as last taken */
+    struct force force; /* last one taken from the ring */
     struct ring samples, forces;
     _Atomic uint64_t faults_made;
     uint64_t faults_taken;
@@ -85,7 +85,7 @@ static void put(struct ring *ring, const void *content, size_t words) {
     uint64_t number = atomic_load_explicit(&ring->newest, memory_order_relaxed) + 1, copy[WORDS];
     _Atomic uint64_t *slot = ring->words[number % SLOTS];
     memcpy(copy, content, 8 * words);
-    atomic_thread_fence(memory_order_release); /* who sees a word of this content also sees the number before it */
+    atomic_thread_fence(memory_order_release); /* who sees a word of this entry also sees the previous number */
     for (size_t i = 0; i < words; i++) atomic_store_explicit(&slot[i], copy[i], memory_order_relaxed);
     atomic_store_explicit(&ring->newest, number, memory_order_release);
 }
@@ -115,7 +115,7 @@ static void drain(struct servo *servo) {
     }
 }
 
-/* The force to write now: the newest one, but nothing once it was too old, until a zero has been put. */
+/* Choose the force to write: the latest one, or zero from a timeout until a zero force is set. */
 static void choose(struct servo *servo, int64_t at_ns, double out[3]) {
     struct force *force = &servo->force;
     take(&servo->forces, force, sizeof *force / 8);
@@ -179,9 +179,9 @@ uint32_t servo_tick(void *data) {
 /* --- a watch over a servo callback, for measurements ----------------------------------------------------------- */
 
 struct watch { /* Watch in shim.py */
-    uint32_t (*callback)(void *); /* what is watched; none for a bare tick */
+    uint32_t (*callback)(void *); /* watched callback; NULL for an empty tick */
     void *data;
-    int64_t *times; /* room for pairs: begin and end of each tick */
+    int64_t *times; /* capacity for pairs: start and end of each tick */
     uint64_t room;
     _Atomic uint64_t count;
 };

@@ -1,7 +1,7 @@
-"""The servo callback in C: compiled on first use with the system's compiler, kept beside the compiled kernels.
+"""Servo callback in C, compiled on first use with the system's compiler and cached beside the compiled kernels.
 
-The source is ``servo_shim.c``; a machine without a compiler uses `netboard.devices.touch.servo.PythonServo`. A kept
-file is named by its source and the machine, so a new source is compiled anew.
+The source is ``servo_shim.c``; a computer without a compiler uses `netboard.devices.touch.servo.PythonServo`. The
+cached file is named by source and computer, so a new source is compiled again.
 """
 
 import ctypes
@@ -29,7 +29,7 @@ from netboard.devices.touch.servo import Entry, Raw, Shot, Vector
 SOURCE = Path(__file__).with_name("servo_shim.c")
 
 COMPILERS = ("cc", "gcc", "clang")
-"""Looked for in this order, unless the environment names one in CC."""
+"""Compilers in the order of preference, unless the environment variable CC names one."""
 
 FLAGS = ("-O2", "-std=gnu11", "-shared", "-fPIC")
 
@@ -40,17 +40,17 @@ CALLED = (
     *("hdBeginFrame", "hdEndFrame", "hdGetDoublev", "hdGetIntegerv", "hdGetBooleanv", "hdSetDoublev"),
     "hdGetError",
 )
-"""Functions of the vendor's that the shim calls, in its order."""
+"""Vendor functions that the shim calls, in its order."""
 
 
 class Calls(ctypes.Structure):
-    """Addresses of `CALLED`; struct library of the shim."""
+    """Addresses of `CALLED`; ``struct library`` in the shim."""
 
     _fields_ = tuple((name, c_void_p) for name in CALLED)
 
 
 class ShimShot(ctypes.Structure):
-    """What a tick saw; struct sample of the shim."""
+    """Result of a tick; ``struct sample`` in the shim."""
 
     _fields_ = (
         ("tick", c_int64),
@@ -64,7 +64,7 @@ class ShimShot(ctypes.Structure):
 
 
 class WatchRoom(ctypes.Structure):
-    """What a watch knows; struct watch of the shim."""
+    """State of a watch; ``struct watch`` in the shim."""
 
     _fields_ = (
         ("callback", c_void_p),
@@ -77,7 +77,7 @@ class WatchRoom(ctypes.Structure):
 
 @cache
 def shim() -> ctypes.PyDLL:
-    """Compile the shim, or take the one kept."""
+    """Return the shim, compiled or from the cache."""
     if sys.platform == "win32":
         raise DeviceNotFound('the servo callback in C is for Linux and the like; set the option servo = "python"')
     library = ctypes.PyDLL(str(build(compiled.folder())))
@@ -94,7 +94,7 @@ def shim() -> ctypes.PyDLL:
 
 
 def build(folder: Path) -> Path:
-    """Compile the shim into a folder, if it is not there yet."""
+    """Compile the shim into a folder, unless it is there already."""
     command = [*_compiler(), *FLAGS]
     state = hashlib.sha256(SOURCE.read_bytes() + " ".join((*command, platform.machine())).encode())
     kept = folder / f"servo_shim-{state.hexdigest()[:16]}.so"
@@ -105,7 +105,7 @@ def build(folder: Path) -> Path:
         with tempfile.TemporaryDirectory(dir=folder) as scratch:
             fresh = Path(scratch) / kept.name
             _compile([*command, "-o", str(fresh), str(SOURCE)])
-            fresh.replace(kept)  # whole or not at all, whoever else compiles it now
+            fresh.replace(kept)  # atomic, even if another process compiles it now
     except OSError as error:
         raise DeviceNotFound(f"the servo callback in C cannot be kept in {folder}: {error}; {INSTEAD}") from error
     return kept
@@ -120,7 +120,7 @@ def _compile(command: list[str]) -> None:
 
 
 def _compiler() -> list[str]:
-    """Find the system's compiler: the words of its command."""
+    """Return the command of the system's compiler."""
     named = shlex.split(os.environ.get("CC", ""))
     for words in [named] if named else [[name] for name in COMPILERS]:
         if shutil.which(words[0]):
@@ -130,12 +130,12 @@ def _compiler() -> list[str]:
 
 
 class ShimServo:
-    """The callback in C. It needs no interpreter.
+    """Callback in C. It does not need the interpreter lock.
 
     Parameters
     ----------
     timeout_ns : int
-        An older force is cut to zero [ns].
+        Age above which a force is cut to zero [ns].
     """
 
     def __init__(self, library: Library, handle: int, timeout_ns: int) -> None:
@@ -150,15 +150,15 @@ class ShimServo:
 
     @property
     def entry(self) -> Entry:
-        """What is to be scheduled."""
+        """Callback to schedule."""
         return self._entry
 
     def put(self, force: Vector, stamp_ns: int) -> None:
-        """Render this force [N], in the vendor's frame, from the next tick on; it is of this time [ns]."""
+        """Set the force from the next tick on [N], in the vendor's frame, with its time stamp [ns]."""
         self._put(self._at, *force, stamp_ns)
 
     def shot(self) -> Shot | None:
-        """What the newest tick saw; None before the first."""
+        """Return the latest shot; None before the first tick."""
         seen = ShimShot()
         if self._take(self._at, byref(seen)):
             position, velocity = cast(Vector, tuple(seen.position)), cast(Vector, tuple(seen.velocity))
@@ -167,7 +167,7 @@ class ShimServo:
         return self._seen
 
     def faults(self) -> list[Raw]:
-        """Errors that have come off the stack since the last call, the oldest tick's first."""
+        """Return the errors since the last call, oldest tick first."""
         found: list[Raw] = []
         error = ErrorInfo()
         while self._next_fault(self._at, byref(error)):
@@ -176,12 +176,12 @@ class ShimServo:
 
 
 class Watch:
-    """Notes when a callback is called and when it has returned, in the servo thread and without the interpreter.
+    """Records call and return times of a callback, in the servo thread and without the interpreter lock.
 
     Parameters
     ----------
     entry : Entry or None
-        The callback; None for a tick in which nothing is done.
+        Callback to watch; None for an empty tick.
     """
 
     def __init__(self, entry: Entry | None, room: int) -> None:
@@ -193,5 +193,5 @@ class Watch:
 
     @property
     def times(self) -> NDArray[np.int64]:
-        """When each tick so far began and ended, as pairs [ns]."""
+        """Start and end of each tick so far, as pairs [ns]."""
         return self._times[: self._room.count].copy()

@@ -1,1 +1,1 @@
-"""The recorded hands against another board, another model or another force condition."""
+"""Counterfactual replay: recorded hand movements with another board, model or force condition."""

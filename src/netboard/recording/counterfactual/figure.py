@@ -1,7 +1,7 @@
-"""Draws a counterfactual: one attempt as recorded and as it would have been, and the differences of all attempts.
+"""Figure of a counterfactual replay: one attempt as recorded and as recomputed, and the differences of all attempts.
 
-Colours are those of Okabe and Ito, told apart by colour-blind eyes and, with the dashes, on paper without colour.
-Needs matplotlib, which is imported when a figure is drawn.
+The colours are from the Okabe-Ito palette, which colour-blind readers can distinguish; dashes distinguish the lines in
+black-and-white print. Needs matplotlib, which is imported when a figure is drawn.
 """
 
 from collections.abc import Sequence
@@ -25,12 +25,12 @@ _SIDES = {-1: "left", 1: "right"}
 
 
 def draw(found: WhatIf, changes: Sequence[str], shown: Comparison | None = None) -> Any:
-    """Draw recorded against computed, and the difference, a row for each quantity.
+    """Draw recorded and recomputed values and their difference, with a row for each quantity.
 
     Parameters
     ----------
     found : WhatIf
-        A recording with at least one attempt, and what becomes of it.
+        A counterfactual replay of a recording with at least one attempt.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -53,7 +53,7 @@ def draw(found: WhatIf, changes: Sequence[str], shown: Comparison | None = None)
 
 
 def _outcomes(shown: Comparison) -> str:
-    """Say in short what became of an attempt then and now."""
+    """Describe the recorded and the recomputed outcome of an attempt."""
     then, now = shown.then, shown.now
     if then.outcome == now.outcome == "success":
         return f"success after {then.completion:.2f} s, now {now.completion:.2f} s"
@@ -61,7 +61,7 @@ def _outcomes(shown: Comparison) -> str:
 
 
 def _draw_both(axis: Any, found: WhatIf, quantity: Quantity, shown: Comparison) -> None:
-    """Draw one quantity of the shown attempt, then and now, each as long as the ball is free."""
+    """Draw one quantity of the shown attempt, recorded and recomputed, each while the ball is free."""
     start = int(np.searchsorted(found.recorded["tick"], shown.then.tick))
     for rows, attempt, colour, style, label in (
         (found.recorded, shown.then, _RECORDED, "-", "recorded"),
@@ -85,7 +85,7 @@ def _draw_both(axis: Any, found: WhatIf, quantity: Quantity, shown: Comparison) 
 
 
 def _draw_apart(axis: Any, found: WhatIf, quantity: Quantity, shown: Comparison) -> None:
-    """Draw by how much one quantity differs, in all attempts, the shown one on top."""
+    """Draw the difference of one quantity in all attempts, with the shown one on top."""
     others = [one for one in found.comparisons if one is not shown]
     for place, one in enumerate([*others, shown]):
         start = int(np.searchsorted(found.recorded["tick"], one.then.tick))

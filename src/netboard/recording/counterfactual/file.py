@@ -1,7 +1,8 @@
-"""Keeps a counterfactual as a recording: the attempts alone, with the changed configuration, marked as what it is.
+"""Saves a counterfactual replay as a recording: the attempts only, with the changed configuration, marked as such.
 
-The session's id is made of the source's and of what was changed, so that no account mixes the two. There is nothing
-between two attempts, so that the file verifies by itself: after a gap the recorded state is taken over.
+The session id is derived from the source's id and the changes, so that the account of a session never mixes the two.
+There are gaps between the attempts, so that the file verifies by itself: after a gap, verification continues from the
+recorded state.
 """
 
 import hashlib

@@ -1,13 +1,13 @@
-"""Counterfactual replay: the recorded hands against another board, another model or another force condition.
+"""Counterfactual replay: recorded hand movements with another board, model or force condition.
 
-The loop is open. The hands do what they did, whatever the board would have done to them, so this tells what a change
-does to board, ball, forces and outcome while nobody reacts to it, and not what people would have done. The trial
-machine decides anew.
+The loop is open: the hands move as recorded, whatever the board does. The replay therefore shows the effect of a change
+on board, ball, forces and outcome without human reaction. It does not predict what people would have done. The trial
+state machine decides anew.
 
-The ball is a saddle: a difference of a hair grows e-fold in a fraction of a second, and a block run through in one go
-would be noise after its first seconds. So each attempt begins again with the state that was recorded at its release,
-and what differs in it is due to the change. Between attempts, from the end of one to the release of the next, the
-stage runs on, but nothing is made of it. With nothing changed, every tick is the recorded one to the bit.
+The ball is an unstable system (a saddle): a tiny difference grows exponentially within a fraction of a second, and a
+block computed in one run would be noise after its first seconds. So each attempt starts from the recorded state at its
+release, and any difference in it is due to the change. Between attempts, from the end of one to the release of the
+next, the stage runs but its results are not used. Without a change, every tick is bit-identical to the recorded one.
 """
 
 from collections.abc import Sequence
@@ -27,7 +27,7 @@ Rows = NDArray[Any]
 
 
 class Quantity(NamedTuple):
-    """What is compared."""
+    """A compared quantity."""
 
     name: str
     text: str
@@ -41,16 +41,16 @@ QUANTITIES = (
     Quantity("left_force", "left force", "N", 1.0),
     Quantity("right_force", "right force", "N", 1.0),
 )
-"""What is compared: tilt of the board, ball along it, and the forces to be felt."""
+"""Compared quantities: tilt of the board, position of the ball, and commanded forces."""
 
 
 class Difference(NamedTuple):
-    """How much a quantity differs in an attempt.
+    """Difference of a quantity in an attempt.
 
     Attributes
     ----------
     rms : float
-        Root of the mean square [SI].
+        Root mean square [SI].
     largest : float
         Largest magnitude [SI].
     """
@@ -61,14 +61,15 @@ class Difference(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """One attempt, then and now.
+    """One attempt, recorded and recomputed.
 
     Attributes
     ----------
     now : Attempt
-        What becomes of it; ``unfinished`` if it outlasts the recorded one: later, the hands were about another.
+        The recomputed attempt; ``unfinished`` if it outlasts the recorded one, because later hand movements belong to
+        another attempt.
     common : int
-        Ticks from the release for which both go on: those that are compared [1].
+        Compared ticks: from the release while both attempts run [1].
     """
 
     then: Attempt
@@ -78,7 +79,7 @@ class Comparison:
 
     @property
     def changed(self) -> bool:
-        """Whether another outcome, or another completion time, came of it."""
+        """Whether the outcome or the completion time differs."""
         same = (
             self.then.completion == self.now.completion or np.isnan([self.then.completion, self.now.completion]).all()
         )
@@ -87,12 +88,12 @@ class Comparison:
 
 @dataclass(frozen=True, slots=True)
 class WhatIf:
-    """A recording, and what becomes of it.
+    """A recording and its counterfactual replay.
 
     Attributes
     ----------
     recorded, computed : ndarray of TICK, shape (n,)
-        The ticks as recorded, and those of the changed stage with the same inputs.
+        Recorded ticks, and those of the changed stage with the same inputs.
     """
 
     recorded: Rows
@@ -101,12 +102,12 @@ class WhatIf:
 
     @property
     def identical(self) -> bool:
-        """Whether every tick is as recorded, to the bit: what was changed does not concern the stage."""
+        """Whether every tick is bit-identical to the recorded one: then the change does not affect the stage."""
         return np.array_equal(as_words(self.recorded), as_words(self.computed))
 
 
 def what_if(recorded: Rows, stage: Stage) -> WhatIf:
-    """Run recorded hands through a stage, each attempt from its recorded release."""
+    """Run recorded hand movements through a stage, each attempt from its recorded release."""
     attempts = find_attempts(recorded)
     computed = recorded.copy()
     releases = np.searchsorted(recorded["tick"], [attempt.tick for attempt in attempts])
@@ -118,9 +119,9 @@ def what_if(recorded: Rows, stage: Stage) -> WhatIf:
 
 
 def _compare(recorded: Rows, computed: Rows, then: Attempt) -> Comparison:
-    """Compare an attempt with what becomes of it."""
+    """Compare a recorded attempt with the recomputed one."""
     start, stop = np.searchsorted(recorded["tick"], [then.tick, then.stop])
-    # The row after the last one tells how a command has ended it.
+    # Include the row after the last one, which tells how a command ended the attempt.
     now = find_attempts(computed[start : stop + 1])[0]
     common = min(now.stop, then.stop) - then.tick
     differences = {}
@@ -131,17 +132,17 @@ def _compare(recorded: Rows, computed: Rows, then: Attempt) -> Comparison:
 
 
 def difference(recorded: Rows, computed: Rows, quantity: Quantity, where: slice) -> NDArray[np.float64]:
-    """Return what a quantity is more than it was."""
+    """Return computed minus recorded values of a quantity."""
     return np.asarray(computed[quantity.name][where] - recorded[quantity.name][where], np.float64)
 
 
 def attempts_of(found: WhatIf) -> Rows:
-    """Return the ticks of the attempts alone, each as far as it is comparable: what may be kept of a counterfactual.
+    """Return the recomputed ticks of the attempts only, each up to the end of the comparison.
 
     Returns
     -------
     ndarray of TICK, shape (m,)
-        Rows of the changed stage. Between two attempts there is a gap, so that each can be verified by itself.
+        Rows of the changed stage. There are gaps between attempts, so that each can be verified by itself.
     """
     kept = np.zeros(len(found.computed), bool)
     for comparison in found.comparisons:
@@ -151,7 +152,7 @@ def attempts_of(found: WhatIf) -> Rows:
 
 
 def most_telling(comparisons: Sequence[Comparison]) -> Comparison:
-    """Choose the attempt to show: the longest of those that end otherwise, else the one whose ball differs most."""
+    """Choose the attempt to show: the longest with another outcome, else the one with the largest ball difference."""
     otherwise = [one for one in comparisons if one.then.outcome != one.now.outcome]
     if otherwise:
         return max(otherwise, key=lambda one: one.common)
@@ -159,5 +160,5 @@ def most_telling(comparisons: Sequence[Comparison]) -> Comparison:
 
 
 def seconds_since_release(count: int) -> NDArray[np.float64]:
-    """Times of the ticks of an attempt."""
+    """Return the tick times of an attempt [s]."""
     return np.arange(count, dtype=np.float64) * TICK_SECONDS

@@ -1,1 +1,1 @@
-"""Recordings in other formats: Parquet, CSV, MATLAB, Motion-BIDS, NWB, XDF."""
+"""Export of recordings to other formats: Parquet, CSV, MATLAB, Motion-BIDS, NWB, XDF."""

@@ -1,10 +1,11 @@
-"""Motion-BIDS: the recordings as a dataset of the Brain Imaging Data Structure, motion data with the task's events.
+"""Motion-BIDS export: a Brain Imaging Data Structure dataset with motion data and the events of the task.
 
-BIDS has no rule for two people at once. Here each is a subject; both have the same session label, which nobody else
-has, and equal runs are the same recording on the same clock: equal ``acq_time``, equal ``LATENCY`` in equal rows. Who
-belongs together is in ``sessions.tsv`` and, for the whole dataset, in ``docs/dyads.tsv``.
+BIDS has no convention for two participants at once. Here each participant is a subject. Both members of a dyad share a
+session label that no one else has. Equal run numbers are the same recording on the same clock: equal ``acq_time``, and
+equal ``LATENCY`` in equal rows. ``sessions.tsv`` lists the partners, and ``docs/dyads.tsv`` lists them for the whole
+dataset.
 
-A number has the fewest digits that read back as the same float64; one that does not exist is ``n/a``.
+Numbers have the fewest digits that read back as the same float64; missing ones are ``n/a``.
 """
 
 import json
@@ -28,12 +29,12 @@ from netboard.recording.format.backfill import unknown_ticks
 from netboard.task.studies.factors import column_of, design_of, factors_of, role_of, trial_role
 
 TASK = "boardandball"
-"""Label of the task: its name without the spaces."""
+"""Label of the task: its name without spaces."""
 
 _SYSTEM = f"task-{TASK}_tracksys-stylus"
 
 Row = dict[str, Any]
-"""A line of a table: values by the names of the columns."""
+"""Row of a table: values by column name."""
 
 
 def write(recordings: Sequence[Path], folder: Path, progress: Progress) -> None:
@@ -52,7 +53,7 @@ def write(recordings: Sequence[Path], folder: Path, progress: Progress) -> None:
 
 
 def _write_run(run: Run, factors: Sequence[Exported], folder: Path, progress: Progress) -> dict[str, Row]:
-    """Write what a recording says of its people; return the line of ``scans.tsv`` of each, by label."""
+    """Write the files of each person in a recording; return their rows of ``scans.tsv``, by label."""
     source = folder / "sourcedata" / run.path.stem
     source.mkdir(parents=True)
     scans: dict[str, Row] = {}
@@ -78,7 +79,7 @@ def _write_run(run: Run, factors: Sequence[Exported], folder: Path, progress: Pr
 
 
 def _lines(rows: NDArray[Any], signals: Sequence[Signal], origin_ns: int) -> Iterator[str]:
-    """Write ticks as lines of a motion file."""
+    """Format ticks as lines of a motion file."""
     times = (divmod(time_ns, 1_000_000_000) for time_ns in (rows["time_ns"] - origin_ns).tolist())
     latency = (f"{seconds}.{rest:09d}" for seconds, rest in times)
     columns = (_words(rows[signal.field]) for signal in signals)
@@ -86,7 +87,7 @@ def _lines(rows: NDArray[Any], signals: Sequence[Signal], origin_ns: int) -> Ite
 
 
 def _words(values: NDArray[Any]) -> Iterable[str]:
-    """Write the numbers of a column."""
+    """Format the values of a column."""
     words = map(repr, values.tolist())
     return (texts.MISSING if word == "nan" else word for word in words) if np.isnan(values).any() else words
 
@@ -110,7 +111,7 @@ def _channel(signal: Signal) -> Row:
 
 
 def _events(survey: Survey, run: Run, factors: Sequence[Exported]) -> list[Row]:
-    """Make the lines of ``events.tsv``: levellings and attempts, and what changed the phase of a trial."""
+    """Return the rows of ``events.tsv``: levelling phases, attempts, and changes of the trial phase."""
     own = factors_of(run.config)
     rows = [
         _event(survey, happened.tick, 0, happened.name, happened.trial, happened.attempt, happened.target)
@@ -155,7 +156,7 @@ def _event(survey: Survey, tick: int, duration: float, kind: str, trial: int, at
 def _scan(
     run: Run, recording: Recording, survey: Survey, person: Person, filename: str, factors: Sequence[Exported]
 ) -> Row:
-    """Make the line of ``scans.tsv``: when it was, and under which condition."""
+    """Return the row of ``scans.tsv``: time and condition."""
     block = run.config.block
     return {
         "filename": filename,
@@ -182,7 +183,7 @@ def _scan(
 
 
 def _other_hand(run: Run, person: Person) -> str:
-    """Who moves the other end of the board."""
+    """Describe what moves the other end of the board."""
     partner = next((other for other in run.people if other is not person), None)
     if partner is not None:
         return f"sub-{partner.label}"
@@ -196,7 +197,7 @@ def _other_hand(run: Run, person: Person) -> str:
 
 
 def _write_people(runs: Sequence[Run], factors: Sequence[Exported], folder: Path, began: dict[str, str]) -> None:
-    """Write who took part, in which session, and with whom."""
+    """Write participants, sessions and dyads."""
     people = {person.label: person for run in reversed(runs) for person in run.people}
     real = {person.label for run in runs for person in run.people if not person.simulated}
     rows = [
@@ -243,7 +244,7 @@ def _participant(person: Person, real: bool) -> Row:
 
 
 def _levels_of_person(label: str, runs: Sequence[Run], factors: Sequence[Exported]) -> Row:
-    """Levels of the factors between dyads; of somebody in several dyads all of them."""
+    """Return the levels of the between-dyad factors; for a person in several dyads, all levels."""
     own = [run for run in runs if any(person.label == label for person in run.people)]
     row: Row = {}
     for one in (one for one in factors if one.scope == "dyad"):
@@ -265,7 +266,7 @@ def _session(dyad: Row, partner: str, began: str) -> Row:
 
 
 def _write_texts(runs: Sequence[Run], factors: Sequence[Exported], folder: Path) -> None:
-    """Write what is the same for all runs, and what explains it."""
+    """Write the descriptions and sidecars that all runs share."""
     studies = sorted({run.config.session.study for run in runs})
     _write_json(folder / "dataset_description.json", texts.description(studies))
     (folder / "README.md").write_text(texts.README, encoding="utf-8")
@@ -275,7 +276,7 @@ def _write_texts(runs: Sequence[Run], factors: Sequence[Exported], folder: Path)
 
 
 def _motion(run: Run, recording: Recording, survey: Survey, person: Person, signals: Sequence[Signal]) -> Row:
-    """Make the sidecar of a motion file."""
+    """Return the sidecar of a motion file."""
     devices = [device for device in devices_of(run.config, recording) if device.side in person.sides]
     kinds = [signal.kind for signal in signals]
     return {
@@ -297,13 +298,13 @@ def _motion(run: Run, recording: Recording, survey: Survey, person: Person, sign
 
 
 def _unknown(recording: Recording, person: Person) -> int:
-    """Count the rows in which nobody knows what a device rendered, since it was first known."""
+    """Count the rows with an unknown rendered force, from the first known one on."""
     columns = recording.columns(*(f"{side}_rendered" for side in person.sides))
     return sum(unknown_ticks(rendered) for rendered in columns.values())
 
 
 def _joined(words: Iterable[str]) -> str:
-    """Write what is known of one device, or of two."""
+    """Join the known values of one device or two."""
     return " + ".join(dict.fromkeys(word or texts.MISSING for word in words))
 
 
@@ -312,7 +313,7 @@ def _write_json(path: Path, values: Row) -> None:
 
 
 def _write_table(path: Path, rows: Iterable[Row]) -> None:
-    """Write a table with a line of names."""
+    """Write a table with a header line."""
     lines = list(rows)
     with path.open("x", encoding="utf-8", newline="") as file:
         for words in [list(lines[0]), *(map(_cell, row.values()) for row in lines)] if lines else []:
@@ -320,7 +321,7 @@ def _write_table(path: Path, rows: Iterable[Row]) -> None:
 
 
 def _cell(value: Any) -> str:
-    """Write a value of a table: BIDS has no quotes, so spaces stand for tabs and line feeds."""
+    """Format a table cell. BIDS has no quoting, so spaces replace tabs and line feeds."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, float):

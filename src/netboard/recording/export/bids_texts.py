@@ -1,4 +1,4 @@
-"""What a Motion-BIDS dataset says about itself in words: README, description, and the sidecars all runs share."""
+"""Texts of a Motion-BIDS dataset: README, description, and the sidecars that all runs share."""
 
 from collections.abc import Sequence
 from importlib.metadata import version
@@ -10,21 +10,21 @@ from netboard.recording.export.task import ATTEMPT_TEXTS, HAPPENED_TEXTS, TASK_T
 from netboard.task.studies.factors import level_text
 
 MISSING = "n/a"
-"""What stands for nothing."""
+"""Marker of missing values."""
 
 BIDS_VERSION = "1.11.1"
-"""Version of the standard."""
+"""Version of the BIDS standard."""
 
 INSTRUCTIONS = "The standard text of netboard's display."
 
 LATENCY = Signal(
     "latency", "time_ns", "LATENCY", "", MISSING, "nominal time of the tick since the first of the run", "s"
 )
-"""The first column of a motion file."""
+"""First column of a motion file."""
 
 
 def description(studies: Sequence[str]) -> dict[str, Any]:
-    """Make ``dataset_description.json``."""
+    """Return the content of ``dataset_description.json``."""
     named = ", ".join(study for study in studies if study)
     return {
         "Name": f"Board and ball: {named}" if named else "Board and ball",
@@ -169,7 +169,7 @@ _SESSION_TEXTS = {
 
 
 def _described(words: dict[str, str]) -> dict[str, Any]:
-    """Make a sidecar of the meanings of columns."""
+    """Return a sidecar that describes columns."""
     return {
         name: {"Description": text} | ({"Units": _UNITS[name]} if name in _UNITS else {})
         for name, text in words.items()
@@ -185,14 +185,14 @@ SIDECARS: dict[str, dict[str, Any]] = {
     "participants.json": _PERSON_TEXTS,
     "docs/dyads.json": _described(_DYAD_TEXTS),
 }
-"""Files that describe others, by their names with ``{task}`` and ``{system}`` to be filled in."""
+"""Shared sidecars by file name, with the placeholders ``{task}`` and ``{system}``."""
 
 _WITH_FACTORS = {"{system}_events.json": False, "scans.json": False, "participants.json": True}
-"""Sidecars of tables that have columns for factors, and whether only for those between dyads."""
+"""Sidecars of tables with factor columns, and whether only for between-dyad factors."""
 
 
 def of_factors(factors: Sequence[Exported], sidecar: str) -> dict[str, Any]:
-    """Describe the columns of factors in a table."""
+    """Describe the factor columns of a table."""
     if sidecar not in _WITH_FACTORS:
         return {}
     kept = [one for one in factors if one.scope == "dyad" or not _WITH_FACTORS[sidecar]]
@@ -201,7 +201,7 @@ def of_factors(factors: Sequence[Exported], sidecar: str) -> dict[str, Any]:
         level, *value = one.fields
         levels = {name: level_text(one.of, name) for name in one.of.levels}
         described[level.name] = {"Description": f"level of the factor {one.name}", "Levels": levels}
-        if sidecar == "scans.json" and one.scope == "trial":  # a run has several: none of them alone is a value
+        if sidecar == "scans.json" and one.scope == "trial":  # a run has several levels, so no single one describes it
             described[level.name] = {"Description": f"levels of the factor {one.name}: {', '.join(levels.values())}"}
         described |= {field.name: {"Description": field.text, "Units": field.unit} for field in value}
     return described

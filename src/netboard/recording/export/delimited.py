@@ -1,7 +1,7 @@
-"""CSV: UTF-8, commas, one line of names, a line feed at the end of each line; texts in quotes where they need them.
+"""CSV export: UTF-8, commas, a header line, line feeds; texts are quoted where necessary.
 
-A number is written with the fewest digits that read back as the same float64, so all bits come back; only the payload
-of a NaN, which is written ``nan``, does not.
+Numbers have the fewest digits that read back as the same float64, so values survive bit for bit. The exception is the
+payload of a NaN, which is written as ``nan``.
 """
 
 import csv
@@ -22,13 +22,13 @@ def write(recordings: Sequence[Path], folder: Path, progress: Progress) -> None:
 
 @contextmanager
 def open_sheet(path: Path, table: Described) -> Iterator[Sheet]:
-    """Begin a file with the line of names."""
+    """Open a CSV file and write its header line."""
     with path.open("x", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(field.name for field in table.fields)
 
         def put(rows: Rows) -> None:
-            # As Python's own numbers: csv writes those with repr, which reads back to the bit.
+            # Convert to Python numbers: csv writes those with repr, which reads back bit for bit.
             writer.writerows(zip(*(column.tolist() for column in rows.values()), strict=True))
 
         yield put

@@ -1,4 +1,4 @@
-"""Which devices were in the hands, as far as a recording says: what the agents told of them when they came."""
+"""The devices of a recording, as reported by the agents when they joined."""
 
 from dataclasses import dataclass
 
@@ -6,12 +6,12 @@ from netboard.base.config import SIDES, Config, Side
 from netboard.recording.files.reader import Recording
 
 MAKERS = {"falcon": "Novint", "openhaptics": "3D Systems", "spacemouse": "3Dconnexion"}
-"""Who makes the devices of a backend."""
+"""Manufacturer of each backend's devices."""
 
 
 @dataclass(frozen=True, slots=True)
 class HandDevice:
-    """A device."""
+    """A device held in a recording."""
 
     side: Side
     backend: str
@@ -21,7 +21,7 @@ class HandDevice:
 
 
 def devices_of(config: Config, recording: Recording) -> tuple[HandDevice, ...]:
-    """Find the devices of a recording, left before right."""
+    """Return the devices of a recording, left before right."""
     told = {event.details.get("side"): event.details for event in recording.events() if event.name == "agent_joined"}
     found = []
     for side in SIDES:

@@ -1,4 +1,4 @@
-"""The data dictionary of an export: every table, and every column with its type, unit and meaning, as JSON and CSV."""
+"""The data dictionary of an export: all tables, with type, unit and meaning of each column, as JSON and CSV."""
 
 import csv
 import json
@@ -11,19 +11,19 @@ from netboard.recording.format.channels import Field
 
 
 class Described(Protocol):
-    """A kind of table: what it is called, what a row is, and its columns."""
+    """A kind of table with name, row meaning and columns."""
 
     @property
     def name(self) -> str:
-        """What it is called."""
+        """Name of the table."""
 
     @property
     def about(self) -> str:
-        """What a row is."""
+        """Meaning of a row."""
 
     @property
     def fields(self) -> tuple[Field, ...]:
-        """Its columns, of the kinds ``integer``, ``number`` and ``string``."""
+        """Columns, of the kinds ``integer``, ``number`` and ``string``."""
 
 
 _TYPES = {"integer": "int64", "number": "float64", "string": "text"}
@@ -35,7 +35,7 @@ def write_dictionary(folder: Path, tables: Sequence[Described], places: str) -> 
     Parameters
     ----------
     places : str
-        How the tables are laid out in files, in a sentence.
+        Sentence on the arrangement of the tables in files.
     """
     described = {
         table.name: {

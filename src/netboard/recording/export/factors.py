@@ -1,4 +1,4 @@
-"""The factors of the recordings that are exported together: their columns, and the values of these in each trial."""
+"""Factors of the exported recordings: their columns, and the values of these in each trial."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ _WHERE = {"dyad": "one for all blocks of a dyad", "block": "one for a block", "t
 
 
 def fields_of(name: str, scope: Scope, of: Declared) -> tuple[Field, ...]:
-    """Describe the columns of a factor: its level, and of a numeric one the value."""
+    """Describe the columns of a factor: its level, and for a numeric factor the value."""
     levels = ", ".join(level_text(of, level) for level in of.levels)
     text = f"level of the factor {name}, {_WHERE[scope]}: {levels}; empty where there is none"
     own = Field(column_of(name), "string", text, "")
@@ -36,7 +36,7 @@ def fields_of(name: str, scope: Scope, of: Declared) -> tuple[Field, ...]:
 
 @dataclass(frozen=True, slots=True)
 class Exported:
-    """A factor of recordings that are exported together."""
+    """A factor of the recordings in one export."""
 
     name: str
     scope: Scope
@@ -44,11 +44,11 @@ class Exported:
 
     @property
     def fields(self) -> tuple[Field, ...]:
-        """Its columns."""
+        """Columns of the factor."""
         return fields_of(self.name, self.scope, self.of)
 
     def at(self, factors: Sequence[BlockFactor], trial: int) -> dict[str, Any]:
-        """Values of its columns in a trial.
+        """Return the values of the columns in a trial.
 
         Returns
         -------
@@ -62,7 +62,7 @@ class Exported:
         return columns
 
     def over(self, factors: Sequence[BlockFactor]) -> dict[str, Any]:
-        """Values of its columns in a block: of a factor that varies within it all levels, with commas between."""
+        """Return the values of the columns in a block; a factor that varies in it has all levels, comma-separated."""
         own = next((one for one in factors if one.name == self.name), None)
         levels = list(dict.fromkeys(own.sequence)) if own else []
         if len(levels) < 2:
@@ -71,12 +71,12 @@ class Exported:
 
 
 def exported_factors(configs: Sequence[Config]) -> tuple[Exported, ...]:
-    """Find the factors of recordings.
+    """Return the factors of the recordings.
 
     Returns
     -------
     tuple of Exported
-        Each with all of its levels, in the order of the study.
+        Each factor with all its levels, in the order of the study.
     """
     found = [factors_of(config) for config in configs]
     names = dict.fromkeys(one.name for own in found for one in own)
@@ -84,20 +84,20 @@ def exported_factors(configs: Sequence[Config]) -> tuple[Exported, ...]:
 
 
 def design_note(config: Config) -> dict[str, str]:
-    """Write role, kind and factors of a block for people.
+    """Return role, kind and factors of a block as text.
 
     Returns
     -------
     dict of str
-        ``role``, ``kind`` if there is one, and for each factor its column with the level; of one that varies within
-        the block all levels, with commas between.
+        ``role``, ``kind`` if there is one, and for each factor its column with the level. If the factor varies within
+        the block, all levels, separated by commas.
     """
     said = {"role": role_of(config)} | ({"kind": kind} if (kind := design_of(config).kind) else {})
     return said | {column_of(one.name): one.summary for one in factors_of(config)}
 
 
 def configs_of(recordings: Sequence[Path]) -> Iterator[Config]:
-    """Read the configurations of recordings."""
+    """Yield the configurations of recordings."""
     for path in recordings:
         with Recording(path) as recording:
             yield parse(recording.config_text, f"{path} (its configuration)")

@@ -1,8 +1,8 @@
-"""The formats that recordings can be exported to, and the frame round each of them.
+"""Registry of the export formats, and the steps that all of them share.
 
-A format is a module with one function, ``write(recordings, folder, progress)``: it fills an empty folder, and raises a
-`NetboardError` if it cannot. The frame sees to the rest: a result has its final name only when it is whole, nothing
-that exists is written over, and nothing is left of what went wrong.
+A format is a module with one function, ``write(recordings, folder, progress)``, which fills an empty folder and raises
+a `NetboardError` if it cannot. This module does the rest: a result gets its final name only when it is complete,
+existing files are never overwritten, and a failed export leaves nothing behind.
 """
 
 import os
@@ -17,7 +17,7 @@ from typing import Any
 from netboard.base.errors import ConfigError, RecordingError
 
 Progress = Callable[[str, int, int], None]
-"""Is told what is being done, how much of it is done, and how much there is [1]."""
+"""Progress callback: current step, amount done and total [1]."""
 
 FORMATS: dict[str, str] = {
     "parquet": "netboard.recording.export.parquet",
@@ -26,9 +26,9 @@ FORMATS: dict[str, str] = {
     "bids": "netboard.recording.export.bids",
     "nwb": "netboard.recording.export.nwb",
     "xdf": "netboard.recording.export.xdf",
-    "xdf-lsl": "netboard.recording.export.xdf",  # the same: what LabRecorder would have written
+    "xdf-lsl": "netboard.recording.export.xdf",  # the same format: files as LabRecorder would write them
 }
-"""Each format by its name: the module that has its ``write``."""
+"""Export formats: name to the module with its ``write``."""
 
 
 def export(recordings: Sequence[Path], name: str, folder: Path, progress: Progress) -> None:
@@ -37,7 +37,7 @@ def export(recordings: Sequence[Path], name: str, folder: Path, progress: Progre
     Raises
     ------
     RecordingError
-        If the folder exists or cannot be written, or a recording cannot be read; nothing is left of it then.
+        If the folder exists or cannot be written, or a recording cannot be read. Nothing is left behind then.
     """
     if name not in FORMATS:
         raise ConfigError(f"--to {name}: expected one of {', '.join(FORMATS)}")
@@ -48,7 +48,7 @@ def export(recordings: Sequence[Path], name: str, folder: Path, progress: Progre
 
 @contextmanager
 def new_folder(folder: Path) -> Iterator[Path]:
-    """Make a folder that has its name only when it is whole; after an error, nothing is left of it."""
+    """Create a folder that gets its name only when it is complete; after an error, nothing is left."""
     refuse_existing(folder)
     part = folder.with_name(f".{folder.name}.{os.getpid()}.part")
     try:
@@ -65,13 +65,13 @@ def new_folder(folder: Path) -> Iterator[Path]:
 
 
 def refuse_existing(folder: Path) -> None:
-    """Refuse to write where something is already."""
+    """Raise an error if the path exists."""
     if folder.exists():
         raise RecordingError(f"{folder}: is there already; name another --output")
 
 
 def library(name: str, extra: str) -> Any:
-    """Load a library that only some formats need."""
+    """Import an optional library of a format."""
     try:
         return import_module(name)
     except ImportError:
@@ -79,7 +79,7 @@ def library(name: str, extra: str) -> Any:
 
 
 def need(extra: str, *names: str) -> None:
-    """Refuse to begin something long that would end without a library; none is loaded yet."""
+    """Raise an error before a long export if a required library is missing; do not import it yet."""
     for name in names:
         if find_spec(name) is None:
             raise _missing(name, extra)

@@ -1,6 +1,6 @@
-"""How tables lie in an export: a file of ticks for each recording, one of each short table over all of them.
+"""File layout of tabular exports: one file of ticks per recording, and one file per short table over all recordings.
 
-Beside them are the data dictionary, and in ``configurations`` the configuration of each recording.
+The data dictionary lies beside them, and the configuration of each recording in ``configurations``.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -13,19 +13,19 @@ from netboard.recording.export.tables import TICKS, Rows, Subject, Table, small_
 from netboard.recording.files.reader import Recording
 
 Sheet = Callable[[Rows], None]
-"""Takes the next rows of a table that is being written."""
+"""Callback that writes the next rows of a table."""
 
 OpenSheet = Callable[[Path, Table], AbstractContextManager[Sheet]]
-"""Begins a new file with a table in it."""
+"""Function that opens a new file for a table."""
 
 
 def subjects(recordings: Sequence[Path], folder: Path) -> Iterator[Subject]:
-    """Open one recording after the other, and write its configuration.
+    """Open the recordings one by one and write their configurations.
 
     Parameters
     ----------
     folder : Path
-        Where the export is written; configurations go to ``configurations`` in it.
+        Folder of the export; configurations go to its subfolder ``configurations``.
     """
     texts = folder / "configurations"
     texts.mkdir()
@@ -37,7 +37,7 @@ def subjects(recordings: Sequence[Path], folder: Path) -> Iterator[Subject]:
 
 
 def tick_portions(subject: Subject, progress: Progress) -> Iterator[Rows]:
-    """Yield the rows of the ticks of a recording, and tell how far it is."""
+    """Yield the ticks of a recording in batches and report progress."""
     done = 0
     progress(subject.name, done, subject.ticks)
     for rows in TICKS.portions(subject):
@@ -49,7 +49,7 @@ def tick_portions(subject: Subject, progress: Progress) -> Iterator[Rows]:
 def write_sheets(
     recordings: Sequence[Path], folder: Path, progress: Progress, open_sheet: OpenSheet, ending: str
 ) -> None:
-    """Write all tables of recordings."""
+    """Write all tables of the recordings."""
     places = f"ticks/RECORDING{ending}: the ticks of each recording; NAME{ending}: another table, of all recordings"
     tables = small_tables(recordings)
     write_dictionary(folder, (TICKS, *tables), places)

@@ -1,8 +1,8 @@
-"""A session as streams of the Lab Streaming Layer: what they are called, what is in them, how they describe themselves.
+"""A session as Lab Streaming Layer (LSL) streams: their names, channels and descriptions.
 
-Shared by the live outlet and by the export to XDF, so that a file has the same streams whichever made it. Every tick is
-a sample of 64-bit floats, bit for bit those of the recording; integers are exact in them. A time stamp is that of the
-record itself, server time, in seconds. Knows neither the library of the layer nor the file format.
+The live LSL outlet and the XDF export share this module, so both produce the same streams. Every tick is a sample of
+64-bit floats, bit for bit as in the recording; integers are exact in float64. The time stamp is the record's own server
+time [s]. This module knows neither the LSL library nor the file format.
 """
 
 import json
@@ -19,10 +19,10 @@ from netboard.network.protocol.records import EventRecord
 from netboard.recording.format.channels import CHANNELS, Field
 
 NUMBERS, TEXT = "double64", "string"
-"""What a value may be, as the layer calls it."""
+"""LSL names of the value types."""
 
 RATE_HZ = 1000.0
-"""Samples of a regular stream, one for each tick [Hz]."""
+"""Nominal rate of the regular stream: one sample per tick [Hz]."""
 
 _SIDE = (
     "x",
@@ -44,22 +44,22 @@ COLUMNS = (
     *("z", "vz", "theta", "omega", "p", "vp"),
     *(f"{side}_{name}" for side in ("left", "right") for name in _SIDE),
 )
-"""Fields of a tick that are sent, by their names in a recording."""
+"""Tick fields in the stream, by their names in a recording."""
 
 _TYPES = {"m": "Position", "m/s": "Velocity", "rad": "Angle", "rad/s": "AngularVelocity", "N": "Force", "1": "Misc"}
-"""What a channel is, by its unit."""
+"""LSL channel type by unit."""
 
 _TICK_FIELDS = {field.name: field for field in CHANNELS[0].columns}
 
 
 @dataclass(frozen=True, slots=True)
 class Stream:
-    """One stream.
+    """Definition of one stream.
 
     Attributes
     ----------
     rate_hz : float
-        Nominal rate of the samples, 0 for one that is not regular [Hz].
+        Nominal sample rate; 0 for an irregular stream [Hz].
     """
 
     name: str
@@ -102,7 +102,7 @@ STREAMS = (TICKS, MARKERS, EVENTS)
 
 
 def samples(ticks: NDArray[Any]) -> NDArray[np.float64]:
-    """Samples of the ticks."""
+    """Convert ticks to samples."""
     values = np.empty((len(ticks), len(COLUMNS)))
     for place, name in enumerate(COLUMNS):
         values[:, place] = ticks[name]
@@ -110,29 +110,29 @@ def samples(ticks: NDArray[Any]) -> NDArray[np.float64]:
 
 
 def event_text(event: EventRecord) -> str:
-    """Write an event as a sample of `EVENTS`."""
+    """Format an event as a sample of `EVENTS`."""
     return remark_text(event.name, event.details, event.seq, event.tick)
 
 
 def remark_text(name: str, details: Mapping[str, str], seq: int = -1, tick: int = -1) -> str:
-    """Write what happened, at the server or to the stream itself, as a sample of `EVENTS`.
+    """Format an event of the server, or of the stream itself, as a sample of `EVENTS`.
 
     Parameters
     ----------
     seq, tick : int
-        Numbers of the event and of the tick at which it took effect; -1 for none [1].
+        Number of the event, and tick at which it took effect; -1 for none [1].
     """
     told = {"seq": seq, "tick": tick, "name": name, "details": dict(details)}
     return json.dumps(told, ensure_ascii=False, separators=(",", ":"))
 
 
 def seconds(times_ns: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Time stamps of the layer: rounded once."""
+    """Convert to LSL time stamps [s], rounding once."""
     return np.asarray(times_ns, np.int64) / 1e9
 
 
 def description(stream: Stream, notes: Mapping[str, Mapping[str, str]]) -> Element:
-    """Describe a stream, as the element ``desc`` of its information."""
+    """Return the ``desc`` element of a stream's information."""
     desc = Element("desc")
     _add(desc, "manufacturer", "netboard")
     _add(desc, "description", stream.text)

@@ -1,7 +1,7 @@
-"""MATLAB files, which GNU Octave reads too: one for each recording, with a struct for each table.
+"""MATLAB export, also readable by GNU Octave: one file per recording, with a struct for each table.
 
-Version 5 of the format: numbers are column vectors of double and of int64, exact to the bit; texts are cell arrays.
-MATLAB lets a variable of this version have 2 GB, which the ticks of 50 minutes are; Parquet has no such limit.
+The file format is version 5. Numbers are column vectors of double or int64, exact to the bit; texts are cell arrays. A
+variable in this version is limited to 2 GB, which 50 minutes of ticks reach. Parquet has no such limit.
 """
 
 import tempfile
@@ -20,7 +20,7 @@ from netboard.recording.export.layout import subjects, tick_portions
 from netboard.recording.export.tables import TICKS, Subject, Table, small_tables
 
 MOST_BYTES = 2**31 - 2**20
-"""Most bytes of a variable, with some room for its names [1]."""
+"""Size limit of a variable, less some space for its names [1]."""
 
 
 def write(recordings: Sequence[Path], folder: Path, progress: Progress) -> None:
@@ -37,7 +37,7 @@ def write(recordings: Sequence[Path], folder: Path, progress: Progress) -> None:
 
 
 def _ticks(subject: Subject, spool: Any, progress: Progress) -> dict[str, NDArray[Any]]:
-    """Put the ticks on disk, row by row, and return their columns as views of that: one is in memory at a time."""
+    """Spool the ticks to disk row by row; return views of the columns, so that one is in memory at a time."""
     kinds = {"integer": np.int64, "number": np.float64}
     row = np.dtype([(field.name, kinds[field.kind]) for field in TICKS.fields if field.kind in kinds])
     if (size := subject.ticks * row.itemsize) > MOST_BYTES:

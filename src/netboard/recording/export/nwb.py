@@ -1,11 +1,11 @@
-"""NWB: a file for each person and run, in the layout of archives of neurophysiology.
+"""NWB export: one file per person and run, in the layout of neurophysiology archives.
 
-A file of NWB has one subject, so the two of a dyad have a file each, with equal session id and start, hence one clock:
-equal times are the same moments. A run is one recording, a block or a part of it. Files lie as the DANDI archive wants
-them, ``sub-LABEL/sub-LABEL_ses-SESSION_run-NN_behavior.nwb``.
+An NWB file has one subject, so each member of a dyad gets a file, with equal session id and start time. The two share a
+clock: equal times are the same moments. A run is one recording, a block or a part of it. The file layout is that of the
+DANDI archive, ``sub-LABEL/sub-LABEL_ses-SESSION_run-NN_behavior.nwb``.
 
-Data are laid out first and then filled in portion by portion, so a long recording needs no more memory than a short
-one. Evenly spaced rows have a rate; where ticks are missing every row has its time.
+Data sets are allocated first and then filled in batches, so memory does not grow with the recording. Evenly spaced rows
+have a rate; if ticks are missing, every row has a time stamp.
 """
 
 from collections.abc import Iterator, Sequence
@@ -28,7 +28,7 @@ from netboard.recording.files.reader import Recording
 from netboard.task.studies.factors import factors_of, trial_role
 
 Filled = list[tuple[Any, tuple[str, ...]]]
-"""Data sets that are laid out, and the fields of a tick that fill each."""
+"""Allocated data sets, and the tick fields that fill each."""
 
 
 def write(recordings: Sequence[Path], folder: Path, progress: Progress) -> None:
@@ -51,7 +51,7 @@ def write(recordings: Sequence[Path], folder: Path, progress: Progress) -> None:
 
 
 def _fill(recording: Recording, survey: Survey, filled: Filled, progress: Progress) -> None:
-    """Fill in the data, portion by portion."""
+    """Fill the data sets in batches."""
     done = 0
     for rows in survey.portions(recording, progress):
         for data, fields in filled:
@@ -60,19 +60,19 @@ def _fill(recording: Recording, survey: Survey, filled: Filled, progress: Progre
 
 
 def _values(rows: NDArray[Any], fields: tuple[str, ...], survey: Survey) -> NDArray[Any]:
-    """Take what fills a data set from some ticks."""
+    """Return the values of a data set from ticks."""
     if fields == ("time_ns",):
         return (rows["time_ns"] - survey.origin_ns) / 1e9
     return rows[fields[0]] if len(fields) == 1 else np.column_stack([rows[field] for field in fields])
 
 
 class Layout:
-    """A file of one person in one run, complete but for the numbers in its data sets.
+    """File of one person in one run, complete except for the values in its data sets.
 
     Attributes
     ----------
     filled : list of (H5DataIO, tuple of str)
-        Its data sets, and the fields of a tick that fill each.
+        Data sets of the file, and the tick fields that fill each.
     """
 
     def __init__(
@@ -85,7 +85,7 @@ class Layout:
         factors: Sequence[Exported] = (),
     ) -> None:
         self._pynwb, self._survey, self._factors = pynwb, survey, factors
-        self._timed: Any = None  # the series that has the times of all
+        self._timed: Any = None  # the first series, whose times all others share
         self.filled: Filled = []
         session, block = run.config.session, run.config.block
         part = run.metadata["part"]
@@ -114,7 +114,7 @@ class Layout:
         self._add_events()
 
     def _add_device(self, device: HandDevice) -> None:
-        """Say what was in the hand."""
+        """Describe the device in the hand."""
         model = self.file.create_device_model(
             name=f"{device.side} {device.model or device.backend}",
             manufacturer=device.maker or "unknown",
@@ -128,7 +128,7 @@ class Layout:
         )
 
     def _add_signals(self, signals: Sequence[Signal]) -> None:
-        """Lay out positions, and all the rest by what it is of."""
+        """Add the positions, and the other signals grouped by their object."""
         behavior = self.file.create_processing_module("behavior", "Styluses, forces, and the virtual board and ball")
         places: dict[str, list[Signal]] = {}
         others: dict[str, list[Signal]] = {}
@@ -157,7 +157,7 @@ class Layout:
         )
 
     def _series(self, kind: Any, name: str, data: Any, **words: str) -> Any:
-        """Make a series, and say when its rows were: by their rate, or each by itself, for all series at once."""
+        """Create a series with a rate, or with time stamps that all series share."""
         if self._survey.regular:
             return kind(name=name, data=data, starting_time=0.0, rate=1 / TICK_SECONDS, **words)
         times = self._timed or self._data(("time_ns",), np.dtype(np.float64))
@@ -166,7 +166,7 @@ class Layout:
         return series
 
     def _data(self, fields: tuple[str, ...], dtype: np.dtype[Any]) -> Any:
-        """Lay out a data set."""
+        """Allocate a data set."""
         count = self._survey.ticks
         width = (len(fields),) if len(fields) > 1 else ()
         data = self._pynwb.H5DataIO(
@@ -181,7 +181,7 @@ class Layout:
         return data
 
     def _add_trials(self, run: Run) -> None:
-        """Fill in the table of attempts."""
+        """Fill the table of attempts."""
         for name, text in COLUMNS.items():
             self.file.add_trial_column(name, text)
         for field in (field for one in self._factors for field in one.fields):
@@ -207,7 +207,7 @@ class Layout:
             )
 
     def _add_events(self) -> None:
-        """Fill in the table of what changed the phase of a trial."""
+        """Fill the table of changes of the trial phase."""
         table = self._pynwb.event.EventsTable(name="trial_events", description=EVENTS)
         table.add_column(name="event", description="what happened")
         table.add_column(name="trial", description=COLUMNS["trial"])
@@ -220,7 +220,7 @@ class Layout:
 
 
 def _described(run: Run, person: Person) -> str:
-    """Say who somebody is."""
+    """Describe a person."""
     return " ".join(_about(run, person))
 
 

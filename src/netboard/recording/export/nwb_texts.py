@@ -1,10 +1,10 @@
-"""What an NWB file says about itself in words."""
+"""Texts of an NWB file."""
 
 from netboard.recording.export.runs import Person, Run
 from netboard.recording.export.task import ATTEMPT_TEXTS, HAPPENED_TEXTS, TASK_TEXT
 
 KEYWORDS = ("haptics", "dyad", "joint action", "motor control")
-"""What somebody would look for."""
+"""Keywords for searches."""
 
 UNITS = {
     "m": "meters",
@@ -14,10 +14,10 @@ UNITS = {
     "N": "newtons",
     "1": "n/a",
 }
-"""What units are called, by their symbols."""
+"""Names of units by symbol."""
 
 UNKNOWN_AGE = "P0D/"
-"""Of an age netboard does not know, and archives ask for, this much is certain: born, or older."""
+"""Age range for archives that require an age: netboard does not record it, so any age from birth."""
 
 COLUMNS = {
     "levelling_time": "when the levelling before it began [s]",
@@ -26,16 +26,16 @@ COLUMNS = {
     "force_scale": "what is felt is multiplied by this [1]",
     "force_delay": "what is felt comes so much later [s]",
 }
-"""The columns of the table of trials, beside start (the release of the ball) and stop."""
+"""Columns of the trials table, besides start (the release of the ball) and stop."""
 
 EVENTS = "What changed the phase of a trial, at the tick that decided it. " + "; ".join(
     f"{name}: {text}" for name, text in HAPPENED_TEXTS.items()
 )
-"""What the table of events is."""
+"""Description of the events table."""
 
 
 def description(run: Run, person: Person) -> str:
-    """Describe what was done."""
+    """Describe the experiment."""
     block = run.config.block
     hands = f"the {person.sides[0]} stylus" if len(person.sides) == 1 else "both styluses"
     label = f" ({block.label})" if block.label else ""

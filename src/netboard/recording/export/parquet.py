@@ -1,6 +1,6 @@
-"""Apache Parquet: typed columns, compressed; text columns as dictionaries. All values to the bit, NaN payloads too.
+"""Apache Parquet export: typed, compressed columns; texts as dictionaries. Values are bit-exact, NaN payloads included.
 
-Every column has its unit and its meaning in its own metadata.
+Unit and meaning of each column are in its metadata.
 """
 
 from collections.abc import Iterator, Sequence
@@ -22,7 +22,7 @@ def write(recordings: Sequence[Path], folder: Path, progress: Progress) -> None:
 
 @contextmanager
 def open_sheet(path: Path, table: Described) -> Iterator[Sheet]:
-    """Begin a file; its columns are typed even if no row comes."""
+    """Open a Parquet file; its columns are typed even without rows."""
     arrow, parquet = library("pyarrow", "parquet"), library("pyarrow.parquet", "parquet")
     schema = _schema(arrow, table)
     texts = [field.name for field in table.fields if field.kind == "string"]

@@ -1,9 +1,9 @@
-"""Who did what in which recording, and when: what the formats of the standards want to know before anything else.
+"""Runs: which person moved which hand in which recording, for the export formats that are standards.
 
-A recording is one *run* of a dyad's session. Its people are those who moved a hand in it: both in a dyadic block, the
-performer in a bimanual one; hands that are held still or moved by a robot have nobody. Labels have letters and digits
-only. The session's is that of dyad and session together, so both people, and nobody else, have it. The runs of a
-session are counted in the order of time, over both people, so equal runs are one recording.
+A recording is one *run* of a dyad's session. Its persons are those who moved a hand in it: both participants in a
+dyadic block, the performer in a bimanual one. A fixed hand or one moved by a robot has no person. Labels consist of
+letters and digits. The session label combines dyad and session, so both members of the dyad share it and no one else
+has it. Runs are numbered in order of time, jointly for both persons, so equal run numbers are one recording.
 """
 
 import re
@@ -17,17 +17,17 @@ from netboard.base.errors import RecordingError
 from netboard.recording.files.reader import Recording
 
 Letter = Literal["A", "B"]
-"""Which participant of a dyad."""
+"""Participant of a dyad."""
 
 
 @dataclass(frozen=True, slots=True)
 class Person:
-    """Somebody who moved a stylus, or two, in a run.
+    """A person who moved one stylus or both in a run.
 
     Attributes
     ----------
     label : str
-        What the person is called: the pseudonym, or that of the dyad with the letter where there is none.
+        Label of the person: the pseudonym or, without one, that of the dyad with the letter.
     """
 
     letter: Letter
@@ -39,12 +39,12 @@ class Person:
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """A recording, and its place in a session.
+    """A recording and its place in a session.
 
     Attributes
     ----------
     session : str
-        Label of the session: that of the dyad with that of the session.
+        Label of the session: dyad and session combined.
     """
 
     path: Path
@@ -56,12 +56,12 @@ class Run:
 
 
 def runs_of(recordings: Sequence[Path]) -> tuple[Run, ...]:
-    """Find out who did what in some recordings.
+    """Return the runs of recordings.
 
     Raises
     ------
     RecordingError
-        If a recording cannot be read, has no ticks, is there twice, or if two names are the same label.
+        If a recording is unreadable, empty or repeated, or if two names yield the same label.
     """
     sessions: dict[tuple[str, str], list[tuple[int, Path, dict[str, str], Config]]] = {}
     for path in recordings:
@@ -78,14 +78,14 @@ def runs_of(recordings: Sequence[Path]) -> tuple[Run, ...]:
 
 
 def _numbered(who: tuple[str, str], found: list[tuple[int, Path, dict[str, str], Config]]) -> Iterator[Run]:
-    """Yield the runs of a session in the order of time."""
+    """Yield the runs of a session in order of time."""
     in_time = sorted(found, key=lambda one: one[:2])
     for number, (_, path, metadata, config) in enumerate(in_time, start=1):
         yield Run(path, metadata, config, _label("".join(who)), number, tuple(_people(config, metadata)))
 
 
 def _people(config: Config, metadata: dict[str, str]) -> Iterator[Person]:
-    """Yield who took part in a block, A before B."""
+    """Yield the persons of a block, A before B."""
     who, block = config.session, config.block
     both: tuple[tuple[Letter, str, str], ...] = (
         ("A", who.participant_a, who.hand_a),
@@ -102,13 +102,13 @@ def _people(config: Config, metadata: dict[str, str]) -> Iterator[Person]:
 
 
 def _sits(config: Config, letter: str) -> Side:
-    """Seat of a participant in a dyadic block."""
+    """Return the side of a participant in a dyadic block."""
     seat = config.session.seat_a
     return seat if letter == "A" else SIDES[1 - SIDES.index(seat)]
 
 
 def _is_simulated(config: Config, metadata: dict[str, str], sides: Sequence[Side]) -> bool:
-    """Whether the movements of some sides are those of a simulated person."""
+    """Return True if a simulated participant moved these sides."""
     if "imported" in metadata:
         return metadata["imported"] == "simulated"
     virtual = all(getattr(config.agents, side).device == "virtual" for side in sides)
@@ -116,12 +116,12 @@ def _is_simulated(config: Config, metadata: dict[str, str], sides: Sequence[Side
 
 
 def _label(name: str) -> str:
-    """Make a label of a name: standards allow letters and digits."""
+    """Convert a name to a label: standards allow only letters and digits."""
     return re.sub("[^A-Za-z0-9]", "", name) or "0"
 
 
 def _refuse_repeats(runs: Sequence[Run]) -> None:
-    """Find recordings that are the same, and names whose labels are."""
+    """Raise an error for repeated recordings and colliding labels."""
     _refuse(runs, lambda run: [("session", run.session, (run.config.session.dyad, run.config.session.name))])
     _refuse(runs, lambda run: [("participant", person.label, _identity(run, person)) for person in run.people])
     seen: dict[tuple[str, ...], Path] = {}
@@ -135,14 +135,14 @@ def _refuse_repeats(runs: Sequence[Run]) -> None:
 
 
 def _identity(run: Run, person: Person) -> tuple[str, ...]:
-    """Tell who a label stands for: the pseudonym, or dyad and letter where there is none."""
+    """Return the identity behind a label: the pseudonym, or dyad and letter without one."""
     who = run.config.session
     name = who.participant_a if person.letter == "A" else who.participant_b
     return (name,) if name != person.letter else (who.dyad, name)
 
 
 def _refuse(runs: Sequence[Run], named: Callable[[Run], list[tuple[str, str, tuple[str, ...]]]]) -> None:
-    """Find two that would be called the same."""
+    """Raise an error if two different identities share a label."""
     meant: dict[str, tuple[Path, tuple[str, ...]]] = {}
     for run in runs:
         for kind, label, identity in named(run):

@@ -1,7 +1,7 @@
-"""What is told of a person's run: the own stylus and its forces, and the board and the ball that the person saw.
+"""Signals in a person's run: their own stylus and its forces, and the board and ball that they saw.
 
-In a dyad each gets the own side only, as each saw the own stylus only: the curtain holds in what is shared, too. The
-two files of a run together have both sides. What a signal means, and its unit, is what the tick's channel says.
+In a dyad each person's file contains only their own side, because they saw only their own stylus: visibility rules hold
+for shared data, too. The two files of a run together have both sides. Meanings and units come from the tick channel.
 """
 
 from collections.abc import Iterator, Sequence
@@ -11,22 +11,22 @@ from netboard.base.config import Side
 from netboard.recording.format.channels import CHANNELS, Field
 
 FRAME = "room"
-"""Name of the frame of reference of positions."""
+"""Name of the reference frame of positions."""
 
 FRAME_TEXT = (
     "x out of the screen, towards the person; y to the person's right; z up. The origin is the device's neutral point"
 )
-"""What that frame is."""
+"""Description of the reference frame."""
 
 
 @dataclass(frozen=True, slots=True)
 class Signal:
-    """A column.
+    """A column of a motion file.
 
     Attributes
     ----------
     about, unit : str
-        What it means, and its SI unit, ``1`` for a pure number.
+        Meaning and SI unit, ``1`` for a dimensionless number.
     """
 
     name: str
@@ -47,7 +47,7 @@ _RATES = {
     "omega": "rate of board_tilt",
     "vp": "rate of ball_position",
 }
-"""What means something with regard to another field, in the names it has here."""
+"""Fields whose meaning refers to another field, under the name used here."""
 
 _STYLUS = (
     ("x", "POS", "x", "x"),
@@ -75,11 +75,11 @@ _SCENE = (
     ("trial", "", "trial", "trial"),
     ("attempt", "", "trial", "attempt"),
 )
-"""Name, axis, what it is of, and field."""
+"""Name, axis, object, and field."""
 
 
 def signals_of(sides: Sequence[Side]) -> tuple[Signal, ...]:
-    """List the signals of somebody with the styluses of some sides."""
+    """Return the signals of a person with the styluses of these sides."""
     return (*(signal for side in sides for signal in _of_stylus(side)), *_of_scene())
 
 

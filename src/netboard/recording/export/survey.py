@@ -1,7 +1,7 @@
-"""When a recording was, and what happened in it: one walk through its ticks, in flat memory.
+"""Times and trial events of a recording, collected in one pass through its ticks in constant memory.
 
-The nominal time of a tick is its number in milliseconds but where the server had to let its clock jump, and ticks that
-no logger got are missing. So the time of a tick is looked up, and a recording says whether its rows are evenly spaced.
+The nominal time of a tick is its number in milliseconds, except where the server's clock had to jump; ticks that no
+logger received are missing. Times are therefore looked up, and a recording states whether its rows are evenly spaced.
 """
 
 from bisect import bisect_right
@@ -22,22 +22,22 @@ from netboard.recording.format.summary import Attempt, attempts_along
 from netboard.recording.integrity.quality_check import judged
 
 PORTION = 16_384
-"""Ticks that are in memory at once, or a few more [1]."""
+"""Approximate number of ticks in memory at once [1]."""
 
 _DRIFT_NS = 1_000_000_000
-"""Far more than two clocks drift apart in a block [ns]."""
+"""Upper bound of the drift between two clocks within a block, with a wide margin [ns]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Happening:
-    """Something that changed the phase of a trial.
+    """A change of the trial phase.
 
     Attributes
     ----------
     tick : int
-        Tick that decided it; the next is the first of the new phase [1].
+        Tick that caused the change; the new phase begins with the next one [1].
     trial, attempt : int
-        In which trial of the block and attempt at it [1].
+        Number of the trial in the block, and of the attempt [1].
     """
 
     tick: int
@@ -48,18 +48,18 @@ class Happening:
 
 
 class Survey:
-    """What is known of a recording after a walk through it.
+    """Results of the pass through a recording.
 
     Attributes
     ----------
     origin_ns : int
-        Server time of the first [ns].
+        Server time of the first tick [ns].
     duration : float
-        From the first to the end of the last [s].
+        Time from the first tick to the end of the last [s].
     rate : float
-        Rows in that time [Hz].
+        Mean row rate [Hz].
     flags : dict of tuple of str
-        Why an attempt that has ended is doubtful, by the tick of its release.
+        Quality flags of each completed attempt, by the tick of its release.
     """
 
     def __init__(self, recording: Recording) -> None:
@@ -77,7 +77,7 @@ class Survey:
         self._utc_ns = self.origin_ns + _utc_minus_server(recording)
 
     def _watched(self, recording: Recording, found: list[Happening]) -> Iterator[NDArray[Any]]:
-        """Yield the ticks, and note on the way when they were and what happened."""
+        """Yield the ticks, and collect times and phase changes on the way."""
         for rows in recording.batches(PORTION):
             leads = rows["time_ns"] - rows["tick"] * TICK_NS
             before = leads[0] - 1 if not self._jumps else self._jumps[-1][1]
@@ -90,16 +90,16 @@ class Survey:
 
     @property
     def regular(self) -> bool:
-        """Whether every row is a millisecond after the one before."""
+        """Whether every row is one millisecond after the previous one."""
         return len(self._jumps) == 1 and self.ticks == self._last + 1 - self._first
 
     @property
     def began(self) -> datetime:
-        """When the first tick was, UTC."""
+        """Time of the first tick, UTC."""
         return datetime.fromtimestamp(0, UTC) + timedelta(microseconds=round(self._utc_ns / 1000))
 
     def portions(self, recording: Recording, progress: Progress) -> Iterator[NDArray[Any]]:
-        """Yield the ticks once more, and tell how far it is."""
+        """Yield the ticks again and report progress."""
         done = 0
         progress(recording.path.stem, done, self.ticks)
         for rows in recording.batches(PORTION):
@@ -108,11 +108,11 @@ class Survey:
             progress(recording.path.stem, done, self.ticks)
 
     def seconds(self, tick: int) -> float:
-        """When a tick was, after the first: the number nearest to the exact one [s]."""
+        """Return the time of a tick after the first one, as the nearest float [s]."""
         return (self._time_ns(tick) - self.origin_ns) / 1e9
 
     def span(self, first: int, stop: int) -> float:
-        """Time from one tick to another: the number nearest to the exact one [s]."""
+        """Return the time from one tick to another, as the nearest float [s]."""
         return (self._time_ns(stop) - self._time_ns(first)) / 1e9
 
     def _time_ns(self, tick: int) -> int:
@@ -126,10 +126,10 @@ def _happening(row: Any) -> Happening:
 
 
 def _utc_minus_server(recording: Recording) -> int:
-    """Wall-clock time minus server time [ns].
+    """Return wall-clock time minus server time [ns].
 
-    By the best probe of the logger's clock; where there is none, as in a rehearsal, by the server time a moment before
-    the file was opened.
+    It comes from the logger's best clock probe. Without probes, as in a rehearsal, it comes from the server time just
+    before the file was opened.
     """
     said = recording.metadata
     opened_ns, clock_ns, server_ns = (
@@ -137,7 +137,7 @@ def _utc_minus_server(recording: Recording) -> int:
     )
     probes = [probe for probe in recording.clocks() if kind_of_peer(probe.peer) == "logger"]
     offsets = [(probe.bound_ns, probe.offset_ns) for probe in probes]
-    # Another logger may have been there, on a machine with another clock: ours is the one that fits what was noted.
+    # Another logger on another computer may have been connected; ours is the one that matches the noted times.
     fitting = min((abs(clock_ns - server_ns - offset) for _, offset in offsets), default=0) + _DRIFT_NS
     ours = [found for found in offsets if abs(clock_ns - server_ns - found[1]) <= fitting]
     return opened_ns - (clock_ns - min(ours)[1] if ours else server_ns)

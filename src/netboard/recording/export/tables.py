@@ -1,8 +1,9 @@
-"""The tidy tables of a recording: what is in them, and their rows, a portion at a time.
+"""Tidy tables of a recording: their columns, and their rows in batches.
 
-A table has one kind of thing in its rows (a tick, an attempt, an event) and one value in a cell. The first column is
-always the name of the recording, so tables of several can be joined. Ticks never all have to be in memory. What a
-column means is taken from where it is defined: the channels of a recording and the keys of its configuration.
+A table has one kind of item per row (a tick, an attempt, an event) and one value per cell. The first column is always
+the name of the recording, so tables of several recordings can be concatenated. Ticks are processed in batches and never
+all in memory. Column meanings come from their definitions: the channels of a recording and the keys of its
+configuration.
 """
 
 import hashlib
@@ -34,14 +35,14 @@ _DTYPES = {"integer": np.dtype(np.int64), "number": np.dtype(np.float64), "strin
 
 
 class Subject:
-    """A recording that is exported, with what several tables need to know of it.
+    """A recording during export, with data that several tables need.
 
     Attributes
     ----------
     name : str
-        What its rows are called by: the name of the file without its ending.
+        Name of the recording in its rows: the file name without suffix.
     origin_ns : int
-        Server time that is the zero of ``time``: that of its first tick [ns].
+        Server time of the first tick, the zero of ``time`` [ns].
     """
 
     def __init__(self, recording: Recording) -> None:
@@ -52,7 +53,7 @@ class Subject:
         self.attempts: tuple[Attempt, ...] = attempts_along(self._counted())
 
     def _counted(self) -> Iterator[NDArray[Any]]:
-        """Yield the ticks, and count them."""
+        """Yield the ticks and count them."""
         for rows in self.recording.batches():
             if rows.size and not self.ticks:
                 self.origin_ns = int(rows["time_ns"][0])
@@ -62,12 +63,12 @@ class Subject:
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """A kind of table.
+    """Definition of a table.
 
     Attributes
     ----------
     rows : callable
-        Makes the portions of its rows, in order, of a `Subject`.
+        Function that yields the rows of a `Subject` in batches, in order.
     """
 
     name: str
@@ -76,12 +77,12 @@ class Table:
     rows: Callable[[Subject], Iterator[Rows]]
 
     def portions(self, subject: Subject) -> Iterator[Rows]:
-        """Yield its rows.
+        """Yield the rows in batches.
 
         Yields
         ------
         dict of ndarray, shape (n,)
-            A portion of the rows: every column, in order, with the dtype of its kind [SI].
+            A batch of rows: every column, in order, with the dtype of its kind [SI].
         """
         for rows in self.rows(subject):
             count = len(next(iter(rows.values())))
@@ -94,11 +95,11 @@ _TIME = Field("time", "number", "server time since the first tick of the recordi
 _NUMBER = "number of the attempt in the recording, from 1, as in trials"
 
 MISSING = "a number that does not exist is NaN; a text that does not exist is empty"
-"""What stands for nothing in every table."""
+"""Representation of missing values in all tables."""
 
 
 def _flat(fields: Sequence[Field]) -> tuple[Field, ...]:
-    """Describe the fields of a channel as columns: a map of texts becomes one text."""
+    """Describe the fields of a channel as columns; a map of texts becomes one text."""
     return tuple(
         Field(field.name, "string", f"{field.text}, as a JSON object", "") if field.kind == "texts" else field
         for field in fields
@@ -106,7 +107,7 @@ def _flat(fields: Sequence[Field]) -> tuple[Field, ...]:
 
 
 def _seconds(times_ns: NDArray[np.int64], subject: Subject) -> NDArray[np.float64]:
-    """Server time as float: the number nearest to the exact one, so milliseconds look like milliseconds."""
+    """Convert server time to seconds from the first tick, as the nearest float (milliseconds print exactly)."""
     return (times_ns - subject.origin_ns) / 1e9
 
 
@@ -114,7 +115,7 @@ def _seconds(times_ns: NDArray[np.int64], subject: Subject) -> NDArray[np.float6
 
 
 def _ticks(subject: Subject) -> Iterator[Rows]:
-    """Yield the ticks, with the attempt that each belongs to."""
+    """Yield the ticks, each with its attempt."""
     began = np.array([attempt.began for attempt in subject.attempts], np.int64)
     released = np.array([attempt.tick for attempt in subject.attempts], np.int64)
     stop = np.array([attempt.stop for attempt in subject.attempts], np.int64)
@@ -149,7 +150,7 @@ TICKS = Table(
 
 
 def _setting_columns() -> Iterator[tuple[str, str, Field]]:
-    """Yield table and key of the settings that say who did what, and the columns they become."""
+    """Yield table, key and column of the settings that identify participants and condition."""
     kept = {
         "session": ("name", "dyad", "pilot", "study", "participant_a", "participant_b", "hand_a", "hand_b", "seat_a"),
         "block": (
@@ -170,7 +171,7 @@ _SETTINGS = tuple(_setting_columns())
 
 
 def _trials(subject: Subject) -> Iterator[Rows]:
-    """Yield all attempts: what was asked for, what became of it, and whether it is doubtful."""
+    """Yield all attempts: condition, outcome and quality flags."""
     attempts, config = subject.attempts, subject.config
     flags = {verdict.release: verdict.flags for verdict in judged(subject.recording)}
     judgements = [flags.get(attempt.tick) for attempt in attempts]
@@ -226,7 +227,7 @@ TRIALS = Table(
 
 
 def with_factors(factors: Sequence[Exported]) -> Table:
-    """Return the table of trials with columns for factors."""
+    """Return the trials table with factor columns."""
 
     def rows(subject: Subject) -> Iterator[Rows]:
         own = factors_of(subject.config)
@@ -249,7 +250,7 @@ def with_factors(factors: Sequence[Exported]) -> Table:
 
 
 def _record_columns(records: Sequence[Any], kind: type[Any]) -> dict[str, NDArray[Any]]:
-    """Turn records into columns."""
+    """Convert records to columns."""
     columns: dict[str, NDArray[Any]] = {}
     for field in fields(kind):
         values = [getattr(record, field.name) for record in records]
@@ -298,7 +299,7 @@ _SAID = {
 
 
 def _recordings(subject: Subject) -> Iterator[Rows]:
-    """Yield the one row of a recording."""
+    """Yield the single row of a recording."""
     recording = subject.recording
     with recording.path.open("rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()
@@ -333,10 +334,10 @@ SMALL = (RECORDINGS, TRIALS, EVENTS, CLOCKS, FRAMES, REMARKS)
 """Tables that are short enough for one file over all recordings."""
 
 TABLES = (TICKS, *SMALL)
-"""Every table, without columns for factors."""
+"""All tables, without factor columns."""
 
 
 def small_tables(recordings: Sequence[Path]) -> tuple[Table, ...]:
-    """Return the tables of `SMALL` for recordings, that of trials with columns for their factors."""
+    """Return the tables of `SMALL` for these recordings, with factor columns in the trials table."""
     trials = with_factors(exported_factors(list(configs_of(recordings))))
     return tuple(trials if table is TRIALS else table for table in SMALL)

@@ -1,4 +1,4 @@
-"""What the task is, and what happens in it, in the words of all formats of standards."""
+"""Descriptions of the task and its events, shared by all export formats that are standards."""
 
 from netboard.task.trials.state_machine import Cause
 
@@ -7,7 +7,7 @@ TASK_TEXT = (
     "and roll a virtual ball into a target at the one side and then at the other, where it must stay. A trial begins "
     "with levelling the board; an attempt at it lasts from the release of the ball to success, fall or time limit."
 )
-"""What people do."""
+"""Description of the task."""
 
 _HAPPENED = (
     (Cause.START, "start", "the operator starts the block"),
@@ -30,13 +30,13 @@ _HAPPENED = (
 )
 
 HAPPENED = {int(cause): name for cause, name, _ in _HAPPENED}
-"""What is called what, of all that changes the phase of a trial: by the code in a tick's ``event``."""
+"""Names of all phase changes, by the code in a tick's ``event``."""
 
 HAPPENED_TEXTS = {name: text for _, name, text in _HAPPENED} | {"unknown": "something this netboard does not know"}
-"""What each of these means."""
+"""Descriptions of these names."""
 
 ROLE_TEXT = "what the trial is for: practice, familiarisation, baseline, test, or catch"
-"""What the role of a trial is."""
+"""Description of the trial role."""
 
 ATTEMPT_TEXTS = {
     "trial": "number of the trial in the block, from 1",
@@ -51,4 +51,4 @@ ATTEMPT_TEXTS = {
     "role": ROLE_TEXT,
     "flags": "why the attempt is doubtful, by rules that were fixed before: words with spaces between",
 }
-"""What columns about attempts mean."""
+"""Descriptions of the columns on attempts."""

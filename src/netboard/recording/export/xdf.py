@@ -1,9 +1,9 @@
-"""Recordings as XDF 1.0 files, as LabRecorder would have written them from the streams of `netboard lsl`.
+"""XDF 1.0 export, as LabRecorder would write it from the streams of `netboard lsl`.
 
-A file for each recording, with the same streams: same names, channels, values and stamps, each to the bit. The recorder
-that is imagined was on the server's machine, so the clock offsets, which say how far its clock was from that of the
-streams, are zero. Every sample has a stamp of its own, and a lost tick is a hole in them. Nothing more of a recording
-than a few seconds is held in memory. The format: https://github.com/sccn/xdf/wiki/Specifications
+Each recording gives a file with the same streams: same names, channels, values and time stamps, bit for bit. The
+imaginary recorder ran on the server's computer, so its clock offsets to the streams are zero. Every sample has its own
+time stamp; lost ticks are a gap. At most a few seconds of a recording are in memory. The format:
+https://github.com/sccn/xdf/wiki/Specifications
 """
 
 import struct
@@ -39,40 +39,40 @@ from netboard.recording.files.reader import Recording
 MAGIC = b"XDF:"
 
 FILE_HEADER, STREAM_HEADER, SAMPLES, CLOCK_OFFSET, BOUNDARY, STREAM_FOOTER = range(1, 7)
-"""Tags of the chunks."""
+"""Chunk tags."""
 
 BOUNDARY_MARK = bytes.fromhex("43a546dccbf5410fb30ed5467383cbe4")
-"""By this a reader finds its way in a file that is damaged."""
+"""Marker by which a reader resynchronises in a damaged file."""
 
 PORTION = 5000
-"""About so many ticks are read in one go; then comes a clock offset, as LabRecorder writes one every 5 s [1]."""
+"""Approximate ticks per batch; after each follows a clock offset, as in LabRecorder every 5 s [1]."""
 
 CHUNK = 500
-"""Samples in a chunk, as LabRecorder writes one every 0.5 s [1]."""
+"""Samples per chunk, as in LabRecorder every 0.5 s [1]."""
 
 BOUNDARY_PORTIONS = 2
-"""After so many portions there is a boundary, as LabRecorder writes one every 10 s [1]."""
+"""Batches between boundary chunks, as in LabRecorder every 10 s [1]."""
 
 _SAMPLE = np.dtype([("stamped", "u1"), ("stamp", "<f8"), ("values", "<f8", (len(COLUMNS),))])
-"""A sample of the ticks, as it is in the file."""
+"""Binary layout of a tick sample."""
 
 _STAMPED = 8
-"""Before a stamp: its length [bytes]."""
+"""Length of a time stamp, written before it [bytes]."""
 
 _NAMES = uuid.UUID("5e4c0b9e-3f0b-4a51-8f0c-6f2d6b1f6a55")
-"""From this and the session's id follow the ids of the streams."""
+"""Namespace of the stream ids, which are derived from the session id."""
 
 
 @dataclass
 class _Written:
-    """What a stream's footer tells."""
+    """Content of a stream's footer."""
 
     count: int = 0
     first: float = 0.0
     last: float = 0.0
 
     def add(self, stamps: NDArray[np.float64]) -> None:
-        """Note samples that have been written."""
+        """Count samples that have been written."""
         if not self.count:
             self.first = float(stamps[0])
         self.last = float(stamps[-1])
@@ -80,7 +80,7 @@ class _Written:
 
 
 class _Writer:
-    """Writes the chunks of one file."""
+    """Writer of the chunks of one file."""
 
     def __init__(self, file: BinaryIO, recording: Recording) -> None:
         self._file = file
@@ -106,7 +106,7 @@ class _Writer:
         self._written[TICKS.name].add(rows["stamp"])
 
     def events(self, events: Sequence[EventRecord]) -> None:
-        """Write events, a chunk for each and stream."""
+        """Write events, one chunk per event and stream."""
         for event in events:
             stamp = seconds(np.array([event.time_ns]))
             for stream, text in ((MARKERS, event.name), (EVENTS, event_text(event))):
@@ -116,17 +116,17 @@ class _Writer:
                 self._written[stream.name].add(stamp)
 
     def clock_offset(self, at: float) -> None:
-        """Write for each stream that its clock is the recorder's."""
+        """Write a clock offset of zero for each stream."""
         self._offsets.append(at)
         for stream in STREAMS:
             self._chunk(CLOCK_OFFSET, struct.pack("<dd", at, 0.0), _number(stream))
 
     def boundary(self) -> None:
-        """Write a mark by which a reader finds its way."""
+        """Write a boundary marker."""
         self._chunk(BOUNDARY, BOUNDARY_MARK)
 
     def footers(self) -> None:
-        """Write the end of each stream."""
+        """Write the footers of all streams."""
         for stream in STREAMS:
             written = self._written[stream.name]
             footer = Element("info")
@@ -148,9 +148,9 @@ def write(recordings: Sequence[Path], folder: Path, progress: Callable[[str, int
     Parameters
     ----------
     folder : Path
-        An empty folder; each file has the name of its recording.
+        Empty folder; each file is named after its recording.
     progress : callable
-        Is told what is being written, ticks written and ticks in all [1].
+        Progress callback: recording, ticks written and total ticks [1].
     """
     for path in recordings:
         with Recording(path) as recording, (folder / f"{path.stem}.xdf").open("xb") as file:
@@ -158,7 +158,7 @@ def write(recordings: Sequence[Path], folder: Path, progress: Callable[[str, int
 
 
 def _write_one(recording: Recording, file: BinaryIO, progress: Callable[[int, int], None]) -> None:
-    """Write a recording: ticks and events as they came, between them what a recorder adds."""
+    """Write the ticks and events of a recording in order, with the chunks that a recorder adds in between."""
     writer = _Writer(file, recording)
     events = recording.events()
     total, done, told = recording.counts["/ticks"], 0, 0
@@ -181,7 +181,7 @@ def _write_one(recording: Recording, file: BinaryIO, progress: Callable[[int, in
 
 
 def _information(stream: Stream, metadata: dict[str, str], design: dict[str, str]) -> Element:
-    """What the layer tells of a stream, as far as a recording knows it."""
+    """Return the LSL information of a stream, as far as the recording has it."""
     session = metadata.get("session", "")
     info = Element("info")
     _put(
@@ -207,7 +207,7 @@ def _information(stream: Stream, metadata: dict[str, str], design: dict[str, str
 
 
 def _number(stream: Stream) -> int:
-    """Number of a stream in the file."""
+    """Return the number of a stream in the file."""
     return STREAMS.index(stream) + 1
 
 
@@ -222,7 +222,7 @@ def _xml(element: Element) -> bytes:
 
 
 def _length(count: int) -> bytes:
-    """An integer of variable length, as the format counts with."""
+    """Encode a variable-length integer of the XDF format."""
     if count < 2**8:
         return struct.pack("<BB", 1, count)
     if count < 2**32:

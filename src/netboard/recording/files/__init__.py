@@ -1,1 +1,1 @@
-"""Recordings as files: write, read, locate."""
+"""Recording files: write, read and locate them."""

@@ -1,8 +1,8 @@
-"""A finished recording as an MCAP file: its index, checksums, chunks, metadata and attachments.
+"""A finished recording as an MCAP file: index, checksums, chunks, metadata and attachments.
 
-Opening reads the index alone, and of that only what is asked for: an hour of ticks has 18 000 chunks, and who wants one
-trial needs few of them. This module knows MCAP, and nothing of ticks or sessions. What is wrong with a file is a
-`RecordingError` that says so and what to do.
+Opening a file reads only its index; chunks are read on demand. An hour of ticks has 18 000 chunks, and a reader who
+wants one trial needs only a few. A damaged file raises a `RecordingError` that says what is wrong and what to do. This
+module knows MCAP; it does not know ticks or sessions.
 """
 
 import struct
@@ -44,7 +44,7 @@ class Container:
     def _open(self) -> None:
         self._check_ends()
         with self.sound():
-            # First of all: once its checksum is right, every place and length the index gives can be trusted.
+            # Check this first: every offset and length below comes from the index.
             start, stop = self._check_index()
             self._index: dict[int, list[bytes]] = {}
             for opcode, body in _walk(self._read(start, stop - start)):
@@ -55,7 +55,7 @@ class Container:
         self.metadata = {record.name: dict(record.metadata) for record in named}
 
     def _check_ends(self) -> None:
-        """Tell apart what is not a recording at all from what is an unfinished one."""
+        """Raise an error for a file that is not a recording, or not a finished one."""
         size = self._file.seek(0, SEEK_END)
         if self._read(0, len(MAGIC)) != MAGIC:
             raise RecordingError(f"{self.path}: not an MCAP file")
@@ -65,7 +65,7 @@ class Container:
 
     @contextmanager
     def sound(self) -> Iterator[None]:
-        """Turn what a damaged file makes go wrong into a `RecordingError` that names it."""
+        """Convert the exceptions that a damaged file causes into a `RecordingError` that names the file."""
         try:
             yield
         except (*UNSOUND, ValueError, RecordingError, OSError) as error:
@@ -78,18 +78,18 @@ class Container:
             return self._file.read(length)
 
     def _record(self, offset: int) -> bytes:
-        """Content of the record at a place."""
+        """Return the content of the record at a file offset."""
         _, length = RECORD_HEAD.unpack(self._read(offset, RECORD_HEAD.size))
         return self._read(offset + RECORD_HEAD.size, length)
 
     @cached_property
     def channels(self) -> dict[str, int]:
-        """Id of each channel, by topic: other MCAP tools may number them anew [1]."""
+        """Channel id by topic. Other MCAP tools may renumber the channels [1]."""
         return {channel.topic: channel.id for channel in self._channel_records}
 
     @cached_property
     def schemas(self) -> dict[str, bytes]:
-        """Schema of each channel, by topic."""
+        """Schema by topic."""
         found = [Schema.read(_stream(body)) for body in self._index.get(Opcode.SCHEMA, ())]
         data = {schema.id: schema.data for schema in found}
         return {channel.topic: data.get(channel.schema_id, b"") for channel in self._channel_records}
@@ -100,14 +100,14 @@ class Container:
 
     @cached_property
     def counts(self) -> dict[str, int]:
-        """Messages of each channel, by topic [1]."""
+        """Number of messages by topic [1]."""
         told: dict[int, int] = {}
         for body in self._index.get(Opcode.STATISTICS, ()):
             told = Statistics.read(_stream(body)).channel_message_counts
         return {topic: told.get(number, 0) for topic, number in self.channels.items()}
 
     def attachment(self, name: str) -> bytes | None:
-        """Read the attachment of a name, or None if there is none."""
+        """Return the attachment with this name, or None if there is none."""
         with self.sound():
             for index in self._index.get(Opcode.ATTACHMENT_INDEX, ()):
                 at = AttachmentIndex.read(_stream(index))
@@ -120,12 +120,12 @@ class Container:
         return None
 
     def chunk(self, offset: int) -> bytes:
-        """Read and check the chunk at a place: the records in it."""
+        """Read the chunk at a file offset, verify its checksum and return its records."""
         with self.sound():
             return unpack_chunk(self._record(offset))
 
     def chunks_with(self, topic: str) -> list[int]:
-        """Places of the chunks that have messages of a channel, in the order of the file."""
+        """Return the offsets of the chunks with messages on a topic, in file order."""
         number = self.channels.get(topic)
         return [
             index.chunk_start_offset
@@ -140,7 +140,7 @@ class Container:
         return sorted(found, key=lambda chunk: chunk.chunk_start_offset)
 
     def check(self) -> None:
-        """Verify the checksum of the whole file, metadata included (as far as its writer made one)."""
+        """Verify the checksum of the whole file, metadata included, if its writer stored one."""
         with self.sound():
             data_end = self._check_index()[0] - _DATA_END.size
             opcode, length, crc = _DATA_END.unpack(self._read(data_end, _DATA_END.size))
@@ -148,7 +148,7 @@ class Container:
                 raise RecordingError("the checksum of the file is wrong")
 
     def _check_index(self) -> tuple[int, int]:
-        """Verify the checksum of the index, as far as its writer made one; where it begins and ends."""
+        """Verify the checksum of the index, if its writer stored one, and return its start and end offsets."""
         end = self._file.seek(0, SEEK_END) - len(MAGIC)
         footer = max(0, end - _FOOTER.size)
         opcode, length, start, _, crc = _FOOTER.unpack(self._read(footer, _FOOTER.size))
@@ -175,7 +175,7 @@ def _stream(body: bytes) -> ReadDataStream:
 
 
 def _walk(data: bytes) -> Iterator[tuple[int, bytes]]:
-    """Opcode and content of each record."""
+    """Yield opcode and content of each record."""
     position = 0
     while position < len(data):
         opcode, length = RECORD_HEAD.unpack_from(data, position)

@@ -1,4 +1,4 @@
-"""Which recordings are meant by the names of files and folders."""
+"""Find the recordings in a list of files and folders."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -7,17 +7,17 @@ from netboard.base.errors import RecordingError
 
 
 def find_recordings(paths: Sequence[Path]) -> tuple[Path, ...]:
-    """Find the recordings that are meant.
+    """Return the recordings that the paths name.
 
     Returns
     -------
     tuple of Path
-        Each once, in the order in which they are named, and by name within a folder.
+        Each recording once, in the order of `paths`, sorted by name within a folder.
 
     Raises
     ------
     RecordingError
-        If there is none, or two of them have one name: what is made of them could not be told apart.
+        If a folder has no recording, or two recordings share a file name: their outputs could not be told apart.
     """
     found: list[Path] = []
     for path in paths:

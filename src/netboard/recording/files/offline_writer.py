@@ -1,8 +1,7 @@
-"""Keeps a block that was not live as a recording: the same channels, events and metadata as those of a live one.
+"""Writes a simulated block as a recording with the channels, events and metadata of a live one.
 
-What a live session writes because of its network is missing: clock probes, frames of displays, peers that come. The
-event ``session_started`` says what it is, ``rehearsed``, and so does the metadata record, so that nobody takes it for
-people.
+Streams that need a network are missing: clock probes, display frames and peer events. The ``session_started`` event and
+the metadata record both carry ``rehearsed``, so that a simulated block cannot be mistaken for human data.
 """
 
 from collections.abc import Mapping
@@ -24,18 +23,18 @@ from netboard.task.studies.factors import TrialDetails
 from netboard.task.trials.state_machine import HAS_EDGE, TABLE, Cause, Phase
 
 REHEARSED = {"rehearsed": "true"}
-"""What a recording of simulated people says of itself."""
+"""Details that mark a recording of simulated participants."""
 
 _SIDES = {-1: "left", 0: "unknown", 1: "right"}
 
 
 class Keeper:
-    """The recording of one block.
+    """Writer of the recording of one simulated block.
 
     Parameters
     ----------
     utc_ns : int
-        Wall-clock time that the first tick is given [ns].
+        Wall-clock time of the first tick [ns].
     start_ns : int
         Server time of the first tick [ns].
     """
@@ -61,7 +60,7 @@ class Keeper:
         self._note(0, start_ns, "session_started", {"session": session, **said})
 
     def take(self, rows: NDArray[Any]) -> None:
-        """Write the next ticks, and what happened in them."""
+        """Write the next ticks and the events in them."""
         happened = set(np.flatnonzero(is_edge(rows)).tolist())
         for place, row in enumerate(rows):
             self._time_ns = int(row["time_ns"])
@@ -74,12 +73,12 @@ class Keeper:
         return name, details | self._details.of(int(row["trial"]))
 
     def finish(self) -> None:
-        """Give the recording its name."""
+        """Complete the recording and give it its final name."""
         self._note(-1, self._time_ns, "session_ended", {"late_ticks": "0"})
         self._writer.finish(self._time_ns + self._log_time_minus_server)
 
     def abandon(self) -> None:
-        """Leave what was written as it is."""
+        """Close the unfinished file and leave it as it is."""
         self._writer.abandon()
 
     def _note(self, tick: int, time_ns: int, name: str, details: dict[str, str]) -> None:
@@ -92,13 +91,13 @@ class Keeper:
 
 
 def name_of(config: Config, session: str) -> str:
-    """Name of a block's recording."""
+    """Return the file name of a block's recording."""
     who = config.session
     return f"{who.name}_{who.dyad}_block{config.block.number:02d}_{session[:8]}.mcap"
 
 
 def is_edge(rows: NDArray[Any]) -> NDArray[np.bool_]:
-    """Tell which ticks have an event that the machine knows in their phase."""
+    """Return a mask of the ticks whose event is a transition of the trial state machine."""
     phases, causes = HAS_EDGE.shape
     phase, cause = rows["phase"], rows["event"]
     known = (phase >= 0) & (phase < phases) & (cause > 0) & (cause < causes)
@@ -107,7 +106,7 @@ def is_edge(rows: NDArray[Any]) -> NDArray[np.bool_]:
 
 
 def event_of(row: Any) -> tuple[str, dict[str, str]]:
-    """Say what the stage has decided in a tick, as a live session does."""
+    """Return the name and details of the event in a tick, as a live session records it."""
     phase, cause = Phase(int(row["phase"])), Cause(int(row["event"]))
     details = {
         "from": PHASE_NAMES[phase],

@@ -1,7 +1,7 @@
-"""Where a recording comes from: its name, and what its metadata say about session, software and machine.
+"""Provenance of a recording: its file name and its metadata on session, software and computer.
 
-Everything is text, as MCAP's metadata are. The participants appear under the dyad's pseudonym only, and the machine
-under its platform, not its name.
+All values are text, as MCAP metadata require. Participants appear only under the dyad's pseudonym. The computer appears
+under its platform, without its host name.
 """
 
 import hashlib
@@ -36,23 +36,23 @@ METADATA_RECOVERY = "netboard.recovery"
 """Metadata record of a recovered file."""
 
 LIBRARY = f"netboard {version('netboard')} (mcap {mcap.__version__})"
-"""What writes recordings, for their header."""
+"""Library name in the header of recordings."""
 
 _PACKAGES = ("numpy", "numba", "llvmlite", "pyzmq", "msgpack", "mcap", "zstandard")
 
 
 def config_sha256(text: bytes) -> str:
-    """SHA-256 of a resolved configuration, in hexadecimal."""
+    """Return the SHA-256 hash of a resolved configuration, in hexadecimal."""
     return hashlib.sha256(text).hexdigest()
 
 
 def provenance(welcome: Welcome, config: Config, part: int, utc_ns: int, monotonic_ns: int) -> dict[str, str]:
-    """Metadata of a new recording.
+    """Return the metadata of a new recording.
 
     Parameters
     ----------
     utc_ns : int
-        Wall-clock time of opening the file, which is the log time then [ns].
+        Wall-clock time at which the file is opened; log time starts there [ns].
     """
     return {
         "format": FORMAT_VERSION,
@@ -79,13 +79,13 @@ def provenance(welcome: Welcome, config: Config, part: int, utc_ns: int, monoton
 
 
 def doctor_report_path() -> Path:
-    """Where `netboard doctor` leaves its newest report, for the recordings made on this machine by this user."""
+    """Return the path where `netboard doctor` stores its latest report, one per user and computer."""
     state = os.environ.get("XDG_STATE_HOME")
     return (Path(state) if state else Path.home() / ".local" / "state") / "netboard" / "doctor.json"
 
 
 def _doctor_said(utc_ns: int) -> dict[str, str]:
-    """What the doctor last found on this machine: in a line, and whole."""
+    """Return the latest doctor report on this computer, as a one-line summary and in full."""
     try:
         text = doctor_report_path().read_text(encoding="utf-8")
         report = json.loads(text)
@@ -98,12 +98,12 @@ def _doctor_said(utc_ns: int) -> dict[str, str]:
 
 
 def _short(session: str) -> str:
-    """First eight letters and digits of a session id: safe in a file name whatever a server sends."""
+    """Return the first eight letters and digits of a session id, which are safe in any file name."""
     return re.sub(r"[^A-Za-z0-9]", "", session)[:8] or "unnamed"
 
 
 def next_recording(directory: Path, config: Config, session: str, utc_ns: int) -> tuple[Path, int]:
-    """Name the next file of a session."""
+    """Return the path and part number of the next file of a session."""
     stem, short = f"{config.session.name}_{config.session.dyad}", _short(session)
     block = f"_block{config.block.number:02d}" if config.block.blocks > 1 else ""
     pattern = re.compile(

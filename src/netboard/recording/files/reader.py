@@ -1,10 +1,10 @@
-"""Reads a finished recording: its metadata, its configuration, and its streams as arrays and records.
+"""Reads a finished recording: metadata, configuration, and its streams as arrays and records.
 
-What an agent told later of ticks without a sample (`netboard.recording.format.backfill`) is filled in, unless the ticks
-are wanted as they were sent.
+Ticks without a sample are filled in from what the agents reported later (`netboard.recording.format.backfill`), unless
+the caller asks for the ticks as they were sent.
 
-A file that is not a finished, sound recording of a format this version knows is refused with a `RecordingError` that
-says what is wrong with it and what to do. Every chunk's checksum is verified when the chunk is read.
+A file that is unfinished, damaged or of an unknown format version raises a `RecordingError` that says what is wrong and
+what to do. The checksum of a chunk is verified when the chunk is read.
 """
 
 import json
@@ -40,7 +40,7 @@ from netboard.recording.format.partfile import PROFILE
 from netboard.recording.format.summary import Attempt, Gap, find_attempts, find_gaps
 
 READABLE = ("1", "2", FORMAT_VERSION)
-"""Versions of the format that can be read."""
+"""Format versions that this module reads."""
 
 _TICKS = CHANNELS[0].topic
 _THREADS = 2
@@ -55,7 +55,7 @@ _FILLING = (*_FILLED, "time_ns")
 
 
 class Recording:
-    """A finished recording, open for reading. Use it in a ``with`` block.
+    """A finished recording, open for reading. Use it in a ``with`` statement.
 
     Parameters
     ----------
@@ -67,18 +67,18 @@ class Recording:
     path : Path
         The file.
     metadata : dict of str
-        What the file says about session, software and machine.
+        Metadata on session, software and computer.
     end : dict of str
-        How it ended; empty for a file that was recovered because it never ended.
+        How the recording ended; empty for a recovered file that has no end record.
     recovery : dict of str
-        What was recovered and what was not; empty for a file as it was written.
+        What was and was not recovered; empty for an original file.
     first_record : int or None
-        Number of its first record on the log channel; None if there was none [1].
+        Log-channel number of the first record; None if there is none [1].
 
     Raises
     ------
     RecordingError
-        If it is not a finished, sound recording of a known format.
+        If the file is not a finished, undamaged recording of a known format.
     """
 
     def __init__(self, path: Path) -> None:
@@ -111,12 +111,12 @@ class Recording:
             raise RecordingError(f"{self.path}: its configuration is damaged; run: netboard recover {self.path}")
 
     def check(self) -> None:
-        """Verify the checksum of the whole file, metadata included (as far as its writer made one).
+        """Verify the checksum of the whole file, metadata included, if its writer stored one.
 
         Raises
         ------
         RecordingError
-            If one bit of it has changed since it was written.
+            If any bit has changed since the file was written.
         """
         self._file.check()
 
@@ -134,12 +134,12 @@ class Recording:
 
     @property
     def config_text(self) -> str:
-        """The resolved configuration, as TOML, in the words of this version.
+        """The resolved configuration as TOML, in the keys of this version.
 
         Raises
         ------
         RecordingError
-            If this file was recovered from one whose configuration was destroyed.
+            If the file was recovered and the configuration was lost.
         """
         if self._config is None:
             raise RecordingError(f"{self.path}: its configuration was lost when it was damaged, see its metadata")
@@ -147,51 +147,51 @@ class Recording:
 
     @cached_property
     def counts(self) -> dict[str, int]:
-        """Number of ticks, and of messages of the other streams, by topic [1]."""
+        """Number of ticks, and number of messages of the other streams, by topic [1]."""
         told = self._file.counts
         others = {topic: told.get(topic, 0) for topic in IDS if topic != _TICKS}
         return {_TICKS: int(self._places["count"].sum()), **others}
 
     def ticks(self, first: int | None = None, stop: int | None = None, *, as_sent: bool = False) -> NDArray[Any]:
-        """Ticks, all of them or those of some numbers.
+        """Return all ticks, or those in a range of tick numbers.
 
         Parameters
         ----------
         first : int, optional
-            Number of the first tick wanted; else from the beginning [1].
+            First tick number; by default the first tick of the recording [1].
         stop : int, optional
-            Number after the last one wanted; else to the end [1].
+            Tick number after the last one; by default the end of the recording [1].
         as_sent : bool
-            Fill in nothing that agents have told later.
+            True: leave out what agents reported later.
 
         Returns
         -------
         ndarray of TICK, shape (n,)
-            The rows, bit for bit as the server sent them but for what is filled in.
+            The rows, bit for bit as the server sent them, except for the filled-in values.
         """
         rows = self._rows(self._between(first, stop), as_sent=as_sent)
         wanted = _wanted(rows["tick"], first, stop)
         return rows if wanted.all() else rows.view(_ROW_BYTES)[wanted].view(TICK)
 
     def columns(self, *names: str, first: int | None = None, stop: int | None = None) -> dict[str, NDArray[Any]]:
-        """Some columns of the ticks.
+        """Return columns of the ticks.
 
         Parameters
         ----------
         *names : str
-            Names of fields of `netboard.base.tick.TICK`; none means all, which are views of one table then.
+            Fields of `netboard.base.tick.TICK`; none means all, returned as views of one table.
         first, stop : int, optional
-            As for `ticks` [1].
+            As in `ticks` [1].
 
         Returns
         -------
         dict of ndarray, shape (n,)
-            Each column, by its name [SI].
+            The columns by name [SI].
 
         Raises
         ------
         ValueError
-            If there is no such field.
+            If a field does not exist.
         """
         if not names:
             rows = self.ticks(first, stop)
@@ -208,26 +208,26 @@ class Recording:
     def batches(
         self, most: int = _PORTION, names: Sequence[str] = (), *, as_sent: bool = False
     ) -> Iterator[NDArray[Any]]:
-        """Yield all ticks in order, a portion at a time: for recordings that do not fit into memory.
+        """Yield all ticks in order, one batch at a time, for recordings that do not fit into memory.
 
         Parameters
         ----------
         most : int
-            A portion has this many ticks or a few more [1].
+            Size of a batch in ticks; a batch may be slightly larger [1].
         names : sequence of str
-            Fields of `netboard.base.tick.TICK` that are wanted, which takes less time; none means all.
+            Fields of `netboard.base.tick.TICK` to read, which is faster than all; none means all.
         as_sent : bool
-            Fill in nothing that agents have told later.
+            True: leave out what agents reported later.
 
         Yields
         ------
         ndarray of TICK, shape (n,)
-            The next rows, with the fields that are wanted.
+            The next rows, with the requested fields.
 
         Raises
         ------
         ValueError
-            If there is no such field.
+            If a field does not exist.
         """
         _refuse_unknown(names)
         portions = np.cumsum(self._places["count"]) // most
@@ -235,7 +235,7 @@ class Recording:
             yield self._rows(self._places[portions == portion], names, as_sent=as_sent)
 
     def attempts(self) -> tuple[Attempt, ...]:
-        """Every attempt at a trial, in order."""
+        """Return every attempt at a trial, in order."""
         listed = self._file.attachment(ATTEMPTS_NAME)
         if listed is None:
             return find_attempts(self.ticks())
@@ -244,7 +244,7 @@ class Recording:
 
     @cached_property
     def _places(self) -> NDArray[Any]:
-        """Where the ticks are, one row for each batch (in older formats, for each chunk)."""
+        """Location of the ticks, one row for each batch (in older formats, for each chunk)."""
         listed = self._file.attachment(PLACES_NAME)
         if listed is not None:
             with self._file.sound():
@@ -257,7 +257,7 @@ class Recording:
         return np.array(found, PLACES)
 
     def _between(self, first: int | None, stop: int | None) -> NDArray[Any]:
-        """Places of the batches that have ticks of some numbers."""
+        """Return the locations of the batches that overlap a range of tick numbers."""
         wanted = np.ones(len(self._places), bool)
         if first is not None:
             wanted &= self._places["last"] >= first
@@ -267,13 +267,13 @@ class Recording:
 
     @cached_property
     def _backfilled(self) -> Backfilled | None:
-        """What agents have told of ticks without a sample, if they have told anything."""
+        """What agents reported later on ticks without a sample; None if they reported nothing."""
         records = self.backfills()
         with self._file.sound():
             return Backfilled(records) if records else None
 
     def _rows(self, places: NDArray[Any], names: Sequence[str] = (), *, as_sent: bool = False) -> NDArray[Any]:
-        """Ticks of some places, or the named fields of them."""
+        """Return the ticks at these locations, or the named fields of them."""
         backfilled = None if as_sent or (names and not set(names) & set(_FILLED)) else self._backfilled
         if backfilled is None:
             return self._read_rows(places, names)
@@ -282,7 +282,7 @@ class Recording:
         return rows if not names else rows[list(names)].astype([(name, TICK[name]) for name in names])
 
     def _read_rows(self, places: NDArray[Any], names: Sequence[str] = ()) -> NDArray[Any]:
-        """Ticks of some places as they are in the file."""
+        """Return the ticks at these locations as they are stored."""
         kind = np.dtype([(name, TICK[name]) for name in names]) if names else TICK
         rows = np.zeros(int(places["count"].sum()), kind)
         columns = self._layout.places(kind.names or ()) if self._in_batches else np.empty(0, np.int64)
@@ -299,7 +299,7 @@ class Recording:
         return rows
 
     def _some(self, names: Sequence[str], places: NDArray[Any]) -> dict[str, NDArray[Any]]:
-        """Some columns of the ticks of some places."""
+        """Return columns of the ticks at these locations."""
         words = np.zeros((len(names), int(places["count"].sum())), np.int64)
         found = {name: column.view(TICK[name]) for name, column in zip(names, words, strict=True)}
         wanted = self._layout.places(names) if self._in_batches else None
@@ -316,7 +316,7 @@ class Recording:
         return found
 
     def _rows_of(self, offset: int) -> NDArray[Any]:
-        """Ticks of a chunk of which nobody has said how many it has."""
+        """Return the ticks of a chunk of unknown tick count."""
         if not self._in_batches:
             return self._old_rows(offset)
         rows = np.zeros(sum(planes.shape[2] for planes in self._planes(offset)), TICK)
@@ -324,7 +324,7 @@ class Recording:
         return rows
 
     def _each(self, places: NDArray[Any], take: Callable[[slice, int], None]) -> None:
-        """Do something with each batch: where its ticks go, and where its chunk is; decompressing runs in parallel."""
+        """Call `take` with the tick slice and chunk offset of each batch; decompress chunks in parallel."""
         stops = np.cumsum(places["count"])
         slices = [slice(int(stop - count), int(stop)) for stop, count in zip(stops, places["count"], strict=True)]
         offsets = places["chunk"].tolist()
@@ -346,7 +346,7 @@ class Recording:
 
     @cached_property
     def _all(self) -> NDArray[np.int64]:
-        """Where the file has each column of a tick."""
+        """Column index in the file of each field of a tick."""
         return self._layout.places(TICK.names or ())
 
     def _planes(self, offset: int) -> list[NDArray[np.uint8]]:
@@ -355,7 +355,7 @@ class Recording:
             return [self._layout.planes(message) for message in self._payloads(offset, _TICKS)]
 
     def _decode(self, offset: int, columns: NDArray[np.int64], out: NDArray[np.int64]) -> None:
-        """Put some columns of the batches in a chunk where they belong."""
+        """Decode columns of the batches in a chunk into `out`."""
         at = 0
         for planes in self._planes(offset):
             stop = at + planes.shape[2]
@@ -384,15 +384,15 @@ class Recording:
         return self._records("/clock", ClockRecord)
 
     def frames(self) -> tuple[FrameRecord, ...]:
-        """All frames the displays have shown."""
+        """All frames that the displays have shown."""
         return self._records("/frame", FrameRecord)
 
     def backfills(self) -> tuple[BackfillRecord, ...]:
-        """What agents have told of ticks without a sample of theirs."""
+        """All reports of agents on ticks without a sample."""
         return self._records("/backfill", BackfillRecord) if "/backfill" in self._file.channels else ()
 
     def remarks(self) -> tuple[EventRecord, ...]:
-        """All remarks of the logger itself: above all ``log_lost``, records it never got."""
+        """All messages of the logger itself, above all ``log_lost``: records that it never received."""
         return self._records("/logger", EventRecord)
 
     def _records(self, topic: str, kind: type[T]) -> tuple[T, ...]:
@@ -403,7 +403,7 @@ class Recording:
         return tuple(records)
 
     def gaps(self) -> dict[str, tuple[Gap, ...]]:
-        """Missing numbers of every stream, by topic (and station); a stream without gaps is not listed."""
+        """Return the missing sequence numbers of each stream with gaps, by topic (and station)."""
         numbers = {"/event": [event.seq for event in self.events()], "/clock": [clock.seq for clock in self.clocks()]}
         numbers["/backfill"] = [backfill.seq for backfill in self.backfills()]
         for frame in self.frames():
@@ -414,13 +414,13 @@ class Recording:
 
 
 def _refuse_unknown(names: Sequence[str]) -> None:
-    """Find names that are no field of a tick."""
+    """Raise an error if a name is not a field of a tick."""
     if unknown := set(names) - set(TICK.names or ()):
         raise ValueError(f"ticks have no field {', '.join(sorted(unknown))}")
 
 
 def _wanted(numbers: NDArray[np.int64], first: int | None, stop: int | None) -> NDArray[np.bool_]:
-    """Which ticks have the numbers that are wanted."""
+    """Return a mask of the tick numbers in the range."""
     wanted = np.ones(len(numbers), bool)
     if first is not None:
         wanted &= numbers >= first

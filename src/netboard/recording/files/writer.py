@@ -1,7 +1,7 @@
-"""Writes a recording: records in, numbered; chunks out; and a number before which everything is safely on disk.
+"""Writes a recording: takes numbered records, writes chunks, and reports the first record that is not yet on disk.
 
-Time is an argument, so that the rule when to sync is a plain function of it. A record is *written* when it is in the
-chunk in memory, and *durable* after the next `flush`; only what is durable may be acknowledged to the server.
+Time is an argument, so that the rule when to sync is a pure function of it. A record is *written* once it is in the
+chunk in memory, and *durable* after the next `flush`. Only durable records may be acknowledged to the server.
 """
 
 from collections.abc import Mapping
@@ -25,7 +25,7 @@ from netboard.recording.format.partfile import PartFile
 
 
 class RecordingWriter:
-    """One recording while it is made.
+    """A recording while it is being written.
 
     Parameters
     ----------
@@ -34,12 +34,12 @@ class RecordingWriter:
     opened_ns : int
         Log time of opening [ns].
     recovery : mapping of str, optional
-        The ``netboard.recovery`` metadata record, for what is written anew from something else.
+        The ``netboard.recovery`` metadata record, for a file rebuilt from another one.
 
     Attributes
     ----------
     durable : int or None
-        All records before this one are on disk; None before the first [1].
+        All records before this number are on disk; None before the first [1].
     """
 
     def __init__(
@@ -74,12 +74,12 @@ class RecordingWriter:
 
     @property
     def is_open(self) -> bool:
-        """Whether more can be written."""
+        """Whether the file accepts more records."""
         return self._file.is_open
 
     @property
     def part(self) -> Path:
-        """Name until `finish`."""
+        """Path of the file until `finish`."""
         return self._file.part
 
     @property
@@ -88,7 +88,7 @@ class RecordingWriter:
         return self._file.size
 
     def space(self, now_ns: int) -> Space:
-        """Tell how much space there is where the recording is written."""
+        """Return the free space at the recording's location and how long it will last."""
         return self._consumption.judge(now_ns, self._file.size, self._file.free_bytes())
 
     def write(self, record: Record, number: int, log_time_ns: int) -> None:
@@ -97,7 +97,7 @@ class RecordingWriter:
         Parameters
         ----------
         number : int
-            Its number on the log channel; records come in order and without a hole (`note_lost` fills holes) [1].
+            Number on the log channel; records arrive in order and without gaps (`note_lost` closes gaps) [1].
         """
         self._begin(number)
         if isinstance(record, TickRecord):
@@ -109,7 +109,7 @@ class RecordingWriter:
         self._written += 1
 
     def note_lost(self, first: int, count: int, log_time_ns: int) -> None:
-        """Note that records are missing for good."""
+        """Record that these records are permanently lost."""
         self._begin(first)
         details = {"first": str(first), "count": str(count), "after_tick": str(self._ticks.last)}
         self.remark("log_lost", details, log_time_ns)
@@ -117,13 +117,13 @@ class RecordingWriter:
         self.lost += count
 
     def note_unreadable(self, frame: bytes, number: int, reason: str, log_time_ns: int) -> None:
-        """Note a record that cannot be read, as it came; it counts as lost."""
+        """Store an unreadable record as raw bytes and count it as lost."""
         self._begin(number)
         self.remark("log_unreadable", {"number": str(number), "reason": reason, "hex": frame.hex()}, log_time_ns)
         self.note_lost(number, 1, log_time_ns)
 
     def _begin(self, number: int) -> None:
-        """Check the number of what comes next; note the first one."""
+        """Check the number of the next record, and store the first number as metadata."""
         if self.next_record is None:
             self._file.add_metadata(METADATA_FIRST, {"record": str(number)})
             self.durable = number
@@ -131,12 +131,12 @@ class RecordingWriter:
             raise ValueError(f"record {number} where {self.next_record} is next")
 
     def remark(self, name: str, details: dict[str, str], log_time_ns: int) -> None:
-        """Write a remark of the logger's own."""
+        """Write a log message of the logger itself."""
         self._file.add(IDS["/logger"], remark(self._remarks, name, details, log_time_ns), log_time_ns)
         self._remarks += 1
 
     def is_due(self, now_ns: int) -> bool:
-        """Tell whether something written has waited long enough for a `flush`."""
+        """Return True if unflushed data have waited for the flush interval."""
         return self.durable != self.next_record and now_ns - self._flushed_ns >= self._flush_ns
 
     def flush(self, now_ns: int) -> int | None:
@@ -145,8 +145,8 @@ class RecordingWriter:
         Raises
         ------
         RecordingError
-            If the disk is gone, and the file is closed then and can be recovered; or if the disk is full, or the file
-            was deleted or moved: then it is still open, and `finish` saves what was written.
+            If the disk is gone: the file is then closed and can be recovered. Or if the disk is full, or the file was
+            deleted or moved: the file is then still open, and `finish` saves what was written.
         """
         self._ticks.close_batch()
         self._file.sync()
@@ -160,7 +160,7 @@ class RecordingWriter:
         Parameters
         ----------
         ended : str
-            ``complete`` when the server said that the session is over; otherwise why the file ends here.
+            ``complete`` if the server ended the session; otherwise the reason why the file ends here.
         """
         self._ticks.finish(now_ns)
         end = {"ended": ended, "log_ns": str(now_ns), "records": str(self._written), "lost": str(self.lost)}
@@ -171,5 +171,5 @@ class RecordingWriter:
         self.durable = self.next_record
 
     def abandon(self) -> None:
-        """Close the part as it is."""
+        """Close the unfinished file and leave it as it is."""
         self._file.abandon()

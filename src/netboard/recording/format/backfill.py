@@ -1,9 +1,10 @@
-"""What an agent has told of the ticks that had no sample of it, put where it belongs in the ticks.
+"""Fills in the rendered force at ticks for which the server had no sample from an agent.
 
-At such a tick the recorded force is NaN. The row that an agent remembers of the newest sample before the tick fills it
-in, if that was read at most `netboard.base.tick.KNOWN_NS` before, or if the agent remembers the next sample too: then
-it was held up, and its device kept the force. What nobody remembers stays NaN. The safeguards of a filled tick are
-those of all samples since the tick before. No other column is touched, and no tick that had a sample.
+At such a tick the recorded force is NaN. Later, the agent reports the samples that it remembers. The newest sample
+before the tick fills in the force in two cases: it was read at most `netboard.base.tick.KNOWN_NS` before the tick, or
+the agent also reports the next sample. In the second case the agent was delayed and the device held its force. A force
+that no agent remembers stays NaN. The safeguards of a filled tick are those of all samples since the previous tick. No
+other column changes, and no tick that had a sample.
 """
 
 from collections.abc import Iterable, Mapping
@@ -18,11 +19,11 @@ from netboard.base.tick import KNOWN_NS, RENDERED, TICK_NS
 from netboard.network.protocol.records import BackfillRecord
 
 _MOST_A_TICK = KNOWN_NS // TICK_NS
-"""So many samples before a tick are looked at [1]."""
+"""Largest number of samples before a tick that are searched [1]."""
 
 
 class Backfilled:
-    """Everything that the agents of a recording have told of ticks without a sample."""
+    """All that the agents of a recording reported on ticks without a sample."""
 
     def __init__(self, records: Iterable[BackfillRecord]) -> None:
         told: dict[str, list[NDArray[Any]]] = {side: [] for side in SIDES}
@@ -35,12 +36,12 @@ class Backfilled:
         self._rows = {side: _sorted(parts) for side, parts in told.items()}
 
     def fill(self, ticks: Mapping[str, NDArray[Any]] | NDArray[Any]) -> None:
-        """Fill in the rendered forces and safeguards that are known.
+        """Fill in the known rendered forces and safeguards, in place.
 
         Parameters
         ----------
         ticks : ndarray of TICK, or dict of its columns, shape (n,)
-            Ticks, changed in place; ``time_ns`` and of each side ``rendered`` and ``safeguards`` must be there.
+            Ticks, changed in place; ``time_ns`` and each side's ``rendered`` and ``safeguards`` are required.
         """
         for side, rows in self._rows.items():
             unknown = np.flatnonzero(np.isnan(ticks[f"{side}_rendered"]))
@@ -62,17 +63,17 @@ class Backfilled:
 
 
 def unknown_ticks(rendered: NDArray[np.float64], within: NDArray[np.bool_] | None = None) -> int:
-    """Count the ticks at which nobody knows what a device rendered, from the first one on at which it is known.
+    """Count the ticks with an unknown rendered force, from the first known one on.
 
     Parameters
     ----------
     rendered : ndarray, shape (n,)
-        The rendered force of one side at every tick, filled in as far as agents have told it [N].
+        Rendered force of one side at every tick, after `Backfilled.fill` [N].
 
     Returns
     -------
     int
-        How many; before the first known force there was no agent yet [1].
+        Number of ticks; before the first known force there was no agent yet [1].
     """
     unknown = np.isnan(rendered)
     began = int(np.argmin(unknown)) if not unknown.all() else unknown.size
@@ -81,6 +82,6 @@ def unknown_ticks(rendered: NDArray[np.float64], within: NDArray[np.bool_] | Non
 
 
 def _sorted(parts: list[NDArray[Any]]) -> NDArray[Any]:
-    """Rows of one side in the order of their times."""
+    """Return the rows of one side, sorted by time."""
     rows = np.concatenate([np.empty(0, RENDERED), *parts])
     return rows[np.argsort(rows["stamp_ns"], kind="stable")]

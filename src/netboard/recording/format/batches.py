@@ -1,12 +1,12 @@
-"""Ticks on their way into a recording and out of it: batches of columns.
+"""Batches of ticks: the columnar encoding in which a recording stores its ticks.
 
-A batch holds the columns of its ticks one after the other, and of each column first the lowest byte of all values, then
-the next one, up to the highest: bytes that are alike lie side by side, which halves what is left after compression, and
-whole columns turn into arrays by moving bytes. Before that, what is smooth is replaced by its differences, several
-times over, of the bits read as integers. Every bit survives, a not-a-number's payload too.
+A batch stores its ticks by column, and each column by byte plane: the lowest byte of all values first, the highest
+last. Similar bytes are then neighbours, which halves the compressed size, and decoding a column only moves bytes.
+Before that, smooth columns are replaced by differences of first or higher order, taken on the bits read as integers.
+The encoding is lossless, down to the payload of a NaN.
 
-On its way in one tick in `PLOTTED_EVERY` goes into the channel for viewers as well, and what is needed to list the
-attempts is kept, so that nobody has to read an hour to find a trial.
+While ticks are written, one in `PLOTTED_EVERY` also goes to the channel for viewers, and an index of attempts and
+chunks is built. A reader can then find a trial without reading the whole recording.
 """
 
 import json
@@ -26,13 +26,13 @@ from netboard.recording.format.partfile import PartFile
 from netboard.recording.format.summary import Attempt, find_attempts
 
 ATTEMPTS_NAME = "netboard.attempts.json"
-"""The attachment that lists the attempts."""
+"""Attachment that lists the attempts."""
 
 PLACES_NAME = "netboard.places"
-"""The attachment that tells where ticks are."""
+"""Attachment that locates the ticks."""
 
 PLACES = np.dtype([("chunk", "<i8"), ("first", "<i8"), ("last", "<i8"), ("count", "<i8")])
-"""One chunk with ticks: its offset in the file, number of its first and last tick, and how many there are."""
+"""One chunk with ticks: its file offset, its first and last tick number, and its tick count."""
 
 _SHARE_OF_CHUNK = 0.75
 _ROW_BYTES = np.dtype((np.void, TICK.itemsize))
@@ -42,7 +42,7 @@ _KEYS = ("phase", "trial", "attempt")
 
 
 def pack(rows: NDArray[Any]) -> bytes:
-    """Turn ticks into the columns of a batch."""
+    """Encode ticks as the columns of a batch."""
     words = words_of(rows).T.copy()
     for smooth in _rounds(_ORDERS):
         words[smooth, 1:] = np.diff(words[smooth], axis=1)
@@ -50,12 +50,12 @@ def pack(rows: NDArray[Any]) -> bytes:
 
 
 def words_of(rows: NDArray[Any]) -> NDArray[np.int64]:
-    """Look at ticks, or some fields of them, as words: shape (n, columns)."""
+    """View ticks, or some of their fields, as 64-bit integers of shape (n, columns)."""
     return rows.view(_BITS).reshape(len(rows), rows.dtype.itemsize // _WORD)
 
 
 def _joined(planes: NDArray[np.uint8]) -> NDArray[np.int64]:
-    """Put the planes of columns together to words: two bytes, then four, then eight, which is quicker than bytewise."""
+    """Join the byte planes of columns into 64-bit integers, pairwise in three steps (faster than bytewise)."""
     words: NDArray[Any] = planes
     for kind, bits in ((np.uint16, 8), (np.uint32, 16), (np.uint64, 32)):
         words = words[:, 0::2].astype(kind) | np.left_shift(words[:, 1::2], bits, dtype=kind)
@@ -63,7 +63,7 @@ def _joined(planes: NDArray[np.uint8]) -> NDArray[np.int64]:
 
 
 def _rounds(orders: NDArray[np.int64]) -> Iterator[NDArray[np.intp]]:
-    """Which columns are differenced once, which twice, and so on."""
+    """Yield the columns to difference in each pass."""
     for times in range(1, 1 + max(orders, default=0)):
         yield np.flatnonzero(orders >= times)
 
@@ -72,7 +72,7 @@ _ORDERS = np.array([field.differences for field in TICK_FIELDS])
 
 
 class Layout:
-    """How the batches of a file become ticks."""
+    """Column layout of the batches in a file, and their decoder."""
 
     def __init__(self, schema: bytes) -> None:
         try:
@@ -87,7 +87,7 @@ class Layout:
                 raise RecordingError(f"its column {name} has the type {kind}, expected {TICK[name].str}")
 
     def planes(self, message: bytes) -> NDArray[np.uint8]:
-        """Read a message: the planes of its columns, shape (columns, 8, n)."""
+        """Decompose a message into the byte planes of its columns, shape (columns, 8, n)."""
         values = unpack(message)
         data, count = values.get("columns"), values.get("count")
         if not isinstance(data, bytes) or not isinstance(count, int) or len(data) != len(self._names) * _WORD * count:
@@ -95,13 +95,13 @@ class Layout:
         return np.frombuffer(data, np.uint8).reshape(len(self._names), _WORD, count)
 
     def places(self, names: Sequence[str]) -> NDArray[np.int64]:
-        """Tell which columns of the file have these names, -1 for one it does not have [1]."""
+        """Return the column indices of these names, -1 for a column that the file does not have [1]."""
         return np.array([self._names.index(name) if name in self._names else -1 for name in names], np.int64)
 
     def read(self, planes: NDArray[np.uint8], places: NDArray[np.int64], out: NDArray[np.int64]) -> None:
-        """Turn planes into values; a column that the file does not have is left as it is."""
+        """Decode columns into `out`; leave a column that the file does not have unchanged."""
         if np.array_equal(places, np.arange(len(planes))):
-            # All columns, which are many, need not be picked out first.
+            # Selecting columns would copy the planes; skip it when all are wanted.
             out[:] = self._summed(planes, self._orders).T
             return
         there = np.flatnonzero(places >= 0)
@@ -116,18 +116,18 @@ class Layout:
 
 
 def told(attempt: Attempt) -> dict[str, Any]:
-    """Say an attempt in JSON, which has no not-a-number."""
+    """Convert an attempt to JSON values; NaN becomes None."""
     values = asdict(attempt)
     return values | {"completion": None if isnan(attempt.completion) else attempt.completion}
 
 
 def heard(values: dict[str, Any]) -> Attempt:
-    """Read an attempt that was said like that."""
+    """Convert the JSON values of an attempt back."""
     return Attempt(**values | {"completion": nan if values["completion"] is None else values["completion"]})
 
 
 class TickStream:
-    """Ticks on their way into a file."""
+    """Collects ticks into batches and writes them to a file, with the index of attempts and chunks."""
 
     def __init__(self, file: PartFile, chunk_bytes: int) -> None:
         self.last = -1
@@ -140,12 +140,12 @@ class TickStream:
         self._newest = np.empty(0, TICK)
 
     def add(self, row: bytes, log_time_ns: int) -> None:
-        """Take a tick.
+        """Add a tick.
 
         Raises
         ------
         RecordingError
-            If the row is not as long as it must be: server and logger are of different versions.
+            If the row has the wrong length: server and logger have different versions.
         """
         if len(row) != TICK.itemsize:
             raise RecordingError(
@@ -160,7 +160,7 @@ class TickStream:
             self.close_batch()
 
     def close_batch(self) -> None:
-        """Put the ticks in memory, if any, into the file's chunk."""
+        """Write the ticks in memory, if any, to the file as a batch."""
         if not self._held:
             return
         rows = np.frombuffer(b"".join(self._held), TICK)
@@ -174,7 +174,7 @@ class TickStream:
         self._keep_edges(rows)
 
     def _note_place(self, chunk: int, first: int, last: int, count: int) -> None:
-        """Note where ticks are: one row for each chunk."""
+        """Note the chunk of a batch; batches of one chunk share a row."""
         if self._places and self._places[-1][0] == chunk:
             _, first, _, before = self._places.pop()
             count += before
@@ -186,7 +186,7 @@ class TickStream:
         self._file.add(IDS["/plot"], stamp, min(max(log_time_ns, 0), 2**64 - 1))
 
     def _keep_edges(self, rows: NDArray[Any]) -> None:
-        """Keep the first and the last tick of each phase: attempts are made of nothing else."""
+        """Keep the first and last tick of each phase, from which the attempts are derived."""
         joined = np.concatenate([self._newest.view(_ROW_BYTES), rows.view(_ROW_BYTES)]).view(TICK)
         changed = np.zeros(len(joined) - 1, bool)
         for name in _KEYS:
@@ -197,12 +197,12 @@ class TickStream:
         self._newest = joined[-1:]
 
     def attempts(self) -> tuple[Attempt, ...]:
-        """Every attempt at a trial so far."""
+        """Return every attempt at a trial so far."""
         edges = np.concatenate([rows.view(_ROW_BYTES) for rows in (*self._edges, self._newest)]).view(TICK)
         return find_attempts(edges)
 
     def finish(self, log_time_ns: int) -> None:
-        """Attach what helps to find a tick and a trial."""
+        """Attach the list of attempts and the locations of the ticks."""
         self.close_batch()
         self._file.close_chunk()
         listed = json.dumps([told(attempt) for attempt in self.attempts()]).encode()

@@ -1,11 +1,11 @@
-"""What a recording holds: its channels, the fields of their messages, and how a record becomes bytes and back.
+"""Channels of a recording, the fields of their messages, and the conversion of records to bytes and back.
 
-This table is the format; FORMAT.md and the JSON schemas inside every recording are made from it, and a test holds it
-against `netboard.base.tick.TICK` and the record messages of the log channel. Channel ids are fixed: 1, 2, ... in the
-order of `CHANNELS`. Every message is a flat msgpack map with the names of the fields as keys.
+This table defines the format. FORMAT.md and the JSON schemas inside every recording are generated from it, and a test
+compares it with `netboard.base.tick.TICK` and the record messages of the log channel. Channel ids are fixed: 1, 2, ...
+in the order of `CHANNELS`. Every message is a flat msgpack map keyed by field name.
 
-Ticks are the many, so they come in batches of columns (`netboard.recording.format.batches`); one in `PLOTTED_EVERY` is
-there as a map too, for viewers.
+Ticks are the bulk of a recording, so they are stored in columnar batches (`netboard.recording.format.batches`). One
+tick in `PLOTTED_EVERY` is also stored as a map, for viewers.
 """
 
 import json
@@ -30,22 +30,22 @@ from netboard.network.protocol.records import (
 from netboard.task.trials.state_machine import Cause, Phase
 
 FORMAT_VERSION = "3"
-"""Grows when a reader of the version before would misread a file."""
+"""Format version; it increases when readers of the previous version would misread a file."""
 
 Record = TickRecord | EventRecord | ClockRecord | FrameRecord | BackfillRecord
-"""What the log channel carries."""
+"""Records on the log channel."""
 
 
 @dataclass(frozen=True, slots=True)
 class Field:
-    """One value of a message.
+    """One value in a message.
 
     Attributes
     ----------
     kind : str
         ``integer``, ``number``, ``string``, ``texts`` (a map from string to string) or ``bytes``.
     differences : int
-        In a batch, so many times over each value is replaced by its difference to the one before [1].
+        Order of the differences that a batch stores instead of the values [1].
     """
 
     name: str
@@ -55,7 +55,7 @@ class Field:
     differences: int = 0
 
     def schema(self) -> dict[str, Any]:
-        """JSON schema of the value; the description ends with the unit."""
+        """Return the JSON schema of the value; its description ends with the unit."""
         described = {"description": f"{self.text} [{self.unit}]" if self.unit else self.text}
         if self.kind == "texts":
             return {"type": "object", "additionalProperties": {"type": "string"}, **described}
@@ -69,12 +69,12 @@ _NUMPY = {"integer": "<i8", "number": "<f8"}
 
 @dataclass(frozen=True, slots=True)
 class Channel:
-    """One stream of a recording.
+    """One stream in a recording.
 
     Attributes
     ----------
     columns : tuple of Field
-        The columns of a message that is a batch of rows, in order.
+        Columns of the rows in a batch, in order; empty for other messages.
     """
 
     topic: str
@@ -86,7 +86,7 @@ class Channel:
     columns: tuple[Field, ...] = ()
 
     def schema(self) -> bytes:
-        """JSON schema of the channel's messages; of a batch it says under ``columns`` what is in it."""
+        """Return the JSON schema of the messages; for a batch, ``columns`` lists its columns."""
         columns = [
             {
                 "name": field.name,
@@ -174,14 +174,14 @@ _DIFFERENCES = {
     **dict.fromkeys(("vz", "omega"), 2),
     **dict.fromkeys(("sent_z", "side_z", "used_z", "stamp_ns", "seen_ns"), 1),
 }
-"""What is smooth is small as a difference of this order: measured, as all that makes files smaller."""
+"""Order of the difference that makes smooth columns smallest, measured on recordings."""
 
 _NOISE = frozenset({"late_ns", "loop_ns", "lead_ns", "command", "event"})
-"""Integers whose differences are no smaller than they are."""
+"""Integers that differencing does not make smaller."""
 
 
 def _differences(name: str, kind: str) -> int:
-    """How often a column is differenced."""
+    """Return the difference order of a column."""
     side, _, rest = name.partition("_")
     quantity = name if side not in ("left", "right") else "side_z" if rest == "z" else rest
     return _DIFFERENCES.get(quantity, int(kind == "integer" and quantity not in _NOISE))
@@ -208,10 +208,10 @@ _EVENT_FIELDS = (
 )
 
 TICK_FIELDS = tuple(_tick_field(name) for name in TICK.names or ())
-"""The columns of a tick, in the order of `netboard.base.tick.TICK`."""
+"""Columns of a tick, in the order of `netboard.base.tick.TICK`."""
 
 PLOTTED_EVERY = 20
-"""One tick in so many is there for viewers too [1]."""
+"""Decimation of the ticks for viewers: one in this many [1]."""
 
 _PLOTTED = ["tick", "z", "theta", "p", "phase", "target", "trial", "attempt", "late_ns"]
 _PLOTTED_OF_A_SIDE = ("used_z", "force", "rendered")
@@ -219,7 +219,7 @@ _PLOTTED_OF_A_SIDE = ("used_z", "force", "rendered")
 PLOTTED = tuple(
     field for field in TICK_FIELDS if field.name in _PLOTTED or field.name.partition("_")[2] in _PLOTTED_OF_A_SIDE
 )
-"""What of it viewers are shown."""
+"""Fields of a tick that viewers show."""
 
 CHANNELS = (
     Channel(
@@ -318,14 +318,14 @@ CHANNELS = (
         ),
     ),
 )
-"""The channels of a recording, in the order of their ids."""
+"""Channels of a recording, in the order of their ids."""
 
 IDS = {channel.topic: number for number, channel in enumerate(CHANNELS, start=1)}
 """MCAP channel (and schema) id of each topic."""
 
 
 def unpack(message: bytes) -> dict[str, Any]:
-    """Decode any message of a recording into its map."""
+    """Decode a message of a recording into a dict."""
     try:
         values = msgpack.unpackb(message)
     except (ValueError, msgpack.exceptions.UnpackException) as error:
@@ -337,12 +337,12 @@ def unpack(message: bytes) -> dict[str, Any]:
 
 @dataclass(frozen=True, slots=True)
 class Stamped:
-    """A record as it goes into a file: its channel, its stamps and its bytes.
+    """A record ready to be written: channel, time stamps and bytes.
 
     Attributes
     ----------
     publish_time_ns : int
-        The source's stamp [ns].
+        Time stamp of the source [ns].
     """
 
     topic: str
@@ -352,7 +352,7 @@ class Stamped:
 
 
 Other = EventRecord | ClockRecord | FrameRecord | BackfillRecord
-"""Records that are no ticks."""
+"""Records other than ticks."""
 
 
 def _map(record: Other) -> bytes:
@@ -360,7 +360,7 @@ def _map(record: Other) -> bytes:
 
 
 def stamped(record: Other) -> Stamped:
-    """Turn a record of the log channel that is no tick into what is written."""
+    """Convert a record of the log channel, other than a tick, for writing."""
     match record:
         case EventRecord():
             return Stamped("/event", record.seq, record.time_ns, _map(record))
@@ -375,7 +375,7 @@ def stamped(record: Other) -> Stamped:
 
 
 def record_of(frame: bytes) -> Record:
-    """Read a record as it came over the log channel."""
+    """Decode a record from the log channel."""
     record = decode(frame)
     if not isinstance(record, Record):
         raise WireError(f"a {type(record).__name__} is not a record")
@@ -383,10 +383,10 @@ def record_of(frame: bytes) -> Record:
 
 
 def begun(record: Record) -> str:
-    """Tell the configuration of the block that begins with a record; empty if none does."""
+    """Return the configuration of the block that begins with this record, or an empty string if none does."""
     return record.details.get("config", "") if isinstance(record, EventRecord) and record.name == BLOCK_BEGAN else ""
 
 
 def remark(seq: int, name: str, details: dict[str, str], log_time_ns: int) -> Stamped:
-    """Make a message of the ``/logger`` channel: the logger's own remark."""
+    """Make a message of the ``/logger`` channel."""
     return Stamped("/logger", seq, log_time_ns, _map(EventRecord(seq, -1, log_time_ns, name, details)))

@@ -1,7 +1,7 @@
-"""The inside of a chunk: from its compressed, checksummed bytes to its messages.
+"""Decodes a chunk: verifies and decompresses its bytes, and iterates over its messages.
 
-The upstream library reads chunks too, one Python object per message; walking the bytes here is several times faster,
-which is what makes an hour of 1 kHz ticks load in seconds.
+The upstream library creates one Python object per message. Walking the bytes here is several times faster, so an hour
+of 1 kHz ticks loads in seconds.
 """
 
 import struct
@@ -23,10 +23,10 @@ MAGIC = b"\x89MCAP0\r\n"
 """First and last bytes of an MCAP file."""
 
 RECORD_HEAD = struct.Struct("<BQ")
-"""Opcode and length, before every MCAP record."""
+"""Opcode and length, at the start of every MCAP record."""
 
 UNSOUND = (McapError, struct.error, UnicodeDecodeError, OverflowError)
-"""What the upstream library raises over a record whose bytes have changed."""
+"""Exceptions that the upstream library raises on damaged bytes."""
 
 _CHUNK_HEAD = struct.Struct("<QQQII")
 _LENGTH = struct.Struct("<Q")
@@ -35,12 +35,12 @@ _MESSAGE_HEAD = struct.Struct("<BQHIQQ")
 
 
 class Entry(NamedTuple):
-    """One message of a chunk.
+    """One message in a chunk.
 
     Attributes
     ----------
     log_time_ns, publish_time_ns : int
-        Logger's and source's stamp [ns].
+        Time stamps of the logger and of the source [ns].
     """
 
     channel_id: int
@@ -51,12 +51,12 @@ class Entry(NamedTuple):
 
 
 def unpack_chunk(body: bytes) -> bytes:
-    """Decompress a chunk and check it."""
+    """Decompress a chunk and verify its size and checksum."""
     try:
         size, crc, compression, packed = _parts(body)
         if compression == b"zstd":
             if zstandard.frame_content_size(packed) != size:
-                # Looked at first, so that a flipped bit cannot ask for terabytes.
+                # Check the size first, so that a flipped bit cannot request terabytes of memory.
                 raise RecordingError("a damaged chunk: its sizes contradict each other")
             data = zstandard.ZstdDecompressor().decompress(packed)
             if crc and zlib.crc32(data) != crc:
@@ -69,7 +69,7 @@ def unpack_chunk(body: bytes) -> bytes:
 
 
 def _parts(body: bytes) -> tuple[int, int, bytes, memoryview]:
-    """Take a chunk record apart: size and checksum of what is in it, how it is compressed, and its bytes."""
+    """Split a chunk record into uncompressed size, checksum, compression and data."""
     _, _, size, crc, name = _CHUNK_HEAD.unpack_from(body)
     compression = bytes(body[_CHUNK_HEAD.size : _CHUNK_HEAD.size + name])
     (length,) = _LENGTH.unpack_from(body, _CHUNK_HEAD.size + name)
@@ -80,7 +80,7 @@ def _parts(body: bytes) -> tuple[int, int, bytes, memoryview]:
 
 
 def messages(data: bytes) -> Iterator[Entry]:
-    """Walk the messages of a decompressed chunk, in the order of the file."""
+    """Iterate over the messages of a decompressed chunk, in file order."""
     position = 0
     while position < len(data):
         opcode, length = RECORD_HEAD.unpack_from(data, position)
@@ -92,7 +92,7 @@ def messages(data: bytes) -> Iterator[Entry]:
 
 
 def payloads(data: bytes, channel_id: int) -> list[bytes]:
-    """Collect the data of one channel's messages in a decompressed chunk, in the order of the file."""
+    """Return the data of one channel's messages in a decompressed chunk, in file order."""
     found = []
     position = 0
     while position < len(data):

@@ -1,7 +1,7 @@
-"""What a recording asks of its disk: a word in time before there is no space, and room kept free for the end.
+"""Disk space for recordings: early warning, a stop before the disk is full, and reserved space for the index.
 
-How long the space will do is judged by what the recording itself has needed of late. A burst, as when a logger catches
-up, must not look like the rate of an hour: that has stopped other systems for nothing.
+The remaining time is estimated from the recording's growth over the last minute. A short burst, as when a logger
+catches up, must not raise a warning: other systems have stopped recordings for no reason that way.
 """
 
 import ctypes
@@ -16,33 +16,33 @@ from typing import NamedTuple
 from netboard.base.errors import ConfigError, RecordingError
 
 LOW_BYTES = 5_000_000_000
-"""Less free space than this is said [1]."""
+"""Warn below this free space [1]."""
 
 LOW_S = 1800.0
-"""As is space for less than this [s]."""
+"""Warn below this remaining time [s]."""
 
 LEAST_BYTES = 200_000_000
-"""With less free space than this nothing is begun, and what is being written is finished [1]."""
+"""Below this free space no recording starts, and a running one is finished [1]."""
 
 LEAST_S = 120.0
-"""As with space for less than this [s]."""
+"""Below this remaining time a running recording is finished [s]."""
 
 MEMORY_NS = 60_000_000_000
-"""The rate is that of the last minute [ns]."""
+"""Window of the growth-rate estimate [ns]."""
 
 STEP_NS = 5_000_000_000
-"""It is measured so often [ns]."""
+"""Interval between two size measurements [ns]."""
 
 _KEEP_SIZE = 1
 
 
 class Space(NamedTuple):
-    """How much space there is.
+    """Free space and how long it lasts.
 
     Attributes
     ----------
     seconds : float
-        How long it will do [s].
+        Time until the space is used up [s].
     """
 
     free: int
@@ -50,12 +50,12 @@ class Space(NamedTuple):
 
     @property
     def low(self) -> bool:
-        """Whether somebody should know."""
+        """Whether to warn the operator."""
         return self.free < LOW_BYTES or self.seconds < LOW_S
 
     @property
     def out(self) -> bool:
-        """Whether it is time to stop."""
+        """Whether to finish the recording."""
         return self.free < LEAST_BYTES or self.seconds < LEAST_S
 
     def __str__(self) -> str:
@@ -64,32 +64,32 @@ class Space(NamedTuple):
 
 
 class Consumption:
-    """How fast a recording grows, and how long the space will do."""
+    """Growth rate of a recording, and how long the free space lasts."""
 
     def __init__(self) -> None:
         self._sizes: deque[tuple[int, int]] = deque(maxlen=MEMORY_NS // STEP_NS)
 
     def judge(self, now_ns: int, written: int, free: int) -> Space:
-        """Say how much space there is."""
+        """Return the current free space and remaining time."""
         sizes = self._sizes
         if not sizes or now_ns - sizes[-1][0] >= STEP_NS:
             sizes.append((now_ns, written))
         then_ns, size = sizes[0]
-        # Not before the memory is full: a logger that joins late has a backlog to write first.
+        # Wait until the window is full: a logger that joins late first writes a backlog.
         if len(sizes) < (sizes.maxlen or 0) or written <= size:
             return Space(free, float("inf"))
         return Space(free, free * (now_ns - then_ns) * 1e-9 / (written - size))
 
 
 def require_space(folder: Path, free: int) -> None:
-    """Refuse to begin a recording that could not go on for long."""
+    """Refuse to start a recording on a disk that is nearly full."""
     space = Space(free, float("inf"))
     if space.out:
         raise RecordingError(f"{folder}: only {space}, and a recording stops at {LEAST_BYTES / 1e6:.0f} MB")
 
 
 def sync_directory(directory: Path) -> None:
-    """Make a new name in a directory survive a power cut, where the system offers it."""
+    """Make a new directory entry survive a power cut, where the system supports it."""
     if not hasattr(os, "O_DIRECTORY"):
         return
     handle = os.open(directory, os.O_RDONLY | os.O_DIRECTORY)
@@ -100,7 +100,7 @@ def sync_directory(directory: Path) -> None:
 
 
 def allocate(handle: int, start: int, count: int) -> bool:
-    """Keep space for a file behind its end, so that nobody else can take it; False where systems do not offer that."""
+    """Reserve disk space after the end of a file; return False where the system does not support it."""
     if sys.platform != "linux" or sys.maxsize < 2**32:
         return False
     fallocate = ctypes.CDLL(None, use_errno=True).fallocate
@@ -115,7 +115,7 @@ def allocate(handle: int, start: int, count: int) -> bool:
 
 
 def require_writable(folder: Path, key: str) -> None:
-    """Raise an error if a folder cannot be made or written to; nothing is left there."""
+    """Raise an error if a folder cannot be created or written to; leave nothing in it."""
     place = next(parent for parent in (folder, *folder.absolute().parents) if parent.exists())
     try:
         with TemporaryFile(dir=place):

@@ -1,7 +1,7 @@
-"""Recordings of older formats: what was different in them, and nothing else.
+"""Readers for older recording formats: the differences to the current format only.
 
-In formats 1 and 2 every tick is a msgpack map of its own on the channel ``/tick``, all equally long. A tick of format 1
-lacks the columns that came with format 2, and its configuration has `haptics` where `[block] force` is now.
+In formats 1 and 2 every tick is a separate msgpack map on the channel ``/tick``, all of equal length. Format 1 lacks
+the columns that format 2 added, and its configuration has `haptics` in place of `[block] force`.
 """
 
 import re
@@ -17,7 +17,7 @@ from netboard.base.tick import TICK
 from netboard.recording.format.channels import unpack
 
 TOPIC = "/tick"
-"""Channel of the ticks."""
+"""Channel of the ticks in formats 1 and 2."""
 
 _SINCE_2 = frozenset({"left_other", "right_other", "extra", "block_ticks"})
 _HAPTICS = re.compile(r"^haptics = (true|false)$", re.MULTILINE)
@@ -25,17 +25,17 @@ _FORCE = {"true": 'force = "full"', "false": 'force = "none"'}
 
 
 def config_of(text: str, version: str) -> str:
-    """Say in today's words what a configuration of an older format says."""
+    """Translate the configuration of an older format into current keys."""
     return _HAPTICS.sub(lambda found: _FORCE[found[1]], text) if version == "1" else text
 
 
 def ticks_of(messages: Sequence[bytes], version: str) -> NDArray[Any]:
-    """Turn messages of the ``/tick`` channel into rows.
+    """Decode messages of the ``/tick`` channel into rows.
 
     Returns
     -------
     ndarray of TICK, shape (n,)
-        The rows, bit for bit as they were written; a column that the format does not have is 0.
+        The rows, bit for bit as written; columns that the format lacks are 0.
     """
     missing = _SINCE_2 if version == "1" else frozenset[str]()
     template, places, columns = _layout(missing)
@@ -46,12 +46,12 @@ def ticks_of(messages: Sequence[bytes], version: str) -> NDArray[Any]:
             rows = np.zeros((len(messages), TICK.itemsize), np.uint8)
             rows[:, columns] = table[:, places]
             return rows.view(TICK).reshape(len(messages))
-    # Not our writer's layout: another tool wrote the map anew, with its own order of keys or shorter integers.
+    # Another tool has rewritten the map, with its own key order or shorter integers.
     return np.array([_row_by_name(message, missing) for message in messages], TICK)
 
 
 def _layout(missing: frozenset[str]) -> tuple[NDArray[np.uint8], NDArray[np.intp], NDArray[np.intp]]:
-    """Lay out a message: its bytes with zeros for values, where values are in it, and in a row of `TICK`."""
+    """Return a template message with zero values, the positions of its values, and their positions in a `TICK` row."""
     fields = {name: at for name, at in (TICK.fields or {}).items() if name not in missing}
     message = bytearray(msgpack.Packer().pack_map_header(len(fields)))
     places: list[int] = []

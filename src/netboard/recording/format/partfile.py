@@ -1,10 +1,9 @@
-"""A recording while it is written: ``NAME.mcap.part``, which becomes ``NAME.mcap`` when it is whole.
+"""A recording while it is being written: ``NAME.mcap.part``, renamed to ``NAME.mcap`` when it is complete.
 
-Rules that hold here: no file is ever overwritten; a chunk holds at most so many bytes and goes to the operating system
-the moment it is closed, so that a killed process loses one chunk at most; `sync` makes everything written survive a
-power cut, and keeps room behind the end, so that a full disk is noticed while the index still fits; only `finish`
-gives the final name. Whatever a disk does, what was whole before stays whole. This module knows MCAP and disks, and
-nothing of ticks or sessions.
+No file is ever overwritten. A chunk has a size limit and goes to the operating system as soon as it is closed, so a
+killed process loses at most one chunk. `sync` makes all written data survive a power cut, and reserves space after the
+end, so that a full disk is noticed while the index still fits. Only `finish` gives the final name. A disk error never
+damages chunks that were already complete. This module knows MCAP and disks; it does not know ticks or sessions.
 """
 
 import os
@@ -24,25 +23,25 @@ PROFILE = "netboard"
 """Profile in the MCAP header of a recording."""
 
 _MESSAGE_HEAD = 31
-"""Bytes of an MCAP message beside its data."""
+"""Overhead of an MCAP message, in bytes [1]."""
 
 _DELETED, _MOVED = "was deleted", "was moved away"
 
 _RESERVE = 8 * 2**20
-"""Room kept behind the end, for what is written until the next look and for the index, in bytes [1]."""
+"""Space reserved after the end for data until the next `sync` and for the index, in bytes [1]."""
 
 _RESERVE_FOR_CHUNK = 512
-"""And for the index of each chunk, in bytes [1]."""
+"""Additional space for the index entries of each chunk, in bytes [1]."""
 
 
 def part_path(path: Path) -> Path:
-    """Name of a recording that is not finished yet."""
+    """Return the path of an unfinished recording."""
     return path.with_name(path.name + ".part")
 
 
 @contextmanager
 def _disk(path: Path) -> Iterator[None]:
-    """Turn what the disk refuses into a `RecordingError` that names the file."""
+    """Convert an error of the disk into a `RecordingError` that names the file."""
     try:
         yield
     except OSError as error:
@@ -50,13 +49,13 @@ def _disk(path: Path) -> Iterator[None]:
 
 
 def publish(part: Path, path: Path) -> None:
-    """Give a finished file its name, never over an existing one."""
+    """Give a finished file its final name, never over an existing file."""
     try:
         os.link(part, path)
     except FileExistsError:
         raise RecordingError(f"{path}: exists already; the finished recording stays in {part.name}") from None
     except OSError:
-        # A file system without hard links. Renaming is atomic too, but on POSIX replaces silently: look first.
+        # The file system has no hard links. Renaming is atomic too, but on POSIX it silently replaces: check first.
         if path.exists():
             raise RecordingError(f"{path}: exists already; the finished recording stays in {part.name}") from None
         part.rename(path)
@@ -66,12 +65,12 @@ def publish(part: Path, path: Path) -> None:
 
 
 class PartFile:
-    """An MCAP file with netboard's channels, growing.
+    """An unfinished MCAP file with netboard's channels.
 
     Parameters
     ----------
     chunk_bytes : int
-        Largest size of a chunk before compression, in bytes [1]. A longer message has a chunk of its own.
+        Maximum size of a chunk before compression, in bytes [1]. A longer message gets its own chunk.
     """
 
     def __init__(self, path: Path, library: str, chunk_bytes: int) -> None:
@@ -90,7 +89,7 @@ class PartFile:
             raise RecordingError(f"{self.part}: an unfinished recording of this name exists; see `netboard recover`")
         with _disk(self.part):
             self._file = self.part.open("x+b")
-        # Chunks are closed by this class alone: the writer's own limit would let a chunk grow past its size.
+        # Only this class closes chunks: the library's own limit would let a chunk grow beyond its size.
         self._mcap: Any = Writer(
             self._file, chunk_size=2**62, compression=CompressionType.ZSTD, enable_crcs=True, enable_data_crcs=True
         )
@@ -107,7 +106,7 @@ class PartFile:
 
     @contextmanager
     def _writing(self) -> Iterator[None]:
-        """Stop for good at the first refusal of the disk: what was whole before stays as it is."""
+        """Close the file at the first disk error; keep the data that were complete before it."""
         try:
             with _disk(self.part):
                 yield
@@ -119,11 +118,11 @@ class PartFile:
 
     @property
     def is_open(self) -> bool:
-        """Whether more can be written."""
+        """Whether the file accepts more data."""
         return not self._file.closed
 
     def free_bytes(self) -> int:
-        """Free space where the file is, in bytes."""
+        """Free space on the file's disk, in bytes."""
         if self.is_open:
             self._require_name()
         with _disk(self.path.parent):
@@ -131,26 +130,26 @@ class PartFile:
 
     @property
     def size(self) -> int:
-        """How much has been handed to the operating system, in bytes."""
+        """Size handed to the operating system so far, in bytes."""
         return self._whole
 
     def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
-        """Write a metadata record, at once and outside any chunk."""
+        """Write a metadata record immediately, outside any chunk."""
         with self._writing():
             self._mcap.add_metadata(name, dict(values))
 
     def add_attachment(self, name: str, media_type: str, data: bytes, log_time_ns: int) -> None:
-        """Write an attachment, at once and outside any chunk."""
+        """Write an attachment immediately, outside any chunk."""
         with self._writing():
             self._mcap.add_attachment(log_time_ns, log_time_ns, name, media_type, data)
 
     def add(self, channel_id: int, message: Stamped, log_time_ns: int) -> int:
-        """Put a message into the chunk in memory; when it is full, the chunk before is closed.
+        """Add a message to the chunk in memory; first close the chunk if the message does not fit.
 
         Returns
         -------
         int
-            Where the chunk with the message will begin in the file, in bytes [1].
+            File offset of the chunk that will hold the message, in bytes [1].
         """
         size = _MESSAGE_HEAD + len(message.data)
         if self._pending and self._pending + size > self._chunk_bytes:
@@ -159,7 +158,7 @@ class PartFile:
             channel_id,
             log_time_ns,
             message.data,
-            # MCAP's stamps are unsigned and its sequence has 32 bits; the message itself has the full values.
+            # MCAP's time stamps are unsigned and its sequence has 32 bits; the message itself has the full values.
             max(message.publish_time_ns, 0),
             message.sequence & 0xFFFF_FFFF,
         )
@@ -167,20 +166,20 @@ class PartFile:
         return self._whole
 
     def close_chunk(self) -> None:
-        """Hand the chunk in memory, if any, to the operating system: it survives the end of this process."""
+        """Hand the chunk in memory, if any, to the operating system, where it survives the end of this process."""
         with self._writing():
             self._mcap.flush()
         self._chunks += self._pending > 0
         self._pending = 0
 
     def sync(self) -> None:
-        """Close the chunk in memory and make everything written so far survive a power cut.
+        """Close the chunk in memory and make all written data survive a power cut.
 
         Raises
         ------
         RecordingError
-            If the disk is gone, and the file is closed then; or if the disk is full, or the file was deleted or moved:
-            then it is still open, and `finish` saves what was written.
+            If the disk is gone: the file is then closed. Or if the disk is full, or the file was deleted or moved: the
+            file is then still open, and `finish` saves what was written.
         """
         self.close_chunk()
         with self._writing():
@@ -190,12 +189,12 @@ class PartFile:
             self._reserve()
 
     def finish(self) -> None:
-        """Write the index and give the file its name.
+        """Write the index and give the file its final name.
 
         Raises
         ------
         RecordingError
-            If the disk refuses, a file of the final name has appeared meanwhile, or the file was moved.
+            If the disk reports an error, a file with the final name has appeared meanwhile, or the file was moved.
         """
         self.close_chunk()
         astray = self._astray()
@@ -204,7 +203,7 @@ class PartFile:
                 self._save()
             self._mcap.finish()
             self._file.flush()
-            self._file.truncate()  # gives back the room behind the end
+            self._file.truncate()  # release the reserved space
             os.fsync(self._file.fileno())
         self._file.close()
         if astray == _MOVED:
@@ -213,27 +212,27 @@ class PartFile:
             publish(self.part, self.path)
 
     def abandon(self) -> None:
-        """Close the part as it is; it can be recovered up to the last whole chunk."""
+        """Close the unfinished file as it is; it can be recovered up to the last complete chunk."""
         if self._file.closed:
             return
-        with suppress(OSError):  # the disk that refused to write may refuse this too: recovery finds the end anyway
+        with suppress(OSError):  # a failing disk may fail here too; recovery finds the end without it
             os.ftruncate(self._file.fileno(), self._whole)
-        # The buffer may hold what the disk has just refused; closing the raw file drops it instead of trying again.
+        # The buffer may hold data that the disk has just refused; closing the raw file drops it instead of retrying.
         self._file.raw.close()
 
     def discard(self) -> None:
-        """Delete the part, in which there is nothing yet."""
+        """Delete the part file, which has no data yet."""
         self.abandon()
         with _disk(self.part):
             self.part.unlink(missing_ok=True)
 
     def _require_name(self) -> None:
-        """Find out whether the file still has its name."""
+        """Raise an error if the file was deleted or moved."""
         if astray := self._astray():
             raise RecordingError(f"{self.part}: {astray} while it was being written")
 
     def _astray(self) -> str:
-        """What has become of the file's name, or nothing."""
+        """Return what happened to the file's name; empty if it is unchanged."""
         status = os.fstat(self._file.fileno())
         if status.st_nlink == 0:
             return _DELETED
@@ -243,7 +242,7 @@ class PartFile:
             return _MOVED
 
     def _save(self) -> None:
-        """Write a file anew that was deleted: as long as it is open, its bytes are there."""
+        """Write a deleted file anew; its bytes exist as long as it is open."""
         self.part.parent.mkdir(parents=True, exist_ok=True)
         with self.part.open("xb") as new, os.fdopen(os.dup(self._file.fileno()), "rb") as old:
             old.seek(0)
@@ -253,7 +252,7 @@ class PartFile:
         sync_directory(self.part.parent)
 
     def _reserve(self) -> None:
-        """Keep room behind the end, before it is needed."""
+        """Reserve space after the end before it is needed."""
         room = _RESERVE + self._chunks * _RESERVE_FOR_CHUNK
         if self._reserved < self._whole + room // 2:
             offered = allocate(self._file.fileno(), self._whole, room)

@@ -1,7 +1,7 @@
-"""What a recording amounts to, as numbers: a pure function of its arrays. Services print it; nothing is drawn here.
+"""Summary statistics of a recording: a pure function of its arrays. Services print them; nothing is drawn here.
 
-A percentile of nothing is not a number. The outcome of an attempt is read from the ``event`` column: the event in row k
-ended the phase found in row k.
+Percentiles of an empty array are NaN. The outcome of an attempt comes from the ``event`` column: the event in row k
+ended the phase in row k.
 """
 
 from collections.abc import Iterable, Sequence
@@ -22,14 +22,14 @@ from netboard.task.trials.state_machine import BALL_FREE, Cause, Phase
 
 @dataclass(frozen=True, slots=True)
 class Gap:
-    """Consecutive numbers that are missing."""
+    """A gap in a series of consecutive numbers."""
 
     first: int
     count: int
 
 
 def find_gaps(numbers: NDArray[np.int64]) -> tuple[Gap, ...]:
-    """Holes between the smallest and the largest of some numbers."""
+    """Return the gaps between the smallest and the largest number."""
     present = np.unique(numbers)
     steps = np.diff(present)
     holes = np.flatnonzero(steps > 1)
@@ -38,7 +38,7 @@ def find_gaps(numbers: NDArray[np.int64]) -> tuple[Gap, ...]:
 
 @dataclass(frozen=True, slots=True)
 class Spread:
-    """How a duration is distributed.
+    """Distribution of a duration.
 
     Attributes
     ----------
@@ -54,7 +54,7 @@ class Spread:
 
 
 def spread(values_ns: NDArray[np.int64]) -> Spread:
-    """Distribution of durations."""
+    """Return the distribution of durations."""
     if values_ns.size == 0:
         return Spread(0, *[float("nan")] * 4)
     seconds = values_ns * 1e-9
@@ -64,23 +64,23 @@ def spread(values_ns: NDArray[np.int64]) -> Spread:
 
 @dataclass(frozen=True, slots=True)
 class Attempt:
-    """One attempt at a trial, from the release of the ball on.
+    """One attempt at a trial, from the release of the ball.
 
     Attributes
     ----------
     trial, attempt : int
-        Number of the trial in the block and of the attempt at it, from 1 [1].
+        Number of the trial in the block, and of the attempt at it, from 1 [1].
     outcome : str
-        ``success``, ``fell``, ``timed_out``, or the operator's or server's cause in lower case; ``unfinished`` if the
-        recording ends first.
+        ``success``, ``fell``, ``timed_out``, or the cause from the operator or server in lower case; ``unfinished`` if
+        the recording ends first.
     began : int
-        First tick of the levelling before it; the same as `tick` if the recording does not have it [1].
+        First tick of the preceding levelling phase; equal to `tick` if the recording lacks it [1].
     tick : int
-        Tick at which the ball was released, or at which the recording begins [1].
+        Tick at which the ball was released or the recording begins [1].
     duration : float
-        From there to the end, holding included [s].
+        Time from `tick` to the end, holding included [s].
     completion : float
-        Completion time of a success, else not a number [s].
+        Completion time of a success, otherwise NaN [s].
     """
 
     trial: int
@@ -95,19 +95,20 @@ class Attempt:
 
 
 _OUTCOMES = {Cause.HELD: "success", Cause.FELL: "fell", Cause.TIMED_OUT: "timed_out", Cause.LAST: "skip"}
-"""Other attempts end with a command, and are called by it. While the ball rolls, the block's end is a skip."""
+"""Other attempts end with a command and carry its name. The end of a block while the ball rolls counts as a skip."""
 
 _CAUSES = frozenset(int(cause) for cause in Cause)
 
 _ROW_BYTES = np.dtype((np.void, TICK.itemsize))
-"""Rows are joined as plain bytes: numpy compares every field of structured types before it joins them."""
+"""Rows are concatenated as plain bytes, because numpy compares every field of structured types before it
+concatenates."""
 
 
 def find_attempts(ticks: NDArray[Any]) -> tuple[Attempt, ...]:
-    """All attempts of a recording, in order."""
+    """Return all attempts of a recording, in order."""
     if ticks.size == 0:
         return ()
-    # Trial and attempt count too, so that a hole in the recording does not join two attempts.
+    # Include trial and attempt, so that a gap in the recording does not merge two attempts.
     keys = np.stack([np.isin(ticks["phase"], BALL_FREE).astype(np.int64), ticks["trial"], ticks["attempt"]])
     bounds = np.concatenate([[0], 1 + np.flatnonzero(np.any(np.diff(keys) != 0, axis=0)), [ticks.size]])
     attempts = []
@@ -136,10 +137,10 @@ def find_attempts(ticks: NDArray[Any]) -> tuple[Attempt, ...]:
 
 
 def attempts_along(portions: Iterable[NDArray[Any]]) -> tuple[Attempt, ...]:
-    """All attempts of a recording that does not have to be in memory."""
+    """Return all attempts of a recording that is read in batches."""
     kept: list[NDArray[Any]] = []
     for rows in portions:
-        # An attempt, and the levelling before it, is known by its first row and its last.
+        # The first and last row of each phase suffice to describe an attempt and the levelling before it.
         keys = np.stack([rows[name] for name in ("phase", "trial", "attempt")])
         turns = np.any(np.diff(keys) != 0, axis=0)
         ends = np.concatenate([[True], turns]) | np.concatenate([turns, [True]])
@@ -148,14 +149,14 @@ def attempts_along(portions: Iterable[NDArray[Any]]) -> tuple[Attempt, ...]:
 
 
 def _outcome(cause: int) -> str:
-    """What became of an attempt that ended for a cause; ``unknown`` if there is no such cause."""
+    """Return the outcome of an attempt from the cause of its end; ``unknown`` if there is no such cause."""
     if cause in _OUTCOMES:
         return _OUTCOMES[Cause(cause)]
     return Cause(cause).name.lower() if cause in _CAUSES else "unknown"
 
 
 def _levelled(before: NDArray[Any], release: Any) -> int:
-    """First tick of the levelling that led to a release, or the release itself."""
+    """Return the first tick of the levelling before a release, or the release itself."""
     same = (before["trial"] == release["trial"]) & (before["attempt"] == release["attempt"])
     found = np.flatnonzero(same & (before["phase"] == Phase.LEVELLING))
     return int(before["tick"][found[0]]) if found.size else int(release["tick"])
@@ -163,22 +164,22 @@ def _levelled(before: NDArray[Any], release: Any) -> int:
 
 @dataclass(frozen=True, slots=True)
 class SideSummary:
-    """One side of the rig.
+    """Summary of one side.
 
     Attributes
     ----------
     loop : Spread
-        Stylus read to rendering of the force computed from it [s].
+        Sample-to-force latency: from reading the stylus to rendering the force computed from it [s].
     largest_force : float
-        Largest magnitude of the vertical force handed to the device, as far as it is known; NaN if it never is [N].
+        Largest magnitude of the known vertical rendered force; NaN if it is never known [N].
     unknown_ticks : int
-        Ticks since the first sample at which nobody knows what the device rendered [1].
+        Ticks since the first sample with an unknown rendered force [1].
     safeguards : dict of int
-        Ticks at which each action of the safety chain was reported, by its lower-case name; others are left out [1].
+        Number of ticks with each action of the safety chain, by its lower-case name; zero counts are left out [1].
     limited_ticks : int
-        Ticks at which the force was clamped or its change limited [1].
+        Ticks at which the force was clamped or slew-limited [1].
     skipped_samples : int
-        Samples that no tick used, because a newer one was there or they were lost [1].
+        Samples that no tick used, because a newer one had arrived or they were lost [1].
     """
 
     loop: Spread
@@ -191,7 +192,7 @@ class SideSummary:
 
 
 def summarise_side(ticks: NDArray[Any], side: str) -> SideSummary:
-    """Sum up one side."""
+    """Summarise one side."""
     loop, bits, seqs = ticks[f"{side}_loop_ns"], ticks[f"{side}_safeguards"], ticks[f"{side}_seq"]
     rendered = ticks[f"{side}_rendered"]
     known = rendered[~np.isnan(rendered)]
@@ -209,14 +210,14 @@ def summarise_side(ticks: NDArray[Any], side: str) -> SideSummary:
 
 
 def _closed_loops(loop_ns: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Each loop once: an agent repeats the newest one with every sample until the next is closed."""
+    """Return each sample-to-force latency once: an agent repeats the newest one in every sample until the next."""
     new = (np.diff(loop_ns, prepend=0) != 0) & (loop_ns > 0)
     return np.compress(new, loop_ns)
 
 
 @dataclass(frozen=True, slots=True)
 class DisplaySummary:
-    """One station's display.
+    """Summary of one station's display.
 
     Attributes
     ----------
@@ -230,16 +231,16 @@ class DisplaySummary:
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """What a recording amounts to.
+    """Summary of a recording.
 
     Attributes
     ----------
     duration : float
-        First to last tick, both included [s].
+        Time from the first to the last tick, both included [s].
     lateness : Spread
-        How late ticks began [s].
+        Delay of the tick starts after their deadlines [s].
     round_trips : dict of Spread
-        Network round trip of the clock probes by kind of peer, the peer's own time taken off [s].
+        Round-trip time of the clock probes by kind of peer, without the peer's own processing time [s].
     """
 
     ticks: int
@@ -262,12 +263,12 @@ class Summary:
 
     @property
     def failures(self) -> int:
-        """Attempts that failed: the ball fell or the time was up [1]."""
+        """Attempts that failed: the ball fell or the time limit was reached [1]."""
         return sum(attempt.outcome in ("fell", "timed_out") for attempt in self.attempts)
 
     @property
     def missing_ticks(self) -> int:
-        """Ticks that are not there [1]."""
+        """Missing ticks [1]."""
         return sum(gap.count for gap in self.missing)
 
 
@@ -278,7 +279,7 @@ def summarise(
     frames: Sequence[FrameRecord] = (),
     remarks: Sequence[EventRecord] = (),
 ) -> Summary:
-    """Sum up a recording."""
+    """Summarise a recording."""
     trips: dict[str, list[int]] = {}
     for probe in clocks:
         trips.setdefault(kind_of_peer(probe.peer), []).append(probe.t3_ns - probe.t0_ns - (probe.t2_ns - probe.t1_ns))

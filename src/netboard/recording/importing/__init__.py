@@ -1,1 +1,1 @@
-"""Imported tables: data from elsewhere become recordings."""
+"""Import of tables: data from other systems become recordings."""

@@ -1,7 +1,7 @@
-"""The columns that a table from elsewhere can have: names, units, meanings; and what theirs are called.
+"""Columns of an imported table: names, units and meanings, and the mapping from the table's own names.
 
-All are in SI units, up and to the right are positive. A table with other names or units says so in words:
-``left_z=Height1`` (`mapped`) and ``left_z=mm`` or, if their axis points the other way, ``left_z=-mm`` (`scales`).
+All columns are in SI units; up and right are positive. Options map other names and units: ``left_z=Height1`` (`mapped`)
+and ``left_z=mm`` or, for an inverted axis, ``left_z=-mm`` (`scales`).
 """
 
 import difflib
@@ -15,7 +15,7 @@ from netboard.base.errors import ConfigError
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """A column."""
+    """Definition of a column."""
 
     name: str
     kind: Literal["number", "integer", "word"]
@@ -56,13 +56,13 @@ COLUMNS: dict[str, Column] = {
         Column("completion", "number", "s", "completion time of a success, in any row of an attempt"),
     )
 }
-"""Every column by its name."""
+"""All columns by name."""
 
 RATES = {"left_z": "left_vz", "right_z": "right_vz", "z": "vz", "theta": "omega", "p": "vp"}
-"""The rate of each position that has one."""
+"""The velocity column of each position that has one."""
 
 TASK = ("z", "theta", "p", "trial", "phase")
-"""A table with none of these knows nothing of a task."""
+"""Columns of which a table with task data has at least one."""
 
 UNITS: dict[str, dict[str, tuple[float, float]]] = {
     "s": {"s": (1, 1), "ms": (1, 1e3), "us": (1, 1e6), "ns": (1, 1e9), "min": (60, 1)},
@@ -73,11 +73,11 @@ UNITS: dict[str, dict[str, tuple[float, float]]] = {
     "N": {"N": (1, 1), "mN": (1, 1e3)},
     "1": {"1": (1, 1)},
 }
-"""Units that are understood in the place of each SI unit: their values times the first, over the second."""
+"""Accepted units for each SI unit: multiply by the first factor, divide by the second."""
 
 
 def _pairs(option: str, words: Sequence[str], example: str) -> dict[str, str]:
-    """Take words such as ``left_z=mm`` apart."""
+    """Parse options such as ``left_z=mm``."""
     pairs: dict[str, str] = {}
     for word in words:
         name, equals, value = word.partition("=")
@@ -94,22 +94,22 @@ def _pairs(option: str, words: Sequence[str], example: str) -> dict[str, str]:
 
 
 def mapped(source: str, names: Sequence[str], words: Sequence[str], known: Sequence[str] = ()) -> dict[str, str]:
-    """Find the columns of a table.
+    """Map netboard's column names to those of a table.
 
     Parameters
     ----------
     words : sequence of str
-        What some are called there, as ``column=theirs``; the others have netboard's names.
+        Names of columns in the table, as ``column=theirs``; the other columns have netboard's names.
 
     Returns
     -------
     dict of str
-        The name there of each column that is there, by netboard's name.
+        The table's name of each column found, by netboard's name.
 
     Raises
     ------
     ConfigError
-        If a column that is named is not there, one that is needed is missing, or two have one name.
+        If a named column or a required one is missing, or two columns have the same name.
     """
     said = _pairs("--map", words, "left_z=Height1")
     for name, theirs in said.items():
@@ -130,17 +130,17 @@ def mapped(source: str, names: Sequence[str], words: Sequence[str], known: Seque
 
 
 def scales(words: Sequence[str]) -> dict[str, tuple[float, float]]:
-    """Understand units.
+    """Return the unit conversions.
 
     Parameters
     ----------
     words : sequence of str
-        Units of some columns, as ``column=unit`` or ``column=-unit``; the others are in SI units.
+        Units of columns, as ``column=unit`` or ``column=-unit``; the other columns are in SI units.
 
     Returns
     -------
     dict of (float, float)
-        What values of each column are to be multiplied with, and then divided by [1].
+        Multiplier and divisor for each column [1].
     """
     found: dict[str, tuple[float, float]] = dict.fromkeys(COLUMNS, (1.0, 1.0))
     for name, unit in _pairs("--unit", words, "left_z=mm").items():

@@ -1,9 +1,9 @@
-"""Files of hands, and files of what they made of a scene: CSV and Parquet.
+"""Reads files of hand movements, and writes the simulated results: CSV and Parquet.
 
-A file of hands has the columns `HAND_COLUMNS`, in any order and at any rate. Whatever is wrong with one is said with
-file, line and column, what was found and what is expected; nothing is repaired silently. A result is first written
-under another name beside its own and then renamed, so that there is never half of one; one that is there already stays
-unless it is told otherwise. Numbers are written so that they read back as the same numbers, to the last bit.
+A file of hand movements has the columns `HAND_COLUMNS`, in any order and at any rate. An invalid file raises an error
+with file, line and column, what was found and what was expected; nothing is repaired silently. Results are written
+under a temporary name and then renamed, so they are never partial. Existing files are kept unless overwriting is
+requested. Numbers are written so that they read back bit for bit.
 """
 
 import contextlib
@@ -24,19 +24,19 @@ from netboard.base.errors import ConfigError, NetboardError
 from netboard.physics.hands.sampled import GAP, Hands, find_gaps
 
 HAND_COLUMNS = ("t", "z_left", "v_left", "z_right", "v_right")
-"""Time of the sample [s], height [m] and rate [m/s] of each stylus."""
+"""Time of the sample [s], height [m] and velocity [m/s] of each stylus."""
 
 UNITS = {"t": "s", "z_left": "m", "v_left": "m/s", "z_right": "m", "v_right": "m/s"}
 KINDS = (".csv", ".parquet")
 
 HIGHEST = 1.0
-"""No stylus reaches higher or lower [m]."""
+"""Largest plausible height of a stylus, up or down [m]."""
 
 QUICKEST = 50.0
-"""No hand is quicker [m/s]."""
+"""Largest plausible velocity of a hand [m/s]."""
 
 SLOWEST = 0.25
-"""Samples further apart say nothing about a hand [s]."""
+"""Longest sample interval that is not a gap [s]."""
 
 _ROWS_AT_ONCE = 20_000
 
@@ -45,12 +45,12 @@ _ROWS_AT_ONCE = 20_000
 
 
 def read_hands(path: Path, gaps: str = "refuse") -> Hands:
-    """Read a file of hands.
+    """Read a file of hand movements.
 
     Parameters
     ----------
     gaps : str
-        "refuse" them, or "hold": go on from the last sample before each as between any two.
+        "refuse" raises an error at gaps; "hold" extrapolates the last sample before each, as between any two samples.
     """
     try:
         table = _read_parquet(path) if path.suffix.lower() == ".parquet" else _read_csv(path)
@@ -85,7 +85,7 @@ def _read_csv(path: Path) -> NDArray[np.float64]:
 
 
 def _first_fault(path: Path) -> str:
-    """Find the first line of a CSV file that is not a row of numbers."""
+    """Describe the first line of a CSV file that is not a row of numbers."""
     with path.open(encoding="utf-8-sig", newline="") as file:
         reader = csv.reader(file)
         names = [name.strip() for name in next(reader)]
@@ -107,7 +107,7 @@ def _read_parquet(path: Path) -> NDArray[np.float64]:
     with path.open("rb") as file:
         try:
             found = parquet.read_table(file)
-        except ValueError as error:  # as all of Arrow's own
+        except ValueError as error:  # the base class of Arrow's errors
             raise ConfigError(f"{path}: not a Parquet file: {str(error).partition('. ')[0]}") from None
     _places(path, found.column_names)
     columns = []
@@ -124,7 +124,7 @@ def _read_parquet(path: Path) -> NDArray[np.float64]:
 
 
 def _parquet(path: Path, what: str) -> Any:
-    """Load the library that knows Parquet."""
+    """Import the Parquet library."""
     try:
         return importlib.import_module("pyarrow.parquet")
     except ImportError:
@@ -134,7 +134,7 @@ def _parquet(path: Path, what: str) -> Any:
 
 
 def _places(path: Path, names: Sequence[str]) -> list[int]:
-    """Find where in a table each of `HAND_COLUMNS` is."""
+    """Return the column index of each of `HAND_COLUMNS`."""
     expected = ",".join(HAND_COLUMNS)
     for separator in (";", "\t"):
         if any(separator in name for name in names):
@@ -155,13 +155,13 @@ def _places(path: Path, names: Sequence[str]) -> list[int]:
 
 
 class _Where:
-    """Says where in a file a row of numbers is."""
+    """Formats the location of a row in a file, for error messages."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
 
     def __call__(self, row: int, column: str = "") -> str:
-        """Return file, line (of a CSV file, blank ones counted) or row, and column."""
+        """Return file, line (for CSV, counting blank ones) or row, and column."""
         place = f"row {row + 1}" if self.path.suffix.lower() == ".parquet" else f"line {self._line(row)}"
         return f"{self.path}: {place}" + (f", column {column}" if column else "")
 
@@ -172,7 +172,7 @@ class _Where:
 
 
 def _check(table: NDArray[np.float64], where: _Where) -> None:
-    """Refuse what cannot be hands."""
+    """Raise an error for implausible samples."""
     if len(table) < 2:
         raise ConfigError(f"{where.path}: rows of numbers: found {len(table)}, expected at least 2")
     bad = np.argwhere(~np.isfinite(table))
@@ -207,7 +207,7 @@ def _check(table: NDArray[np.float64], where: _Where) -> None:
 
 
 def _refuse_gaps(t: NDArray[np.float64], where: _Where) -> None:
-    """Refuse gaps."""
+    """Raise an error for gaps."""
     gaps = find_gaps(t)
     if len(gaps):
         row = int(gaps[0])
@@ -220,14 +220,14 @@ def _refuse_gaps(t: NDArray[np.float64], where: _Where) -> None:
 
 
 def _are(count: int) -> str:
-    """Say how many there are."""
+    """Format a count with its verb."""
     return "is 1" if count == 1 else f"are {count}"
 
 
 def doubts(hands: Hands) -> list[str]:
-    """Say what is odd about rates that do not belong to their heights."""
+    """Return warnings about velocities that do not match their heights."""
     found = []
-    # Over a tenth of a second, so that noise and a filter's delay do not count.
+    # Compare over a tenth of a second, so that noise and filter delay have no effect.
     every = max(1, round(0.1 / float(np.median(np.diff(hands.t)))))
     areas = 0.5 * (hands.vz[1:] + hands.vz[:-1]) * np.diff(hands.t)[:, None]
     for column, side in enumerate(("left", "right")):
@@ -246,17 +246,17 @@ def doubts(hands: Hands) -> list[str]:
 
 
 def find_inputs(words: Sequence[str]) -> list[Path]:
-    """Find the files that are meant.
+    """Return the input files.
 
     Parameters
     ----------
     words : sequence of str
-        Files, folders (for every .csv and .parquet file in them) and patterns such as ``hands/*.csv``.
+        Files, folders (all their .csv and .parquet files) and patterns such as ``hands/*.csv``.
 
     Returns
     -------
     list of Path
-        Each once, in the order in which they are named, and by name within a folder or a pattern.
+        Each file once, in the order of `words`, sorted by name within a folder or pattern.
     """
     paths: list[Path] = []
     for word in words:
@@ -277,13 +277,13 @@ def find_inputs(words: Sequence[str]) -> list[Path]:
 
 
 def plan_outputs(inputs: Sequence[Path], output: str, force: bool = False) -> dict[Path, Path]:
-    """Name the result of each input, before anything is computed.
+    """Determine the output file of each input, before the computation starts.
 
     Parameters
     ----------
     output : str
-        A file, for one input; a folder, where results have the names of their inputs; or a name with ``{}`` in it, for
-        that of the input without its ending.
+        A file, for one input; a folder, where outputs have the names of their inputs; or a name with ``{}`` in place of
+        the input's name without suffix.
     """
     folder = not output.lower().endswith(KINDS)
     if folder and Path(output).suffix and not (Path(output).is_dir() or output.endswith("/")):
@@ -308,7 +308,7 @@ def plan_outputs(inputs: Sequence[Path], output: str, force: bool = False) -> di
 
 
 def _refuse_existing(path: Path, force: bool) -> None:
-    """Refuse to write over a file."""
+    """Raise an error if the file exists."""
     if path.exists() and not force:
         raise ConfigError(f"{path}: is there already; --force overwrites it")
 
@@ -319,14 +319,14 @@ def _refuse_existing(path: Path, force: bool) -> None:
 def write_table(
     path: Path, columns: Mapping[str, NDArray[np.float64]], about: Mapping[str, str], force: bool = False
 ) -> None:
-    """Write a table under a name of its own, and then give it the name asked for.
+    """Write a table under a temporary name, then rename it.
 
     Parameters
     ----------
     about : mapping of str to str
-        Where it comes from; in the metadata of a Parquet file, under "netboard", as JSON.
+        Provenance of the table; a Parquet file stores it in its metadata, under "netboard", as JSON.
     force : bool
-        It may take the place of a file that is there.
+        True: replace an existing file.
     """
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
     write = _write_parquet if path.suffix.lower() == ".parquet" else _write_csv
@@ -351,7 +351,7 @@ def _write_csv(path: Path, columns: Mapping[str, NDArray[np.float64]], about: Ma
 
 
 def _csv_rows(table: NDArray[np.float64]) -> Iterator[str]:
-    """Write rows, many at once: the shortest digits that read back as the same number."""
+    """Format rows in batches, with the fewest digits that read back as the same number."""
     line = ",".join(["%r"] * table.shape[1]) + "\n"
     for first in range(0, len(table), _ROWS_AT_ONCE):
         rows = table[first : first + _ROWS_AT_ONCE]

@@ -1,8 +1,8 @@
-"""The manifest of a study that is imported: a TOML file that lists its tables and says what each of them is.
+"""Manifest of a study import: a TOML file that lists tables and describes each of them.
 
-What stands at its head holds for every table; a ``[[recording]]`` adds to that or says otherwise. Beside the keys of
-`KEYS` both take every table of the configuration (``session``, ``block``, ``physics``, ...). All problems are found
-before anything is written, each with file, line and key.
+The top-level keys apply to every table; a ``[[recording]]`` extends or overrides them. Besides `KEYS`, both accept
+every table of the configuration (``session``, ``block``, ``physics``, ...). All errors are found before anything is
+written, each with file, line and key.
 """
 
 import re
@@ -27,10 +27,10 @@ KEYS = {
     "interpolation": '"cubic" or "linear"',
     "simulate": "true or false",
 }
-"""Keys of the head and of a recording, and what is expected, in words."""
+"""Top-level and recording keys, with the expected values in words."""
 
 LEAST = {"rate": 0.1, "gap": 0.002}
-"""Least values of those that are numbers [Hz, s]."""
+"""Minimum of the numeric keys [Hz, s]."""
 
 HEAD = ("config", "recording")
 TABLES = tuple(field.name for field in fields(Config))
@@ -39,7 +39,7 @@ HEADER = re.compile(r"^\s*\[\[\s*recording\s*\]\]")
 
 @dataclass(frozen=True, slots=True)
 class Listed:
-    """A table of a manifest: where it is listed, the file, the experiment it is of, and how it is imported."""
+    """A listed table: its location in the manifest, file, configuration and import options."""
 
     where: str
     path: Path
@@ -48,12 +48,12 @@ class Listed:
 
 
 class Manifest:
-    """A manifest that has been read.
+    """A manifest after reading.
 
     Parameters
     ----------
     path : Path
-        The file; the names of tables in it start from its folder.
+        The manifest; table names are relative to its folder.
     """
 
     def __init__(self, path: Path) -> None:
@@ -85,7 +85,7 @@ class Manifest:
                 self._list(one, place)
 
     def _base(self, name: Any) -> dict[str, Any]:
-        """Read the configuration on which all recordings are built."""
+        """Read the base configuration of all recordings."""
         if name is None:
             return {}
         if not isinstance(name, str):
@@ -105,7 +105,7 @@ class Manifest:
         return tomllib.loads(text)
 
     def _wrong(self, said: Mapping[str, Any], place: int | None) -> Iterator[str]:
-        """Find keys that are not known, or of the wrong type."""
+        """Yield errors for unknown keys and wrong types."""
         if place is not None and not isinstance(said.get("file"), str):
             yield f"{self._at(place, 'file')}: found {said.get('file')!r}, expected the name of a .csv or .parquet file"
         elif place is not None and not (self.path.parent / said["file"]).is_file():
@@ -123,7 +123,7 @@ class Manifest:
                     yield f"{self._at(place, f'{key}.{name}')}: {problem}"
 
     def _list(self, said: dict[str, Any], place: int) -> None:
-        """Add a recording, with its configuration."""
+        """Add a recording with its configuration."""
         path = self.path.parent / said["file"]
         where = f"{self._at(place)} ({said['file']})"
         try:
@@ -134,9 +134,9 @@ class Manifest:
         self.listed.append(Listed(where, path, config, _wishes(said)))
 
     def _at(self, place: int | None, key: str = "") -> str:
-        """Say where in the file something stands: a recording or the head, and the line of a key if that is found."""
+        """Format a location in the file: recording or top level, and the line of a key if found."""
         first = 0 if place is None else self._starts[place] if place < len(self._starts) else None
-        if first is None:  # written as an array
+        if first is None:  # the recordings are written as an array
             return f"{self.path}: recording {(place or 0) + 1}" + (f", key {key}" if key else "")
         stop = next((start for start in self._starts if start > first), len(self._lines))
         if place is None:
@@ -148,7 +148,7 @@ class Manifest:
 
 
 def _fits(key: str, value: Any) -> bool:
-    """Tell whether a value may stand under a key."""
+    """Return True if a value is valid for a key."""
     match key:
         case "columns":
             return isinstance(value, dict)
@@ -156,12 +156,12 @@ def _fits(key: str, value: Any) -> bool:
             return isinstance(value, bool)
         case "interpolation":
             return value in ("cubic", "linear")
-        case _:  # a number
+        case _:  # numeric keys
             return type(value) in (int, float) and LEAST[key] <= value < inf
 
 
 def _wrong_columns(columns: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """Find columns and units that are not known."""
+    """Yield unknown columns and units."""
     for name, theirs in columns.items():
         parts = {"name": theirs} if isinstance(theirs, str) else theirs
         if name not in COLUMNS:
@@ -178,7 +178,7 @@ def _wrong_columns(columns: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
 
 
 def _wishes(said: Mapping[str, Any]) -> Wishes:
-    """How a table is imported."""
+    """Return the import options of a table."""
     columns = {name: {"name": one} if isinstance(one, str) else one for name, one in said.get("columns", {}).items()}
     return Wishes(
         names=tuple(f"{name}={one['name']}" for name, one in columns.items() if "name" in one),
@@ -191,7 +191,7 @@ def _wishes(said: Mapping[str, Any]) -> Wishes:
 
 
 def _merged(under: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
-    """Lay one table over another, tables within them too."""
+    """Merge two tables recursively; the second one takes precedence."""
     merged = dict(under)
     for key, value in over.items():
         below = merged.get(key)
@@ -200,7 +200,7 @@ def _merged(under: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]
 
 
 def _counted(recordings: Sequence[dict[str, Any]]) -> Iterator[dict[str, Any]]:
-    """Say of each block how many its session has, by the highest number, where that is left out."""
+    """Add the missing number of blocks per session, from the highest block number."""
     most: dict[tuple[str, str], int] = {}
     for one in recordings:
         session, number = one.get("session", {}), one.get("block", {}).get("number", 1)
@@ -213,12 +213,12 @@ def _counted(recordings: Sequence[dict[str, Any]]) -> Iterator[dict[str, Any]]:
 
 
 def _toml_of(said: Mapping[str, Any]) -> str:
-    """Write the tables of the configuration as TOML."""
+    """Format the tables of the configuration as TOML."""
     return "\n".join(f"{table} = {_inline(said[table])}" for table in TABLES if table in said)
 
 
 def _inline(value: Any) -> str:
-    """Write a value, or a table in a line."""
+    """Format a value or an inline table."""
     if isinstance(value, dict):
         return "{" + ", ".join(f"{to_toml(key)} = {_inline(one)}" for key, one in value.items()) + "}"
     return f"[{', '.join(map(_inline, value))}]" if isinstance(value, list) else to_toml(value)

@@ -1,7 +1,7 @@
-"""Tables in files, CSV and Parquet, a portion of rows at a time; whatever is wrong is said with file, line and column.
+"""Reads tables in CSV and Parquet files in batches of rows; errors name file, line and column.
 
-Columns of a CSV file may be separated by commas, semicolons or tabs; numbers have a decimal point. An empty cell is a
-number that is not there (NaN), or no word.
+CSV columns are separated by commas, semicolons or tabs; numbers have a decimal point. An empty cell is a missing number
+(NaN) or an empty string.
 """
 
 import csv
@@ -18,17 +18,17 @@ from netboard.base.errors import ConfigError, RecordingError
 from netboard.recording.export.formats import library
 
 ROWS = 20_000
-"""Rows of a portion [1]."""
+"""Rows per batch [1]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Portion:
-    """Some rows of a table, as they are in the file.
+    """A batch of rows, as stored in the file.
 
     Attributes
     ----------
     cells : dict of sequences
-        Columns: of text, or of whatever is in a Parquet file.
+        Columns of text, or of any type in a Parquet file.
     """
 
     source: str
@@ -49,16 +49,16 @@ class Portion:
         raise ConfigError(f'{self.at(place)}, column {name}: found "{cells[place]}", expected {words}') from None
 
     def words(self, name: str) -> list[str]:
-        """Return a column of words."""
+        """Return a column of strings."""
         return ["" if cell is None else str(cell).strip() for cell in self.cells[name]]
 
     def at(self, place: int) -> str:
-        """Say where a row is."""
+        """Format the location of a row."""
         return f"{self.source}: {self.what} {self.places[place]}"
 
 
 def _number(cell: Any, kind: type[np.generic]) -> float | int:
-    """Read a cell; an empty one is no number, or 0 where that must be whole."""
+    """Parse a cell; an empty one is NaN, or 0 for integers."""
     if cell is None or (isinstance(cell, str) and not cell.strip()):
         return 0 if kind is np.int64 else float("nan")
     if kind is not np.int64:
@@ -68,7 +68,7 @@ def _number(cell: Any, kind: type[np.generic]) -> float | int:
             return int(cell)
         except ValueError:
             cell = float(cell)
-    if np.isnan(cell):  # as programs write a whole number that is not there
+    if np.isnan(cell):  # some programs write a missing integer as NaN
         return 0
     if int(cell) != cell:
         raise ValueError
@@ -99,7 +99,7 @@ class TableFile:
             raise ConfigError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from error
 
     def portions(self, names: Sequence[str]) -> Iterator[Portion]:
-        """Yield its rows."""
+        """Yield the rows in batches."""
         assert self._read is not None
         try:
             yield from self._read(list(dict.fromkeys(names)))
@@ -153,6 +153,6 @@ class TableFile:
 
 
 def _cells(column: Any) -> Any:
-    """Return a column of Parquet: as an array if it is all numbers, bits untouched."""
+    """Return a Parquet column; an all-numeric one is an array with its bits unchanged."""
     values = column.to_numpy(zero_copy_only=False)
     return values if values.dtype.kind in "if" and not column.null_count else list(column.to_pylist())

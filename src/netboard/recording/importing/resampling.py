@@ -1,9 +1,8 @@
-"""Samples of any rate become ticks of a millisecond. Arrays in, arrays out.
+"""Resamples data of any rate to ticks of 1 ms. Arrays in, arrays out.
 
-Samples further apart than a gap have nothing between them, and no tick. Samples that are ticks already stay as they
-are, to the bit. Others are interpolated: positions by a cubic (or on straight lines, if that is asked for), everything
-else on straight lines; what is whole is that of the newest sample. Nothing is filtered: what is quicker than half a
-millisecond is an alias.
+There are no ticks within a gap, where samples are further apart than the gap option. Samples at tick times stay
+bit-identical. Others are interpolated: positions by a cubic spline (or linearly, on request), other numbers linearly;
+integers keep the newest sample. No filter is applied, so frequencies above the Nyquist limit of the ticks alias.
 """
 
 from collections.abc import Mapping
@@ -21,22 +20,22 @@ from netboard.recording.importing.columns import RATES
 Interpolation = Literal["cubic", "linear"]
 
 NEAR = 1e-3
-"""A sample so many ticks from one is at it: a microsecond, the rounding of times [1]."""
+"""Tolerance, in ticks, for a sample at a tick: a microsecond, the rounding of times [1]."""
 
 HANDS = ("left_z", "right_z")
-"""Positions that never jump. Board and ball are put in their places between trials."""
+"""Positions that never jump. Board and ball jump when they are reset between trials."""
 
 Columns = Mapping[str, NDArray[Any]]
 
 
 @dataclass(frozen=True, slots=True)
 class Stretch:
-    """Samples without a gap.
+    """A range of samples without gaps.
 
     Attributes
     ----------
     ticks : ndarray of int64, shape (n,)
-        Numbers of the ticks from there to there, the first sample of all being at tick 0 [1].
+        Tick numbers of the range; the first sample of the data is at tick 0 [1].
     """
 
     first: int
@@ -46,12 +45,12 @@ class Stretch:
 
 
 def stretches(time: NDArray[np.float64], gap: float) -> list[Stretch]:
-    """Cut samples at their gaps."""
+    """Split samples at gaps."""
     at = (time - time[0]) / TICK_SECONDS
     cuts = np.flatnonzero(np.diff(time) > gap) + 1
     found = []
     for first, stop in zip([0, *cuts.tolist()], [*cuts.tolist(), time.size], strict=True):
-        if stop - first < 2:  # nothing is known of its rates
+        if stop - first < 2:  # a single sample has no velocity
             continue
         low, high = np.ceil(at[first] - NEAR), np.floor(at[stop - 1] + NEAR)
         ticks = np.arange(int(low), int(high) + 1)
@@ -65,17 +64,17 @@ def stretches(time: NDArray[np.float64], gap: float) -> list[Stretch]:
 
 
 def resampled(time: NDArray[np.float64], columns: Columns, stretch: Stretch, kind: Interpolation) -> Columns:
-    """Give the columns of a stretch at its ticks, and the rates of positions.
+    """Return the columns of a range at its ticks, with the velocities of positions.
 
     Parameters
     ----------
     columns : mapping of ndarray, shape (n,)
-        The samples: int64 and words keep the newest value, float64 is interpolated [SI].
+        The samples: int64 and strings keep the newest value, float64 is interpolated [SI].
 
     Returns
     -------
     mapping of ndarray, shape (m,)
-        The columns at the ticks, with `RATES` of all positions [SI].
+        Columns at the ticks, with the `RATES` of all positions [SI].
     """
     here = slice(stretch.first, stretch.stop)
     t = time[here]
@@ -105,13 +104,13 @@ def _along(
     kind: Interpolation,
     x: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return a position at some times, and its rate there."""
+    """Return a position and its rate at given times."""
     if kind == "linear" or not np.isfinite(values).all():
         return np.interp(x, t, values), np.interp(x, t, np.gradient(values, t))
     if rates is not None and np.isfinite(rates).all():
         curve = CubicHermiteSpline(t, values, rates)
     elif name in HANDS:
         curve = CubicSpline(t, values)
-    else:  # what jumps may not swing
+    else:  # positions that jump must not overshoot
         curve = Akima1DInterpolator(t, values, method="makima")
     return curve(x), curve.derivative()(x)

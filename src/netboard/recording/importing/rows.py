@@ -1,7 +1,7 @@
-"""Rows of ticks from columns at ticks: as they were measured, or with board, ball and trials computed from the hands.
+"""Converts columns at ticks to rows of ticks, as measured or with board, ball and trials simulated from the hands.
 
-What was measured is taken as it is; a number that was not is NaN, and a whole number 0. An attempt is what lies between
-two changes of trial, attempt or a free ball; its end gets the cause that its outcome names.
+Measured values are used unchanged; missing numbers are NaN, missing integers 0. An attempt extends between changes of
+trial, attempt or free ball; its end gets the cause that its outcome names.
 """
 
 from collections.abc import Mapping
@@ -26,17 +26,17 @@ OUTCOMES = {
     "skip": Cause.SKIP,
     "pause": Cause.PAUSE,
 }
-"""What ended an attempt, by its outcome."""
+"""Cause of the end of an attempt, by outcome."""
 
 PHASES = {phase.name.lower(): int(phase) for phase in Phase} | {str(int(phase)): int(phase) for phase in Phase}
-"""Every phase by its name, and by its number."""
+"""Phases by name and by number."""
 
 _TAKEN = ("left_x", "left_y", "right_x", "right_y", "z", "vz", "theta", "omega", "p", "vp")
 _FORCES = ("left_force", "right_force", "left_coupling", "right_coupling")
 
 
 def _samples(ticks: NDArray[np.int64], columns: Columns) -> NDArray[Any]:
-    """Rows with times and fresh samples of both styluses."""
+    """Return rows with times and fresh samples of both styluses."""
     rows = np.zeros(ticks.size, TICK)
     rows["tick"] = ticks
     rows["time_ns"] = START_NS + ticks * TICK_NS
@@ -51,17 +51,17 @@ def _samples(ticks: NDArray[np.int64], columns: Columns) -> NDArray[Any]:
 
 
 def simulated(ticks: NDArray[np.int64], columns: Columns, config: Config) -> NDArray[Any]:
-    """Run the experiment over the hands: the stage, as the server runs it.
+    """Simulate the experiment from the hand movements, with the stage that the server uses.
 
     Parameters
     ----------
     columns : mapping of ndarray, shape (n,)
-        Heights and rates of the styluses, and what else is known of them, at these ticks [SI].
+        Stylus heights and velocities and other known columns at these ticks [SI].
 
     Returns
     -------
     ndarray of TICK, shape (m,)
-        Every tick from the first to the last; in a gap there are no fresh samples, and the hands stay where they were.
+        Every tick from first to last; gaps have no fresh samples, so the hands keep their position.
     """
     every = np.arange(ticks[0], ticks[-1] + 1)
     newest = np.searchsorted(ticks, every, "right") - 1
@@ -78,12 +78,12 @@ def simulated(ticks: NDArray[np.int64], columns: Columns, config: Config) -> NDA
 
 
 def measured(ticks: NDArray[np.int64], columns: Columns) -> NDArray[Any]:
-    """Put what was measured in its places.
+    """Fill ticks with measured columns.
 
     Parameters
     ----------
     columns : mapping of ndarray, shape (n,)
-        What is known at them, by the names of `netboard.recording.importing.columns.COLUMNS` [SI].
+        Known columns at the ticks, by the names in `netboard.recording.importing.columns.COLUMNS` [SI].
     """
     rows = _samples(ticks, columns)
     for name in (*_TAKEN, *_FORCES):
@@ -100,7 +100,7 @@ def measured(ticks: NDArray[np.int64], columns: Columns) -> NDArray[Any]:
 
 
 def _number_attempts(rows: NDArray[Any], columns: Columns) -> None:
-    """Write phases, trials, attempts and targets."""
+    """Set phases, trials, attempts and targets."""
     if "phase" in columns:
         rows["phase"] = [_known("phase", word or "idle", PHASES) for word in columns["phase"]]
     else:
@@ -108,7 +108,7 @@ def _number_attempts(rows: NDArray[Any], columns: Columns) -> None:
     free = np.isin(rows["phase"], BALL_FREE)
     if "trial" in columns:
         rows["trial"] = columns["trial"]
-    else:  # each release is of a new one
+    else:  # without a trial column, each release starts a new trial
         rows["trial"] = np.cumsum(np.diff(free.astype(np.int64), prepend=0) == 1)
     rows["attempt"] = columns.get("attempt", rows["trial"] > 0)
     rows["target"] = columns.get("target", 0)
@@ -121,7 +121,7 @@ def _known(column: str, word: str, words: Mapping[str, Any]) -> Any:
 
 
 def _tell_outcomes(rows: NDArray[Any], columns: Columns) -> None:
-    """Write what ends each attempt, its times, and the counts of the block."""
+    """Set the end of each attempt, its times, and the counts of the block."""
     free = np.isin(rows["phase"], BALL_FREE)
     keys = np.stack([free.astype(np.int64), rows["trial"], rows["attempt"]])
     cuts = (np.flatnonzero(np.any(np.diff(keys) != 0, axis=0)) + 1).tolist()
@@ -135,7 +135,7 @@ def _tell_outcomes(rows: NDArray[Any], columns: Columns) -> None:
 
 
 def _end(rows: NDArray[Any], columns: Columns, here: slice) -> None:
-    """Write times and events of one attempt, and the completion time that is known after it."""
+    """Set times and events of one attempt, and the completion time for the rows after it."""
     attempt = rows[here]
     attempt["run_ticks"] = attempt["tick"] - attempt["tick"][0]
     for name, before, then in (("ENTERED", Phase.RUNNING, Phase.HOLDING), ("LEFT", Phase.HOLDING, Phase.RUNNING)):
@@ -155,7 +155,7 @@ def _end(rows: NDArray[Any], columns: Columns, here: slice) -> None:
 
 
 def _completion_ticks(attempt: NDArray[Any], told: NDArray[np.float64]) -> int:
-    """Completion time of a success: what is told of it, else until the last entry of the target, else until its end."""
+    """Return a completion time: the given one, else up to the last target entry, else up to the end [1]."""
     known = told[np.isfinite(told)]
     if known.size:
         return round(float(known[-1]) / TICK_SECONDS)

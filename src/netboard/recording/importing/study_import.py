@@ -1,7 +1,7 @@
-"""Imports the study of a manifest: everything is examined first, then tables become recordings, several at a time.
+"""Imports the study in a manifest: validates everything first, then converts tables in parallel.
 
-A recording gets its name when it is whole. One that is there already, is sound and was made of the same table in the
-same way is left as it is, so that an import that was stopped can be run again.
+A recording gets its name when it is complete. An existing one that is undamaged and was made from the same table with
+the same options is kept, so an interrupted import can be repeated.
 """
 
 import json
@@ -26,18 +26,18 @@ from netboard.recording.integrity.catalogue import entry_of
 from netboard.recording.integrity.severity import VERDICTS, Grade
 
 Tell = Callable[[str, int, int], None]
-"""Hears what has been done, how much of it, and of what."""
+"""Progress callback: current item, amount done and total."""
 
 Work = Callable[["Job", Path], Imported]
-"""Makes a recording in a folder, and gives it its name."""
+"""Function that makes a recording in a folder and renames it when it is complete."""
 
 UNNAMED = ".importing-"
-"""Beginning of the name of the folder in which recordings are written before they have their names."""
+"""Name prefix of the temporary folder for incomplete recordings."""
 
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """A table that becomes a recording."""
+    """Conversion of one table to a recording."""
 
     where: str
     source: Path
@@ -48,14 +48,14 @@ class Job:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """What there is to do, and which recordings are there already."""
+    """The jobs to do, and the recordings that exist already."""
 
     jobs: tuple[Job, ...]
     there: tuple[Path, ...]
 
 
 def examine(path: Path, folder: Path, tell: Tell) -> Plan:
-    """Read a manifest and the beginning of each of its tables; nothing is written."""
+    """Read a manifest and the start of each of its tables; write nothing."""
     manifest = Manifest(path)
     problems, jobs, there = list(manifest.problems), [], []
     sources: dict[Path, str] = {}
@@ -86,7 +86,7 @@ def examine(path: Path, folder: Path, tell: Tell) -> Plan:
 
 
 def _job(one: Listed, folder: Path) -> Job:
-    """Look at the beginning of a table, and find the name of its recording."""
+    """Read the start of a table and determine the file name of its recording."""
     own = is_own(one.path) and not one.wishes.names
     beside = configuration_beside(one.path) if own else None
     config = one.config if beside is None else parse(beside.read_text(encoding="utf-8"), str(beside))
@@ -96,7 +96,7 @@ def _job(one: Listed, folder: Path) -> Job:
 
 
 def _is_there(job: Job) -> bool:
-    """Tell whether a job has been done already; whatever else has the name of its recording is a mistake."""
+    """Return True if a job is already done; raise an error if its file name is otherwise taken."""
     if not job.path.exists():
         return False
     found = entry_of(job.path)
@@ -121,12 +121,12 @@ def _is_there(job: Job) -> bool:
 def run(
     plan: Plan, folder: Path, workers: int, tell: Tell, work: Work | None = None
 ) -> tuple[list[Imported], list[str]]:
-    """Import what is to be done.
+    """Run the jobs of a plan.
 
     Returns
     -------
     done : list of Imported
-        What came of the tables, in the order of the manifest.
+        Imported tables, in the order of the manifest.
     """
     folder.mkdir(parents=True, exist_ok=True)
     done: dict[int, Imported] = {}
@@ -141,7 +141,7 @@ def run(
                     try:
                         done[place] = answer.result()
                     except (ConfigError, RecordingError) as error:
-                        failed[place] = f"{plan.jobs[place].where}: {error}"  # of this table; the others go on
+                        failed[place] = f"{plan.jobs[place].where}: {error}"  # the other tables continue
                     tell(plan.jobs[place].source.name, len(done) + len(failed), len(plan.jobs))
             except BrokenExecutor as error:
                 raise NetboardError(
@@ -154,12 +154,12 @@ def run(
 
 
 def _leave_stopping() -> None:
-    """Let Ctrl-C stop the process that waits, which stops the others."""
+    """Ignore Ctrl-C in a worker; the waiting process receives it and stops the workers."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def import_one(job: Job, unnamed: Path) -> Imported:
-    """Import a table beside the others, and give the recording its name when it is whole."""
+    """Import a table into the temporary folder and rename the recording when it is complete."""
     found = import_table(job.source, unnamed, job.config, job.wishes, time.time_ns(), lambda *told: None)
     publish(found.path, job.path)
     return replace(found, path=job.path)

@@ -1,4 +1,4 @@
-"""Imports one table: which kind it is, what becomes of it, and what the recording says of where it comes from."""
+"""Imports one table: determines its kind, converts it, and records its provenance."""
 
 import json
 from collections.abc import Callable, Iterator
@@ -19,21 +19,21 @@ from netboard.recording.importing.rows import measured, simulated
 from netboard.recording.importing.tables import Samples, is_own, read_samples, read_ticks, sha256_of
 
 PIECE = 10_000
-"""Ticks that are written before anybody hears of it [1]."""
+"""Ticks per progress report [1]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Wishes:
-    """How tables are imported.
+    """Import options.
 
     Attributes
     ----------
     names, units : tuple of str
-        What columns are called there, as ``column=theirs``, and their units, as ``column=unit``.
+        Column names in the table, as ``column=theirs``, and their units, as ``column=unit``.
     gap : float
-        Samples further apart have a gap between them [s].
+        Longest sample interval that is not a gap [s].
     rate : float or None
-        Samples a second, by which times are checked; and made, for a table without them [Hz].
+        Sample rate, which times are checked against and missing ones computed from [Hz].
     """
 
     names: tuple[str, ...] = ()
@@ -46,7 +46,7 @@ class Wishes:
 
 @dataclass(frozen=True, slots=True)
 class Imported:
-    """What came of a table."""
+    """Result of importing a table."""
 
     path: Path
     what: str
@@ -55,7 +55,7 @@ class Imported:
 
 
 def configuration_beside(path: Path) -> Path | None:
-    """Find the configuration that an export has written beside its table of ticks."""
+    """Return the configuration that an export stored beside its table of ticks; None if there is none."""
     found = path.resolve().parent.parent / "configurations" / f"{path.stem}.toml"
     return found if found.is_file() else None
 
@@ -68,12 +68,12 @@ def import_table(
     utc_ns: int,
     progress: Callable[[str, int, int], None],
 ) -> Imported:
-    """Make a recording of a table.
+    """Convert a table to a recording.
 
     Parameters
     ----------
     config : Config
-        The experiment that it is of; that beside our own table of ticks goes before it.
+        Configuration of the experiment; one stored beside an exported table of ticks takes precedence.
     """
     said = {"imported_from": path.name, "imported_sha256": sha256_of(path)}
     if is_own(path) and not wishes.names:
@@ -108,7 +108,7 @@ def import_table(
 
 
 def _at_ticks(samples: Samples, wishes: Wishes) -> tuple[NDArray[np.int64], dict[str, NDArray[Any]], list[str]]:
-    """Bring samples to ticks, and note what is odd."""
+    """Resample to ticks; also return warnings."""
     found = stretches(samples.time, wishes.gap)
     parts = [resampled(samples.time, samples.columns, stretch, wishes.interpolation) for stretch in found]
     ticks = np.concatenate([stretch.ticks for stretch in found])
@@ -139,7 +139,7 @@ def _keep(
     notes: tuple[str, ...],
     total: int = 0,
 ) -> Imported:
-    """Write rows as a recording; nothing is left of one that fails."""
+    """Write rows as a recording; delete it if writing fails."""
     first = next(pieces, None)
     if first is None:
         raise ConfigError(f"{said['imported_from']}: there is no row in it")

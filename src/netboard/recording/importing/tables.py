@@ -1,4 +1,4 @@
-"""A table from elsewhere as columns in SI units, checked; and our own table of ticks as the ticks it was made of."""
+"""Reads an imported table as validated columns in SI units, or an exported table of ticks as the original ticks."""
 
 import hashlib
 from collections.abc import Iterator, Mapping, Sequence
@@ -15,25 +15,25 @@ from netboard.recording.importing.columns import COLUMNS, mapped, scales
 from netboard.recording.importing.reading import Portion, TableFile
 
 FARTHEST = {"m": (1.0, "mm"), "rad": (1.6, "deg"), "N": (1000.0, "mN")}
-"""Largest magnitudes that hands, boards and forces can have, and the unit that is meant where they are larger [SI]."""
+"""Largest plausible magnitudes of positions, angles and forces, and the unit to suggest for larger values [SI]."""
 
 _GIVEN = ("time",)
-"""What a table need not have if the rate of its samples is known."""
+"""Columns that a table may lack if its sample rate is known."""
 
 _RATE_ERROR = 0.05
-"""The usual time between samples may be off by so much of what the rate says [1]."""
+"""Relative tolerance of the median sample interval [1]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Samples:
-    """What was measured.
+    """Measured samples.
 
     Attributes
     ----------
     time : ndarray of float64, shape (n,)
-        When, increasing [s].
+        Sample times, increasing [s].
     columns : dict of ndarray, shape (n,)
-        The other columns by netboard's names: float64, int64, or words [SI].
+        Other columns by netboard's names: float64, int64, or strings [SI].
     """
 
     time: NDArray[np.float64]
@@ -49,7 +49,7 @@ def read_samples(
     Parameters
     ----------
     rate : float or None
-        Samples a second, of which their times are to be; a table without times gets them from it [Hz].
+        Sample rate that times must match; a table without times gets them from it [Hz].
     """
     table = TableFile(path)
     parts: dict[str, list[NDArray[Any]]] = {}
@@ -64,7 +64,7 @@ def read_samples(
 
 
 def probe(path: Path, names: Sequence[str], units: Sequence[str], rate: float | None) -> None:
-    """Look at the first rows of a table: raise what reading all of it would, if it shows there."""
+    """Validate the first rows of a table; raise the same errors as reading all of it."""
     first = next(_portions(TableFile(path), names, units, rate), {})
     _require_rate(path, first.get("time", np.empty(0)), rate)
 
@@ -72,7 +72,7 @@ def probe(path: Path, names: Sequence[str], units: Sequence[str], rate: float | 
 def _portions(
     table: TableFile, names: Sequence[str], units: Sequence[str], rate: float | None
 ) -> Iterator[dict[str, NDArray[Any]]]:
-    """Read a table, a portion of rows at a time, in SI units, checked."""
+    """Yield the rows in validated batches, in SI units."""
     found, factors = mapped(str(table.path), table.names, names, _GIVEN if rate else ()), scales(units)
     if strangers := [word for word in units if word.partition("=")[0] not in found]:
         raise ConfigError(f"--unit {strangers[0]}: {table.path} has no such column")
@@ -87,7 +87,7 @@ def _portions(
 
 
 def _require_rate(path: Path, time: NDArray[np.float64], rate: float | None) -> None:
-    """Refuse times that are too few, or not of the rate that was said."""
+    """Raise an error if there are too few times or they do not match the sample rate."""
     if time.size < 2:
         raise ConfigError(f"{path}: rows: found {time.size}, expected at least 2")
     usual = 1 / float(np.median(np.diff(time)))
@@ -99,7 +99,7 @@ def _require_rate(path: Path, time: NDArray[np.float64], rate: float | None) -> 
 
 
 def _column(portion: Portion, name: str, theirs: str, factor: tuple[float, float]) -> NDArray[Any]:
-    """Return a column of a portion in SI units."""
+    """Return a column of a batch in SI units."""
     if COLUMNS[name].kind == "word":
         return np.array(portion.words(theirs), object)
     if COLUMNS[name].kind == "integer":
@@ -109,7 +109,7 @@ def _column(portion: Portion, name: str, theirs: str, factor: tuple[float, float
 
 
 def _check(portion: Portion, columns: Mapping[str, NDArray[Any]], newest: float) -> float:
-    """Refuse what cannot be: times that go back, hands that are nowhere or far away. Return the last time."""
+    """Raise an error for decreasing times and missing or implausible positions; return the last time."""
     for name in (column.name for column in COLUMNS.values() if column.needed):
         lost = np.flatnonzero(~np.isfinite(columns[name]))
         if lost.size:
@@ -136,22 +136,22 @@ def _check(portion: Portion, columns: Mapping[str, NDArray[Any]], newest: float)
 
 
 def is_own(path: Path) -> bool:
-    """Tell whether a table is one of ticks as netboard exports them: it has all their columns."""
+    """Return True if a table has all columns of netboard's exported ticks."""
     return set(TICK.names or ()) <= set(TableFile(path).names)
 
 
 def read_ticks(path: Path) -> Iterator[NDArray[Any]]:
-    """Read our own table of ticks.
+    """Read an exported table of ticks.
 
     Parameters
     ----------
     path : Path
-        A .csv or .parquet file that has all columns of ticks.
+        A .csv or .parquet file with all tick columns.
 
     Yields
     ------
     ndarray of TICK, shape (n,)
-        The next rows, bit for bit (but for the payload of a NaN in CSV).
+        The next rows, bit for bit (except NaN payloads in CSV).
     """
     newest = -1
     for portion in TableFile(path).portions(TICK.names or ()):
@@ -169,6 +169,6 @@ def read_ticks(path: Path) -> Iterator[NDArray[Any]]:
 
 
 def sha256_of(path: Path) -> str:
-    """SHA-256 of a file, in hexadecimal."""
+    """Return the SHA-256 hash of a file, in hexadecimal."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()

@@ -1,1 +1,1 @@
-"""Integrity checks: everything that can be known to be right or wrong about a recording."""
+"""Integrity checks: all that can be verified about a recording."""

@@ -1,8 +1,8 @@
-"""The account of a session: every tick is in one of its parts, or listed as lost with its cause.
+"""Account of a session: every tick is in one of its parts, or listed as lost with its cause.
 
-Each block of a session has one part or several. A part numbers the records it holds without a hole, and notes the ones
-that it could not get; the parts together must leave out no number. What they do leave out, and any tick that is missing
-without a note, is unexplained: there must be none. A pause of the trial must have its cause, too.
+Each block of a session has one or several parts. A part holds records with consecutive numbers and notes the ones that
+are missing; together, the parts must cover every number. Numbers that they do not cover, and ticks that are missing
+without a note, are unexplained: there must be none. A pause of the trial must have a cause, too.
 """
 
 import re
@@ -29,12 +29,12 @@ _NAME = re.compile(r"(.+?)(?:_\d{8}T\d{6}Z)?_([A-Za-z0-9]{1,8})(?:_block\d+)?(?:
 
 
 class Stretch(NamedTuple):
-    """Numbers in a row.
+    """A range of consecutive numbers.
 
     Attributes
     ----------
     cause : str
-        Why they are missing; empty for what is there, or if nobody knows.
+        Why the numbers are missing; empty for present ones, or if the cause is unknown.
     """
 
     first: int
@@ -43,7 +43,7 @@ class Stretch(NamedTuple):
 
 
 class Pause(NamedTuple):
-    """A trial was paused."""
+    """A pause of the trial."""
 
     tick: int
     cause: str
@@ -55,9 +55,9 @@ class Part(NamedTuple):
     Attributes
     ----------
     first_record, next_record : int
-        Number of its first record on the log channel, and the one after its last [1].
+        Log-channel number of the first record, and of the one after the last [1].
     ended : str
-        ``complete``, or why it ends before its block; empty for a file that was recovered because it never ended.
+        ``complete``, or why the file ends before its block; empty for a recovered file without an end record.
     """
 
     path: Path
@@ -69,12 +69,12 @@ class Part(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Account:
-    """What became of all ticks of a session.
+    """Account of all ticks of a session.
 
     Attributes
     ----------
     lost_records : tuple of Stretch
-        Records of any kind that no part holds, and why, by their numbers on the log channel.
+        Records of any kind that no part holds, by their log-channel numbers, with causes.
     """
 
     session: str
@@ -89,7 +89,7 @@ class Account:
 
     @property
     def complete(self) -> bool:
-        """Whether the recording goes on to the end of the session."""
+        """Whether the recording reaches the end of the session."""
         last = max(part.next_record for part in self.parts)
         return any(part.next_record == last and part.ended == "complete" for part in self.parts)
 
@@ -100,7 +100,7 @@ class Account:
 
 
 def parts_of(path: Path) -> list[Path]:
-    """Find all files of the session of a recording, in its folder, by their names."""
+    """Find the files of a recording's session in its folder, by name."""
     own = _NAME.fullmatch(path.stem)
     if own is None:
         return [path]
@@ -109,14 +109,14 @@ def parts_of(path: Path) -> list[Path]:
 
 
 class _Loss(NamedTuple):
-    """What the logger noted as lost: record numbers, the ticks these can have been at most, and why."""
+    """A loss noted by the logger: record numbers, the widest possible range of ticks, and the cause."""
 
     records: Stretch
     ticks: Stretch
 
 
 class _Read(NamedTuple):
-    """What counts of a part."""
+    """Data of one part."""
 
     session: str
     part: Part
@@ -131,7 +131,7 @@ def account_of(paths: Sequence[Path]) -> Account:
     Raises
     ------
     RecordingError
-        If a part is damaged or was not finished (recover it first), or they are not of one session.
+        If a part is damaged or unfinished (recover it first), or the parts belong to different sessions.
     """
     read = sorted((_read(path) for path in paths), key=lambda found: found.part.first_record)
     sessions = {found.session for found in read}
@@ -180,13 +180,13 @@ def _read(path: Path) -> _Read:
 
 
 def _opened(events: dict[int, EventRecord]) -> int:
-    """Tick with which the session was opened: of those before, nothing is recorded."""
+    """Return the tick at which the session was opened; earlier ticks are not recorded."""
     first = events.get(0)
     return first.tick if first is not None and first.name == BLOCK_BEGAN else 0
 
 
 def _present(ticks: NDArray[np.int64], opened: int) -> tuple[tuple[Stretch, ...], list[Stretch]]:
-    """Stretches of ticks that are there, and those missing between them and before the first."""
+    """Return the ranges of present ticks, and those of missing ones between and before them."""
     if not ticks.size:
         return (), []
     gaps = find_gaps(np.concatenate([[opened - 1], ticks]))
@@ -196,7 +196,7 @@ def _present(ticks: NDArray[np.int64], opened: int) -> tuple[tuple[Stretch, ...]
 
 
 def _losses(found: _Read, causes: Sequence[EventRecord]) -> Iterator[_Loss]:
-    """Read what a part's logger could not get."""
+    """Yield the losses that a part's logger noted."""
     unreadable = {int(r.details["number"]): r.details["reason"] for r in found.remarks if r.name == "log_unreadable"}
     for remark in found.remarks:
         if remark.name != "log_lost":
@@ -206,7 +206,7 @@ def _losses(found: _Read, causes: Sequence[EventRecord]) -> Iterator[_Loss]:
         cause = cause_of_loss(records, causes) or found.part.damage or "the server no longer had them"
         if first in unreadable:
             cause = f"could not be read: {unreadable[first]}"
-        # Ticks are numbered without a gap: those lost come directly before the next one that is there.
+        # Ticks are numbered without gaps, so lost ones directly precede the next one present.
         after = int(remark.details.get("after_tick", -1))
         place = int(np.searchsorted(found.ticks["tick"], after, "right"))
         last = int(found.ticks["tick"][place]) - 1 if place < found.ticks.size else after + count
@@ -214,7 +214,7 @@ def _losses(found: _Read, causes: Sequence[EventRecord]) -> Iterator[_Loss]:
 
 
 def cause_of_loss(records: Stretch, causes: Sequence[EventRecord]) -> str:
-    """Find what the server said about losing some records, if anything."""
+    """Return the cause that the server gave for a loss of records, or an empty string."""
     for event in causes:
         first, count = int(event.details["first"]), int(event.details["count"])
         if first <= records.last and records.first < first + count and event.details["cause"]:
@@ -223,7 +223,7 @@ def cause_of_loss(records: Stretch, causes: Sequence[EventRecord]) -> str:
 
 
 def _damaged_ticks(read: Sequence[_Read]) -> list[Stretch]:
-    """Ticks that may have been in what could not be recovered of a part."""
+    """Return the ticks that may have been in the unrecoverable data of a part."""
     claims = []
     for place, found in enumerate(read):
         if found.part.damage and found.ticks.size:
@@ -233,7 +233,7 @@ def _damaged_ticks(read: Sequence[_Read]) -> list[Stretch]:
 
 
 def _damaged_records(parts: Sequence[Part]) -> list[Stretch]:
-    """Records that may have been in what could not be recovered of a part."""
+    """Return the records that may have been in the unrecoverable data of a part."""
     return [
         Stretch(part.first_record, later.first_record - 1, part.damage)
         for part, later in pairwise(parts)
@@ -242,7 +242,7 @@ def _damaged_records(parts: Sequence[Part]) -> list[Stretch]:
 
 
 def _missing_records(parts: Sequence[Part], losses: Sequence[Sequence[_Loss]]) -> tuple[Stretch, ...]:
-    """Records that no part holds."""
+    """Return the records that no part holds."""
     held: list[Stretch] = []
     for part, lost in zip(parts, losses, strict=True):
         held.extend(_sort_out([Stretch(part.first_record, part.next_record - 1)], [loss.records for loss in lost])[1])
@@ -251,7 +251,7 @@ def _missing_records(parts: Sequence[Part], losses: Sequence[Sequence[_Loss]]) -
 
 
 def _sort_out(holes: Iterable[Stretch], claims: Iterable[Stretch]) -> tuple[tuple[Stretch, ...], tuple[Stretch, ...]]:
-    """Cut holes into what is claimed, by the first one that claims it, and what is not."""
+    """Split missing ranges into those covered by a claim, each with the first claim's cause, and the rest."""
     claimed: list[Stretch] = []
     rest = [hole for hole in holes if hole.first <= hole.last]
     for claim in claims:
@@ -268,11 +268,11 @@ def _sort_out(holes: Iterable[Stretch], claims: Iterable[Stretch]) -> tuple[tupl
 
 
 def _pauses(ticks: NDArray[Any], events: Iterable[EventRecord]) -> Iterator[Pause]:
-    """Find every pause, and in the server's events why it was."""
+    """Yield every pause with its cause from the server's events."""
     told = {(event.name, event.tick): event for event in events if event.name in ("pause", "fault")}
     for row in ticks[np.isin(ticks["event"], _PAUSES)]:
         tick, name = int(row["tick"]), Cause(int(row["event"])).name.lower()
-        # The event is noted when the tick has been done: the server may count it to the next one.
+        # The event is written after the tick, so the server may assign it to the next one.
         event = told.get((name, tick)) or told.get((name, tick + 1))
         if event is None:
             yield Pause(tick, "")

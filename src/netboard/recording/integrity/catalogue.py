@@ -1,8 +1,8 @@
-"""The catalogue of a folder: what each recording, unfinished file, spill and journal is, without reading it whole.
+"""Catalogue of a folder: recordings, unfinished files, spills and journals, without reading them completely.
 
-An entry is made of what a file says at its ends: metadata, configuration, end record. Trials are counted in the
-attempts. Its verdict is a quick one, of what the file says of itself, unless `netboard.recording.integrity.checking` is
-asked. Nothing here raises because of what is in a file: what is wrong with it is in its entry.
+An entry comes from the beginning and the end of a file: metadata, configuration, end record. Trials are counted in the
+list of attempts. The result is a quick one, from what the file states, unless `netboard.recording.integrity.checking`
+runs a full check. No content of a file raises an exception here; problems are listed in its entry.
 """
 
 import mmap
@@ -27,31 +27,31 @@ from netboard.task.journal.entries import AttemptEnded, BlockEnded, Lines, read_
 from netboard.task.studies.factors import factors_of, role_of
 
 JOURNAL = ".journal.jsonl"
-"""What the name of a journal ends with."""
+"""File name ending of journals."""
 
 _UNREADABLE = (*UNSOUND, NetboardError, OSError, ValueError, EOFError, IndexError)
 
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """One file.
+    """Catalogue entry of one file.
 
     Attributes
     ----------
     dyad, session, study : str
-        Pseudonymous id of the dyad, label of the session, name of the study; empty where it is not known.
+        Pseudonymous id of the dyad, label of the session, name of the study; empty if unknown.
     opened : str
-        When it was begun, UTC, in ISO 8601; empty where it is not known.
+        Start time, UTC, in ISO 8601; empty if unknown.
     block, blocks : int
-        Which block of the plan, of how many; 0 for none [1].
+        Number of the block and number of blocks in the plan; 0 for none [1].
     role : str
-        What its trials are for; empty for what is no recording.
+        Purpose of its trials; empty for other files than recordings.
     factors : dict of str
-        Level of each factor of its study, with value and unit.
+        Level of each factor of the study, with value and unit.
     done, trials : int
-        Trials done, and planned in the block or, for a journal, done only [1].
+        Trials done, and trials planned in the block; a journal has only the former [1].
     duration : float or None
-        From its beginning to its end; None where one of them is not known [s].
+        Time from start to end; None if either is unknown [s].
     """
 
     path: Path
@@ -77,7 +77,7 @@ class Entry:
 
 @dataclass(frozen=True, slots=True)
 class Filter:
-    """What is wanted of a catalogue; None for anything."""
+    """Filter for a catalogue; None matches everything."""
 
     dyad: str | None = None
     study: str | None = None
@@ -86,7 +86,7 @@ class Filter:
     pilot: bool | None = None
 
     def takes(self, entry: Entry) -> bool:
-        """Tell whether a file is wanted, as far as its ends can tell: whatever its verdict."""
+        """Return True if a file matches in all but its result, judged from its beginning and end."""
         return (
             self.dyad in (None, entry.dyad)
             and self.study in (None, entry.study)
@@ -95,20 +95,20 @@ class Filter:
         )
 
     def likes(self, entry: Entry) -> bool:
-        """Tell whether a file has the verdict that is wanted."""
+        """Return True if the result of a file matches."""
         if self.verdict is None:
             return True
         return entry.verdict == self.verdict if self.verdict in VERDICTS else entry.verdict.startswith(self.verdict)
 
 
 def files_in(folder: Path) -> list[Path]:
-    """List the files that a catalogue is of, below a folder."""
+    """List the files below a folder that belong in a catalogue."""
     endings = (".mcap", ".mcap.part", ".spill", JOURNAL)
     return sorted(path for path in folder.rglob("*") if path.name.endswith(endings) and path.is_file())
 
 
 def entry_of(path: Path) -> Entry:
-    """Say what a file is, from its ends."""
+    """Make the entry of a file from its beginning and end."""
     try:
         size = path.stat().st_size
         if path.name.endswith(JOURNAL):
@@ -125,7 +125,7 @@ def entry_of(path: Path) -> Entry:
 
 
 def _recording(path: Path, size: int) -> Entry:
-    """Say what a finished recording is."""
+    """Make the entry of a finished recording."""
     with Recording(path) as recording:
         said, end = recording.metadata, recording.end
         lost = int(end.get("lost", 0))
@@ -144,14 +144,14 @@ def _recording(path: Path, size: int) -> Entry:
 
 
 def _duration(said: dict[str, str], end: dict[str, str]) -> float | None:
-    """Return how long a recording took, if it says when it began and ended [s]."""
+    """Return the duration of a recording from its start and end times; None if either is missing [s]."""
     if "opened_log_ns" not in said or "log_ns" not in end:
         return None
     return max(int(end["log_ns"]) - int(said["opened_log_ns"]), 0) * 1e-9
 
 
 def _about(entry: Entry, said: dict[str, str], config_text: str) -> Entry:
-    """Enter what metadata and configuration say."""
+    """Add metadata and configuration to an entry."""
     config = parse(config_text, "its configuration")
     return replace(
         _named(entry, config),
@@ -162,7 +162,7 @@ def _about(entry: Entry, said: dict[str, str], config_text: str) -> Entry:
 
 
 def _named(entry: Entry, config: Config) -> Entry:
-    """Enter what a configuration says."""
+    """Add the values of a configuration to an entry."""
     session, block, role = config.session, config.block, role_of(config)
     declared = factors_of(config)
     factors = {one.name: one.summary for one in declared}
@@ -184,7 +184,7 @@ def _named(entry: Entry, config: Config) -> Entry:
 
 
 def _begun(entry: Entry) -> Entry:
-    """Enter what an unfinished or damaged file says at its beginning, as far as that can be read."""
+    """Add the readable metadata from the start of an unfinished or damaged file."""
     said: dict[str, str] = {}
     try:
         with entry.path.open("rb") as file:
@@ -196,12 +196,12 @@ def _begun(entry: Entry) -> Entry:
                 elif isinstance(record, Chunk | ChunkIndex):
                     break
     except _UNREADABLE:
-        pass  # which its verdict tells already
+        pass  # the result already says so
     return replace(entry, dyad=said.get("dyad", ""), session=said.get("name", ""), study=said.get("study", ""))
 
 
 def _spill(path: Path, size: int) -> Entry:
-    """Say what a server wrote down because no logger took it."""
+    """Make the entry of a server's spill file."""
     entry = Entry(path, "spill", size, verdict=VERDICTS[Grade.DAMAGE], why="no logger took it: netboard recover")
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
         welcome = next((message for _, _, message in read_spill(data) if isinstance(message, Welcome)), None)
@@ -209,7 +209,7 @@ def _spill(path: Path, size: int) -> Entry:
 
 
 def _journal(path: Path, size: int, lines: Lines) -> Entry:
-    """Say what the journal of a session tells."""
+    """Make the entry of a session's journal."""
     header, entries = lines.header, lines.entries
     done = {(e.block, e.trial) for e in entries if isinstance(e, AttemptEnded) and e.outcome in ("success", "skipped")}
     over = {e.block for e in entries if isinstance(e, BlockEnded) and e.how != "stopped"}
@@ -229,7 +229,7 @@ def _journal(path: Path, size: int, lines: Lines) -> Entry:
 
 
 def with_trials(entry: Entry) -> Entry:
-    """Count the trials of a finished recording; one that has less than planned is complete with a loss."""
+    """Count the trials of a finished recording; fewer than planned are a listed loss."""
     if entry.kind != "recording" or entry.verdict == VERDICTS[Grade.DAMAGE]:
         return entry
     try:
@@ -237,14 +237,14 @@ def with_trials(entry: Entry) -> Entry:
             attempts = recording.attempts()
     except NetboardError as error:
         return replace(entry, verdict=VERDICTS[Grade.DAMAGE], why=str(error))
-    # Trials of the parts before are not in this file, but their numbers are known.
+    # Trials of previous parts are not in this file, but their numbers are known.
     done = {attempt.trial for attempt in attempts if attempt.outcome in ("success", "skip")}
     before = min((attempt.trial for attempt in attempts), default=1) - 1
     return replace(entry, done=len(done) + before)
 
 
 def with_check(entry: Entry) -> Entry:
-    """Give a file the verdict of a full check."""
+    """Replace the quick result of a file by that of a full check."""
     if entry.kind == "journal":
         return entry
     report = check(entry.path)
@@ -253,7 +253,7 @@ def with_check(entry: Entry) -> Entry:
 
 
 def in_order(entries: Iterable[Entry]) -> Iterator[tuple[tuple[str, str], list[Entry]]]:
-    """Group files by dyad and session, in order of blocks and of time; a journal comes first."""
+    """Group files by dyad and session, sorted by block and time, with the journal first."""
     groups: dict[tuple[str, str], list[Entry]] = {}
     for entry in entries:
         groups.setdefault((entry.dyad, entry.session), []).append(entry)

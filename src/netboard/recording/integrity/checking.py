@@ -1,9 +1,9 @@
-"""A recording proves itself: everything that can be known to be right or wrong about one file, and one verdict.
+"""Integrity check of one file: all findings, and one result.
 
-`complete`: the bytes are those written, no number is missing, times and clocks are plausible, the trials are as they
-were planned. `complete with listed losses`: something is not there, and the file itself says so. `damaged`: the file is
-not what was written, was not finished, or contradicts itself. A damaged file is recovered into a folder that is thrown
-away, to tell what can be saved. Nothing is written beside a recording.
+`complete`: the bytes are as written, no number is missing, times and clocks are plausible, the trials are as planned.
+`complete with listed losses`: data are missing, and the file itself lists them. `damaged`: the file has changed, was
+not finished, or contradicts itself. To tell what can be saved of a damaged file, it is recovered into a temporary
+folder. Nothing is written beside a recording.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -34,13 +34,13 @@ from netboard.stage.stage import Stage, make_stage
 from netboard.task.trials.state_machine import Phase
 
 Tell = Callable[[int], object]
-"""Hears how many more ticks have been read [1]."""
+"""Callback for the number of further ticks read [1]."""
 
 TICKS = CHANNELS[0].topic
 """Topic of the ticks."""
 
 Streams = tuple[Sequence[EventRecord], Sequence[ClockRecord], Sequence[EventRecord]]
-"""Events, clock probes and remarks."""
+"""Events, clock probes and log messages of the logger."""
 
 
 def check(path: Path, replay: bool = False, tell: Tell = lambda ticks: None) -> Report:
@@ -49,12 +49,12 @@ def check(path: Path, replay: bool = False, tell: Tell = lambda ticks: None) -> 
     Parameters
     ----------
     path : Path
-        A recording, an unfinished one (``.part``) or what a server wrote down (``.spill``).
+        A recording, an unfinished one (``.part``) or a server's spill (``.spill``).
 
     Returns
     -------
     Report
-        What was found. What is wrong with the file is in it, and never an exception.
+        The findings. A faulty file gives findings, never an exception.
     """
     try:
         with Recording(path) as recording:
@@ -64,7 +64,7 @@ def check(path: Path, replay: bool = False, tell: Tell = lambda ticks: None) -> 
 
 
 def _unreadable(path: Path, why: str) -> Report:
-    """Say of a file that cannot be read to its end what can be saved of it."""
+    """Report what can be saved of a file that cannot be read completely."""
     findings = [Finding("file", Grade.DAMAGE, why)]
     ticks = 0
     try:
@@ -79,7 +79,7 @@ def _unreadable(path: Path, why: str) -> Report:
 
 
 def _recoverable(saved: Recovered) -> str:
-    """Say what can be saved."""
+    """Describe what can be saved."""
     ticks = saved.messages[TICKS]
     span = f"{ticks} ticks" + (f", {saved.first_tick} to {saved.last_tick}" if ticks else "")
     text = f"recoverable: {span}, and {sum(saved.messages.values()) - ticks} other records"
@@ -88,7 +88,7 @@ def _recoverable(saved: Recovered) -> str:
 
 
 def _check(recording: Recording, replay: bool, tell: Tell) -> Report:
-    """Check a file that can be opened."""
+    """Check a readable file."""
     recording.check()
     config: Config | None = None
     stage: Stage | None = None
@@ -134,7 +134,7 @@ def _bytes(recording: Recording) -> Finding:
 
 
 def _continues(recording: Recording) -> bool:
-    """Whether another file has what comes after it of the same block."""
+    """Return True if another file continues the same block."""
     said = recording.metadata
     for path in parts_of(recording.path):
         if path != recording.path:
@@ -152,12 +152,12 @@ def _continues(recording: Recording) -> bool:
 
 
 def check_numbers(recording: Recording, seen: Walk, streams: Streams) -> Iterator[Finding]:
-    """Check that no number of any stream is missing without a word, and that all are in order.
+    """Check that no stream misses a number without a note, and that all numbers are in order.
 
     Parameters
     ----------
     streams : (events, clock probes, remarks)
-        Its other streams that are numbered by the server or the logger.
+        The other streams numbered by the server or the logger.
     """
     noted = [remark.details for remark in streams[2] if remark.name == "log_lost"]
     excused = "what_if" in recording.metadata or bool(recording.recovery.get("damage"))
@@ -187,7 +187,7 @@ def check_numbers(recording: Recording, seen: Walk, streams: Streams) -> Iterato
 
 
 def _wrong_totals(recording: Recording, seen: Walk) -> Iterator[str]:
-    """What was read must be as much as the file says, and the numbers of the log channel must add up."""
+    """Compare the totals read with those in the file and with the log-channel numbers; yield the differences."""
     if seen.count != recording.counts[TICKS]:
         yield f"{seen.count} ticks were read, and the file says it has {recording.counts[TICKS]}"
     end = recording.end
@@ -205,7 +205,7 @@ def _wrong_totals(recording: Recording, seen: Walk) -> Iterator[str]:
 
 
 def check_frames(frames: Sequence[FrameRecord]) -> Iterator[Finding]:
-    """Check the numbers of frames, which displays tell, and whose reports may be lost on the way."""
+    """Check the frame numbers reported by displays, whose reports may be lost on the way."""
     for station in sorted({frame.station for frame in frames}):
         numbers = np.array([frame.seq for frame in frames if frame.station == station], np.int64)
         if missing := sum(gap.count for gap in find_gaps(numbers)):
@@ -216,7 +216,7 @@ def check_frames(frames: Sequence[FrameRecord]) -> Iterator[Finding]:
 def check_losses(
     recording: Recording, events: Sequence[EventRecord], remarks: Sequence[EventRecord]
 ) -> Iterator[Finding]:
-    """List what the file itself says is not there."""
+    """List the losses that the file itself notes."""
     causes = [event for event in events if event.name == "log_lost"]
     for remark in remarks:
         if remark.name == "log_lost":
@@ -236,7 +236,7 @@ def check_losses(
 
 
 def check_rendered(recording: Recording) -> Iterator[Finding]:
-    """Say how many ticks there are of which nobody knows what a device rendered: in a trial that is a loss."""
+    """Count the ticks with an unknown rendered force: within a trial they are a loss."""
     columns = recording.columns("phase", *(f"{side}_rendered" for side in SIDES))
     active = ACTIVE[np.clip(columns["phase"], 0, len(Phase) - 1)]
     for side in SIDES:
@@ -252,14 +252,14 @@ def check_rendered(recording: Recording) -> Iterator[Finding]:
 
 
 def check_configuration(recording: Recording, config: Config, events: Sequence[EventRecord]) -> Iterator[Finding]:
-    """Check that the attached configuration is the one that the metadata, and the server's own event, speak of."""
+    """Compare the attached configuration with its hash in the metadata and with the server's event."""
     said, session = recording.metadata, config.session
     told = [event.details["config"] for event in events if event.name == BLOCK_BEGAN and "config" in event.details]
     expected = {"dyad": session.dyad, "name": session.name, "study": session.study, "block": str(config.block.number)}
     wrong = [
         f"{key} {said[key]!r}, expected {value!r}" for key, value in expected.items() if said.get(key, value) != value
     ]
-    # What was written by an older version is read in the words of this one.
+    # Files of older versions are read with the keys of the current one.
     if told and told[-1] != recording.config_text and said.get("format") == FORMAT_VERSION:
         wrong.append("the server began the block with another configuration")
     if wrong:
@@ -270,7 +270,7 @@ def check_configuration(recording: Recording, config: Config, events: Sequence[E
 
 
 def replayed(seen: Walk) -> Iterator[Finding]:
-    """Say what came of computing every tick again."""
+    """Report the result of verifying every tick."""
     verdict = seen.verdict
     if verdict is None:
         return

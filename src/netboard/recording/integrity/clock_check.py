@@ -1,13 +1,13 @@
-"""Checks the clocks of a recording's peers by what was recorded of them: raw probes, and the estimates made with these.
+"""Checks the clocks of a recording's peers, from the raw probes and the recorded offset estimates.
 
-Probes belong to one connection each, and are checked connection by connection. Older servers gave all connections of a
-kind of peer (two displays at a station, several consoles) the same name; their probes are told apart first.
+Probes belong to one connection each, and each connection is checked separately. Older servers gave all connections of
+one kind of peer (two displays at a station, several consoles) the same name; their probes are separated first.
 
-A server probes more often than it records, so an estimate cannot be made again from the file; it can be refuted. Each
-probe limits the offset (a message takes no negative time) and has a bound of its own, which the estimate that was made
-with it, and with others, may not exceed. The limits of all probes of a peer must go together with some drift that two
-clocks can have. And the estimates of a minute must lie about a straight line, fitted through the probes by a method
-that knows nothing of limits (Theil and Sen's); over more than minutes clocks do not go straight.
+A server probes more often than it records, so an estimate cannot be reproduced from the file, but it can be refuted.
+Each probe limits the clock offset, because no message has a negative delay, and has an error bound that the estimate
+made with it may not exceed. The limits of all probes of a peer must be consistent with a plausible drift between two
+clocks. The estimates of each minute must lie near a straight line, fitted to the probes by Theil-Sen regression, which
+does not use the limits. Over longer times clocks do not drift linearly.
 """
 
 from collections.abc import Iterator, Sequence
@@ -23,27 +23,27 @@ from netboard.network.protocol.records import ClockRecord, kind_of_peer
 from netboard.recording.integrity.severity import Finding, Grade
 
 LARGEST_DRIFT_PPM = 100.0
-"""Two crystals do not differ by more: what the bounds of the estimates allow for [1e-6]."""
+"""Largest plausible drift between two crystals; the bounds of the estimates allow for it [1e-6]."""
 
 _INTERLEAVED_NS = 1_000_000_000
-"""The newest probes of several connections are recorded together, once a second: they are not further apart [ns]."""
+"""Largest time between probes of several connections that were recorded together, once a second [ns]."""
 
 _SINGLE = "agent."
-"""Only of these there is one at a time: an agent takes the seat of its side."""
+"""Name prefix of peers with a single connection: an agent occupies its side."""
 
 _STRETCH = 60
 _AT_LEAST = 6
 
 
 class Fit(NamedTuple):
-    """A straight line through some probes of a peer.
+    """A straight line through probes of a peer.
 
     Attributes
     ----------
     drift_ppm : float
-        Its slope; NaN if the ways of the probes leave it open [1e-6].
+        Slope; NaN if the delays of the probes leave it undetermined [1e-6].
     beyond : int
-        Estimates that are further from it than their bound and the ways of its probes allow [1].
+        Number of estimates further from the line than their bound and the delays of its probes allow [1].
     """
 
     drift_ppm: float
@@ -58,7 +58,7 @@ def check_clocks(
     Parameters
     ----------
     bound_ms : float
-        An agent's clock must be known so well while trials go on [ms].
+        Largest bound of an agent's clock offset during trials [ms].
     """
     if not probes:
         yield Finding("clocks", Grade.SOUND, "no clock probe was recorded")
@@ -70,13 +70,12 @@ def check_clocks(
 
 
 def connections_of(probes: Sequence[ClockRecord]) -> list[list[ClockRecord]]:
-    """Tell the connections apart of which an older server recorded the probes under one name.
+    """Separate the connections whose probes an older server recorded under one name.
 
     Returns
     -------
     list of list of ClockRecord
-        Of each connection. If the probes can be those of one connection, or no interleaving explains their order, it is
-        one.
+        Probes of each connection. All are one connection if they can be, or if no interleaving explains their order.
     """
     peer = probes[0].peer
     in_order = all(before.t3_ns <= later.t3_ns for before, later in pairwise(probes))
@@ -85,7 +84,7 @@ def connections_of(probes: Sequence[ClockRecord]) -> list[list[ClockRecord]]:
     connections: list[list[ClockRecord]] = []
     newest_ns = probes[0].t3_ns
     for probe in {(p.t0_ns, p.t1_ns, p.t2_ns, p.t3_ns): p for p in probes}.values():
-        # The last probe of a silent connection was recorded again and again; here each is in its first place, once.
+        # The last probe of a silent connection was recorded repeatedly; keep only its first occurrence.
         if probe.t3_ns < newest_ns - _INTERLEAVED_NS:
             return [list(probes)]
         newest_ns = max(newest_ns, probe.t3_ns)
@@ -101,7 +100,7 @@ def connections_of(probes: Sequence[ClockRecord]) -> list[list[ClockRecord]]:
 def check_connection(
     peer: str, probes: Sequence[ClockRecord], bound_ms: float, active_ns: tuple[int, int] | None
 ) -> Iterator[Finding]:
-    """Check the clock of a peer by the probes of one of its connections."""
+    """Check the clock of a peer by the probes of one connection."""
     impossible = sum(not is_possible(probe) for probe in probes)
     if impossible:
         yield Finding("clocks", Grade.DAMAGE, f"{peer}: {impossible} probes have stamps that are not possible")
@@ -123,7 +122,7 @@ def check_connection(
 
 
 def _fitted(peer: str, probes: Sequence[ClockRecord]) -> Finding:
-    """Say how well the probes go together, and lie about lines."""
+    """Check that the probes are consistent and the estimates lie near straight lines."""
     widest = max(probe.bound_ns for probe in probes) * 1e-6
     words = f"{peer}: {len(probes)} probes, bound at most {widest:.2f} ms"
     if steps := stepped(probes):
@@ -144,12 +143,12 @@ def _fitted(peer: str, probes: Sequence[ClockRecord]) -> Finding:
 
 
 def is_possible(probe: ClockRecord) -> bool:
-    """Tell whether a probe's stamps are possible: no answer before its question, no negative time on the way."""
+    """Return True if the time stamps are possible: no reply before its request, no negative delay."""
     return ClockEstimator().add(probe.t0_ns, probe.t1_ns, probe.t2_ns, probe.t3_ns)
 
 
 def contradicts(probe: ClockRecord) -> bool:
-    """Tell whether an estimate cannot be that of its probe: outside its limits, or worse than the probe by itself."""
+    """Return True if an estimate contradicts its own probe: outside its limits, or with a wider bound."""
     alone = ClockEstimator()
     alone.add(probe.t0_ns, probe.t1_ns, probe.t2_ns, probe.t3_ns)
     apart = abs(probe.offset_ns - alone.offset_ns)
@@ -157,14 +156,14 @@ def contradicts(probe: ClockRecord) -> bool:
 
 
 def _counts(probe: ClockRecord, bound_ms: float, active_ns: tuple[int, int] | None) -> bool:
-    """Tell whether a bound is too wide where it matters."""
+    """Return True if an agent's bound is too wide during trials."""
     if active_ns is None or not probe.peer.startswith("agent."):
         return False
     return active_ns[0] <= probe.t3_ns <= active_ns[1] and probe.bound_ns > bound_ms * 1e6
 
 
 def stepped(probes: Sequence[ClockRecord]) -> int:
-    """Count the probes of which the limits go with those before for no drift up to `LARGEST_DRIFT_PPM`."""
+    """Count the probes that no drift up to `LARGEST_DRIFT_PPM` reconciles with the previous ones."""
     sent, received, answered, back = _stamps(probes)[:4]
     upper, lower = received - sent, answered - back
     rate = LARGEST_DRIFT_PPM * 1e-6
@@ -174,7 +173,7 @@ def stepped(probes: Sequence[ClockRecord]) -> int:
 
 
 def line_through(probes: Sequence[ClockRecord]) -> Fit | None:
-    """Fit a straight line through the middles of the quicker half of some probes; None for too few of them."""
+    """Fit a line through the midpoints of the faster half of the probes; None for too few of them."""
     if len(probes) < _AT_LEAST:
         return None
     sent, received, answered, back, offsets, bounds = _stamps(probes)
@@ -184,8 +183,8 @@ def line_through(probes: Sequence[ClockRecord]) -> Fit | None:
     if np.ptp(t[quick]) == 0.0:
         return None
     slope, offset, *_ = theilslopes(middles[quick], t[quick])
-    # A line is no better than the ways of the probes that it goes through, all of which may be on one side of it; and
-    # beyond those it is worse the further it is drawn.
+    # The line is no more accurate than the delays of its probes, which may all lie on one side of it; its uncertainty
+    # grows with the distance from them.
     longest, span = np.max(ways[quick]), np.ptp(t[quick])
     known = longest < LARGEST_DRIFT_PPM * 1e-6 * span
     beyond = np.abs(offset + slope * t - offsets) > bounds + longest * (1.0 + np.ptp(t) / span)
@@ -193,9 +192,9 @@ def line_through(probes: Sequence[ClockRecord]) -> Fit | None:
 
 
 def _stamps(probes: Sequence[ClockRecord]) -> NDArray[np.float64]:
-    """Return t0 to t3, the estimate and its bound, a row each, from the first probe on [ns]."""
+    """Return t0 to t3, the estimate and its bound as rows, relative to the first probe [ns]."""
     stamps = np.array([(p.t0_ns, p.t1_ns, p.t2_ns, p.t3_ns, p.offset_ns, p.bound_ns) for p in probes], np.int64)
     server, peer = stamps[0, 0], stamps[0, 1]
     zeros = np.array([server, peer, peer, server, peer - server, 0])
-    # From there on they are small enough for every nanosecond.
+    # Relative to the first probe the values are small enough for float64 to resolve every nanosecond.
     return np.asarray((stamps - zeros).T, np.float64)

@@ -1,9 +1,8 @@
-"""Checks the journal of a session against a recording of it.
+"""Compares the journal of a session with a recording of it.
 
 Pure: journal entries and judged attempts in, findings out. The journal was written live; the recording is judged
-afterwards. Three things make them differ although neither is damaged: a server that was killed has not written its last
-lines; an attempt that is only partly in this file cannot be judged again; and frames that a display reported too late
-did not count live.
+afterwards. Three differences do not indicate damage: a killed server did not write its last lines; an attempt that is
+only partly in this file cannot be judged again; and frames that a display reported too late did not count live.
 """
 
 from collections.abc import Iterator, Sequence
@@ -14,16 +13,16 @@ from netboard.task.journal.entries import AttemptEnded, Ended, Entry, Opened, Re
 from netboard.task.trials.quality import Verdict
 
 _COMPARED = ("success", "fell", "timed_out")
-"""Outcomes that the ticks alone decide; a command ends an attempt in ways that only the server knows."""
+"""Outcomes that the ticks alone determine; only the server knows how a command ended an attempt."""
 
 _BY_REPORTS = {"frozen_display"}
-"""Flags that depend on what displays reported, and when."""
+"""Flags that depend on the content and time of display reports."""
 
 
 def check_journal(
     entries: Sequence[Entry], run: str, block: int, seen: Walk, verdicts: Sequence[Verdict]
 ) -> Iterator[Finding]:
-    """Check the journal's attempts against those of the recording."""
+    """Compare the journal's attempts with those of the recording."""
     if not seen.count:
         return
     first, last = int(seen.first["tick"][0]), int(seen.last["tick"][0])
@@ -54,7 +53,7 @@ def check_journal(
 
 
 def _end_of(entries: Sequence[Entry], run: str) -> int | None:
-    """Last tick that the journal knows of a run that did not end on purpose; None for one that did."""
+    """Return the last tick that the journal has of a crashed run; None for a run that ended normally."""
     mine = False
     end = -1
     for entry in entries:
@@ -68,14 +67,14 @@ def _end_of(entries: Sequence[Entry], run: str) -> int | None:
 
 
 def _is_whole(seen: Walk, verdict: Verdict) -> bool:
-    """Whether the recording has every tick of an attempt, so that it can be judged again."""
+    """Return True if the recording has every tick of an attempt, so that it can be judged again."""
     first = seen.first[0]
     begun = int(first["tick"]) < verdict.release or int(first["run_ticks"]) == 0
     return begun and all(gap.first > verdict.end or gap.first + gap.count < verdict.release for gap in seen.gaps)
 
 
 def _differs(told: AttemptEnded, judged: Verdict, *, whole: bool) -> Iterator[str]:
-    """Say what the journal tells otherwise of an attempt."""
+    """Describe the differences between the journal and the recording for an attempt."""
     where = f"trial {told.trial}, attempt {told.attempt}"
     if judged.outcome not in _COMPARED and told.outcome not in _COMPARED:
         return
@@ -93,7 +92,7 @@ def _difference(told: AttemptEnded, judged: Verdict) -> set[str]:
 
 
 def _late(both: Sequence[tuple[AttemptEnded, Verdict]]) -> list[tuple[int, int]]:
-    """Attempts of which only the flags that depend on reports differ."""
+    """Return the attempts that differ only in flags from display reports."""
     return [
         (told.trial, told.attempt)
         for told, judged in both
@@ -102,7 +101,7 @@ def _late(both: Sequence[tuple[AttemptEnded, Verdict]]) -> list[tuple[int, int]]
 
 
 def _loss(what: str, places: Sequence[tuple[int, int]]) -> Iterator[Finding]:
-    """List attempts, if there are any."""
+    """Yield a loss for a list of attempts, unless it is empty."""
     if places:
         which = ", ".join(f"trial {n}, attempt {k}" for n, k in sorted(places))
         yield Finding("journal", Grade.LOSS, f"{what}: {which}")

@@ -1,7 +1,7 @@
-"""Finds what a recording can be compared with: the journal of its session beside it, and the plan that this names.
+"""Finds the reference of a recording: the journal of its session beside it, and the plan named there.
 
-A plan is made again from the study and the seed that are in the journal. A study that is not built in cannot be found
-from there; its blocks are checked against the journal only.
+The plan is reproduced from study and seed in the journal. A study that is not built in is not available here; its
+blocks are checked only against the journal.
 """
 
 import hashlib
@@ -27,7 +27,7 @@ from netboard.task.studies.study import parse_study, resolve_study
 
 
 def journal_of(path: Path, config: Config) -> Lines | None:
-    """Read the journal that lies beside a recording; None if there is none."""
+    """Read the journal beside a recording; None if there is none."""
     beside = journal_path(path.parent, config)
     return read_lines(beside.read_bytes(), beside.name) if beside.is_file() else None
 
@@ -46,7 +46,7 @@ def plan_findings(path: Path, config: Config) -> Iterator[Finding]:
             return
         planned = config_of(config, plan.sessions[lines.header.session - 1], config.block.number)
     except RecordingError:
-        return  # a journal that cannot be read, which is said of the journal
+        return  # the journal's own check reports it
     except (ConfigError, IndexError) as error:
         yield Finding("plan", Grade.DAMAGE, f"the plan does not go with the block: {error}")
         return
@@ -54,12 +54,12 @@ def plan_findings(path: Path, config: Config) -> Iterator[Finding]:
     if config.session.pilot and config.block.trials <= planned.block.trials:
         planned = replace(planned, block=shortened)
     if config.design == Design():
-        planned = replace(planned, design=Design())  # recorded before a block said what its factors are
+        planned = replace(planned, design=Design())  # the recording predates factors in blocks
     yield from check_plan(config, planned)
 
 
 def plan_in(header: Header, config: Config) -> Plan | None:
-    """Make the plan that a journal is about again, as its digest proves; None if its study or dyad cannot be told."""
+    """Reproduce the plan of a journal and verify its digest; None if study or dyad are unknown."""
     number = re.search(r"\d+$", header.dyad)
     if header.study not in library.NAMES or number is None:
         return None
@@ -72,7 +72,7 @@ def plan_in(header: Header, config: Config) -> Plan | None:
 
 
 def _shortened(plan: Plan, config: Config) -> Iterator[str]:
-    """Digests of the short forms of a plan that a pilot run of this block can have been."""
+    """Yield the digests of the shortened plans that a pilot run of this block may have used."""
     for blocks in (None, config.block.blocks):
         for trials in (None, config.block.trials):
             yield hashlib.sha256(f"{digest(plan)} {blocks} {trials}".encode()).hexdigest()

@@ -1,6 +1,6 @@
-"""The quality of the attempts in a recording, judged as the server has judged them: by the rules of its configuration.
+"""Judges the quality of recorded attempts as the server did: by the rules in the configuration.
 
-The ticks are shown to the referee in portions and each portion's frames after it, as they come to a server.
+The ticks go to the referee in batches, each followed by its frames, as on a live server.
 """
 
 from collections.abc import Iterable
@@ -15,22 +15,22 @@ from netboard.recording.files.reader import Recording
 from netboard.task.trials.quality import SEEN, Referee, Verdict
 
 _PORTION = 100
-"""Ticks shown at once: fewer than those after which every frame is known to a server [1]."""
+"""Ticks per batch: fewer than the delay after which the server knows every frame [1]."""
 
 
 def judged(recording: Recording) -> tuple[Verdict, ...]:
-    """Judge every attempt that has ended in a recording."""
+    """Judge every completed attempt in a recording."""
     config = parse(recording.config_text, f"{recording.path} (its configuration)")
     return judged_along(recording, config, recording.batches(names=SEEN, as_sent=True))
 
 
 def judged_along(recording: Recording, config: Config, portions: Iterable[NDArray[Any]]) -> tuple[Verdict, ...]:
-    """Judge every attempt that has ended, while the ticks are read for something else too.
+    """Judge every completed attempt while the ticks are read for another purpose.
 
     Parameters
     ----------
     portions : iterable of ndarray of TICK, shape (n,)
-        All its ticks in order, with the fields of `netboard.task.trials.quality.SEEN` at least.
+        All ticks in order, with at least the fields in `netboard.task.trials.quality.SEEN`.
     """
     referee = Referee(config, Safeguard.CLAMPED)
     frames = sorted(recording.frames(), key=attrgetter("tick"))

@@ -1,4 +1,4 @@
-"""How sound a recording is: findings, each with a grade, and the verdict that follows from the worst of them."""
+"""Severity of findings, and the result of a check, which follows from the worst finding."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,29 +11,29 @@ from numpy.typing import NDArray
 from netboard.recording.integrity.verification import Verdict
 
 EXIT_CODES = (0, 3, 1)
-"""Exit code of each `Grade`: losses that a file lists are no damage, and still not nothing [1]."""
+"""Exit code of each `Grade`: listed losses are not damage, but differ from success [1]."""
 
 
 class Grade(IntEnum):
-    """What a finding means for the file."""
+    """Severity of a finding."""
 
-    SOUND = 0  # as it should be
-    LOSS = 1  # something is not there, and the file says so itself
-    DAMAGE = 2  # the file is not what was written, or contradicts itself
+    SOUND = 0  # as expected
+    LOSS = 1  # data are missing, and the file itself lists them
+    DAMAGE = 2  # the file has changed or contradicts itself
 
 
 VERDICTS = ("complete", "complete with listed losses", "damaged")
-"""Verdict on a file by its worst `Grade`."""
+"""Result of a check, by the worst `Grade`."""
 
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One thing that was looked at.
+    """One finding of a check.
 
     Attributes
     ----------
     part : str
-        What was looked at: ``file``, ``numbers``, ``forces``, ``time``, ``clocks``, ``configuration``, ``trials``,
+        Subject of the finding: ``file``, ``numbers``, ``forces``, ``time``, ``clocks``, ``configuration``, ``trials``,
         ``plan``, ``journal`` or ``replay``.
     """
 
@@ -44,16 +44,16 @@ class Finding:
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """What is known of one file.
+    """Report of the check of one file.
 
     Attributes
     ----------
     ticks : int
-        Ticks in it, or that can be recovered of it [1].
+        Ticks in the file, or recoverable from it [1].
     replay : Verdict or None
-        Outcome of computing every tick again, if that was asked for.
+        Result of verifying every tick, if requested.
     computing : float
-        Time that this took, reading not included [s].
+        Computing time of the verification, without reading [s].
     """
 
     path: Path
@@ -64,21 +64,21 @@ class Report:
 
     @property
     def grade(self) -> Grade:
-        """The worst that was found."""
+        """Severity of the worst finding."""
         return worst(self.findings)
 
     @property
     def verdict(self) -> str:
-        """The same in words: one of `VERDICTS`."""
+        """Result in words: one of `VERDICTS`."""
         return VERDICTS[self.grade]
 
 
 def worst(findings: Sequence[Finding]) -> Grade:
-    """Return the worst grade of some findings."""
+    """Return the highest severity of the findings."""
     return max((finding.grade for finding in findings), default=Grade.SOUND)
 
 
 def numbers_in_words(numbers: NDArray[np.int64]) -> str:
-    """Name the first numbers of what may be many."""
+    """Format the first of many numbers."""
     shown = ", ".join(str(number) for number in numbers[:3])
     return shown if len(numbers) <= 3 else f"{shown} and {len(numbers) - 3} more"

@@ -1,4 +1,4 @@
-"""Checks the time of a recording: stamps that never go back, and ticks 1 ms apart except where the server said so."""
+"""Checks that time stamps in a recording never decrease and that ticks are 1 ms apart unless the server stalled."""
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -20,10 +20,10 @@ _LONGEST_BATCH_NS = 5_000_000_000
 def check_time(
     recording: Recording, seen: Walk, events: Sequence[EventRecord], remarks: Sequence[EventRecord]
 ) -> Iterator[Finding]:
-    """Check that time never goes back, and that ticks are 1 ms apart but where the server said that it stood still.
+    """Check that time never decreases, and that ticks are 1 ms apart except where the server reported a stall.
 
-    Where records were lost, what the server said may be among them. A what-if has the times of its source, without the
-    events of that.
+    If records were lost, the server's reports may be among them. A counterfactual has the times of its source without
+    the source's events.
     """
     problems = []
     stood_ms: Counter[int] = Counter()
@@ -55,14 +55,14 @@ def check_time(
 
 
 def _goes_on(more_ns: int) -> bool:
-    """Whether a jump is what a server does that stood still: forward by whole ticks."""
+    """Return True for a jump that a stalled server makes: forward by whole ticks."""
     return more_ns > 0 and more_ns % TICK_NS == 0
 
 
 def _log_time_steps(path: Path) -> int:
-    """Count the chunks that begin before one before has ended, by the file's own index.
+    """Count the chunks that begin before the end of an earlier chunk, by the file's own index.
 
-    Ticks are written in batches, later than what happened while a batch grew: that much is no step.
+    Ticks are written in batches, later than events that occurred while the batch grew. This delay does not count.
     """
     with path.open("rb") as file:
         summary = make_reader(file).get_summary()
@@ -73,7 +73,7 @@ def _log_time_steps(path: Path) -> int:
 
 
 def lost_after(remarks: Sequence[EventRecord]) -> Counter[int]:
-    """How many records the logger noted as lost directly after each tick that it had."""
+    """Count the records that the logger noted as lost directly after each tick."""
     lost: Counter[int] = Counter()
     for remark in remarks:
         if remark.name == "log_lost":

@@ -1,8 +1,7 @@
-"""Checks the trials of a recording against its configuration, and against the plan of its study.
+"""Checks the trials of a recording against its configuration and against the plan of its study.
 
-Pure: attempts and configurations in, findings out. A block that was stopped is a loss: something that
-was planned is not there. Trials in an order that the trial machine never makes, or another condition than the plan's,
-are damage.
+Pure: attempts and configurations in, findings out. A stopped block is a loss, because planned trials are missing. An
+order of trials that the trial state machine cannot produce, or a condition other than the plan's, is damage.
 """
 
 from collections.abc import Iterator, Sequence
@@ -22,7 +21,7 @@ _ENDS = (Cause.LAST, Cause.STOP)
 
 
 def check_trials(config: Config, seen: Walk, listed: Sequence[Attempt], goes_on: bool) -> Iterator[Finding]:
-    """Check the trials by the rules of the configuration."""
+    """Check the trials by the rules in the configuration."""
     if not seen.count:
         yield Finding("trials", Grade.LOSS, "no tick, so no trial")
         return
@@ -52,13 +51,13 @@ def check_measured(seen: Walk, listed: Sequence[Attempt]) -> Iterator[Finding]:
 
 
 def _wrong_list(attempts: Sequence[Attempt], listed: Sequence[Attempt]) -> Iterator[str]:
-    """What the file lists is what its ticks say."""
-    if repr(attempts) != repr(listed):  # as text: a completion time that is not a number equals itself there
+    """Compare the file's list of attempts with its ticks; yield a difference."""
+    if repr(attempts) != repr(listed):  # compare as text: there, a NaN completion time equals itself
         yield f"{len(listed)} attempts are listed, which are not the {len(attempts)} in the ticks"
 
 
 def _wrong_targets(config: Config, attempts: Sequence[Attempt]) -> Iterator[str]:
-    """Targets change side from trial to trial, from the first one on."""
+    """Check that targets change side from trial to trial, starting with the first."""
     first = first_target(config)
     wrong = [attempt for attempt in attempts if attempt.target != (first if attempt.trial % 2 else -first)]
     if wrong:
@@ -67,7 +66,7 @@ def _wrong_targets(config: Config, attempts: Sequence[Attempt]) -> Iterator[str]
 
 
 def _wrong_order(attempts: Sequence[Attempt]) -> Iterator[str]:
-    """After a success another trial follows, else the same one again unless it is skipped; numbers never go back."""
+    """Check the order of trials: repeated until a success or a skip, and never a lower number."""
     for before, now in pairwise(attempts):
         again = now.trial == before.trial and now.attempt > before.attempt and before.outcome != "success"
         if now.trial <= before.trial and not again:
@@ -78,7 +77,7 @@ def _wrong_order(attempts: Sequence[Attempt]) -> Iterator[str]:
 
 
 def _wrong_forces(block: Block, seen: Walk) -> Iterator[str]:
-    """The condition is what was done: no force where there is none."""
+    """Check that the forces match the condition: no force without haptic feedback."""
     if seen.force_where_none:
         catch = f" and catch trials {', '.join(map(str, block.catch))}" if block.catch else ""
         yield (
@@ -88,7 +87,7 @@ def _wrong_forces(block: Block, seen: Walk) -> Iterator[str]:
 
 
 def _wrong_counts(seen: Walk, attempts: Sequence[Attempt]) -> Iterator[str]:
-    """The trial machine has counted as many successes as there are, where no tick is missing."""
+    """Compare the trial state machine's count of successes with the attempts, where no tick is missing."""
     last = seen.last[0]
     counted = int(last["successes"]) + (int(last["event"]) == Cause.HELD) - int(seen.first[0]["successes"])
     found = sum(attempt.outcome == "success" for attempt in attempts)
@@ -97,13 +96,13 @@ def _wrong_counts(seen: Walk, attempts: Sequence[Attempt]) -> Iterator[str]:
 
 
 def _done(config: Config, seen: Walk, goes_on: bool) -> Finding:
-    """Say how many trials were done, of how many."""
+    """Report how many of the planned trials were done."""
     block, ends = config.block, [row for rows in seen.turns for row in rows[np.isin(rows["event"], _ENDS)]]
     row = ends[-1] if ends else seen.last[0]
     over = int(row["event"]) == Cause.LAST
     finished = over and int(row["phase"]) != Phase.FAILED
     done = int(row["trial"]) - (not (finished or int(row["event"]) == Cause.HELD))
-    # A veto in the last tick of a trial may be what makes it the last one.
+    # A veto in the last tick of a trial may make it the last one.
     vetoed = int(row["command"]) == Cause.VETO and int(row["extra"]) > 0
     wanted = block.trials + int(row["extra"]) - vetoed
     timed = 0 < ticks(block.duration) <= int(row["block_ticks"]) + 1
@@ -118,7 +117,7 @@ def _done(config: Config, seen: Walk, goes_on: bool) -> Finding:
 
 
 def check_plan(config: Config, planned: Config) -> Iterator[Finding]:
-    """Check the block's condition against what the plan makes of the same rig."""
+    """Compare the block's condition with that of the plan for the same rig."""
     wrong = [
         f"[{table.name}] {key.name}: found {getattr(has, key.name)!r}, planned {getattr(wants, key.name)!r}"
         for table in fields(config)

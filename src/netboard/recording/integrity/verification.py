@@ -1,6 +1,6 @@
-"""A recording proves itself: its inputs, run through the stage of its own configuration, give its ticks again.
+"""Verifies a recording: its inputs, run through the stage of its own configuration, must reproduce its ticks.
 
-Ticks are computed and compared a slice at a time, so that a recording of any length needs the memory of one portion.
+Ticks are computed and compared slice by slice, so memory does not grow with the recording's length.
 """
 
 from collections.abc import Iterable
@@ -18,21 +18,21 @@ from netboard.recording.files.reader import Recording
 from netboard.stage.stage import Stage, make_stage
 
 SLICE = 2048
-"""Ticks computed at once: with what they are compared to, so many fit into a processor's own memory [1]."""
+"""Ticks per slice: with the recorded ones, this many fit into the processor cache [1]."""
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """Outcome of a verification.
+    """Result of a verification.
 
     Attributes
     ----------
     gaps : int
-        Places where ticks are missing and the comparison started afresh [1].
+        Gaps of missing ticks, after each of which the comparison restarted [1].
     tick : int or None
-        First tick that is not identical to the bit; None if all are [1].
+        First tick that is not bit-identical; None if all are [1].
     recorded, computed : float
-        The two values of that field, in its own unit [SI].
+        Recorded and computed value of the differing field, in its own unit [SI].
     """
 
     checked: int
@@ -44,7 +44,7 @@ class Verdict:
 
     @property
     def identical(self) -> bool:
-        """Whether every tick is identical to the bit."""
+        """Whether every tick is bit-identical."""
         return self.tick is None
 
 
@@ -54,28 +54,29 @@ _PLACES = {name: place for place, name in enumerate(TICK.names or ())}
 
 
 def verify(stage: Stage, ticks: NDArray[Any]) -> Verdict:
-    """Run the stage over recorded inputs and compare every tick to the bit.
+    """Run the stage over recorded inputs and compare every tick bit for bit.
 
     Parameters
     ----------
     ticks : ndarray of TICK, shape (n,)
-        The recorded ticks, in order. After a gap the recorded state is taken over.
+        The recorded ticks, in order. After a gap the stage continues from the recorded state.
     """
     return verify_portions(stage, (ticks,))
 
 
 def verify_portions(stage: Stage, portions: Iterable[NDArray[Any]]) -> Verdict:
-    """Do the same with ticks that come in portions.
+    """Verify ticks that arrive in batches.
 
     Parameters
     ----------
     portions : iterable of ndarray of TICK
-        The recorded ticks, in order. After a gap, within a portion or between two, the recorded state is taken over.
+        The recorded ticks, in order. After a gap, within or between batches, the stage continues from the recorded
+        state.
 
     Returns
     -------
     Verdict
-        Identical, or where and how not; what comes after the first difference is not looked at.
+        Identical, or position and values of the first difference; later ticks are not compared.
     """
     verifier = Verifier(stage)
     for rows in portions:
@@ -85,7 +86,7 @@ def verify_portions(stage: Stage, portions: Iterable[NDArray[Any]]) -> Verdict:
 
 
 class Verifier:
-    """Computes recorded ticks again as they come."""
+    """Recomputes recorded ticks as they arrive."""
 
     def __init__(self, stage: Stage) -> None:
         self.verdict = Verdict(0, 0)
@@ -95,7 +96,7 @@ class Verifier:
         self._computed = np.zeros(SLICE, TICK)
 
     def take(self, rows: NDArray[Any]) -> bool:
-        """Compute the next ticks; False if there was a difference, now or before."""
+        """Recompute the next ticks; return False if any tick so far differs."""
         for first, stop in runs(rows["tick"]):
             if self._next != rows["tick"][first]:
                 known = self._next is not None
@@ -108,10 +109,10 @@ class Verifier:
         return True
 
     def _compare(self, recorded: NDArray[Any]) -> bool:
-        """Compute some ticks in a row."""
+        """Recompute consecutive ticks."""
         computed = self._computed[: len(recorded)]
         words = as_words(recorded)
-        as_words(computed)[:] = words  # as plain words: numpy copies structured types field by field
+        as_words(computed)[:] = words  # as integers: numpy copies structured types field by field
         self._stage.advance(self._state, computed, 0, len(computed))
         checked = self.verdict.checked
         if np.array_equal(words, as_words(computed)):
@@ -130,7 +131,7 @@ class Verifier:
 
 
 def state_of(row: NDArray[Any]) -> NDArray[Any]:
-    """State found by a tick, from its row."""
+    """Return the state at the start of a tick, from its row."""
     state = np.zeros(1, STATE)
     for name in _STATE:
         state[name] = row[name]
@@ -138,12 +139,12 @@ def state_of(row: NDArray[Any]) -> NDArray[Any]:
 
 
 def runs(numbers: NDArray[np.int64]) -> list[tuple[int, int]]:
-    """Split numbers where they do not go up by one.
+    """Split numbers into runs of consecutive ones.
 
     Returns
     -------
     list of (int, int)
-        First index and the index after the last, of each run [1].
+        First index and end index of each run [1].
     """
     if len(numbers) == 0:
         return []
@@ -153,25 +154,25 @@ def runs(numbers: NDArray[np.int64]) -> list[tuple[int, int]]:
 
 
 def as_words(rows: NDArray[Any]) -> NDArray[np.int64]:
-    """Look at rows as words of 64 bits, so that NaN equals NaN and -0 is not 0.
+    """View rows as 64-bit integers, so that NaN equals NaN and -0 differs from 0.
 
     Returns
     -------
     ndarray of int64, shape (n, words)
-        The same memory, if they lie one after the other [1].
+        View of the same memory if the rows are contiguous [1].
     """
     return np.ascontiguousarray(rows).view(np.int64).reshape(len(rows), -1)
 
 
 def _first_difference(recorded: NDArray[Any], computed: NDArray[Any]) -> tuple[int, str]:
-    """Index and field of the first value that is not the same to the bit; results are looked at in their order."""
+    """Return row index and field of the first value that is not bit-identical, in the order of the computation."""
     differs = as_words(recorded) != as_words(computed)
     i = int(np.argmax(differs.any(axis=1)))
     return i, next(name for name in _RESULTS if differs[i, _PLACES[name]])
 
 
 def verify_recording(recording: Recording) -> Verdict:
-    """Compute every tick of an open recording again and compare it to the bit."""
+    """Verify every tick of an open recording."""
     stage = make_stage(parse(recording.config_text, f"{recording.path} (its configuration)"))
     verdict = verify_portions(stage, recording.batches(as_sent=True))
     if not verdict.checked:

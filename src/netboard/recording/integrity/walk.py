@@ -1,7 +1,7 @@
-"""One walk through all ticks of a recording, a portion at a time, for everything that must look at each of them.
+"""One pass through all ticks of a recording, in batches, for all checks that need every tick.
 
-What is kept is small, however long the recording is: gaps and jumps, the rows at which an attempt begins or ends, the
-largest forces, and the outcome of computing every tick again.
+The result is small for a recording of any length: gaps and jumps, the first and last rows of attempts, the largest
+forces, and the result of the verification.
 """
 
 import time
@@ -20,32 +20,32 @@ from netboard.stage.stage import Stage
 from netboard.task.trials.state_machine import Phase, is_active
 
 MOST_KEPT = 1000
-"""Of gaps, jumps and wrong numbers so many are kept; the others are counted [1]."""
+"""Limit of gaps, jumps and wrong numbers that are kept; further ones are only counted [1]."""
 
 ACTIVE = np.array([bool(is_active(int(phase))) for phase in Phase])
-"""Of each phase, whether a trial is on."""
+"""Whether a trial is running, for each phase."""
 
 
 @dataclass
 class Walk:
-    """What was seen on the way.
+    """Results of the pass.
 
     Attributes
     ----------
     disordered : list of int
-        Ticks with a number that is not above the one before [1].
+        Ticks whose number does not exceed the previous one [1].
     jumps : list of (int, int)
-        Ticks at which time does not go on by one tick from the one before, and by how much more it does [1, ns].
+        Ticks whose time does not follow the previous one by one tick, and the excess [1, ns].
     active_ns : (int, int) or None
-        Server time of the first and the last tick of a trial [ns].
+        Server time of the first and the last tick during trials [ns].
     force_where_none : int
-        Ticks in which a hand was to feel a force although the condition gives none [1].
+        Ticks with a commanded force although the condition has none [1].
     felt : float
-        Largest force that a hand was to feel [N].
+        Largest commanded force [N].
     turns : list of ndarray of TICK
-        The rows at which anything of a trial changes, and those before.
+        Rows at which a field of the trial changes, and the rows before them.
     computing : float
-        Time that this took [s].
+        Computing time of the verification [s].
     """
 
     count: int = 0
@@ -63,19 +63,19 @@ class Walk:
     computing: float = 0.0
 
     def attempts(self) -> tuple[Attempt, ...]:
-        """Every attempt at a trial, in order."""
+        """Return every attempt at a trial, in order."""
         return find_attempts(np.concatenate(self.turns) if self.turns else np.empty(0, TICK))
 
 
 def walk(portions: Iterable[NDArray[Any]], block: Block | None, stage: Stage | None = None) -> Walk:
-    """Walk through ticks.
+    """Pass through the ticks.
 
     Parameters
     ----------
     block : Block, optional
-        The block's configuration, which says where no force may be; None if it is lost.
+        Configuration of the block, which tells where forces are off; None if it is lost.
     stage : Stage, optional
-        Made from the recording's configuration: every tick is computed again and compared to the bit.
+        Stage of the recording's configuration: recompute every tick and compare it bit for bit.
     """
     seen = Walk()
     verifier = None if stage is None else Verifier(stage)
@@ -98,7 +98,7 @@ def walk(portions: Iterable[NDArray[Any]], block: Block | None, stage: Stage | N
 
 
 def _follow(seen: Walk, rows: NDArray[Any]) -> None:
-    """Follow numbers and times, and keep the rows at which something of a trial changes."""
+    """Check numbers and times, and keep the rows at which a field of the trial changes."""
     joined = np.concatenate([_slim(seen.last), _slim(rows)])
     numbers, steps = joined["tick"], np.diff(joined["tick"])
     room = MOST_KEPT - len(seen.gaps)
@@ -126,7 +126,7 @@ _SLIM = ["tick", "time_ns", "event", "phase", "trial", "attempt"]
 
 
 def _slim(rows: NDArray[Any]) -> NDArray[Any]:
-    """Copy the few columns that are followed."""
+    """Copy the few columns that are checked."""
     slim = np.empty(len(rows), [(name, "<i8") for name in _SLIM])
     for name in _SLIM:
         slim[name] = rows[name]
@@ -134,7 +134,7 @@ def _slim(rows: NDArray[Any]) -> NDArray[Any]:
 
 
 def _feel(seen: Walk, rows: NDArray[Any], block: Block | None) -> None:
-    """Look at the forces, and at when a trial goes on."""
+    """Check the forces, and note when trials run."""
     active = ACTIVE[np.clip(rows["phase"], 0, len(Phase) - 1)]
     where = np.flatnonzero(active)
     if len(where):

@@ -1,1 +1,1 @@
-"""What survives a crash: the journal, spilled records, and recordings made whole again."""
+"""Crash recovery: the journal, spilled records, and the recovery of recordings."""

@@ -1,9 +1,9 @@
-"""The journal of a session: an append-only file from which a session resumes after a crash of anything.
+"""Journal of a session: an append-only file from which a session resumes after any crash.
 
-Rules that hold here: a journal is never written over; whoever appends never waits for the disk, which has a thread of
-its own; entries are written and synced one by one, in order, so that a power cut can tear the last line only; what is
-counted as durable is on disk, and the file's name with it; a disk that refuses is asked again, and what it said is in
-`Journal.trouble` until it takes the entry.
+A journal is never overwritten. Appending does not wait for the disk: a separate thread writes and syncs the entries one
+by one, in order, so a power cut can tear only the last line. An entry that counts as durable is on disk, and so is the
+file's name. If the disk reports an error, the thread retries; `Journal.trouble` holds the message until the entry is
+written.
 """
 
 import logging
@@ -21,31 +21,31 @@ from netboard.recording.format.disk import sync_directory
 from netboard.task.journal.entries import Entry, Header, line_of, read_lines
 
 RETRY_SECONDS = 0.5
-"""A disk that refused is asked again after so long [s]."""
+"""Interval of retries after a disk error [s]."""
 
 LAST_TRIES = 3
-"""And so often once the journal is to be closed [1]."""
+"""Number of attempts to write once the journal is closing [1]."""
 
 CLOSE_SECONDS = 10.0
-"""A disk that does not answer holds the end up for so long [s]."""
+"""Timeout of closing when the disk does not respond [s]."""
 
 log = logging.getLogger(__name__)
 
 
 def journal_path(directory: Path, config: Config) -> Path:
-    """Name of the journal of a session."""
+    """Return the path of a session's journal."""
     return directory / f"{config.session.dyad}_{config.session.name}.journal.jsonl"
 
 
 class Journal:
-    """An open journal. Make it with `create` or `reopen`.
+    """An open journal. Create it with `create` or `reopen`.
 
     Attributes
     ----------
     durable : int
-        How many entries, the header not counted, are on disk [1].
+        Number of entries on disk, without the header [1].
     trouble : str
-        What the disk said if it did not take the newest entries; empty while all is well.
+        Error message of the disk if the newest entries are not written; otherwise empty.
     """
 
     def __init__(self, path: Path, handle: int, end: int, durable: int) -> None:
@@ -62,12 +62,12 @@ class Journal:
 
     @classmethod
     def create(cls, path: Path, header: Header) -> Self:
-        """Begin a journal; its header is on disk, and so is its name, when this returns.
+        """Create a journal; on return its header and its name are on disk.
 
         Parameters
         ----------
         path : Path
-            The file; its folder is made if it is not there.
+            Path of the journal; its folder is created if missing.
         """
         line = line_of(header, _now())
         try:
@@ -82,12 +82,12 @@ class Journal:
 
     @classmethod
     def reopen(cls, path: Path) -> tuple[Self, Header, tuple[Entry, ...], bytes]:
-        """Go on with a journal; a last line that was torn stays until the next entry takes its place.
+        """Reopen a journal; a torn last line stays until the next entry overwrites it.
 
         Returns
         -------
         (Journal, Header, tuple of Entry, bytes)
-            The journal, what it says, and the torn line, empty without one.
+            The journal, its header and entries, and the torn line, empty if there is none.
         """
         try:
             lines = read_lines(path.read_bytes(), str(path))
@@ -102,17 +102,17 @@ class Journal:
 
     @property
     def appended(self) -> int:
-        """How many entries there are, on disk or on their way [1]."""
+        """Number of entries on disk or waiting [1]."""
         return self._appended
 
     def append(self, entry: Entry) -> None:
-        """Add an entry; returns at once."""
+        """Append an entry without waiting for the disk."""
         line = line_of(entry, _now())
         self._appended += 1
         self._waiting.put(line)
 
     def close(self) -> None:
-        """Wait until everything is on disk, and close; a second time does nothing."""
+        """Wait until all entries are on disk, then close; do nothing if closed."""
         if not self._closing.is_set():
             self._waiting.put(None)
             self._closing.set()
@@ -122,7 +122,7 @@ class Journal:
             why = self.trouble or f"{self.path}: the disk does not answer"
             raise RecordingError(f"{why}; {missing} of {self._appended} entries are not on disk")
 
-    # --- what the thread does ------------------------------------------------------------------------------------
+    # --- disk thread ---------------------------------------------------------------------------------------------
 
     def _work(self) -> None:
         while (line := self._waiting.get()) is not None:
@@ -132,7 +132,7 @@ class Journal:
         os.close(self._handle)
 
     def _bring_to_disk(self, line: bytes) -> bool:
-        """Write a line, as often as it takes; False if the disk still refuses while the journal is being closed."""
+        """Write a line, with retries; return False if the disk still fails while the journal is closing."""
         last_tries = LAST_TRIES
         while last_tries:
             last_tries -= self._closing.is_set()
@@ -151,7 +151,7 @@ class Journal:
         return False
 
     def _restore(self) -> None:
-        """Write a file that was deleted anew, from what is still open."""
+        """Write a deleted file anew from its open handle."""
         log.warning("%s: was deleted, and is written anew", self.path)
         handle = _new(self.path, os.pread(self._handle, self._end, 0))
         os.close(self._handle)
@@ -167,7 +167,7 @@ _BINARY = getattr(os, "O_BINARY", 0)
 
 
 def _new(path: Path, data: bytes) -> int:
-    """Make a file that is not there, and its folder, and bring it to disk; without success leave nothing."""
+    """Create a file and its folder and sync both; on failure leave nothing behind."""
     path.parent.mkdir(parents=True, exist_ok=True)
     handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | _BINARY, 0o644)
     try:
@@ -181,7 +181,7 @@ def _new(path: Path, data: bytes) -> int:
 
 
 def _write(handle: int, place: int, line: bytes) -> None:
-    """Write a line at its place, over what may have been left there by a try before, and bring it to disk."""
+    """Write a line at its position, over the remains of an earlier attempt, and sync it."""
     os.lseek(handle, place, os.SEEK_SET)
     rest = memoryview(line)
     while rest:

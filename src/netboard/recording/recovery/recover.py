@@ -1,7 +1,7 @@
-"""Makes a whole recording of an unfinished or damaged one, without touching it.
+"""Recovers an unfinished or damaged recording into a new file; the source is never changed.
 
-A chunk is found by its signature and believed by its checksum, so one destroyed length or record costs no more than its
-own chunk. Whatever lies between two sound chunks and is not made of whole records is reported as damage.
+Chunks are found by their signature and accepted by their checksum, so a destroyed length or record costs at most its
+own chunk. Data between two valid chunks that are not complete records are reported as damage.
 """
 
 import mmap
@@ -52,7 +52,7 @@ _LAYOUT = Layout(CHANNELS[0].schema())
 
 
 class Span(NamedTuple):
-    """Some bytes of a file."""
+    """A range of bytes in a file."""
 
     start: int
     stop: int
@@ -60,7 +60,7 @@ class Span(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Damage:
-    """A part of a file that could not be used."""
+    """An unusable part of a file."""
 
     offset: int
     length: int
@@ -69,7 +69,7 @@ class Damage:
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """What was recovered, and what was not."""
+    """Report of what was recovered and what was not."""
 
     source: Path
     output: Path
@@ -85,23 +85,23 @@ class Report:
 
     @property
     def lost_bytes(self) -> int:
-        """Bytes that could not be used [1]."""
+        """Number of unusable bytes [1]."""
         return sum(damage.length for damage in self.damage)
 
 
 def recovered_path(path: Path) -> Path:
-    """Name of the recovered file: ``X.mcap.part``, ``X.mcap`` or ``X.spill`` becomes ``X.recovered.mcap``."""
+    """Return the recovered file's path: ``X.mcap.part``, ``X.mcap`` or ``X.spill`` becomes ``X.recovered.mcap``."""
     whole = path.with_suffix("") if path.suffix == ".part" else path
     return whole.with_suffix(".recovered.mcap")
 
 
 def recover(path: Path, output: Path | None = None) -> Report:
-    """Write a whole recording with everything that is sound in an unfinished or damaged one.
+    """Write a complete recording with all valid data of an unfinished or damaged one.
 
     Raises
     ------
     RecordingError
-        If the source is not MCAP or of another format version, or the output exists or cannot be written.
+        If the source is not MCAP or has another format version, or the output exists or cannot be written.
     """
     target = output or recovered_path(path)
     with mapped(path) as data:
@@ -115,7 +115,7 @@ def recover(path: Path, output: Path | None = None) -> Report:
             raise RecordingError(
                 f"{path}: has format version {version}, this netboard recovers versions {', '.join(_RECOVERABLE)}"
             )
-        # What is no version at all is damage like any other.
+        # An invalid version is damage like any other.
         found["format"] = FORMAT_VERSION
         if config is not None:
             digest = config_sha256(config.data)
@@ -139,7 +139,7 @@ def recover(path: Path, output: Path | None = None) -> Report:
 
 @contextmanager
 def mapped(path: Path) -> "Iterator[mmap.mmap | bytes]":
-    """Map a file into memory, for reading only."""
+    """Map a file into memory, read-only."""
     try:
         with path.open("rb") as file:
             if path.stat().st_size == 0:
@@ -152,7 +152,7 @@ def mapped(path: Path) -> "Iterator[mmap.mmap | bytes]":
 
 
 def _find_chunks(data: mmap.mmap | bytes) -> Iterator[Span]:
-    """Every sound chunk, in order."""
+    """Yield every valid chunk, in order."""
     position = len(MAGIC)
     while (found := data.find(_SIGNATURE, position + _TO_SIGNATURE)) >= 0:
         start = found - _TO_SIGNATURE
@@ -166,7 +166,7 @@ def _find_chunks(data: mmap.mmap | bytes) -> Iterator[Span]:
 
 
 def _why_unsound(data: mmap.mmap | bytes, chunk: Span) -> str | None:
-    """Say what is wrong with a chunk, or None."""
+    """Return why a chunk is invalid, or None if it is valid."""
     try:
         unpack_chunk(data[chunk.start + RECORD_HEAD.size : chunk.stop])
     except RecordingError as error:
@@ -177,7 +177,7 @@ def _why_unsound(data: mmap.mmap | bytes, chunk: Span) -> str | None:
 def _survey(
     data: mmap.mmap | bytes, chunks: Sequence[Span]
 ) -> tuple[dict[str, dict[str, str]], Attachment | None, list[Damage], bool]:
-    """Look at what is not a chunk: metadata, configuration, damage, and whether the file was finished."""
+    """Read the data outside chunks: metadata, configuration, damage, and whether the file was finished."""
     metadata: dict[str, dict[str, str]] = {}
     config: Attachment | None = None
     damage: list[Damage] = []
@@ -197,7 +197,7 @@ def _survey(
                 attachment = Attachment.read(ReadDataStream(BytesIO(body)))
                 config = attachment if attachment.name == CONFIG_NAME else config
             elif opcode == Opcode.DATA_END:
-                # What follows is index, which is made anew.
+                # The rest is the index, which is rebuilt.
                 return metadata, config, damage, True
             position += RECORD_HEAD.size + len(body)
     return metadata, config, damage, False
@@ -209,7 +209,7 @@ _EXPECTED = frozenset(
 
 
 def _whole_record(data: mmap.mmap | bytes, span: Span) -> tuple[int, bytes] | str:
-    """Opcode and body of the record at the start of a span, or why there is none."""
+    """Return opcode and body of the record at the start of a span, or why it is invalid."""
     if span.stop - span.start < RECORD_HEAD.size:
         return "a record cut short"
     opcode, length = RECORD_HEAD.unpack_from(data, span.start)
@@ -232,7 +232,7 @@ def _whole_record(data: mmap.mmap | bytes, span: Span) -> tuple[int, bytes] | st
 
 
 def account_for(path: Path, size: int, damage: Sequence[Damage], has_config: bool) -> dict[str, str]:
-    """Say what the recovered file tells of its own making."""
+    """Return the recovery metadata of the new file."""
     return {
         "source": path.name,
         "source_bytes": str(size),
@@ -251,7 +251,7 @@ def _copy(
     account: dict[str, str],
     version: str,
 ) -> tuple[Counter[str], list[int]]:
-    """Write the new file, chunk by chunk; return the number of ticks and messages by topic, and the ticks."""
+    """Write the new file chunk by chunk; return message counts by topic, and the ticks."""
     counts: Counter[str] = Counter()
     numbers: list[int] = []
     out = PartFile(target, LIBRARY, _CHUNK_BYTES)
@@ -288,7 +288,7 @@ def _copy(
 
 
 def _rows_of(message: bytes, version: str) -> NDArray[Any]:
-    """Read the ticks of a message."""
+    """Decode the ticks in a message."""
     if version == "2":
         return older.ticks_of([message], version)
     planes = _LAYOUT.planes(message)

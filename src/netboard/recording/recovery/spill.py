@@ -1,9 +1,9 @@
-"""What the log's ring had to let go before a logger took it: a file of the server's own.
+"""Spill file of the server: records that left the log's ring buffer before a logger took them.
 
-Rules that hold here: whoever puts or asks never waits for a disk, which has a thread of its own; there is no file and
-no thread until something is put; what is not taken now (the file has its full size, the disk does not follow) stays
-with the ring. The file is deleted when all of it is in recordings. What is left at the end explains itself and can be
-made a recording (`netboard.recording.recovery.recover`).
+No caller waits for the disk, which has a separate thread. File and thread start with the first record. Records that the
+spill refuses (the file has reached its size limit, or the disk is too slow) stay in the ring buffer. The file is
+deleted once all its records are in recordings. A remaining file describes itself and can be converted to a recording
+(`netboard.recording.recovery.recover`).
 """
 
 import logging
@@ -29,20 +29,20 @@ from netboard.network.protocol.messages import Message
 from netboard.network.protocol.records import EventRecord, LogBatch
 
 MAGIC = b"netboard spill 1\n"
-"""First bytes of a spill. Blocks follow: length and CRC-32 of a frame, and the frame."""
+"""First bytes of a spill. Blocks follow: length and CRC-32 of a frame, then the frame."""
 
 OPENED = "spill_opened"
-"""Name of the event at the beginning, which ties server time (``time_ns``) to UTC (detail ``utc_ns``)."""
+"""Name of the first event, which relates server time (``time_ns``) to UTC (detail ``utc_ns``)."""
 
 MOST_WAITING = 64
-"""Blocks kept in memory for a disk that does not follow [1]."""
+"""Limit of blocks in memory that wait for a slow disk [1]."""
 
 READ_AHEAD = 8
 MOST_LOADED = 32
-"""Blocks read again that are kept for a while [1]."""
+"""Limit of reloaded blocks kept in memory [1]."""
 
 RETRY_SECONDS = 1.0
-"""A disk that refused is tried again after so long [s]."""
+"""Interval of retries after a disk error [s]."""
 
 _HEAD = struct.Struct("<II")
 
@@ -50,33 +50,33 @@ log = logging.getLogger(__name__)
 
 
 def spill_path(config: Config, session: str) -> Path:
-    """Name of a session's spill: in the folder in which the server was started."""
+    """Return the path of a session's spill, in the server's working directory."""
     return Path(f"{config.session.name}_{config.session.dyad}_{session[:8]}.spill").absolute()
 
 
 class _Block:
-    """Some records, in the file or on their way."""
+    """A batch of records, in the file or waiting to be written."""
 
     __slots__ = ("asked", "first", "frame", "offset", "size", "stop", "unreadable")
 
     def __init__(self, batch: LogBatch, offset: int) -> None:
         self.first, self.stop, self.offset = batch.first, batch.first + len(batch.records), offset
-        self.frame: bytes | None = encode(LogBatch(batch.first, 0, batch.records))  # until it is in the file
+        self.frame: bytes | None = encode(LogBatch(batch.first, 0, batch.records))  # kept until it is in the file
         self.size = len(self.frame)
         self.asked = self.unreadable = False
 
 
 class Spill:
-    """Records in a file, in order, for loggers that come later.
+    """Records in a file, in order, for loggers that connect later.
 
     Parameters
     ----------
     path : Path
-        The file; made when it is needed, and never over another.
+        Path of the file; created on demand, and never over an existing file.
     welcome : Welcome
-        What the session's loggers are told first, just made; it goes into the file.
+        A fresh copy of the first message to the session's loggers; it is stored in the file.
     most_bytes : int
-        Largest size of the file, in bytes; 0: no file [1].
+        Size limit of the file in bytes; 0 disables it [1].
     """
 
     def __init__(self, path: Path, welcome: Welcome, most_bytes: int) -> None:
@@ -87,7 +87,7 @@ class Spill:
         self._blocks: list[_Block] = []
         self.introduce(welcome)
         self._file: FileIO | None = None
-        # Between the threads: blocks to write, with None where the file is to be deleted; blocks to read; blocks read.
+        # Queues between the threads: blocks to write (None deletes the file), blocks to read, blocks read.
         self._unwritten: deque[_Block | None] = deque()
         self._deletions = self._deleted = 0
         self._wanted: SimpleQueue[list[_Block] | None] = SimpleQueue()
@@ -96,24 +96,24 @@ class Spill:
         self._thread: Thread | None = None
 
     def introduce(self, welcome: Welcome) -> None:
-        """Let the file begin with this, unless something is in it already."""
+        """Set the first message of the file, unless the file has data."""
         if not self._blocks:
             self._introduction = MAGIC + _block_of(encode(welcome)) + _block_of(encode(self._opened))
             self._end = len(self._introduction)
 
     @property
     def next(self) -> int:
-        """Number after the last record held, 0 without any [1]."""
+        """Number after the last stored record; 0 if empty [1]."""
         return self._blocks[-1].stop if self._blocks else 0
 
     @property
     def held(self) -> int:
-        """How many records are held [1]."""
+        """Number of stored records [1]."""
         return sum(block.stop - block.first for block in self._blocks)
 
     @property
     def refusal(self) -> str:
-        """Why nothing more is taken now, or nothing."""
+        """Reason why no records are accepted now; empty if they are."""
         if not self._most_bytes:
             return "network.log_spill_mb is 0"
         if self._end >= self._most_bytes:
@@ -123,24 +123,24 @@ class Spill:
         return ""
 
     def put(self, batch: LogBatch) -> None:
-        """Take records that come after those taken before, perhaps behind a hole; only without a `refusal`."""
+        """Store records that follow the previous ones, possibly after a gap; call only without a `refusal`."""
         self._add(batch)
         self._wake([])
 
     def batch(self, cursor: int) -> LogBatch | None:
-        """Make the next batch for a logger.
+        """Return the next batch for a logger, or None if it must be read from disk first.
 
         Parameters
         ----------
         cursor : int
-            Number of the first record it has not been sent; less than `next` [1].
+            Number of the first record not yet sent to the logger; less than `next` [1].
         """
         while len(self._loaded) > MOST_LOADED:
             used = self._loaded.popleft()
             used.frame, used.asked = None, False
         at = bisect_right(self._blocks, cursor, key=_stop)
         while at < len(self._blocks) and self._blocks[at].unreadable:
-            del self._blocks[at]  # a hole from now on: what comes behind it says how much is lost
+            del self._blocks[at]  # leaves a gap; the next batch counts its records as lost
         ahead = self._blocks[at : at + READ_AHEAD]
         if not ahead:
             return None
@@ -154,7 +154,7 @@ class Spill:
         return LogBatch(first, first - cursor, whole.records[first - whole.first :])
 
     def forget(self, before: int) -> None:
-        """Let go of records before one; the file goes when nothing else is in it."""
+        """Discard records before a number; delete the file when none are left."""
         had = bool(self._blocks)
         del self._blocks[: bisect_right(self._blocks, before, key=_stop)]
         if had and not self._blocks:
@@ -164,12 +164,12 @@ class Spill:
             self._wake([])
 
     def close(self, rest: Iterable[LogBatch] | None = None) -> None:
-        """Let the file be whole; nothing is put or asked for after that. `closed` tells when it is done.
+        """Complete the file; no records may be stored or requested afterwards. `closed` tells when it is done.
 
         Parameters
         ----------
         rest : iterable of LogBatch, optional
-            The last to be put, taken by the thread at its own pace.
+            Last records to store; the thread takes them at its own pace.
         """
         if rest is not None and self._most_bytes:
             self._rest = rest
@@ -179,7 +179,7 @@ class Spill:
 
     @property
     def closed(self) -> bool:
-        """Whether the thread has ended, or never begun: what is held is in the file."""
+        """Whether the thread has ended or never started: all stored records are in the file."""
         return self._thread is None or not self._thread.is_alive()
 
     def _add(self, batch: LogBatch) -> None:
@@ -189,7 +189,7 @@ class Spill:
         self._unwritten.append(block)
 
     def _ask(self, blocks: list[_Block]) -> None:
-        """Have blocks read, as far as that is not under way."""
+        """Request blocks from disk that are not yet requested."""
         missing = [block for block in blocks if block.frame is None and not block.asked]
         for block in missing:
             block.asked = True
@@ -202,7 +202,7 @@ class Spill:
             self._thread.start()
         self._wanted.put(wanted)
 
-    # --- what the thread does ------------------------------------------------------------------------------------
+    # --- disk thread ---------------------------------------------------------------------------------------------
 
     def _work(self) -> None:
         while True:
@@ -218,7 +218,7 @@ class Spill:
             self._write()
 
     def _write(self) -> None:
-        """Write what waits, as far as the disk takes it."""
+        """Write the waiting blocks, as far as the disk accepts them."""
         while self._deleted < self._deletions:
             while self._unwritten.popleft() is not None:
                 pass
@@ -239,6 +239,7 @@ class Spill:
         if self._file is None:
             self._file = FileIO(self.path, "x+", opener=_for_its_owner)
         place, data = block.offset - _HEAD.size, _block_of(block.frame)
+        # The introduction is written together with the first block: a spill without records leaves no file.
         if place == len(self._introduction):
             place, data = 0, self._introduction + data
         self._file.seek(place)
@@ -246,7 +247,7 @@ class Spill:
 
     def _read(self, block: _Block) -> None:
         if self._file is None:
-            return  # deleted: nobody needs it any more
+            return  # the block was deleted meanwhile
         try:
             self._file.seek(block.offset - _HEAD.size)
             data = self._file.read(_HEAD.size + block.size)
@@ -299,13 +300,13 @@ class Spill:
 
 
 def read_spill(data: "mmap | bytes") -> Iterator[tuple[int, int, Message | None]]:
-    """Walk the blocks of a spill.
+    """Yield the blocks of a spill.
 
     Yields
     ------
     (int, int, Message or None)
-        Where the block begins and ends, and what it holds: a `Welcome`, the event `OPENED`, and `LogBatch` after
-        `LogBatch`; None for a damaged block.
+        Start and end of the block, and its content: a `Welcome`, the event `OPENED`, then `LogBatch` messages; None for
+        a damaged block.
     """
     position = len(MAGIC)
     while position < len(data):
@@ -316,7 +317,7 @@ def read_spill(data: "mmap | bytes") -> Iterator[tuple[int, int, Message | None]
             end = min(end, position + _HEAD.size + length)
             frame = data[position + _HEAD.size : end]
             if len(frame) == length and zlib.crc32(frame) == crc:
-                with suppress(WireError):  # not a message: damaged like any other
+                with suppress(WireError):  # an undecodable block is damaged
                     message = decode(frame)
         yield position, end, message
         position = end
@@ -333,7 +334,7 @@ def _write_all(file: FileIO, data: bytes) -> None:
 
 
 def _for_its_owner(path: str, flags: int) -> int:
-    """Open a file that nobody else may read."""
+    """Open a file that only its owner may read."""
     return os.open(path, flags, 0o600)
 
 

@@ -1,7 +1,7 @@
-"""Makes recordings of what a server wrote down because no logger took it: one of each block, as loggers would have.
+"""Converts a server's spill to recordings, one per block, as loggers would have written them.
 
-A record of the log says where a block begins, and with which configuration; nothing else is needed to tell the blocks
-apart. The spill itself is not touched.
+A record in the log marks the start of each block and holds its configuration, which suffices to separate the blocks.
+The spill itself is not changed.
 """
 
 import mmap
@@ -34,17 +34,17 @@ from netboard.recording.recovery.spill import MAGIC, OPENED, read_spill
 
 
 def recover_any(path: Path, output: Path | None = None) -> tuple[Report, ...]:
-    """Make whole recordings of an unfinished or damaged one (`recover`), or of a spill: one of each block in it.
+    """Recover an unfinished or damaged recording (`recover`), or a spill: one recording per block in it.
 
     Parameters
     ----------
     output : Path, optional
-        The file to write; by default `recovered_path`. Of a spill it is the first block's.
+        Output file; by default `recovered_path`. For a spill it is the first block's.
 
     Raises
     ------
     RecordingError
-        If nothing can be made of the source, or an output exists or cannot be written; nothing is left of it then.
+        If nothing can be recovered, or an output exists or cannot be written; no output is left behind then.
     """
     with mapped(path) as data:
         if data[: len(MAGIC)] != MAGIC:
@@ -54,7 +54,7 @@ def recover_any(path: Path, output: Path | None = None) -> tuple[Report, ...]:
 
 
 class _Blocks:
-    """The recordings of a spill, while they are made."""
+    """The recordings of a spill while they are written."""
 
     def __init__(
         self,
@@ -72,7 +72,7 @@ class _Blocks:
         self._batches: list[int] = []
 
     def write(self) -> tuple[Report, ...]:
-        """Write all of them."""
+        """Write all recordings."""
         with self._nothing_by_halves():
             self._open(self._welcome.config)
             for _, _, message in read_spill(self._data):
@@ -95,7 +95,7 @@ class _Blocks:
             raise
 
     def _open(self, config_text: str) -> None:
-        """Begin the recording of a block."""
+        """Start the recording of a block."""
         config = parse(config_text, f"{self._path} (its configuration)")
         welcome = replace(self._welcome, config=config_text)
         target = self._named(config.block.number if config.block.blocks > 1 else None)
@@ -112,7 +112,7 @@ class _Blocks:
         self._batches.append(0)
 
     def _named(self, block: int | None) -> Path:
-        """Name of a block's recording, or of the only one's."""
+        """Return the path of a block's recording, or of the only one."""
         whole = self._output or recovered_path(self._path)
         if block is None or (self._output is not None and not self._made):
             return whole
@@ -123,7 +123,7 @@ class _Blocks:
         self._made[-1].finish(self._now, "no logger took it from the server")
 
     def _write_batch(self, batch: LogBatch) -> None:
-        """Write the records of a batch, as a logger would have at the time."""
+        """Write the records of a batch as a logger would have written them."""
         writer = self._made[-1]
         expected = writer.next_record
         if expected is not None and batch.first > expected:
@@ -138,7 +138,7 @@ class _Blocks:
         except WireError as error:
             writer.note_unreadable(frame, number, str(error), self._now)
             return
-        if not isinstance(record, FrameRecord | BackfillRecord):  # whose stamps are not of the present
+        if not isinstance(record, FrameRecord | BackfillRecord):  # time stamps of these two refer to the past
             self._now = max(self._now, _server_ns(record) + self._utc_ns - self._opened.time_ns)
         if writer.next_record is not None and (config := begun(record)):
             self._finish()
@@ -164,7 +164,7 @@ class _Blocks:
 
 
 def _introduction(path: Path, data: "mmap.mmap | bytes") -> tuple[Welcome, EventRecord, list[Damage]]:
-    """Read how a spill begins, and find what is damaged in it."""
+    """Read the start of a spill and find its damaged blocks."""
     welcome: Welcome | None = None
     opened: EventRecord | None = None
     damage = []
@@ -182,7 +182,7 @@ def _introduction(path: Path, data: "mmap.mmap | bytes") -> tuple[Welcome, Event
 
 
 def _server_ns(record: TickRecord | EventRecord | ClockRecord) -> int:
-    """Server time of a record."""
+    """Return the server time of a record."""
     if isinstance(record, TickRecord):
         return int(np.frombuffer(record.row, TICK)["time_ns"][0]) if len(record.row) == TICK.itemsize else 0
     return stamped(record).publish_time_ns

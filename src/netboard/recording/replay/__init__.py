@@ -1,1 +1,1 @@
-"""A recording played back: position, marks, commands, several side by side."""
+"""Replay of recordings: position, marks, commands, and several recordings side by side."""

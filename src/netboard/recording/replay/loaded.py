@@ -1,8 +1,8 @@
-"""A recording that is ready to be played: what there is to see and to know at each position of it. Pure.
+"""A recording loaded for replay: views and information at each position. Pure.
 
-Views are made by the curtain that made them when it was live, from the same rows. Two things are not in a row and are
-found here as the server had them: the best completion time so far counts a success from the tick of that success on,
-and the rest before a block runs from the event that began it.
+The curtain makes the views from recorded rows, as in the live session. Two values are not in a row and are computed
+here as on the server. The best completion time includes a success from its own tick on. The rest before a block runs
+from the event that began it.
 """
 
 from collections.abc import Sequence
@@ -23,12 +23,12 @@ from netboard.stage.view import View
 from netboard.task.trials.state_machine import Cause, Phase
 
 Row = tuple[int, int, int, str, float, str, int]
-"""What has become of an attempt, as in `netboard.network.protocol.control.Outcomes`."""
+"""Outcome of an attempt, as in `netboard.network.protocol.control.Outcomes`."""
 
 
 @dataclass(frozen=True, slots=True)
 class Material:
-    """What a recording holds."""
+    """Content of a recording."""
 
     name: str
     config_text: str
@@ -37,16 +37,16 @@ class Material:
 
 
 class Reel:
-    """A recording that is ready to be played.
+    """A recording ready for replay.
 
     Attributes
     ----------
     times : ndarray, shape (n,)
-        Their times from the start [s].
+        Times of the ticks from the start [s].
     begin : float
-        When its block starts, for nothing happens before; 0 if the recording began later [s].
+        Start of the block, before which nothing happens; 0 if the recording began later [s].
     length : float
-        Time of its last tick [s].
+        Time of the last tick [s].
     """
 
     def __init__(self, material: Material) -> None:
@@ -67,63 +67,63 @@ class Reel:
         self._judged = _judged(material.events, self.attempts, self.config.block.number)
 
     def at(self, position: float) -> int:
-        """Index of the row that holds at a position: the last one that is not later [1]."""
+        """Return the index of the row at a position: the last one that is not later [1]."""
         return max(int(np.searchsorted(self.times, position + ROUNDING, side="right")) - 1, 0)
 
     def stepped(self, position: float, count: int) -> float:
-        """Position of the tick so many ticks from the one at a position [s]."""
+        """Return the position a number of ticks away from a position [s]."""
         return float(self.times[min(max(self.at(position) + count, 0), len(self.times) - 1)])
 
     def time_of(self, tick: int) -> float:
-        """Position of a tick, or of the last one before it if that is missing [s]."""
+        """Return the position of a tick; for a missing one, of the last tick before it [s]."""
         return float(self.times[max(int(np.searchsorted(self.ticks["tick"], tick, side="right")) - 1, 0)])
 
     def trial(self, number: int) -> tuple[float, float] | None:
-        """When a trial begins, with the levelling before its first attempt, and when its last attempt ends [s].
+        """Return the start of a trial (levelling before its first attempt) and the end of its last attempt [s].
 
         Returns
         -------
         (float, float) or None
-            From the start; None if there is no attempt at it.
+            Times from the start; None without an attempt at the trial.
         """
         tries = [attempt for attempt in self.attempts if attempt.trial == number]
         return (self.time_of(tries[0].began), self.time_of(tries[-1].stop)) if tries else None
 
     @property
     def trials(self) -> tuple[int, ...]:
-        """Numbers of the trials that were tried, in order [1]."""
+        """Numbers of the trials with attempts, in order [1]."""
         return tuple(dict.fromkeys(attempt.trial for attempt in self.attempts))
 
     def best(self, index: int) -> float | None:
-        """Best completion time so far, None before the first [s]."""
+        """Return the best completion time so far; None before the first [s]."""
         best = float(self._best[index])
         return best if best < np.inf else None
 
     def rest(self, index: int) -> float | None:
-        """What is left of the rest before the block; None without one [s]."""
+        """Return the remaining rest before the block; None without one [s]."""
         row = self.ticks[index]
         left = (self._rest_until_ns - int(row["time_ns"])) * 1e-9
         return left if left > 0 and row["phase"] == Phase.IDLE else None
 
     def view(self, index: int, station: Side, sent_ns: int = 0, seq: int = 0) -> View:
-        """What a station could see."""
+        """Return the view of a station."""
         row, best, rest = self.ticks[index], self.best(index), self.rest(index)
         return view_of(self.curtain, row, station, best, sent_ns, seq, rest)
 
     def outcomes(self, index: int) -> list[Row]:
-        """What had become of the attempts so far, in order."""
+        """Return the outcomes of the attempts so far, in order."""
         tick = int(self.ticks["tick"][index])
         return [row for at, row in self._judged if at <= tick]
 
     def gap_at(self, position: float) -> str:
-        """Name the missing ticks at a position, in words; empty where none are missing."""
+        """Describe the missing ticks at a position; empty if none are missing."""
         index = self.at(position)
         tick, after = int(self.ticks["tick"][index]), position - float(self.times[index])
         gap = next((gap for gap in self.gaps if gap.first == tick + 1), None)
         return gap_in_words(gap) if gap is not None and after >= TICK_LENGTH else ""
 
     def where(self, position: float) -> str:
-        """What is on at a position, in words."""
+        """Describe the state of the trial at a position."""
         row = self.ticks[self.at(position)]
         told = [f"tick {int(row['tick'])}", PHASE_NAMES[int(row["phase"])], f"trial {int(row['trial'])}"]
         if row["attempt"] > 1:
@@ -137,17 +137,17 @@ class Reel:
 
 
 MOST_LETTERS = 80
-"""More letters of a note are not told on the way [1]."""
+"""Longest displayed text of an event [1]."""
 
 ROUNDING = 1e-7
-"""A position that is so little before a tick is at the tick: times of ticks were rounded on their way [s]."""
+"""Tolerance for positions just before a tick, because tick times were rounded [s]."""
 
 TICK_LENGTH = 1e-3 - ROUNDING
-"""So long after a tick the next one should be there [s]."""
+"""Time after a tick by which the next one is due [s]."""
 
 
 def best_so_far(ticks: NDArray[Any]) -> NDArray[np.float64]:
-    """Best completion time up to each tick, a success at this tick included."""
+    """Return the best completion time up to each tick, including a success at that tick."""
     known = ticks["completion"].copy()
     held = np.flatnonzero(ticks["event"][:-1] == Cause.HELD)
     known[held] = known[held + 1]
@@ -155,13 +155,13 @@ def best_so_far(ticks: NDArray[Any]) -> NDArray[np.float64]:
 
 
 def _rest_until_ns(events: Sequence[EventRecord], config: Config) -> int:
-    """When the rest before the block is over; 0 if the recording does not have the block's beginning [ns]."""
+    """Return the end of the rest before the block; 0 if the recording lacks the start of the block [ns]."""
     began = next((event for event in events if event.name == BLOCK_BEGAN), None)
     return 0 if began is None else began.time_ns + int(config.block.rest * 1e9)
 
 
 def _judged(events: Sequence[EventRecord], attempts: Sequence[Attempt], block: int) -> list[tuple[int, Row]]:
-    """The verdicts, each with the tick from which it was known; plain outcomes where nobody has judged."""
+    """Return the results of attempts with the ticks at which they became known; unjudged ones have plain outcomes."""
     held = {event.tick: event.details.get("completion") for event in events if event.name == "held"}
     found: list[tuple[int, Row]] = []
     for event in events:

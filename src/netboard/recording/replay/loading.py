@@ -1,4 +1,4 @@
-"""From the file of a recording to what can be played. The one module of the package that reads files."""
+"""Loads a recording file for replay. Only this module of the package reads files."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -12,13 +12,13 @@ from netboard.recording.files.reader import Recording
 from netboard.recording.replay.loaded import Material, Reel
 
 DRAWN = ("z", "theta", "p", "left_z", "right_z")
-"""Numbers of a tick that make the picture."""
+"""Fields of a tick that the display draws."""
 
 _ROW_BYTES = np.dtype((np.void, TICK.itemsize))
 
 
 def load(path: Path, tell: Callable[[int], None] = lambda ticks: None) -> Reel:
-    """Read a recording, all of it."""
+    """Read a whole recording."""
     with Recording(path) as recording:
         parts = [np.empty(0, TICK)]
         for rows in recording.batches():
@@ -29,12 +29,12 @@ def load(path: Path, tell: Callable[[int], None] = lambda ticks: None) -> Reel:
 
 
 def drawable(ticks: NDArray[Any]) -> NDArray[Any]:
-    """Put at 0 what cannot be drawn: of what was imported, not all need be known.
+    """Replace missing values in drawn fields by 0; imported data may lack them.
 
     Returns
     -------
     ndarray of TICK, shape (n,)
-        The same, if board, ball and hands are numbers in all of them; else a copy in which they are.
+        The same array if board, ball and hands are all finite; otherwise a corrected copy.
     """
     lost = [name for name in DRAWN if not np.isfinite(ticks[name]).all()]
     if lost:

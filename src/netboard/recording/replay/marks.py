@@ -1,4 +1,4 @@
-"""What is worth a mark on the time line of a recording: its trials, how they ended, and what else happened. Pure."""
+"""Marks on the time line of a recording: trials, their outcomes, and other events. Pure."""
 
 import json
 from collections.abc import Sequence
@@ -14,8 +14,12 @@ from netboard.recording.format.summary import Attempt, Gap
 from netboard.task.trials.state_machine import Cause
 
 KINDS = ("trial", "release", "success", "failure", "stop", "note", "event", "gap")
-"""Kinds of marks: the board is to be levelled for an attempt; the ball is released; it was held in the target; it fell,
-or the time was up; the block was stopped, paused, or given up; an operator's note; anything else; ticks are missing."""
+"""Kinds of marks.
+
+The board has to be levelled for an attempt (trial); the ball is released (release); it was held in the target
+(success); it fell, or the time limit was reached (failure); the block was stopped or paused, or the attempt aborted
+(stop); an operator's note (note); any other event (event); ticks are missing (gap).
+"""
 
 _KINDS: dict[int, str] = {
     Cause.LEVEL: "release",
@@ -30,17 +34,17 @@ _KINDS: dict[int, str] = {
 }
 
 _TOLD = {cause.name.lower() for cause in Cause} | {"attempt_ended", BLOCK_BEGAN}
-"""Events that the ticks tell better."""
+"""Events that the ticks describe better."""
 
 
 @dataclass(frozen=True, slots=True)
 class Mark:
-    """Something worth seeing on the time line.
+    """A mark on the time line.
 
     Attributes
     ----------
     time : float
-        When, from the start of the recording [s].
+        Time from the start of the recording [s].
     """
 
     time: float
@@ -51,7 +55,7 @@ class Mark:
 
 
 def seconds(ticks: NDArray[Any]) -> NDArray[np.float64]:
-    """Time of each tick from the start of the recording."""
+    """Return the time of each tick from the start of the recording [s]."""
     return np.asarray((ticks["time_ns"] - ticks["time_ns"][0]) * 1e-9, dtype=np.float64)
 
 
@@ -61,7 +65,7 @@ def marks(
     gaps: Sequence[Gap] = (),
     events: Sequence[EventRecord] = (),
 ) -> tuple[Mark, ...]:
-    """What is worth a mark."""
+    """Return the marks of a recording."""
     times = seconds(ticks)
 
     def mark(tick: int, kind: str, label: str) -> Mark:
@@ -80,20 +84,20 @@ def marks(
 
 
 def _attempt_in_words(attempt: Attempt) -> str:
-    """An attempt in one line."""
+    """Describe an attempt in one line."""
     took = "" if isnan(attempt.completion) else f" in {attempt.completion:.3f} s"
     again = f", attempt {attempt.attempt}" if attempt.attempt > 1 else ""
     return f"trial {attempt.trial}{again}: {attempt.outcome.replace('_', ' ')}{took}"
 
 
 def gap_in_words(gap: Gap) -> str:
-    """Name ticks that are missing."""
+    """Describe missing ticks."""
     last = gap.first + gap.count - 1
     return f"tick {gap.first} is missing" if gap.count == 1 else f"ticks {gap.first} to {last} are missing"
 
 
 def _event_in_words(event: EventRecord) -> tuple[int, str, str]:
-    """Tick, kind and label of an event."""
+    """Return tick, kind and label of an event."""
     details = event.details
     if event.name == "command" and details.get("name") == "note":
         return _note(event.tick, details.get("argument", ""))
@@ -102,7 +106,7 @@ def _event_in_words(event: EventRecord) -> tuple[int, str, str]:
 
 
 def _note(tick: int, words: str) -> tuple[int, str, str]:
-    """A note, at the tick at which its writing began if that is known."""
+    """Return a note, at the tick at which its writing began if known."""
     if words.startswith("{"):
         note = json.loads(words)
         return note.get("tick", tick), "note", note["text"]
@@ -110,19 +114,22 @@ def _note(tick: int, words: str) -> tuple[int, str, str]:
 
 
 HERE, JUST_NOW = 5e-4, 0.5
-"""A mark so near, ahead and behind, is where the replay is: whoever goes back while it plays goes on back [s]."""
+"""Distance, ahead and behind, within which a mark counts as the current position [s].
+
+The wider distance behind lets an operator step back through marks while the replay runs.
+"""
 
 ANY = "mark"
 """Stands for any of the `KINDS`."""
 
 
 def near(found: Sequence[Mark], position: float, kind: str, *, back: bool) -> Mark | None:
-    """Find the next mark, or the one before.
+    """Find the next or previous mark.
 
     Returns
     -------
     Mark or None
-        The nearest one that is not here already; None if there is none.
+        The nearest mark that is not the current position; None if there is none.
     """
     alike = [mark for mark in found if kind in (ANY, mark.kind)]
     if back:

@@ -1,6 +1,6 @@
-"""What can be asked of a replay, by a command on the wire or by a key: the one place that knows. Pure.
+"""Commands of a replay, from the network or from a key. Pure.
 
-A replay moves nobody's hand. So whoever is connected may command, and what belongs to a live session is refused.
+A replay moves no hand, so every connected peer may command it. Commands that belong to a live session are refused.
 """
 
 from collections.abc import Callable
@@ -14,18 +14,18 @@ from netboard.recording.replay.marks import ANY, KINDS, near
 from netboard.recording.replay.position import SPEEDS, Playback, clock
 
 SHARED = ("pause", "resume", "next", "end")
-"""Commands of a live session that mean something for a replay too."""
+"""Commands of a live session that also apply to a replay."""
 
 KNOWN = (*REPLAY_COMMANDS, *SHARED)
-"""Every command that a replay knows."""
+"""All commands of a replay."""
 
 MOST = 2**53
-"""No number of a tick or a trial is larger [1]."""
+"""Upper bound of tick and trial numbers [1]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Order:
-    """A command that has been given."""
+    """A command to carry out."""
 
     name: str
     argument: str
@@ -46,7 +46,7 @@ KEYS: dict[str, Order] = {
     "l": Order("loop", ""),
     "q": Order("end", ""),
 }
-"""What the keys of a terminal do."""
+"""Commands of the terminal's keys."""
 
 
 def obey(playback: Playback, reel: Reel, now: float, order: Order) -> Playback:
@@ -59,7 +59,7 @@ def obey(playback: Playback, reel: Reel, now: float, order: Order) -> Playback:
 
 
 def in_words(playback: Playback, reel: Reel, now: float) -> str:
-    """Say where a replay is and how it goes on."""
+    """Describe the position and state of a replay."""
     here = playback.now(now)
     told = [f"{'playing' if here.playing else 'paused'} at {clock(here.position)} of {clock(here.length)}"]
     told.append(f"{here.speed:g} times real time")
@@ -124,7 +124,7 @@ _LOOP = "on, off, trial N, or two times in seconds"
 
 
 def _go(back: bool) -> Callable[[Playback, Reel, float, str], Playback]:
-    """To the next mark, or the one before."""
+    """Return the command that goes to the next or previous mark."""
 
     def go(playback: Playback, reel: Reel, now: float, argument: str) -> Playback:
         kind = argument or "trial"

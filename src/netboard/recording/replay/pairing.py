@@ -1,8 +1,9 @@
-"""Recordings side by side on one time line. Pure.
+"""Alignment of several recordings on one time line. Pure.
 
-The time line is divided where all of them have something in common: the start of the block, or the beginning of each
-trial that all have. Each division is as long as the longest of them needs, and whoever is done sooner waits. Before the
-first they wait for their beginning, so that they arrive at it together. Nothing is left out, and nothing is stretched.
+The time line is divided at common points: the start of the block, or the start of each trial that all recordings have.
+Each section is as long as the longest recording needs, and the others wait at its end. In the first section the shorter
+ones wait at their beginning, so that all reach the first common point together. Nothing is left out, and nothing is
+stretched.
 """
 
 from bisect import bisect_right
@@ -15,19 +16,19 @@ from netboard.base.tick import TICK_SECONDS
 from netboard.recording.replay.loaded import Reel
 
 Sync = Literal["time", "trial"]
-"""What recordings have in common: the start of the block, or that of each trial."""
+"""Common points: the start of the block, or of each trial."""
 
 
 @dataclass(frozen=True, slots=True)
 class Pairing:
-    """One time line for some recordings.
+    """One time line for several recordings.
 
     Attributes
     ----------
     own : tuple of tuple of float
-        For each recording where it is divided, its beginning and its end included [s].
+        Common points of each recording, with its start and end [s].
     common : tuple of float
-        The same on the common time line [s].
+        The same points on the common time line [s].
     """
 
     own: tuple[tuple[float, ...], ...]
@@ -40,11 +41,11 @@ class Pairing:
 
     @property
     def begin(self) -> float:
-        """Where the first thing that they have in common begins [s]."""
+        """Position of the first common point [s]."""
         return self.common[1]
 
     def at(self, position: float) -> tuple[float, ...]:
-        """Position in each recording."""
+        """Return the position in each recording [s]."""
         part = min(max(bisect_right(self.common, position) - 1, 0), len(self.common) - 2)
         begin, end = self.common[part : part + 2]
         if part == 0:
@@ -52,7 +53,7 @@ class Pairing:
         return tuple(min(own[part] + (position - begin), _last(own, part)) for own in self.own)
 
     def of(self, which: int, position: float) -> float:
-        """Position on the common time line of a position in one of the recordings [s]."""
+        """Return the common position for a position in one recording [s]."""
         own = self.own[which]
         part = min(max(bisect_right(own, position) - 1, 0), len(own) - 2)
         if part == 0:
@@ -61,22 +62,22 @@ class Pairing:
 
 
 def _last(own: Sequence[float], part: int) -> float:
-    """Where to wait for the others: at the last tick of this part, not at the first of the next one [s]."""
+    """Return where to wait for the others: at the last tick of this section, not at the first of the next [s]."""
     return own[part + 1] if part + 2 == len(own) else max(own[part + 1] - TICK_SECONDS, own[part])
 
 
 def pair(reels: Sequence[Reel], sync: Sync) -> Pairing:
-    """Put recordings side by side."""
+    """Align recordings."""
     return divide([_divisions(reel, _shared(reels) if sync == "trial" else ()) for reel in reels])
 
 
 def divide(own: Sequence[Sequence[float]]) -> Pairing:
-    """Make the common time line.
+    """Compute the common time line.
 
     Parameters
     ----------
     own : sequence of sequence of float
-        For each recording where it is divided, beginning and end included: at least three, rising [s].
+        Common points of each recording, with its start and end: at least three, increasing [s].
     """
     spans = ([after - before for before, after in pairwise(divisions)] for divisions in own)
     longest = [max(parts) for parts in zip(*spans, strict=True)]
@@ -84,11 +85,11 @@ def divide(own: Sequence[Sequence[float]]) -> Pairing:
 
 
 def _shared(reels: Sequence[Reel]) -> tuple[int, ...]:
-    """Trials that all recordings have."""
+    """Return the trials that all recordings have."""
     return tuple(number for number in reels[0].trials if all(number in reel.trials for reel in reels))
 
 
 def _divisions(reel: Reel, trials: Sequence[int]) -> tuple[float, ...]:
-    """Where a recording is divided: at these trials, or at the start of the block."""
+    """Return the common points of a recording: the starts of these trials, or that of the block."""
     begins = [found[0] for number in trials if (found := reel.trial(number)) is not None]
     return (0.0, *(begins or [reel.begin]), reel.length)

@@ -1,4 +1,4 @@
-"""A recording in words and tables for the terminal."""
+"""Text and tables of a recording for the terminal."""
 
 from math import isnan
 
@@ -15,17 +15,17 @@ _SIDES = {-1: "left", 0: "unknown", 1: "right"}
 
 
 def summary_of(recording: Recording) -> Summary:
-    """Sum up an open recording."""
+    """Summarise an open recording."""
     return summarise(recording.ticks(), recording.events(), recording.clocks(), recording.frames(), recording.remarks())
 
 
 def summary_tables(summary: Summary) -> RenderableType:
-    """Tables of trials, of timing and of losses."""
+    """Return tables of trials, timing and losses."""
     return Group(_trials(summary.attempts), _timing(summary), _counts(summary))
 
 
 def verdict_line(verdict: Verdict) -> str:
-    """One line on a verification, with rich's markup."""
+    """Return the result of a verification in one line, with rich markup."""
     gaps = f", across {verdict.gaps} gaps" if verdict.gaps else ""
     if verdict.identical:
         return f"[green]verified: all {verdict.checked} ticks are identical to the bit{gaps}[/green]"
@@ -92,7 +92,7 @@ def _counts(summary: Summary) -> FittedTable:
 
 
 def marks_table(reel: Reel) -> FittedTable:
-    """Trials and events of a recording, with their times."""
+    """Return a table of trials and events with their times."""
     table = FittedTable(*numbers("time", "tick", "trial"), "kind", "what", title=f"{reel.name}: {clock(reel.length)}")
     for mark in reel.marks:
         style = "bold" if mark.kind == "trial" else ""
