@@ -294,8 +294,8 @@ class Logger:
         if self._welcome is None or not self._welcomed:
             return
         following = None if self._writer is None else self._writer.next_record
-        # After a request for what no logger has yet, an end without any record means that nothing is left. It is believed
-        # only the second time, in case the first answered an older request.
+        # After a request for what no logger has yet, an end without any record means that nothing is left.
+        # The logger believes it only the second time.
         nothing_left = last < 0 or (following is None and self._end_doubted)
         if nothing_left or (following is not None and following > last):
             self._close("complete")
