@@ -48,7 +48,7 @@ def _links(status: Status) -> FittedTable:
 
 
 def _loops(status: Status) -> list[Text]:
-    """Return each hand's sample-to-force latency, and its share of the stable limit."""
+    """Return each hand's sample-to-force latency, and the largest with which its device is stable by itself."""
     return [
         Text(f"{what}: stylus to force {_milliseconds(late)} of late; left alone, stable to {_milliseconds(most)}")
         for what, late, most in status.loops
