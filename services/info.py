@@ -94,6 +94,6 @@ def account_table(path: Path) -> FittedTable:
 
 
 def stretch_text(stretch: Stretch) -> str:
-    """Return a range of consecutive ticks, their number, and why they are missing."""
+    """Return a range of tick or record numbers, how many they are, and why they are missing."""
     count = stretch.last - stretch.first + 1
     return f"{count}: {stretch.first} to {stretch.last}" + (f", {stretch.cause}" if stretch.cause else "")

@@ -165,7 +165,7 @@ class Planned:
 
 
 def agreed(yes: bool) -> Callable[[str], bool]:
-    """Make a function that shows the operator what will be done and asks for consent, unless `yes` gives it."""
+    """Make a function that shows the operator what will be done and asks for confirmation, unless `yes` gives it."""
 
     def ask(words: str) -> bool:
         console.print(words, soft_wrap=True)

@@ -144,7 +144,7 @@ def provenance(path: Path, config: Config, wishes: Wishes) -> dict[str, str]:
     return {**made, "input_sha256": digest, **options, "configuration": resolve(config)}
 
 
-# --- in words ----------------------------------------------------------------------------------------------------
+# --- descriptions ------------------------------------------------------------------------------------------------
 
 
 def scene_in_words(physics: Physics, free: bool) -> str:

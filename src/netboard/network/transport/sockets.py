@@ -47,7 +47,7 @@ Queued messages take memory, and allocating much of it at once would hold up the
 VIEW_HWM = 2
 LOG_LINGER_MS = 2000
 LARGEST_FRAME = 2**20
-"""Size from which a frame is rejected unread and its sender disconnected [bytes]."""
+"""Size above which a frame is rejected unread and its sender disconnected [bytes]."""
 LARGEST_SAMPLE, LARGEST_REQUEST = 2**12 + 2**8, 2**13 + 2**8
 """The same for frames to the server on the motion channel, and on the log and control channels [bytes].
 

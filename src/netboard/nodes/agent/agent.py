@@ -62,7 +62,7 @@ def phase_shift(lead_ns: int) -> int:
 
 
 class Companion(Protocol):
-    """The simulated participant that holds a virtual device, in the agent's process."""
+    """The simulated participant or player that moves a virtual stylus, in the agent's process."""
 
     def begin(self, text: str) -> None:
         """Take the configuration of the block that begins."""
@@ -181,7 +181,7 @@ class Agent:
         return shift_ns
 
     def _live(self) -> None:
-        """Advance the simulated participant by a millisecond, at a time when that delays no force."""
+        """Advance the companion by a millisecond, at a time when that delays no force."""
         if self._companion is not None:
             if self._link.block:
                 self._companion.begin(self._link.block)

@@ -82,7 +82,7 @@ def _heard(waiter: poller.Waiter, receive: Callable[[], T | None]) -> T:
 
 
 def free_port() -> int:
-    """Return a first port whose control channel's port is free now."""
+    """Return a first port with which the control channel's port is free now."""
     with net.socket() as probe:
         probe.bind((LOOPBACK, 0))
         return int(probe.getsockname()[1]) - channels.CONTROL

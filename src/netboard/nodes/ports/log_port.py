@@ -38,7 +38,7 @@ GONE_NS = 2_000_000_000
 """Silence after which a logger is gone, unless it was sent the end of the log and may still be writing [ns]."""
 
 MARGIN = 4096
-"""Records by which the spill is ahead of the ring's oldest record, at most a quarter of the ring [1]."""
+"""Records are spilled this many before the ring drops them, at most a quarter of the ring [1]."""
 
 FULL_SHARE = 0.8
 """Share of the ring held by nobody else at which a trial stops, if the spill takes nothing [1]."""
@@ -153,10 +153,9 @@ class LogPort:
         )
 
     def renew(self, welcome: Welcome) -> None:
-        """Begin a block with the next record, and send its configuration to the loggers.
+        """Begin a block with the next record, and welcome the loggers that have been sent all records.
 
-        A logger that joins later gets the configuration of the first record that no logger has on disk, where it
-        begins.
+        A welcome has the configuration of the first record that no logger has on disk, where a logger begins.
         """
         self._welcomes.append((self.ring.next, welcome))
         for name, logger in self._loggers.items():
@@ -363,7 +362,7 @@ class LogPort:
             logger.told_end = True
         return sent
 
-    # --- what no logger takes ------------------------------------------------------------------------------------
+    # --- records that no logger takes ----------------------------------------------------------------------------
 
     @property
     def _kept(self) -> int:

@@ -175,7 +175,7 @@ class Body:
         self._hand.plan(move for move in moves if move.side == self._side)
 
     def warm(self) -> None:
-        """Compile or load the kernels, using a copy of this body."""
+        """Compile or load the kernels by running a tick of this body, which changes its state."""
         words = np.zeros(len(_AT), np.int64)
         self.fill(words)
         self.tell(words)

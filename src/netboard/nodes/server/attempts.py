@@ -144,7 +144,7 @@ class Ledger:
         if self._journal is not None:
             self._journal.close()
 
-    # --- what is seen ----------------------------------------------------------------------------------------------
+    # --- ticks and decisions ---------------------------------------------------------------------------------------
 
     def look(self, rows: Any, following: int) -> None:
         """Apply the quality rules to all ticks before `following`."""
@@ -213,7 +213,7 @@ class Ledger:
             told["repeats"] = str(repeats)
         return "attempt_ended", told
 
-    # --- what operators ask and wish -------------------------------------------------------------------------------
+    # --- questions and commands of operators -----------------------------------------------------------------------
 
     def outcomes(self, first: int) -> Outcomes:
         """Return outcomes starting with attempt number `first`, at most `MOST_ROWS` of them."""

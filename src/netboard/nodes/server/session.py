@@ -130,7 +130,7 @@ class Session:
     def _welcome(self) -> Welcome:
         return Welcome(self.session, PROTOCOL_VERSION, now_ns(), self.block.text)
 
-    # --- what the server asks ----------------------------------------------------------------------------------
+    # --- state, for the server ---------------------------------------------------------------------------------
 
     @property
     def wake_ns(self) -> int:
@@ -166,7 +166,7 @@ class Session:
         """The most frequent refusals, as in `Status.refused`."""
         return self._ports.refused(self._door)
 
-    # --- what the server does ----------------------------------------------------------------------------------
+    # --- running -----------------------------------------------------------------------------------------------
 
     def begin(self, due_ns: int, machine: dict[str, str]) -> None:
         """Make the first tick due at a time [ns].
@@ -492,7 +492,7 @@ class Session:
         """Record an event with the current tick."""
         self._chronicle.note(self.number, name, details)
 
-    # --- the end -----------------------------------------------------------------------------------------------
+    # --- ending ------------------------------------------------------------------------------------------------
 
     def _end(self) -> None:
         """Stop the block, and let the loggers bring everything to disk."""
