@@ -35,7 +35,7 @@ LIBRARIES = ("pandas", "pyarrow", "matplotlib", "jinja2", "statsmodels")
 
 @dataclass(frozen=True, slots=True)
 class Wishes:
-    """How to run an analysis. Its numbers depend only on `skip`, which leaves out recordings that cannot be measured."""
+    """How to run an analysis. Its numbers depend only on `skip`: leave out recordings that cannot be measured."""
 
     workers: int | None = None
     dask: str | None = None
