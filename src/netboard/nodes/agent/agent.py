@@ -57,6 +57,7 @@ _STYLUS = fixed.packer_of(Stylus)
 
 def phase_shift(lead_ns: int) -> int:
     """Return how much later to send the next sample [ns], for one that arrived this long before its deadline [ns]."""
+    # Wrapped to half a tick: a sample that misses its tick is early for the next one.
     error = (lead_ns - LEAD_NS + TICK_NS // 2) % TICK_NS - TICK_NS // 2
     return min(max(round(SHIFT_SHARE * error), -LARGEST_SHIFT_NS), LARGEST_SHIFT_NS)
 
@@ -161,6 +162,7 @@ class Agent:
         if alone:
             self._render(reading)
         while (left_ns := until_ns - now_ns()) > 0:
+            # The companion runs in the last quarter of the tick if no force has come by then.
             wait_ns = left_ns if lived else left_ns - TICK_NS // 4
             if wait_ns > 0 and self._link.wait(wait_ns * 1e-9):
                 if not self._link.receive():

@@ -58,6 +58,7 @@ def keep(crowd: Any, fast: Any, frame: Any, now_ns: int) -> None:
     """
     us, them = fast[0], crowd[0]
     size = us["size"]
+    # FNV-1a hash of the name: senders share a fixed number of places, whatever they call themselves.
     place = 2166136261
     for k in range(us["name_size"]):
         place = ((place ^ us["name"][k]) * 16777619) & 0xFFFFFFFF

@@ -345,6 +345,7 @@ class MotionPort:
                 case Goodbye(reason=reason) if seat is not None:
                     self._leave(seat, reason, now_ns)
                 case Backfill() as backfill if seat is not None:
+                    # At most two are kept, so that an agent that repeats its answer cannot fill the memory.
                     self.backfills = [*self.backfills[-1:], (seat.side, backfill)]
         except WireError as error:
             self.refusals.refuse(agent, str(error), now_ns)

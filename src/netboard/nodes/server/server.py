@@ -62,6 +62,7 @@ class Server:
         steady_loop()
         first_ns = now_ns() + TICK_NS
         for place, session in enumerate(self.sessions):
+            # Spread over the millisecond, so that the sessions do not all tick at once.
             session.begin(first_ns + place * TICK_NS // len(self.sessions), machine)
         running = list(self.sessions)
         while running:

@@ -273,6 +273,7 @@ class Session:
             return
         self._hear_ns = now + TICK_NS
         self.motion.attend(now, self.pace.due_ns)
+        # Its signal comes only once, so it is read until drain() says that nothing is left.
         self._unheard = self._unheard and self.control.drain(now)
         if now >= self._answer_ns:
             self._answer_ns = now + ANSWER_NS
@@ -297,6 +298,7 @@ class Session:
             found |= block.stand_in(self.rows[number % RING_ROWS], words, number, due_ns, self.state[0])
         active = self._active
         trouble = self.pace.gap or self.log.trouble or block.delays.trouble
+        # In an undisturbed trial no command can be due, and asking for one would delay the forces.
         if not active or found != _ALL_FINE or self.control.wishes or trouble or self._asks or self._stopping:
             words[_COMMAND] = self._command(found)
         block.stage.advance(self.state, self.rows, number)
