@@ -35,7 +35,7 @@ LIBRARIES = ("pandas", "pyarrow", "matplotlib", "jinja2", "statsmodels")
 
 @dataclass(frozen=True, slots=True)
 class Wishes:
-    """How to run an analysis. Its numbers depend only on `skip`: leave out recordings that cannot be measured."""
+    """How to run an analysis. Of these options, only `skip` (leave out unreadable recordings) changes its numbers."""
 
     workers: int | None = None
     dask: str | None = None
@@ -149,7 +149,7 @@ def _in_words(study: "Study", found: "Harvest") -> Iterator[str]:
 
 
 def _in_total(folder: Path, seconds: float, peak: float) -> str:
-    """Say where the results are, and what they cost."""
+    """Return a line with the folder, the duration and the memory."""
     files = [path for path in folder.rglob("*") if path.is_file()]
     size = sum(path.stat().st_size for path in files) / 1e6
     most = f"at most {peak_memory() / 1e6:.0f} MB in memory" + (

@@ -98,14 +98,14 @@ class _KeyFile:
 
 
 def encrypted(network: Network) -> bool:
-    """Whether keys are in use: as configured, or with ``auto`` whenever other machines can connect."""
+    """Return whether keys are in use: as configured, or with ``auto`` whenever other machines can connect."""
     if network.curve == "auto":
         return network.transport == "tcp" and not (local(network.host) and local(network.bind))
     return network.curve == "on"
 
 
 def local(address: str) -> bool:
-    """Whether no other machine can reach an address."""
+    """Return whether no other machine can reach an address."""
     try:
         return ipaddress.ip_address(address).is_loopback
     except ValueError:

@@ -11,7 +11,7 @@ from enum import IntFlag
 
 
 class Safeguard(IntFlag):
-    """What the agent's safety chain did since the sample before, and the state it is in.
+    """Actions of the agent's safety chain since the previous sample, and its state.
 
     Attributes
     ----------

@@ -197,7 +197,7 @@ class Link:
         return True
 
     def _is_fresh(self, seq: int) -> bool:
-        """Whether the message just received answers a recent sample, or says that there is none.
+        """Return whether the message just received answers a recent sample, or says that there is none.
 
         An agent that stood still thus does not treat as fresh what arrived meanwhile.
         """

@@ -190,7 +190,7 @@ class Player:
 
 
 def _possible(move: Move) -> bool:
-    """Whether a movement is within the limits of a hand."""
+    """Return whether a movement is within the limits of a hand."""
     return abs(move.displacement) <= 1.0 and SHORTEST_MOVE <= move.duration <= 60.0 and abs(move.delay) <= 60.0
 
 

@@ -171,7 +171,7 @@ class ControlPort:
         self._router.send(wish.who, encode(Reply(wish.command.number, accepted, reason)))
 
     def is_there(self, who: bytes) -> bool:
-        """Whether a peer is connected and not silent."""
+        """Return whether a peer is connected and not silent."""
         return who in self._peers and who not in self._silent
 
     def goodbye(self, reason: str) -> None:

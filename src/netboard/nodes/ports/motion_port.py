@@ -276,7 +276,7 @@ class MotionPort:
             self._router.send(agent, encode(request))
 
     def knows_clock(self, side: Side) -> bool:
-        """Whether a side has an agent whose clock is known well enough."""
+        """Return whether a side has an agent whose clock is known well enough."""
         seat = self.seats[side]
         return seat.hello is not None and seat.clock.bound_ns <= self._bound_ns
 

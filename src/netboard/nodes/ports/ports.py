@@ -27,7 +27,7 @@ class Ports:
 
     Parameters
     ----------
-    door : doors.Door or None
+    door : authenticator.Door or None
         Authenticator of the peers; None without authentication.
 
     Attributes

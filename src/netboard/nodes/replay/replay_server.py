@@ -71,7 +71,7 @@ class ReplayServer:
     ----------
     network : Network
         Its addresses, and the largest rate of views.
-    door : doors.Door or None
+    door : authenticator.Door or None
         Authenticator of the peers; None without authentication.
     at : float or None
         Where to begin; None for the start of the block [s].

@@ -80,7 +80,7 @@ class Session:
     ----------
     ledger : Ledger
         Outcomes of the attempts in earlier runs of the session.
-    door : doors.Door or None
+    door : authenticator.Door or None
         Authenticator of the peers; None without authentication.
 
     Attributes

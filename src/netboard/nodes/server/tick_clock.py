@@ -43,7 +43,7 @@ class Pace:
         self.due_ns = self.wake_ns = due_ns
 
     def is_time(self, now_ns: int, complete: bool) -> bool:
-        """Whether the next tick can run now [ns]; `complete` says that both sides' new samples are in."""
+        """Return whether the next tick can run now [ns]; `complete` says that both sides' new samples are in."""
         return now_ns >= self.due_ns or (complete and now_ns >= self.due_ns - EARLIEST_NS)
 
     def how_many(self, now_ns: int) -> int:
